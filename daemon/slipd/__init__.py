@@ -1,0 +1,1 @@
+"""slipd: slip warnings from force/torque and tactile fingers of a parallel-jaw gripper."""

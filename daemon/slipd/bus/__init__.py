@@ -1,0 +1,1 @@
+"""ZeroMQ: the publisher and the request server."""

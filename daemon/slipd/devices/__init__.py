@@ -1,0 +1,1 @@
+"""One file a device: bytes in, samples out, and back; pure."""

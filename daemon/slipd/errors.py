@@ -1,0 +1,59 @@
+"""Every exception slipd raises on purpose.
+
+    SlipdError
+    ├── ConfigError      a config that cannot be run; carries every fault with its place
+    ├── LinkError        a port, socket or server that cannot be opened
+    └── RecordingError   a recording that cannot be written or read
+
+Bad data from a sensor is never an exception: it is counted, and it is a status in the result.
+A bad call (wrong shapes, an impossible argument) raises ValueError.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class SlipdError(Exception):
+    """Base of all; its text says what was wrong, where, and what would be right."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigFault:
+    """One fault of a config file.
+
+    Attributes:
+        path: Dotted key path, e.g. ``finger.left.pad.rows``.
+        line: Line in the file, 1-based; None where the key stands nowhere.
+        message: What is wrong and what would be right.
+    """
+
+    path: str
+    line: int | None
+    message: str
+
+
+class ConfigError(SlipdError):
+    """A config that cannot be run.
+
+    Args:
+        file: Name of the file.
+        faults: Every fault found, not only the first.
+    """
+
+    def __init__(self, file: str, faults: list[ConfigFault]) -> None:
+        self.file = file
+        self.faults = faults
+        super().__init__("\n".join(self._line(fault) for fault in faults))
+
+    def _line(self, fault: ConfigFault) -> str:
+        place = self.file if fault.line is None else f"{self.file}:{fault.line}"
+        return f"{place}: {fault.path}: {fault.message}" if fault.path else f"{place}: {fault.message}"
+
+
+class LinkError(SlipdError):
+    """A port, socket or server that cannot be opened."""
+
+
+class RecordingError(SlipdError):
+    """A recording that cannot be written or read."""

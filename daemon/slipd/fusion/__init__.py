@@ -1,0 +1,1 @@
+"""The contact mechanics and the slip decision of one contact; pure."""

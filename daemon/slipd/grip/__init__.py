@@ -1,0 +1,1 @@
+"""What a grip request may do; pure."""

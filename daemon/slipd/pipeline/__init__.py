@@ -1,0 +1,1 @@
+"""One finger, and the engine that every event passes; pure."""

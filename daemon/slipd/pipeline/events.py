@@ -1,0 +1,96 @@
+"""What may enter the engine, and what may leave it.
+
+Everything that can change a decision is one of these events; a recording is their sequence, and a replay feeds the
+same sequence to the same engine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(slots=True, frozen=True)
+class LinkSpec:
+    """A port, socket or server that the engine wants open.
+
+    Attributes:
+        name: Name of the link, e.g. ``left.wrench``.
+        transport: "serial" or "websocket".
+        address: Path of a serial port, or URL of a server.
+        baud: Line speed of a serial port, bit/s; 0 for others.
+    """
+
+    name: str
+    transport: str
+    address: str
+    baud: int = 0
+
+
+@dataclass(slots=True, frozen=True)
+class Bytes:
+    """Bytes that arrived on a link, in the split in which they were read."""
+
+    link: str
+    data: bytes
+
+
+@dataclass(slots=True, frozen=True)
+class LinkUp:
+    """A link was opened; ``identity`` names what was opened (a path, an address)."""
+
+    link: str
+    identity: str
+
+
+@dataclass(slots=True, frozen=True)
+class LinkDown:
+    """A link closed or could not be opened; ``reason`` is for people."""
+
+    link: str
+    reason: str
+
+
+@dataclass(slots=True, frozen=True)
+class Request:
+    """A well-formed request map from a client; what it asks for is not yet judged."""
+
+    client: bytes
+    body: dict[str, Any]
+
+
+@dataclass(slots=True, frozen=True)
+class Tick:
+    """Time passed; ``suspended_ns`` is how long the host has slept since boot (BOOTTIME − MONOTONIC)."""
+
+    suspended_ns: int = 0
+
+
+Event = Bytes | LinkUp | LinkDown | Request | Tick
+
+
+@dataclass(slots=True, frozen=True)
+class Publish:
+    """A message for every subscriber of ``topic``."""
+
+    topic: str
+    body: dict[str, Any]
+
+
+@dataclass(slots=True, frozen=True)
+class Write:
+    """Bytes for the device behind ``link``."""
+
+    link: str
+    data: bytes
+
+
+@dataclass(slots=True, frozen=True)
+class Reply:
+    """The answer to a request of ``client``."""
+
+    client: bytes
+    body: dict[str, Any]
+
+
+Output = Publish | Write | Reply

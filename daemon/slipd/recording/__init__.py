@@ -1,0 +1,1 @@
+"""MCAP recordings: write, read, replay, import."""

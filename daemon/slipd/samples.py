@@ -1,0 +1,85 @@
+"""What a decoder hands on: one reading of one sensor, in SI units.
+
+A leaf module, so that devices, signals and pipeline share the words without importing each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(slots=True, eq=False)
+class WrenchSample:
+    """One reading of a force/torque sensor, in the sensor's own frame and sign.
+
+    Attributes:
+        t_ns: CLOCK_MONOTONIC when the last byte of the reading was received.
+        device_time_ns: The device's own clock, unwrapped by nobody yet; None where it has none.
+        force_n: Force, shape (3,), N.
+        torque_nm: Torque about the sensor's origin, shape (3,), N·m; None where the device has none.
+        status: Conditions the device reported with this reading, e.g. ``("overload",)``; empty when well.
+        source: Which sensor of a port that carries several; "" where there is one.
+    """
+
+    t_ns: int
+    device_time_ns: int | None
+    force_n: Array
+    torque_nm: Array | None
+    status: tuple[str, ...] = ()
+    source: str = ""
+
+
+@dataclass(slots=True, eq=False)
+class TactileSample:
+    """One image of a tactile pad, in the device's own units and scan order.
+
+    Attributes:
+        t_ns: CLOCK_MONOTONIC when the last byte of the image was received.
+        device_time_ns: The device's own clock at the start of the scan; None where it has none.
+        values: Shape (taxels,) for normal-only pads, (taxels, 3) for three-axis taxels.
+        status: Conditions the device reported with this image; empty when well.
+        source: Which pad of a port that carries several; "" where there is one.
+        dwell_ns: Time from one taxel of the scan to the next; 0 when all are sampled at once.
+    """
+
+    t_ns: int
+    device_time_ns: int | None
+    values: Array
+    status: tuple[str, ...] = ()
+    source: str = ""
+    dwell_ns: int = 0
+
+
+@dataclass(slots=True, eq=False)
+class GripperSample:
+    """One status reading of a gripper.
+
+    Attributes:
+        t_ns: CLOCK_MONOTONIC when the reply was received.
+        device_time_ns: Always None for the grippers known so far.
+        active: The gripper is activated and takes commands.
+        closure: Position between 0 (fully open) and 1 (fully closed); the config maps it to a width.
+        moving: The fingers are moving.
+        object: "moving", "contact_opening", "contact_closing" or "none" (at the requested position, or lost).
+        fault: Name of the fault the gripper reports, "" when none.
+        echo_ok: The gripper echoes the position that was last requested; None before the first command.
+        current_a: Motor current, A.
+    """
+
+    t_ns: int
+    device_time_ns: int | None
+    active: bool
+    closure: float
+    moving: bool
+    object: str
+    fault: str
+    echo_ok: bool | None
+    current_a: float
+
+
+Sample = WrenchSample | TactileSample | GripperSample

@@ -1,0 +1,1 @@
+"""From sensor samples to the pad frame: mounting, tare, charge, geometry; pure."""

@@ -1,0 +1,1 @@
+"""Thin asyncio shells that move bytes between devices and the engine."""
