@@ -1,0 +1,97 @@
+"""The words of the wire (topics, levels, reasons, health, error codes): both ends spell them alike."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Literal, get_args
+
+PROTOCOL_VERSION = 1
+"""``v`` of every message, request and reply; raised by a change that an old client would misread."""
+
+Level = Literal["no_contact", "stable", "caution", "warning", "slipping", "unknown"]
+LEVELS: tuple[Level, ...] = get_args(Level)
+"""Every level in the order of ``level_code``, 0 to 5. "unknown" is not "no slip"."""
+
+REASONS = {
+    "translation": "the pull along the pad nears what friction carries",
+    "rotation": "the twist about the pad nears what friction carries",
+    "tipping": "the contact nears the edge of the pad",
+    "slip_detected": "the contact moves",
+    "stale": "a stream this verdict needs has fallen silent",
+    "no_mu": "no friction coefficient is given or learned",
+    "rotation_unobserved": "without a pad image nothing tells how much twist the contact carries",
+    "unsupportable": "no grip force holds this load",
+}
+"""Reason of a level → its meaning. A newer daemon may send further reasons: show them as they are."""
+
+GRASP_TOPIC = "grasp"
+GRIPPER_TOPIC = "gripper"
+WARNING_TOPIC = "warning"
+STATUS_TOPIC = "status"
+
+
+class Health(IntEnum):
+    """Health of a stream, in the numbers of ROS diagnostics."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+HEALTH = tuple(Health.__members__)
+"""Names of the health codes, in code order."""
+
+ErrorCode = Literal[
+    "malformed",  # not one msgpack map within the limits
+    "unsupported_version",  # ``v`` is not one the daemon speaks
+    "unknown_op",
+    "missing_field",
+    "unknown_field",
+    "bad_type",
+    "not_finite",
+    "out_of_range",
+    "wrong_boot",  # meant for another run of the daemon
+    "deadline_passed",
+    "deadline_too_far",
+    "rate_limited",
+    "no_lease",  # the client holds no lease
+    "lease_held",  # another client holds it
+    "no_limit",  # the config gives no force limit, so nothing is moved
+    "not_active",  # the gripper is not activated
+    "in_contact",  # opening would drop the object and ``drop`` was not given
+    "gripper_fault",
+    "no_gripper",  # the config names none, or it does not answer
+    "unknown_finger",
+    "not_ready",  # what the request needs is not there yet, e.g. a fresh stream
+    "internal",  # the daemon failed; its log says why
+]
+ERROR_CODES: tuple[ErrorCode, ...] = get_args(ErrorCode)
+"""Every ``error.code`` of a reply. A newer daemon may send further codes."""
+
+
+def level_code(level: str) -> int:
+    """Number of a level, 0 to 5.
+
+    Raises:
+        ValueError: ``level`` is none of ``LEVELS``.
+    """
+    for code, known in enumerate(LEVELS):
+        if known == level:
+            return code
+    raise ValueError(f"unknown level {level!r}; levels are {', '.join(LEVELS)}")
+
+
+def slip_topic(finger: str) -> str:
+    """Topic of the verdicts of one finger."""
+    return f"slip.{finger}"
+
+
+def wrench_topic(finger: str) -> str:
+    """Topic of the forces of one finger."""
+    return f"wrench.{finger}"
+
+
+def tactile_topic(finger: str) -> str:
+    """Topic of the pad image of one finger."""
+    return f"tactile.{finger}"
