@@ -1,0 +1,39 @@
+"""Every exception the client raises on purpose.
+
+    ClientError
+    ├── Silence           no message came for longer than the caller allows
+    ├── NoAnswer          no reply came in time; whether the request was carried out is not known
+    └── RequestRefused    the daemon answered, and did not do it
+
+A bad call (an endpoint that is none, a time that is no time) raises ValueError.
+"""
+
+from __future__ import annotations
+
+
+class ClientError(Exception):
+    """Base of all."""
+
+
+class Silence(ClientError):  # noqa: N818 - it names what happened
+    """No message came for longer than the caller allows."""
+
+
+class NoAnswer(ClientError):  # noqa: N818 - it names what happened
+    """No reply came in time; whether the request was carried out is not known, unless the text says so."""
+
+
+class RequestRefused(ClientError):  # noqa: N818 - it names what happened
+    """The daemon answered, and did not do it.
+
+    Attributes:
+        code: One of ``slipd_client.messages.ERROR_CODES``, or one that a newer daemon knows.
+        message: What was wrong and what would be right.
+        field: The field of the request at fault; "" where no single field is.
+    """
+
+    def __init__(self, code: str, message: str, field: str = "") -> None:
+        self.code = code
+        self.message = message
+        self.field = field
+        super().__init__(f"{code}: {field}: {message}" if field else f"{code}: {message}")
