@@ -1,0 +1,96 @@
+"""Finds frames of one fixed length in a byte stream that may start anywhere, tear, and carry noise.
+
+The search slides by one byte after a candidate that fails, so that a header byte inside a float cannot hold it
+on a false grid, and a good frame behind a damaged one is not lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from slipd.devices.health import DecoderHealth
+
+
+class FixedFrames:
+    """The scanner shared by all devices whose frames have one length.
+
+    It keeps less than one frame between two calls, and finds the same frames however the stream is split.
+
+    Args:
+        sync: Bytes every frame begins with.
+        length: Length of a whole frame, bytes.
+        check: ``check(buffer, at)`` says whether the ``length`` bytes from ``at`` are a valid frame.
+        health: Receives ``bad`` and ``bad_bytes``; ``good`` and ``lost`` are the decoder's.
+        text: Bytes that are no damage when they stand between frames, such as acknowledgements.
+    """
+
+    def __init__(
+        self,
+        sync: bytes,
+        length: int,
+        check: Callable[[bytes, int], bool],
+        health: DecoderHealth,
+        *,
+        text: bytes = b"",
+    ) -> None:
+        self._sync = sync
+        self._length = length
+        self._check = check
+        self._health = health
+        self._text = text
+        self._tail = b""
+        self._damage = 0
+
+    def receive(self, data: bytes) -> tuple[bytes, list[tuple[int, bool]]]:
+        """Take the next bytes of the stream.
+
+        Returns:
+            A buffer, and per frame in it the offset at which the frame starts and whether the frame is in step:
+            true when nothing but text lies between it and the frame before.
+        """
+        buffer = self._tail + data if self._tail else data
+        sync, length, check = self._sync, self._length, self._check
+        found: list[tuple[int, bool]] = []
+        last = len(buffer) - length
+        done = 0
+        at = buffer.find(sync)
+        while 0 <= at <= last:
+            if check(buffer, at):
+                if at > done:
+                    self._skip(buffer[done:at])
+                found.append((at, self._damage == 0))
+                self._damage = 0
+                done = at = at + length
+            else:
+                at += 1
+            at = buffer.find(sync, at)
+        keep = at if at >= 0 else self._begun_sync(buffer, done)
+        if keep > done:
+            self._skip(buffer[done:keep])
+        self._tail = buffer[keep:]
+        return buffer, found
+
+    def _begun_sync(self, buffer: bytes, done: int) -> int:
+        """Return where a sync starts that the end of the buffer cuts, or the end of the buffer."""
+        end = len(buffer)
+        for size in range(min(len(self._sync) - 1, end - done), 0, -1):
+            if buffer.endswith(self._sync[:size]):
+                return end - size
+        return end
+
+    def _skip(self, skipped: bytes) -> None:
+        """Count bytes that belong to no frame."""
+        if self._damage == 0:
+            skipped = skipped.lstrip(self._text)
+        if not skipped:
+            return
+        before = self._frames_worth()
+        self._damage += len(skipped)
+        self._health.bad_bytes += len(skipped)
+        self._health.bad += self._frames_worth() - before
+
+    def _frames_worth(self) -> int:
+        """How many frames the damage since the last good frame stands for: rounded, but any damage is one."""
+        if self._damage == 0:
+            return 0
+        return max(1, (self._damage + self._length // 2) // self._length)

@@ -1,0 +1,22 @@
+"""What a decoder counts, so that a bad line is seen before it matters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class DecoderHealth:
+    """Counters of one decoder since it was made; they only rise.
+
+    Attributes:
+        good: Readings handed on.
+        bad: Frames' worth of stream that was no valid frame.
+        lost: Readings that the device's own numbering shows to be missing.
+        bad_bytes: Bytes that belong to no valid frame.
+    """
+
+    good: int = 0
+    bad: int = 0
+    lost: int = 0
+    bad_bytes: int = 0
