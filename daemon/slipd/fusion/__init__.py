@@ -1,1 +1,32 @@
-"""The contact mechanics and the slip decision of one contact; pure."""
+"""The contact mechanics and the slip decision of one contact; pure.
+
+Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for taxels; all in the pad frame (origin at
+the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
+"""
+
+from slipd.fusion.contact import Contact, contact_from_wrench
+from slipd.fusion.grip_force import grip_needed_n
+from slipd.fusion.hull import tipping_margin
+from slipd.fusion.limit_surface import TorqueLimit, Utilisation, torque_limit, utilisation
+from slipd.fusion.loads import Loads, binary_loads, grey_loads, matched_loads
+from slipd.fusion.shape import ContactShape, contact_shape
+from slipd.fusion.slip import SlipDetector, SlipSettings
+
+__all__ = [
+    "Contact",
+    "ContactShape",
+    "Loads",
+    "SlipDetector",
+    "SlipSettings",
+    "TorqueLimit",
+    "Utilisation",
+    "binary_loads",
+    "contact_from_wrench",
+    "contact_shape",
+    "grey_loads",
+    "grip_needed_n",
+    "matched_loads",
+    "tipping_margin",
+    "torque_limit",
+    "utilisation",
+]

@@ -1,0 +1,91 @@
+"""The smallest convex curve round the active taxels, and where a point lies against it (paper Fig. 2c)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slipd.fusion.compiled import compiled
+
+Array = NDArray[np.float64]
+
+
+@compiled
+def convex_hull(x: Array, y: Array) -> NDArray[np.int64]:
+    """Indices of the hull's corners, counter-clockwise, collinear points left out (monotone chain)."""
+    n = x.size
+    by_y = np.argsort(y, kind="mergesort")
+    order = by_y[np.argsort(x[by_y], kind="mergesort")]
+    hull = np.empty(2 * n, np.int64)
+    size = 0
+    for turn in range(2):  # the lower chain from left to right, then the upper one back
+        start = size
+        for step in range(n):
+            k = order[step] if turn == 0 else order[n - 1 - step]
+            while size - start >= 2:
+                a, b = hull[size - 2], hull[size - 1]
+                if (x[b] - x[a]) * (y[k] - y[a]) - (y[b] - y[a]) * (x[k] - x[a]) > 0.0:
+                    break
+                size -= 1
+            hull[size] = k
+            size += 1
+        size -= 1  # the chain's last point opens the next chain
+    distinct = 0
+    for i in range(size):
+        a, b = hull[i], hull[(i + 1) % size]
+        if x[a] != x[b] or y[a] != y[b]:
+            hull[distinct] = a
+            distinct += 1
+    return hull[:distinct].copy() if distinct > 0 else order[:1].copy()
+
+
+@compiled
+def nearest_on_hull(x: Array, y: Array, px: float, py: float) -> tuple[float, float, float, int, int]:
+    """Signed distance of a point to the hull (positive inside), the nearest boundary point, and its edge's taxels."""
+    hull = convex_hull(x, y)
+    size = hull.size
+    best, qx, qy, ea, eb = math.inf, x[hull[0]], y[hull[0]], hull[0], hull[0]
+    inside = size > 2
+    for k in range(size):
+        a, b = hull[k], hull[(k + 1) % size]
+        ex, ey = x[b] - x[a], y[b] - y[a]
+        length2 = ex * ex + ey * ey
+        share = ((px - x[a]) * ex + (py - y[a]) * ey) / length2 if length2 > 0.0 else 0.0
+        share = min(max(share, 0.0), 1.0)
+        nx, ny = x[a] + share * ex, y[a] + share * ey
+        distance = math.hypot(px - nx, py - ny)
+        if distance < best:
+            best, qx, qy, ea, eb = distance, nx, ny, a, b
+        if ex * (py - y[a]) - ey * (px - x[a]) < 0.0:
+            inside = False
+    return (best if inside else 0.0 - best), qx, qy, ea, eb
+
+
+def tipping_margin(x: ArrayLike, y: ArrayLike, point: ArrayLike) -> float:
+    """Finds how far a point lies inside the hull of the active taxels.
+
+    A hull of one point or of collinear taxels has no inside. A taxel senses over its electrode, so the hull itself is
+    uncertain by half a pitch.
+
+    Args:
+        x: Centres of the active taxels, shape (n,), m.
+        y: Likewise, shape (n,), m.
+        point: The contact centroid, shape (2,), m.
+
+    Returns:
+        Signed distance to the hull, m, positive inside; NaN without taxels or with data that is not finite.
+
+    Raises:
+        ValueError: Wrong shapes.
+
+    Source: paper, last paragraph of the integration section.
+    """
+    xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    p = np.asarray(point, dtype=np.float64)
+    if xs.ndim != 1 or xs.shape != ys.shape or p.shape != (2,):
+        raise ValueError(f"x and y must share one shape (n,) and point be (2,), not {xs.shape}, {ys.shape}, {p.shape}")
+    if xs.size == 0 or not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(p).all()):
+        return math.nan
+    return nearest_on_hull(xs, ys, float(p[0]), float(p[1]))[0]

@@ -1,0 +1,156 @@
+"""The friction limit of a contact given by taxels: paper eqs. (5)–(7) as one convex problem, with certified answers.
+
+The pole that (5) seeks minimises Φ(P) = μ Σ F_i |r_i − P| + (P − C) × f_t, and by duality the minimum *is* the largest spin
+torque about C that friction carries beside f_t; (7), the perfect hinge, is the optimality condition where Φ has a kink.
+(6) as printed compares a torque about C with one about the pole, which calls sliding contacts safe; it is not used.
+
+Every answer is bracketed: any pole gives an upper bound of what friction can carry, any admissible friction field
+(|t_i| ≤ μ F_i) a lower one. Both are widened by the rounding of their own sums.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slipd.fusion.limit_kernels import KINDS, solve_torque_limit, solve_utilisation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TorqueLimit:
+    """The largest spin torque that friction carries beside a tangential force.
+
+    Attributes:
+        torque_nm: The limit about ``about`` in the given sense, N·m; negative where friction already needs the other
+            sense; NaN for kind "none", and for "translating" when R > μ.
+        lower_nm: Certified lower bound, N·m.
+        upper_nm: Certified upper bound, N·m.
+        pole_m: Velocity pole of the motion that would begin, shape (2,), m; None when translating or without load.
+        kind: "interior", "hinge" (the pole is a taxel), "translating" (R ≥ μ) or "none" (no load, or data that is
+            not finite or negative).
+    """
+
+    torque_nm: float
+    lower_nm: float
+    upper_nm: float
+    pole_m: Array | None
+    kind: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Utilisation:
+    """How much of the friction limit a load uses.
+
+    Attributes:
+        value: λ, the least factor on all normal forces with which friction carries the load: 0 unloaded, 1 when slip
+            begins, inf when no grip holds it; NaN when unknown (data that is not finite or negative).
+        lower: Certified lower bound.
+        upper: Certified upper bound.
+        pole_m: Velocity pole of the motion that would begin, shape (2,), m; None when there is none.
+        kind: "interior", "hinge", "translating" (the motion is a translation) or "none" (nothing to carry, or nothing
+            to carry it).
+    """
+
+    value: float
+    lower: float
+    upper: float
+    pole_m: Array | None
+    kind: str
+
+
+def torque_limit(
+    x: ArrayLike,
+    y: ArrayLike,
+    loads: ArrayLike,
+    mu: float,
+    tangential: ArrayLike,
+    about: ArrayLike,
+    sense: int = 1,
+) -> TorqueLimit:
+    """Finds the largest spin torque that friction carries beside a tangential force.
+
+    The admissible spin about ``about`` is the interval [−limit(sense=−1), limit(sense=+1)].
+
+    Args:
+        x: Taxel centres in the pad frame, shape (n,), m.
+        y: Likewise, shape (n,), m.
+        loads: Normal force on each taxel, shape (n,), N.
+        mu: Coefficient of static friction.
+        tangential: f_t on the finger, shape (2,), N.
+        about: The point the torque is taken about, shape (2,), m.
+        sense: +1 for a torque along +Z, −1 for one along −Z.
+
+    Returns:
+        The limit with its certified bounds. Data that is not finite, a negative load, and no load at all give kind
+        "none" and NaN.
+
+    Raises:
+        ValueError: Wrong shapes, μ not positive and finite, a sense other than ±1.
+
+    Source: paper eqs. (5) and (7) as the minimum of Φ; its (6) with the torque taken about the pole.
+    """
+    xs, ys, fs = _taxels(x, y, loads, mu)
+    f, a = _pair("tangential", tangential), _pair("about", about)
+    if sense not in (1, -1):
+        raise ValueError(f"sense must be +1 or -1, not {sense}")
+    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense)
+    return TorqueLimit(value, lower, upper, _pole(px, py), KINDS[kind])
+
+
+def utilisation(
+    x: ArrayLike,
+    y: ArrayLike,
+    loads: ArrayLike,
+    mu: float,
+    tangential: ArrayLike,
+    spin: float,
+    about: ArrayLike,
+) -> Utilisation:
+    """Finds which share of the friction limit a tangential force and a spin torque use together.
+
+    Args:
+        x: Taxel centres in the pad frame, shape (n,), m.
+        y: Likewise, shape (n,), m.
+        loads: Normal force on each taxel, shape (n,), N.
+        mu: Coefficient of static friction.
+        tangential: f_t on the finger, shape (2,), N.
+        spin: Torque about the pad normal through ``about``, N·m.
+        about: The point the spin is taken about, shape (2,), m.
+
+    Returns:
+        The gauge λ of the limit surface with its certified bounds; λ · Σ loads is the least normal force that holds
+        this load with this pressure shape.
+
+    Raises:
+        ValueError: Wrong shapes, or μ not positive and finite.
+    """
+    xs, ys, fs = _taxels(x, y, loads, mu)
+    f, a = _pair("tangential", tangential), _pair("about", about)
+    kind, value, lower, upper, px, py = solve_utilisation(xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1])
+    return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind])
+
+
+def _pole(px: float, py: float) -> Array | None:
+    return None if math.isnan(px) else np.array((px, py))
+
+
+def _pair(name: str, value: ArrayLike) -> tuple[float, float]:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (2,):
+        raise ValueError(f"{name} must have shape (2,), not {array.shape}")
+    return float(array[0]), float(array[1])
+
+
+def _taxels(x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float) -> tuple[Array, Array, Array]:
+    arrays = tuple(np.ascontiguousarray(a, dtype=np.float64) for a in (x, y, loads))
+    shapes = [a.shape for a in arrays]
+    if arrays[0].ndim != 1 or any(shape != shapes[0] for shape in shapes):
+        raise ValueError(f"x, y and loads must share one shape (n,), not {shapes[0]}, {shapes[1]}, {shapes[2]}")
+    if not 0.0 < mu < math.inf:
+        raise ValueError(f"mu must be positive and finite, not {mu}")
+    return arrays[0], arrays[1], arrays[2]

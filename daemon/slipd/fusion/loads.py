@@ -1,0 +1,223 @@
+"""How the normal force is shared among the taxels: three rules, from what the image can be trusted with.
+
+* grey: proportional to the pressures (needs only that the gains are alike);
+* binary: linear in (x, y) over the active taxels, balancing f_n at C (needs no pressures);
+* matched: the image tilted by exp(a + b·r) until it balances f_n at C. The force sensor knows Σ F and Σ F r far better
+  than the image does, and the tilt keeps every load positive.
+
+Binary and matched have a solution only when C lies inside the hull of the active taxels. Where it lies outside, which is
+ordinary at edges and with few taxels, C is projected into the hull and the distance is reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slipd.fusion.hull import nearest_on_hull
+
+Array = NDArray[np.float64]
+_Rule = Callable[[Array, Array], Array]
+
+#: Share of the contact's extent within which a centroid counts as lying on the hull: the tilt that meets it there
+#: would spread the loads over more than six decades, which no image supports.
+ON_HULL = 1e-6
+MAX_NEWTON_STEPS = 100  # both problems are convex and take 4–10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """Normal forces on the taxels.
+
+    Attributes:
+        loads: Shape (n,), N, none negative; they sum to the normal force ("no_image": all zero).
+        centroid_residual_m: Distance of the loads' centroid from the one asked for, m: 0 where it was met; NaN where
+            there is no image. The grey rule asks for none: 0.
+        status: "ok", "projected" (the centroid lay outside the hull) or "no_image" (no active taxel).
+    """
+
+    loads: Array
+    centroid_residual_m: float
+    status: str
+
+
+def grey_loads(pressure: ArrayLike, normal_n: float) -> Loads:
+    """Shares the normal force in proportion to the pressures: F_i = f_n p_i / Σ p.
+
+    Args:
+        pressure: Taxel readings, shape (n,), any unit; negative ones count as zero.
+        normal_n: f_n, N.
+
+    Raises:
+        ValueError: Wrong shape, pressures that are not finite, a normal force that is negative or not finite.
+    """
+    p = _pressure(pressure)
+    _check_normal(normal_n)
+    total = p.sum()
+    if not total > 0.0:
+        return Loads(np.zeros(p.size), math.nan, "no_image")
+    return Loads(normal_n * (p / total), 0.0, "ok")
+
+
+def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:
+    """Shares the normal force linearly in (x, y) over the active taxels so that it acts at the centroid.
+
+    Where the linear rule would pull on a taxel, that taxel carries nothing: F_i = max(0, a + b·r_i).
+
+    Args:
+        x: Centres of the active taxels, shape (n,), m.
+        y: Likewise, shape (n,), m.
+        normal_n: f_n, N.
+        centroid: C, shape (2,), m.
+
+    Raises:
+        ValueError: Wrong shapes, or values that are not finite.
+    """
+    xs, ys, c = _positions(x, y, centroid)
+    _check_normal(normal_n)
+    return _balance(xs, ys, np.ones(xs.size), normal_n, c, _clipped_linear)
+
+
+def matched_loads(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:
+    """Tilts the image by exp(a + b·r) until it balances the normal force at the centroid.
+
+    Args:
+        x: Taxel centres, shape (n,), m.
+        y: Likewise, shape (n,), m.
+        pressure: Taxel readings, shape (n,), any unit; negative ones count as zero.
+        normal_n: f_n, N.
+        centroid: C, shape (2,), m.
+
+    Raises:
+        ValueError: Wrong shapes, or values that are not finite.
+    """
+    xs, ys, c = _positions(x, y, centroid)
+    p = _pressure(pressure)
+    if p.shape != xs.shape:
+        raise ValueError(f"pressure must have the shape of x, {xs.shape}, not {p.shape}")
+    _check_normal(normal_n)
+    return _balance(xs, ys, p, normal_n, c, _tilted)
+
+
+def _balance(x: Array, y: Array, p: Array, normal_n: float, c: Array, rule: _Rule) -> Loads:
+    """Finds the face of the hull that C lies in (the whole, an edge, a corner) and shares the force over its taxels."""
+    active = np.flatnonzero(p > 0.0)
+    loads = np.zeros(x.size)
+    if active.size == 0:
+        return Loads(loads, math.nan, "no_image")
+    ax, ay, ap = x[active], y[active], p[active]
+    extent = max(float(np.ptp(ax)), float(np.ptp(ay)))
+    margin, qx, qy, a, b = nearest_on_hull(ax, ay, float(c[0]), float(c[1]))
+    if margin > ON_HULL * extent:
+        face = np.arange(active.size)
+        position = np.column_stack((ax - c[0], ay - c[1])) / extent
+    else:
+        face, position = _edge(ax, ay, qx, qy, int(a), int(b), extent)
+    share = rule(position, ap[face])
+    loads[active[face]] = normal_n * share
+    outside = -margin > ON_HULL * extent or (extent == 0.0 and margin < 0.0)
+    return Loads(loads, -margin if outside else 0.0, "projected" if outside else "ok")
+
+
+def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: float) -> tuple[NDArray[np.int64], Array]:
+    """Taxels of the edge (or corner) that holds q, and their positions along it from q, shape (k, 1) or (k, 0)."""
+    ex, ey = ax[b] - ax[a], ay[b] - ay[a]
+    length = math.hypot(ex, ey)
+    if length == 0.0:
+        return np.arange(ax.size), np.empty((ax.size, 0))
+    along = ((ax - qx) * ex + (ay - qy) * ey) / length
+    across = ((ax - qx) * ey - (ay - qy) * ex) / length
+    face = np.flatnonzero(np.abs(across) <= 1e-9 * extent)
+    ends = along[face]
+    for end in (ends.min(), ends.max()):
+        if abs(end) <= ON_HULL * extent:
+            corner = face[np.abs(ends - end) <= 1e-9 * extent]
+            return corner, np.empty((corner.size, 0))
+    return face, (ends / length)[:, None]
+
+
+def _clipped_linear(position: Array, _: Array) -> Array:
+    """Shares max(0, a + b·r) with Σ = 1 and Σ share r = 0, by Newton on the convex dual."""
+    basis = np.column_stack((np.ones(len(position)), position))
+    target = np.zeros(basis.shape[1])
+    target[0] = 1.0
+    theta = np.zeros(basis.shape[1])
+    theta[0] = 1.0 / len(basis)
+
+    def dual(t: Array) -> float:
+        return float(0.5 * np.square(np.maximum(basis @ t, 0.0)).sum() - t @ target)
+
+    for _step in range(MAX_NEWTON_STEPS):
+        value = basis @ theta
+        on = value > 0.0
+        slope = basis[on].T @ value[on] - target
+        if np.abs(slope).max() <= 1e-13:
+            break
+        curvature = basis[on].T @ basis[on]
+        curvature[np.diag_indices_from(curvature)] += 1e-14 * max(float(np.trace(curvature)), 1.0)
+        step = np.linalg.solve(curvature, slope)
+        here, size = dual(theta), 1.0
+        while dual(theta - size * step) > here - 1e-4 * size * float(slope @ step) and size > 1e-12:
+            size *= 0.5
+        theta = theta - size * step
+    share = np.maximum(basis @ theta, 0.0)
+    return np.asarray(share / share.sum())
+
+
+def _tilted(position: Array, p: Array) -> Array:
+    """Shares p exp(b·r) / Σ with Σ share r = 0, by Newton on the convex log Σ p exp(b·r)."""
+    logs = np.log(p / p.max())
+    b = np.zeros(position.shape[1])
+
+    def shares(tilt: Array) -> tuple[float, Array]:
+        exponent = logs + position @ tilt
+        top = float(exponent.max())
+        weight = np.exp(exponent - top)
+        total = float(weight.sum())
+        return top + math.log(total), weight / total
+
+    value, share = shares(b)
+    for _step in range(MAX_NEWTON_STEPS if b.size else 0):
+        mean = share @ position
+        if np.abs(mean).max() <= 1e-13:
+            break
+        spread = position - mean
+        curvature = spread.T @ (share[:, None] * spread)
+        curvature[np.diag_indices_from(curvature)] += 1e-14 * float(np.trace(curvature)) + 1e-300
+        step = np.linalg.solve(curvature, mean)
+        size = 1.0
+        while size > 1e-12:
+            next_value, next_share = shares(b - size * step)
+            if next_value <= value - 1e-4 * size * float(mean @ step) + 1e-15:
+                break
+            size *= 0.5
+        b, value, share = b - size * step, next_value, next_share
+    return share
+
+
+def _check_normal(normal_n: float) -> None:
+    if not 0.0 <= normal_n < math.inf:
+        raise ValueError(f"normal_n must be finite and not negative, not {normal_n}")
+
+
+def _pressure(pressure: ArrayLike) -> Array:
+    p = np.asarray(pressure, dtype=np.float64)
+    if p.ndim != 1 or not np.isfinite(p).all():
+        raise ValueError(f"pressure must be finite with shape (n,), not {p.shape}")
+    return np.maximum(p, 0.0)
+
+
+def _positions(x: ArrayLike, y: ArrayLike, centroid: ArrayLike) -> tuple[Array, Array, Array]:
+    xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    c = np.asarray(centroid, dtype=np.float64)
+    if xs.ndim != 1 or xs.shape != ys.shape or c.shape != (2,):
+        raise ValueError(
+            f"x and y must share one shape (n,) and centroid be (2,), not {xs.shape}, {ys.shape}, {c.shape}"
+        )
+    if not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(c).all()):
+        raise ValueError("x, y and centroid must be finite")
+    return xs, ys, c
