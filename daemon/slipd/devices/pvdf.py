@@ -1,0 +1,148 @@
+"""The multiplexed PVDF pad: 8 rows of 16 electrodes behind one charge amplifier, on a serial line.
+
+The paper describes the pad and its multiplexed read-out, not its wire format; this one is ours. One frame carries one
+row of the scan, so that a torn frame costs one scan and the host need not wait for a long block. Written down, with a
+worked frame, in docs/devices.md.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices import crc
+from slipd.devices.framing import FixedFrames
+from slipd.devices.health import DecoderHealth
+from slipd.samples import TactileSample
+
+ROWS = 8
+COLS = 16
+
+MAX_SIDE = 256
+"""Rows are numbered in one byte; as many columns keep a frame under 600 bytes."""
+
+_VERSION = 1
+_SYNC = bytes((0xA5, 0x5A, _VERSION))
+_UNCHECKED = 2  # the two sync bytes; the checksum covers all that follows, the version first
+_HEAD = struct.Struct("<BHIH")  # row, scan, time of the row's first taxel in µs, dwell in 10 ns
+_COUNTS_AT = len(_SYNC) + _HEAD.size
+_CRC_LENGTH = 2
+_DWELL_UNIT_NS = 10
+_SCAN_SPAN = 1 << 16
+_US_SPAN = 1 << 32
+
+
+class Decoder:
+    """Makes a tactile sample of every complete scan; a scan that misses a row is dropped whole.
+
+    ``values`` has shape (rows·cols,), in counts of the charge amplifier and in scan order, row by row.
+    ``device_time_ns`` is the time of the scan's first taxel as sent: it wraps every 2^32 µs (71.6 min), and unwrapping
+    it is not done here. `health.lost` counts scans: those dropped, and those the scan counter shows to be missing. A
+    counter that jumps back is a device that began anew, and loses nothing but the scan it interrupts.
+
+    Args:
+        rows: Rows of the pad, 1 to 256.
+        cols: Columns of the pad, 1 to 256.
+
+    Raises:
+        ValueError: A side is out of range.
+    """
+
+    def __init__(self, rows: int = ROWS, cols: int = COLS) -> None:
+        if not (1 <= rows <= MAX_SIDE and 1 <= cols <= MAX_SIDE):
+            raise ValueError(f"a pad of {rows} x {cols} taxels: each side must be 1 to {MAX_SIDE}")
+        self.health = DecoderHealth()
+        self._rows = rows
+        self._row_bytes = 2 * cols
+        self._length = _COUNTS_AT + self._row_bytes + _CRC_LENGTH
+        self._frames = FixedFrames(_SYNC, self._length, self._checksum_holds, self.health)
+        self._scan: int | None = None
+        self._scan_time_us = 0
+        self._dwell_ns = 0
+        self._open = False  # every row of the scan so far has come
+        self._counts: list[bytes] = []
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Take bytes received at ``t_ns`` and return the scans they complete."""
+        buffer, found = self._frames.receive(data)
+        samples: list[TactileSample] = []
+        for at, _ in found:
+            row, scan, time_us, dwell = _HEAD.unpack_from(buffer, at + len(_SYNC))
+            if row >= self._rows:
+                self.health.bad += 1
+            elif self._follows(row, scan, time_us, dwell * _DWELL_UNIT_NS):
+                counts_at = at + _COUNTS_AT
+                self._counts.append(buffer[counts_at : counts_at + self._row_bytes])
+                if row == self._rows - 1:
+                    samples.append(self._complete(t_ns))
+        self.health.good += len(samples)
+        return samples
+
+    def _checksum_holds(self, buffer: bytes, at: int) -> bool:
+        return crc.x25_holds(buffer[at + _UNCHECKED : at + self._length])
+
+    def _follows(self, row: int, scan: int, time_us: int, dwell_ns: int) -> bool:
+        """Say whether a row continues the open scan or begins the next one."""
+        if row == 0:
+            if scan == self._scan and time_us == self._scan_time_us:
+                self.health.bad += 1  # the same row once more
+                return False
+            self._leave_scan(scan)
+            self._open = True
+            self._scan_time_us, self._dwell_ns = time_us, dwell_ns
+            self._counts = []
+        elif scan != self._scan:
+            joined_midway = self._scan is None
+            self._leave_scan(scan)
+            self.health.lost += not joined_midway
+        elif self._open and row != len(self._counts):
+            self._open = False
+            self.health.lost += 1
+        return self._open
+
+    def _leave_scan(self, scan: int) -> None:
+        """Count what was lost up to ``scan``, its own loss not yet."""
+        self.health.lost += self._open
+        self._open = False
+        if self._scan is not None:
+            step = (scan - self._scan) % _SCAN_SPAN
+            if 0 < step < _SCAN_SPAN // 2:
+                self.health.lost += step - 1
+        self._scan = scan
+
+    def _complete(self, t_ns: int) -> TactileSample:
+        values = np.frombuffer(b"".join(self._counts), "<i2").astype(np.float64)
+        self._open = False
+        return TactileSample(t_ns, self._scan_time_us * 1000, values, dwell_ns=self._dwell_ns)
+
+
+def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_us: float, dwell_us: float) -> bytes:
+    """Return the frames of one scan as the pad sends them.
+
+    Args:
+        counts: Charge amplifier counts, integers, shape (rows, cols), each within an int16.
+        scan_index: Number of the scan; sent modulo 2^16.
+        device_time_us: The pad's clock at the first taxel, µs; sent as whole µs modulo 2^32.
+        dwell_us: Time from one taxel to the next, µs, 0 to 655.35; sent in steps of 0.01 µs.
+
+    Raises:
+        ValueError: Counts of a wrong shape, kind or range, or a dwell out of range.
+    """
+    counts = np.asarray(counts)
+    if counts.ndim != 2 or not np.issubdtype(counts.dtype, np.integer):
+        raise ValueError(f"counts are {counts.dtype} of shape {counts.shape}: integers of (rows, cols) are sent")
+    if counts.shape[0] > MAX_SIDE or counts.min() < -(1 << 15) or counts.max() >= 1 << 15:
+        raise ValueError(f"counts outside an int16, or more than {MAX_SIDE} rows, cannot be sent")
+    dwell = round(dwell_us * 1000 / _DWELL_UNIT_NS)
+    if not 0 <= dwell < 1 << 16:
+        raise ValueError(f"a dwell of {dwell_us} us cannot be sent: 0 to 655.35 us can")
+    rows, cols = counts.shape
+    payload = counts.astype("<i2")
+    frames: list[bytes] = []
+    for row in range(rows):
+        time_us = round(device_time_us + row * cols * dwell_us) % _US_SPAN
+        body = _SYNC + _HEAD.pack(row, scan_index % _SCAN_SPAN, time_us, dwell) + payload[row].tobytes()
+        frames += body, crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")
+    return b"".join(frames)
