@@ -369,9 +369,9 @@ def solve_torque_limit(
 def least_factor(x: Array, y: Array, w: Array, fx: float, fy: float, m: float, q: Array) -> tuple[float, float, int]:
     """Bounds of the gauge of the load (f, m) for unit weights, the twist and the hinge.
 
-    Upper bound: the field of the twist carries a wrench G nearly along ℓ. With Σ w = 1, Σ w ρ = 0, Σ w ρ² = 1 the linear
-    field w_i (a + b ẑ × ρ_i) carries exactly the missing wrench (a, b), so the sum carries ν ℓ, and exceeds its discs by
-    no more than the factor measured.
+    Upper bound: the field of the twist carries a wrench G nearly along ℓ. With Σ w = 1, Σ w ρ = 0, Σ w ρ² = 1 the
+    linear field w_i (a + b ẑ × ρ_i) carries exactly the missing wrench (a, b), so the sum carries ν ℓ, and exceeds its
+    discs by no more than the factor measured.
     """
     size = math.sqrt(fx * fx + fy * fy + m * m)
     lx, ly, lm = fx / size, fy / size, m / size

@@ -1,8 +1,8 @@
 """The friction limit of a contact given by taxels: paper eqs. (5)–(7) as one convex problem, with certified answers.
 
-The pole that (5) seeks minimises Φ(P) = μ Σ F_i |r_i − P| + (P − C) × f_t, and by duality the minimum *is* the largest spin
-torque about C that friction carries beside f_t; (7), the perfect hinge, is the optimality condition where Φ has a kink.
-(6) as printed compares a torque about C with one about the pole, which calls sliding contacts safe; it is not used.
+The pole that (5) seeks minimises Φ(P) = μ Σ F_i |r_i − P| + (P − C) × f_t, and by duality the minimum *is* the largest
+spin torque about C that friction carries beside f_t; (7), the perfect hinge, is the optimality condition where Φ has a
+kink. (6) as printed compares a torque about C with one about the pole, which calls sliding contacts safe: not used.
 
 Every answer is bracketed: any pole gives an upper bound of what friction can carry, any admissible friction field
 (|t_i| ≤ μ F_i) a lower one. Both are widened by the rounding of their own sums.

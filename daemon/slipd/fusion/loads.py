@@ -5,8 +5,8 @@
 * matched: the image tilted by exp(a + b·r) until it balances f_n at C. The force sensor knows Σ F and Σ F r far better
   than the image does, and the tilt keeps every load positive.
 
-Binary and matched have a solution only when C lies inside the hull of the active taxels. Where it lies outside, which is
-ordinary at edges and with few taxels, C is projected into the hull and the distance is reported.
+Binary and matched have a solution only when C lies inside the hull of the active taxels. Where it lies outside, which
+is ordinary at edges and with few taxels, C is projected into the hull and the distance is reported.
 """
 
 from __future__ import annotations
