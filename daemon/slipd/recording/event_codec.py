@@ -1,0 +1,90 @@
+"""One event of the engine as one msgpack map, and back, exactly.
+
+The map is ``{n, t_ns, kind, …the event's own fields…, crc32}``. ``crc32`` is the last entry and its value has
+a fixed width, so the last four bytes of a payload are the CRC-32 of all the bytes before them (big-endian): a
+damaged event is noticed before anything of it is believed.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any
+
+import msgpack
+
+from slipd.errors import RecordingError
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
+from slipd_client import messages
+
+_CRC_BYTES = 4
+_INTEGERS = range(2**63)  # what NumPy's int64 holds: the engine computes with these
+_FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
+    "bytes": (Bytes, {"link": str, "data": bytes}),
+    "link_up": (LinkUp, {"link": str, "identity": str}),
+    "link_down": (LinkDown, {"link": str, "reason": str}),
+    "request": (Request, {"client": bytes, "body": dict}),
+    "tick": (Tick, {"suspended_ns": int}),
+}
+_KINDS = {event_type: kind for kind, (event_type, _) in _FIELDS.items()}
+_UNICODE_ERRORS = "surrogatepass"  # an operating system's error text may hold the odd bytes of a file name
+
+
+def encode_event(n: int, t_ns: int, event: Event) -> bytes:
+    """Return the payload of one event.
+
+    Args:
+        n: Running index of the entry in its recording.
+        t_ns: CLOCK_MONOTONIC with which the event entered the engine.
+        event: The event; a request's body is one that ``slipd_client.messages`` can carry.
+    """
+    kind = _KINDS[type(event)]
+    fields = {name: getattr(event, name) for name in _FIELDS[kind][1]}
+    whole = {"n": n, "t_ns": t_ns, "kind": kind, **fields, "crc32": bytes(_CRC_BYTES)}
+    body: bytes = msgpack.packb(whole, unicode_errors=_UNICODE_ERRORS)[:-_CRC_BYTES]
+    return body + _crc(body)
+
+
+def decode_event(payload: bytes) -> tuple[int, int, Event]:
+    """Return ``(n, t_ns, event)`` of a payload.
+
+    Raises:
+        RecordingError: The payload is damaged, or is not an event that this version knows.
+    """
+    if _crc(payload[:-_CRC_BYTES]) != payload[-_CRC_BYTES:]:
+        raise RecordingError("an event's checksum does not match its bytes")
+    whole = _unpack(payload)
+    kind = whole.get("kind")
+    if not isinstance(kind, str) or kind not in _FIELDS:
+        raise RecordingError(f"an event of kind {kind!r:.40}; known are {', '.join(_FIELDS)}")
+    event_type, types = _FIELDS[kind]
+    expected = {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes}
+    found = {name: type(value) for name, value in whole.items()}
+    if found != expected:
+        raise RecordingError(f"an event of kind {kind!r} with other fields than {', '.join(expected)}")
+    if any(value not in _INTEGERS for value in whole.values() if isinstance(value, int)):
+        raise RecordingError(f"an event of kind {kind!r} with a number that is not in 0 … 2**63 - 1")
+    if event_type is Request:
+        whole["body"] = _as_from_the_network(whole["body"])
+    return whole["n"], whole["t_ns"], event_type(**{name: whole[name] for name in types})
+
+
+def _crc(body: bytes) -> bytes:
+    return zlib.crc32(body).to_bytes(_CRC_BYTES, "big")
+
+
+def _as_from_the_network(body: dict[str, Any]) -> dict[str, Any]:
+    """Judge a request that stands in a file as strictly as one that comes over a socket."""
+    try:
+        return messages.decode(msgpack.packb(body))
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"a request that no client can have sent: {error}") from error
+
+
+def _unpack(payload: bytes) -> dict[Any, Any]:
+    try:
+        whole = msgpack.unpackb(payload, unicode_errors=_UNICODE_ERRORS)
+    except (ValueError, msgpack.UnpackException) as error:
+        raise RecordingError(f"an event that is not msgpack: {error}") from error
+    if not isinstance(whole, dict):
+        raise RecordingError(f"an event that is a {type(whole).__name__}, not a map")
+    return whole

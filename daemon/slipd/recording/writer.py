@@ -1,0 +1,140 @@
+"""Records a live run without ever holding it up.
+
+The live path only numbers an entry and puts it into a queue; a thread encodes, compresses and writes. A disk
+that is slow, full or gone costs the recording, never the run.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+
+from slipd.errors import RecordingError
+from slipd.pipeline.events import Event
+from slipd.recording.mcap_file import RecordingFile
+
+QUEUE_LIMIT = 65_536  # a disk may stall for 5 s at the 10,000 entries/s of two fingers at 4 kHz; about 30 MB
+FLUSH_PERIOD_S = 0.1  # what a killed process loses at most, beside what the queue holds
+SYNC_PERIOD_S = 1.0  # what a power cut loses at most; each sync costs the disk a journal entry
+CLOSE_LIMIT_S = 30.0  # a disk that has not taken the rest by then (a lost network mount) must not hold the exit up
+
+_Entry = tuple[int, int, Event] | tuple[int, int, str, bytes]
+
+
+class Recorder:
+    """Writes the events that enter the engine, and what is published, in one total order.
+
+    ``event`` and ``published`` are called from one thread, in the order in which things happen: an event,
+    then the messages that it caused. They never block and never raise for a disk.
+
+    Attributes:
+        path: The file.
+        failure: Why the recording stopped; None while it runs.
+
+    Args:
+        path: File to be written; an existing one is never overwritten.
+        config_text: The config of the run, TOML.
+        boot: Id of the run.
+        wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
+
+    Raises:
+        RecordingError: The file cannot be created.
+    """
+
+    def __init__(self, path: Path, *, config_text: str, boot: str, wall_minus_monotonic_ns: int) -> None:
+        self.path = path
+        self.failure: str | None = None
+        self._file = RecordingFile(
+            path, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
+        )
+        self._queue: SimpleQueue[_Entry | None] = SimpleQueue()
+        self._entries = 0
+        self._refused = 0  # the queue was full; counted by the caller's thread
+        self._unwritten = 0  # taken from the queue and not known to be in the file; counted by the writer's thread
+        self._closed = False
+        self._thread = Thread(target=self._run, name=f"recorder {path.name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def lost(self) -> int:
+        """How many entries are known not to be in the file: the queue overflowed or the disk failed."""
+        return self._refused + (self._unwritten if self.failure else 0)
+
+    def event(self, event: Event, t_ns: int) -> None:
+        """Record an event that enters the engine at ``t_ns``; it is not changed any more from here on."""
+        self._put((self._entries, t_ns, event))
+
+    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
+        """Record the very bytes that were published because of the event of ``t_ns``."""
+        self._put((self._entries, t_ns, topic, payload))
+
+    def close(self) -> None:
+        """Write what is queued and finish the file. A second call does nothing.
+
+        Raises:
+            RecordingError: The disk failed, now or before; what was flushed until then is readable.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._queue.put(None)
+        self._thread.join(CLOSE_LIMIT_S)
+        if self._thread.is_alive():
+            raise RecordingError(f"{self.path}: the disk has not taken the rest within {CLOSE_LIMIT_S:.0f} s")
+        if self.failure:
+            raise RecordingError(self.failure)
+
+    def _put(self, entry: _Entry) -> None:
+        if self._closed:
+            raise ValueError(f"{self.path} is closed; record into a new one")
+        self._entries += 1
+        if self._queue.qsize() >= QUEUE_LIMIT:
+            self._refused += 1
+        else:
+            self._queue.put(entry)
+
+    def _run(self) -> None:
+        try:
+            self._write_until_closed()
+            self._file.finish(self._entries)
+        except Exception as error:  # a thread must not end in silence, whatever it was
+            reason = error.strerror if isinstance(error, OSError) else None
+            self.failure = f"{self.path}: the recording stopped: {reason or error}"
+            with suppress(OSError):  # what could not be written before cannot be written now
+                self._file.abandon()
+            self._discard_until_closed()
+
+    def _write_until_closed(self) -> None:
+        next_flush_s = time.monotonic() + FLUSH_PERIOD_S
+        next_sync_s = time.monotonic() + SYNC_PERIOD_S
+        while True:
+            with suppress(Empty):
+                entry = self._queue.get(timeout=max(0.0, next_flush_s - time.monotonic()))
+                if entry is None:
+                    return
+                self._unwritten += 1
+                self._write(entry)
+            now_s = time.monotonic()
+            if now_s >= next_flush_s:
+                self._file.flush()
+                self._unwritten = 0
+                next_flush_s = now_s + FLUSH_PERIOD_S
+            if now_s >= next_sync_s:
+                self._file.sync()
+                next_sync_s = now_s + SYNC_PERIOD_S
+
+    def _write(self, entry: _Entry) -> None:
+        if len(entry) == 3:
+            self._file.event(*entry)
+        else:
+            n, t_ns, topic, payload = entry
+            self._file.published(n, t_ns, topic, payload)
+
+    def _discard_until_closed(self) -> None:
+        if self._closed and self._queue.empty():
+            return
+        while self._queue.get() is not None:
+            self._unwritten += 1

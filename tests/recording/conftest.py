@@ -1,0 +1,60 @@
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pytest
+
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import Entered, Published
+from slipd_client import messages
+
+CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"
+WALL_NS = 1_700_000_000_000_000_000
+Entry = Entered | Published
+
+
+def _entry(n: int) -> Entry:
+    t_ns = 1_000_000_000 + n // 2 * 1_000_000
+    if n % 2:
+        payload = messages.encode({"seq": n, "t_ns": t_ns, "normal_n": n / 7})
+        return Published(n, t_ns, "slip.left" if n % 4 == 1 else "wrench.left", payload)
+    events: list[Event] = [
+        Bytes("left.wrench", n.to_bytes(37, "little")),
+        LinkUp("left.wrench", "/dev/ttyUSB0"),
+        LinkDown("left.wrench", "unplugged"),
+        Request(b"\x00client", {"op": "hello", "id": n, "deep": {"a": [1, 2.5, None]}}),
+        Tick(n),
+    ]
+    return Entered(n, t_ns, events[n // 2 % len(events)])
+
+
+@pytest.fixture
+def entries() -> Callable[[int], list[Entry]]:
+    """The first entries of a run: events of every kind, each followed by a message."""
+    return lambda count: [_entry(n) for n in range(count)]
+
+
+@pytest.fixture
+def about_run() -> dict[str, object]:
+    """What a recorder is told about its run."""
+    return {"config_text": CONFIG_TEXT, "boot": "b00t", "wall_minus_monotonic_ns": WALL_NS}
+
+
+@pytest.fixture
+def write(about_run: dict[str, object]) -> Callable[[Path, Iterable[Entry], int], None]:
+    """Write entries as a finished recording, in chunks of so many."""
+
+    def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
+        file = RecordingFile(path, **about_run)
+        end = 0
+        for item in entries:
+            if isinstance(item, Entered):
+                file.event(item.n, item.t_ns, item.event)
+            else:
+                file.published(item.n, item.t_ns, item.topic, item.payload)
+            end = item.n + 1
+            if end % chunk == 0:
+                file.flush()
+        file.finish(end)
+
+    return write
