@@ -1,0 +1,85 @@
+"""The demo's story: what pulls at the object, and when. A function of time, but for the hand, which is a spring.
+
+Loads are told in the left pad's frame (x towards the fingertips, which point down: weight is along +x), as what
+the world does to the object; friction hands it on to the fingers. The spin torque is about the contact's centre,
+under which the object's own weight hangs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slipd.sim.contact import Load
+
+GRAVITY_MPS2 = 9.81
+
+
+@dataclass(frozen=True)
+class Script:
+    """When each phase begins, in s from the start, and how much it loads the object.
+
+    Attributes:
+        lift_s: The object leaves the table; its weight comes on over ``ramp_s``.
+        ramp_s: How long weight takes to come on, or to go to the table again.
+        pour_s: Something is poured into the object's far end until ``pour_until_s``; its weight grows, and with it
+            the torque about the pads' normal.
+        pour_until_s: End of that growth; what was poured stays.
+        drain_s: It runs out again within ``ramp_s``.
+        pour_n_per_s: Growth of the poured weight.
+        lever_m: Its horizontal distance from the contact's centre.
+        tug_s: A hand begins to draw the object along +y of the left pad.
+        tug_speed_mps: Speed of the hand.
+        tug_stiffness_n_per_m: Its stiffness: the pull grows by stiffness times speed until the object slips.
+        tug_damping_ns_per_m: Its damping, so that the object follows without bouncing.
+        tug_slip_s: The hand lets go when the object has slipped this long.
+        set_down_s: The table takes the load over within ``ramp_s``; a hand still there lets go.
+    """
+
+    lift_s: float = 4.0
+    ramp_s: float = 0.5
+    pour_s: float = 6.0
+    pour_until_s: float = 10.0
+    drain_s: float = 12.0
+    pour_n_per_s: float = 0.35
+    lever_m: float = 0.06
+    tug_s: float = 13.0
+    tug_speed_mps: float = 0.015
+    tug_stiffness_n_per_m: float = 1500.0
+    tug_damping_ns_per_m: float = 40.0
+    tug_slip_s: float = 0.3
+    set_down_s: float = 15.0
+
+    def carried(self, t_s: float) -> float:
+        """Share of the weight that hangs in the gripper and does not stand on the table, 0 to 1."""
+        return self._ramp(t_s, self.lift_s) - self._ramp(t_s, self.set_down_s)
+
+    def weight(self, t_s: float, mass_kg: float) -> Load:
+        """Load of the object's own weight and of what was poured into it."""
+        poured_s = max(min(t_s, self.pour_until_s) - self.pour_s, 0.0)
+        poured_n = self.pour_n_per_s * poured_s * (1.0 - self._ramp(t_s, self.drain_s))
+        carried = self.carried(t_s)
+        return carried * (mass_kg * GRAVITY_MPS2 + poured_n), 0.0, carried * poured_n * self.lever_m
+
+    def tug_n(self, pulled_s: float, moved_m: float, speed_mps: float) -> float:
+        """Pull of the hand ``pulled_s`` after it took hold of an object that has since moved so far."""
+        stretch_m = self.tug_speed_mps * pulled_s - moved_m
+        return max(self.tug_stiffness_n_per_m * stretch_m - self.tug_damping_ns_per_m * speed_mps, 0.0)
+
+    def phase(self, t_s: float) -> str:
+        """Name of the phase at a time."""
+        name = "approach"
+        for begins_s, phase in (
+            (self.lift_s, "lift"),
+            (self.pour_s, "pour"),
+            (self.pour_until_s, "hold"),
+            (self.drain_s, "drain"),
+            (self.tug_s, "tug"),
+            (self.set_down_s, "set_down"),
+            (self.set_down_s + self.ramp_s, "on_table"),
+        ):
+            if t_s >= begins_s:
+                name = phase
+        return name
+
+    def _ramp(self, t_s: float, begins_s: float) -> float:
+        return min(max((t_s - begins_s) / self.ramp_s, 0.0), 1.0)
