@@ -9,8 +9,8 @@ from pathlib import Path
 def runtime_dir() -> Path:
     """Directory of the daemon's sockets; it need not exist yet.
 
-    ``$SLIPD_RUNTIME_DIR`` where set, else ``$XDG_RUNTIME_DIR/slipd``, else ``/tmp/slipd-<uid>``. Whoever makes
-    it must own it and keep others from writing to it: the last one lies where anyone may create names.
+    ``$SLIPD_RUNTIME_DIR`` where set, else ``$XDG_RUNTIME_DIR/slipd``, else ``/tmp/slipd-<uid>``. Its maker
+    must own it and keep others from writing to it: the last one lies where anyone may create names.
     """
     if chosen := os.environ.get("SLIPD_RUNTIME_DIR"):
         return Path(chosen)

@@ -116,9 +116,7 @@ class Requester:
         """Make the gripper ready; some open and close fully while they do this."""
         return self.request("gripper.activate")
 
-    def close(
-        self, force_n: float, width_m: float | None = None, speed_mps: float | None = None
-    ) -> dict[str, Any]:
+    def close(self, force_n: float, width_m: float | None = None, speed_mps: float | None = None) -> dict[str, Any]:
         """Close the gripper onto an object; the connection is closed by ``disconnect``.
 
         Args:
@@ -210,9 +208,7 @@ class Requester:
                 continue
             if reply.get("id") == number:
                 return _unwrap(reply)
-        raise NoAnswer(
-            f"no answer from {self.endpoint} within {timeout_s} s; it may or may not have been done{why}"
-        )
+        raise NoAnswer(f"no answer from {self.endpoint} within {timeout_s} s; it may or may not have been done{why}")
 
 
 def _given(**fields: Any) -> dict[str, Any]:

@@ -42,7 +42,7 @@ class Message:
     def age_s(self) -> float:
         """Seconds since the reading behind this message was taken; only on the daemon's own machine.
 
-        A program that reads more slowly than the daemon publishes gets old messages late, and notices it here.
+        A program that reads more slowly than the daemon publishes gets old messages, and sees it here.
         """
         return (time.monotonic_ns() - int(self.body["t_ns"])) * 1e-9
 
@@ -165,9 +165,7 @@ def _parse(frames: list[bytes]) -> tuple[str, dict[str, Any]]:
         raise MessageError("malformed", f"the topic is no text: {error}") from error
     body = decode(frames[1], MESSAGE_LIMITS)
     if body.get("v") != PROTOCOL_VERSION:
-        raise MessageError(
-            "unsupported_version", f"{body.get('v')!r}; this client reads {PROTOCOL_VERSION}", "v"
-        )
+        raise MessageError("unsupported_version", f"{body.get('v')!r}; this client reads {PROTOCOL_VERSION}", "v")
     for field, kind in HEADER.items():
         if type(body.get(field)) is not kind:
             raise MessageError("bad_type", f"{kind.__name__} expected, this is {body.get(field)!r}", field)

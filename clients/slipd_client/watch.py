@@ -1,0 +1,141 @@
+"""``slipctl watch``: what the daemon says, as it says it, for a person, a log or another program."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import time
+from typing import TextIO
+
+from slipd_client.errors import Silence
+from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
+from slipd_client.subscriber import Message, Subscriber
+from slipd_client.view import View, change_line
+
+TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
+"""What the view draws; forces and pad images come more often than anyone can read."""
+
+FIRST_S = 3.0
+"""How long a watch waits for its first message: the daemon sends ``status`` every second."""
+
+GATHER_S = 0.3
+"""On joining, the last message of every topic comes at once; after this long without a new topic all are here."""
+
+REDRAW_S = 0.1
+LINE_S = 1.0
+
+
+def watch(endpoint: str | None, *, as_json: bool, once: bool) -> None:
+    """Show messages on standard output until interrupted, or only the last of each topic with ``once``.
+
+    Raises:
+        Silence: No message came within ``FIRST_S``.
+        ValueError: The endpoint is none.
+    """
+    with Subscriber(endpoint, ("",) if as_json else TOPICS) as subscriber:
+        first = subscriber.receive(FIRST_S)
+        if first is None:
+            unreadable = f"; {subscriber.bad} unreadable, the last: {subscriber.bad_reason}" if subscriber.bad else ""
+            raise Silence(f"no message from {subscriber.endpoint} within {FIRST_S} s{unreadable}. Is slipd running?")
+        if once:
+            _show_once(_gather(subscriber, first), as_json)
+        elif as_json:
+            _print_json(subscriber, first)
+        elif sys.stdout.isatty():
+            _redraw(subscriber, first)
+        else:
+            _print_lines(subscriber, first)
+
+
+def _gather(subscriber: Subscriber, first: Message) -> dict[str, Message]:
+    """The newest message of every topic."""
+    newest = {first.topic: first}
+    until = time.monotonic() + GATHER_S
+    while (message := subscriber.receive(max(0.0, until - time.monotonic()))) is not None:
+        if message.topic not in newest:
+            until = time.monotonic() + GATHER_S
+        newest[message.topic] = message
+        if time.monotonic() > until:
+            break
+    return newest
+
+
+def _show_once(newest: dict[str, Message], as_json: bool) -> None:
+    if as_json:
+        for topic in sorted(newest):
+            print(_json_line(newest[topic]))
+        return
+    view = View()
+    for message in newest.values():
+        view.update(message.topic, message.body)
+    for line in view.render(shutil.get_terminal_size().columns, colour=_colour(sys.stdout)):
+        print(line)
+
+
+def _print_json(subscriber: Subscriber, first: Message) -> None:
+    _print_json_line(first)
+    for message in subscriber:
+        _print_json_line(message)
+
+
+def _print_json_line(message: Message) -> None:
+    _complain(message)
+    print(_json_line(message), flush=True)
+
+
+def _json_line(message: Message) -> str:
+    return json.dumps({"topic": message.topic, **message.body}, default=bytes.hex)
+
+
+def _print_lines(subscriber: Subscriber, first: Message) -> None:
+    """One line for each change of level, and one a second."""
+    view = View()
+    message: Message | None = first
+    due = time.monotonic()
+    while True:
+        if message is not None:
+            _complain(message)
+            if message.topic == WARNING_TOPIC:
+                print(change_line(message.body), flush=True)
+            view.update(message.topic, message.body)
+        if time.monotonic() >= due:
+            due = time.monotonic() + LINE_S
+            print(_silence(subscriber) or view.summary(), flush=True)
+        message = subscriber.receive(max(0.0, due - time.monotonic()))
+
+
+def _redraw(subscriber: Subscriber, first: Message) -> None:
+    """Draw over the last drawing, at most every ``REDRAW_S``."""
+    view = View()
+    message: Message | None = first
+    drawn = 0
+    due = time.monotonic() + REDRAW_S
+    while True:
+        if message is not None:
+            view.update(message.topic, message.body)
+        if time.monotonic() >= due:
+            due = time.monotonic() + REDRAW_S
+            size = shutil.get_terminal_size()
+            lines = view.render(size.columns, _colour(sys.stdout), subscriber.age_s or 0.0)[: size.lines - 1]
+            back = f"\x1b[{drawn}F" if drawn else ""
+            print(back + "\x1b[J" + "\n".join(lines), flush=True)
+            drawn = len(lines)
+        message = subscriber.receive(max(0.0, due - time.monotonic()))
+
+
+def _silence(subscriber: Subscriber) -> str:
+    age_s = subscriber.age_s or 0.0
+    return f"nothing heard for {age_s:.1f} s" if age_s > LINE_S else ""
+
+
+def _complain(message: Message) -> None:
+    if message.restarted:
+        print("slipctl: the daemon was started anew", file=sys.stderr)
+    if message.missed:
+        print(f"slipctl: {message.missed} messages of {message.topic} were missed", file=sys.stderr)
+
+
+def _colour(stream: TextIO) -> bool:
+    return stream.isatty() and not os.environ.get("NO_COLOR")

@@ -1,0 +1,152 @@
+"""Real ZeroMQ peers for the client: a publisher driven by the test, and a daemon's request side in a thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+
+from slipd_client.messages import PROTOCOL_VERSION, decode, encode
+
+PATIENCE_MS = 10_000
+
+Handler = Callable[[dict[str, Any]], dict[str, Any] | bytes | None]
+
+
+class Publisher:
+    """The publishing side of a daemon."""
+
+    def __init__(self, endpoint: str, boot: str = "boot-1") -> None:
+        self.endpoint = endpoint
+        self.boot = boot
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.XPUB)
+        self._socket.bind(endpoint)
+
+    def wait_for_subscriber(self, meanwhile: Callable[[], object] = lambda: None) -> bytes:
+        """``meanwhile``: a subscriber of this thread joins a second publisher only while it receives."""
+        until = time.monotonic() + PATIENCE_MS / 1000
+        while not self._socket.poll(20):
+            assert time.monotonic() < until, "nobody subscribed"
+            meanwhile()
+        return self._socket.recv()[1:]
+
+    def send(self, topic: str, seq: int, **fields: Any) -> None:
+        header = {"v": PROTOCOL_VERSION, "seq": seq, "boot": self.boot, "t_ns": time.monotonic_ns()}
+        self.send_frames(topic.encode(), encode(header | fields))
+
+    def send_frames(self, *frames: bytes) -> None:
+        self._socket.send_multipart(frames)
+
+    def close(self) -> None:
+        self._socket.close(linger=0)
+        self._context.term()
+
+
+class Daemon(threading.Thread):
+    """The request side of a daemon: records what it is asked and answers what ``handlers`` say.
+
+    A handler returns a result, an ``{"error": …}``, raw bytes to send as they are, or None for no answer.
+    """
+
+    def __init__(self, endpoint: str, boot: str = "boot-1", ahead_ns: int = 0) -> None:
+        super().__init__(name="daemon", daemon=True)
+        self.endpoint = endpoint
+        self.boot = boot
+        self.ahead_ns = ahead_ns
+        self.requests: list[dict[str, Any]] = []
+        self.handlers: dict[str, Handler] = {"hello": self._hello}
+        self._stopping = threading.Event()
+        self._bound = threading.Event()
+        self.start()
+        assert self._bound.wait(PATIENCE_MS / 1000)
+
+    @property
+    def ops(self) -> list[str]:
+        return [request["op"] for request in self.requests]
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns() + self.ahead_ns
+
+    def run(self) -> None:
+        with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
+            router.setsockopt(zmq.LINGER, 0)
+            router.bind(self.endpoint)
+            self._bound.set()
+            while not self._stopping.is_set():
+                if router.poll(10):
+                    client, data = router.recv_multipart()
+                    for answer in self._answers(decode(data)):
+                        router.send_multipart([client, answer])
+
+    def _answers(self, request: dict[str, Any]) -> list[bytes]:
+        request["arrived_ns"] = self.now_ns()
+        self.requests.append(request)
+        if request.get("boot", self.boot) != self.boot:
+            outcome: Any = {"error": {"code": "wrong_boot", "message": "another run", "field": "boot"}}
+        else:
+            outcome = self.handlers.get(request["op"], lambda _: {})(request)
+        if outcome is None:
+            return []
+        if isinstance(outcome, bytes):
+            return [outcome]
+        head = {"v": PROTOCOL_VERSION, "id": request["id"], "ok": "error" not in outcome}
+        return [encode(head | (outcome if "error" in outcome else {"result": outcome}))]
+
+    def _hello(self, _: dict[str, Any]) -> dict[str, Any]:
+        return {"boot": self.boot, "t_ns": self.now_ns(), "version": "0.1.0"}
+
+    def stop(self) -> None:
+        self._stopping.set()
+        self.join()
+
+
+@pytest.fixture
+def publish(tmp_path: Path) -> str:
+    return f"ipc://{tmp_path}/publish"
+
+
+@pytest.fixture
+def requests(tmp_path: Path) -> str:
+    return f"ipc://{tmp_path}/requests"
+
+
+@pytest.fixture
+def start_publisher(publish: str) -> Iterator[Callable[..., Publisher]]:
+    started: list[Publisher] = []
+
+    def start(boot: str = "boot-1") -> Publisher:
+        started.append(Publisher(publish, boot))
+        return started[-1]
+
+    yield start
+    for publisher in started:
+        publisher.close()
+
+
+@pytest.fixture
+def publisher(start_publisher: Callable[..., Publisher]) -> Publisher:
+    return start_publisher()
+
+
+@pytest.fixture
+def start_daemon(requests: str) -> Iterator[Callable[..., Daemon]]:
+    started: list[Daemon] = []
+
+    def start(boot: str = "boot-1", ahead_ns: int = 0) -> Daemon:
+        started.append(Daemon(requests, boot, ahead_ns))
+        return started[-1]
+
+    yield start
+    for daemon in started:
+        daemon.stop()
+
+
+@pytest.fixture
+def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
+    return start_daemon()

@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+from slipd_client.errors import Silence
+from slipd_client.messages import encode
+from slipd_client.subscriber import Message, Subscriber
+
+if TYPE_CHECKING:
+    from conftest import Publisher
+
+PATIENCE_S = 10.0
+
+
+def heard(subscriber: Subscriber) -> Message:
+    message = subscriber.receive(PATIENCE_S)
+    assert message is not None, f"nothing came; {subscriber.bad} unreadable: {subscriber.bad_reason}"
+    return message
+
+
+def test_a_message_arrives_with_its_topic_and_fields(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        assert publisher.wait_for_subscriber() == b"slip"
+        publisher.send("slip.left", 7, level="stable", spin_nm=None)
+        message = heard(subscriber)
+    assert (message.topic, message.body["level"], message.body["spin_nm"]) == ("slip.left", "stable", None)
+    assert (message.missed, message.restarted) == (0, False)
+
+
+def test_only_the_chosen_topics_are_heard(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, ["warning"]) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1)
+        publisher.send("warning", 1)
+        assert heard(subscriber).topic == "warning"
+
+
+def test_a_gap_is_told_on_the_topic_that_has_it(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        publisher.wait_for_subscriber()
+        for topic, seq in (("slip.left", 5), ("slip.right", 90), ("slip.left", 9), ("slip.right", 91)):
+            publisher.send(topic, seq)
+        assert [heard(subscriber).missed for _ in range(4)] == [0, 0, 3, 0]
+
+
+def test_a_restart_is_told_once_and_is_no_gap(start_publisher: Callable[..., Publisher]) -> None:
+    old = start_publisher()
+    with Subscriber(old.endpoint) as subscriber:
+        old.wait_for_subscriber()
+        old.send("slip.left", 500)
+        assert not heard(subscriber).restarted
+        old.close()
+        new = start_publisher(boot="boot-2")
+        new.wait_for_subscriber(meanwhile=lambda: subscriber.receive(0.02))
+        new.send("slip.left", 1)
+        new.send("slip.right", 1)
+        new.send("slip.left", 2)
+        told = [heard(subscriber) for _ in range(3)]
+    assert [message.restarted for message in told] == [True, False, False]
+    assert [message.missed for message in told] == [0, 0, 0]
+
+
+def test_the_last_message_sent_again_on_reconnection_is_not_told_twice(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        publisher.wait_for_subscriber()
+        for seq in (3, 3, 2, 4):
+            publisher.send("slip.left", seq)
+        told = [heard(subscriber) for _ in range(2)]
+    assert [(message.body["seq"], message.missed) for message in told] == [(3, 0), (4, 0)]
+
+
+@pytest.mark.parametrize(
+    ("frames", "reason"),
+    [
+        pytest.param((b"slip.left",), "two frames", id="one frame"),
+        pytest.param((b"slip.left", b"\x80", b"\x80"), "two frames", id="three frames"),
+        pytest.param((b"slip.\xff", b"\x80"), "topic", id="a topic that is no text"),
+        pytest.param((b"slip.left", b"\xc1"), "malformed", id="no msgpack"),
+        pytest.param((b"slip.left", encode({"v": 1, "x": float("nan")})), "not_finite", id="NaN"),
+        pytest.param((b"slip.left", b"\x80"), "unsupported_version", id="an empty map"),
+        pytest.param((b"slip.left", encode({"v": 2, "seq": 1, "boot": "b", "t_ns": 1})), "reads 1", id="version"),
+        pytest.param((b"slip.left", encode({"v": 1, "seq": "1", "boot": "b", "t_ns": 1})), "seq", id="seq"),
+        pytest.param((b"slip.left", encode({"v": 1, "seq": 1, "boot": 4, "t_ns": 1})), "boot", id="boot"),
+        pytest.param((b"slip.left", encode({"v": 1, "seq": 1, "boot": "b"})), "t_ns", id="t_ns"),
+    ],
+)
+def test_an_unreadable_message_is_counted_and_the_next_is_heard(
+    publisher: Publisher, frames: tuple[bytes, ...], reason: str
+) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1)
+        publisher.send_frames(*frames)
+        publisher.send("slip.left", 2)
+        assert [heard(subscriber).body["seq"] for _ in range(2)] == [1, 2]
+        assert subscriber.bad == 1
+        assert reason in subscriber.bad_reason
+
+
+def test_before_the_first_message_all_is_stale(publish: str) -> None:
+    with Subscriber(publish) as subscriber:
+        assert subscriber.receive(0.0) is None
+        assert subscriber.age_s is None
+        assert subscriber.stale
+
+
+def test_a_message_makes_it_fresh_until_its_age_passes_the_limit(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, stale_after_s=60.0) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1)
+        assert 0.0 <= heard(subscriber).age_s < 60.0
+        assert not subscriber.stale
+        subscriber.stale_after_s = 0.0
+        assert subscriber.stale
+
+
+def test_unreadable_messages_do_not_make_it_fresh(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send_frames(b"slip.left", b"\xc1")
+        assert subscriber.receive(0.2) is None
+        assert subscriber.bad == 1
+        assert subscriber.stale
+
+
+def test_iteration_yields_messages_and_then_tells_the_silence(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, timeout_s=0.2) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1)
+        publisher.send("slip.left", 2)
+        messages = iter(subscriber)
+        assert [next(messages).body["seq"], next(messages).body["seq"]] == [1, 2]
+        with pytest.raises(Silence, match=r"0\.2 s"):
+            next(messages)
+
+
+def test_an_endpoint_that_is_none_is_a_bad_call() -> None:
+    with pytest.raises(ValueError, match="'nowhere'"):
+        Subscriber("nowhere")
+
+
+def test_one_text_as_topics_is_a_bad_call(publish: str) -> None:
+    with pytest.raises(ValueError, match="sequence"):
+        Subscriber(publish, "slip")
+
+
+def test_closing_twice_is_harmless(publish: str) -> None:
+    subscriber = Subscriber(publish)
+    subscriber.close()
+    subscriber.close()
