@@ -1,0 +1,113 @@
+"""The config of a rig: read from its file, with every fault told at its place.
+
+A file of ``config/`` describes one rig. An unknown key, a wrong type or a value out of range refuses the whole file,
+and all faults are told at once. A limit that is not given means no actuation, never no limit.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from slipd.config_checks import device_options, meaning_faults
+from slipd.config_model import Bus, Config, Finger, Gripper, Levels, Pad, Pose, Rates, Slip, Stream, Wrench
+from slipd.errors import ConfigError, ConfigFault
+from slipd.toml_lines import key_lines, line_of
+
+__all__ = [
+    "Config",
+    "Finger",
+    "Gripper",
+    "Levels",
+    "Pad",
+    "Rates",
+    "Stream",
+    "Wrench",
+    "device_options",
+    "load",
+    "parse",
+    "shipped",
+]
+
+#: The table that each key opens; a finger's own name stands between ``finger`` and its keys.
+_TABLES: dict[str, type[BaseModel]] = {
+    "wrench": Wrench,
+    "pad": Pad,
+    "slip": Slip,
+    "pad_from_sensor": Pose,
+    "gripper": Gripper,
+    "levels": Levels,
+    "rates": Rates,
+    "bus": Bus,
+}
+
+
+def load(path: Path) -> Config:
+    """Reads a config file.
+
+    Raises:
+        ConfigError: The file cannot be read, or has faults; all of them are told.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {reason}")]) from None
+    return parse(text, str(path))
+
+
+def parse(text: str, file: str) -> Config:
+    """Makes a config of its text; ``file`` names it in errors.
+
+    Raises:
+        ConfigError: The text has faults; all of them are told.
+    """
+    try:
+        tree = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        where = re.search(r"\(at line (\d+)", str(error))
+        raise ConfigError(file, [ConfigFault("", int(where[1]) if where else None, f"not TOML: {error}")]) from None
+    lines = key_lines(text)
+    try:
+        config = Config.model_validate(tree)
+    except ValidationError as error:
+        found = [_told(fault["loc"], fault) for fault in error.errors(include_url=False)]
+        raise ConfigError(file, [ConfigFault(".".join(p), line_of(lines, p), m) for p, m in found]) from None
+    faults = meaning_faults(config)
+    if faults:
+        raise ConfigError(file, [ConfigFault(path, line_of(lines, tuple(path.split("."))), m) for path, m in faults])
+    return config.with_text(text)
+
+
+def shipped(name: str) -> Path:
+    """Finds a file of ``config/``: in the source tree, or in the installed package."""
+    source_tree = Path(__file__).parents[2] / "config" / name
+    return source_tree if source_tree.is_file() else Path(str(resources.files("slipd") / "shipped_config" / name))
+
+
+def _told(location: tuple[int | str, ...], fault: Any) -> tuple[tuple[str, ...], str]:
+    path = tuple(str(part) for part in location)
+    if fault["type"] == "extra_forbidden":
+        known = _keys_beside(path)
+        near = difflib.get_close_matches(path[-1], known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+        return path, f"unknown key; {hint}"
+    if fault["type"] == "missing":
+        return path, "is missing"
+    message = str(fault["msg"]).removeprefix("Value error, ")
+    return path, f"{message[0].lower()}{message[1:]} (got {fault['input']!r})"
+
+
+def _keys_beside(path: tuple[str, ...]) -> list[str]:
+    """Keys that the table round ``path`` may hold."""
+    tables = path[:-1]
+    if not tables:
+        return sorted(Config.model_fields)
+    model = Finger if tables[0] == "finger" and len(tables) == 2 else _TABLES.get(tables[-1], Config)
+    return sorted(model.model_fields)

@@ -1,0 +1,128 @@
+"""Faults of a config that no single value shows: names, ports, devices and tables that do not fit each other."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from typing import Any
+
+from slipd.config_model import Config, Finger, Gripper, Pad, Stream
+from slipd.devices import DEVICES
+
+Fault = tuple[str, str]
+_FINGER_NAME = re.compile(r"[a-z0-9]+")
+
+
+def meaning_faults(config: Config) -> list[Fault]:
+    """Faults that no single value shows."""
+    faults = [*_finger_names(config), *_ports(config)]
+    for name, finger in config.finger.items():
+        faults += _finger(f"finger.{name}", finger)
+    if config.gripper is not None:
+        faults += _stream("gripper", config.gripper, "gripper") + _gripper(config.gripper)
+    if config.levels.caution >= config.levels.warning:
+        faults.append(("levels.caution", f"must be below levels.warning, {config.levels.warning}"))
+    if config.levels.hysteresis >= config.levels.caution:
+        faults.append(("levels.hysteresis", f"must be below levels.caution, {config.levels.caution}"))
+    return faults
+
+
+def _finger_names(config: Config) -> list[Fault]:
+    faults = [
+        (f"finger.{name}", "a finger's name is made of a-z and 0-9")
+        for name in config.finger
+        if not _FINGER_NAME.fullmatch(name)
+    ]
+    for a, b in itertools.permutations(config.finger, 2):
+        if b.startswith(a):
+            faults.append(
+                (f"finger.{b}", f"begins with the name of finger {a!r}; subscribers could not tell them apart")
+            )
+    return faults
+
+
+def _finger(path: str, finger: Finger) -> list[Fault]:
+    if finger.wrench is None and finger.pad is None:
+        return [(path, "has neither [wrench] nor [pad]: nothing to read")]
+    faults = []
+    if finger.wrench is not None:
+        faults += _stream(f"{path}.wrench", finger.wrench, "wrench")
+        if not any(finger.wrench.pad_from_sensor.quat_xyzw):
+            faults.append((f"{path}.wrench.pad_from_sensor", "quat_xyzw must not be all zero"))
+    pad = finger.pad
+    if pad is None:
+        return faults
+    device_faults = _stream(f"{path}.pad", pad, "tactile")
+    if device_faults:
+        return faults + device_faults
+    axes = DEVICES[pad.device].axes
+    if len(pad.axis_scale) != axes:
+        faults.append((f"{path}.pad.axis_scale", f"{pad.device} measures {axes} component(s) a taxel: give {axes}"))
+    if pad.tare and len(pad.tare) != axes * pad.rows * pad.cols:
+        faults.append((f"{path}.pad.tare", f"needs {axes * pad.rows * pad.cols} values, not {len(pad.tare)}"))
+    if axes == 1 and finger.wrench is None:
+        faults.append((f"{path}.wrench", f"is missing: {pad.device} measures no shear, so a force sensor is needed"))
+    return faults
+
+
+def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
+    device = DEVICES.get(stream.device)
+    fitting = sorted(name for name, known in DEVICES.items() if known.kind == kind)
+    if device is None or device.kind != kind:
+        return [(f"{path}.device", f"{stream.device!r} is no {kind} device; known: {', '.join(fitting)}")]
+    if device.transport == "websocket" and not stream.port.startswith(("ws://", "wss://")):
+        return [(f"{path}.port", f"{stream.device} is read from a WebSocket: give ws://HOST:PORT, not {stream.port!r}")]
+    try:
+        (device.session or device.decoder)(**device_options(stream))
+    except (TypeError, ValueError) as error:
+        return [(f"{path}.options", str(error))]
+    return []
+
+
+def device_options(stream: Stream) -> dict[str, Any]:
+    """Options for the device's decoder or session: those of the file, and a scanned pad's own rows and columns."""
+    options: dict[str, Any] = dict(stream.options)
+    if isinstance(stream, Pad) and DEVICES[stream.device].axes == 1:
+        options |= {"rows": stream.rows, "cols": stream.cols}
+    return options
+
+
+def _ports(config: Config) -> list[Fault]:
+    faults = []
+    seen: dict[str, list[tuple[str, Stream]]] = {}
+    for name, stream in config.streams().items():
+        seen.setdefault(stream.port, []).append((name, stream))
+    for port, users in seen.items():
+        sensors = [(stream.device, getattr(stream, "sensor", "")) for _, stream in users]
+        shared = len({device for device, _ in sensors}) == 1 and all(sensor for _, sensor in sensors)
+        if len(users) > 1 and not (shared and len(set(sensors)) == len(sensors)):
+            name = users[1][0]
+            path = name if name == "gripper" else f"finger.{name}"
+            faults.append(
+                (f"{path}.port", f"{port} is used by {users[0][0]} too; give each its own, or its own 'sensor'")
+            )
+    return faults
+
+
+def _gripper(gripper: Gripper) -> list[Fault]:
+    faults = []
+    units, forces = zip(*gripper.force_table, strict=True)
+    closures, widths = zip(*gripper.width_table, strict=True)
+    if not (_rising(units) and _rising(forces)):
+        faults.append(("gripper.force_table", "device units and newtons must both rise"))
+    if not (_rising(closures) and _rising(widths[::-1]) and closures[0] >= 0.0 and closures[-1] <= 1.0):
+        faults.append(("gripper.width_table", "closure must rise within 0…1 while the width falls"))
+    if gripper.max_force_n is None:
+        return faults
+    if gripper.max_force_n > forces[-1]:
+        faults.append(("gripper.max_force_n", f"is above the gripper's own {forces[-1]} N of force_table"))
+    low = forces[0] if gripper.min_force_n is None else gripper.min_force_n
+    if low < forces[0]:
+        faults.append(("gripper.min_force_n", f"is below the gripper's own {forces[0]} N of force_table"))
+    if low >= gripper.max_force_n:
+        faults.append(("gripper.max_force_n", f"must be above the least force, {low} N"))
+    return faults
+
+
+def _rising(values: tuple[float, ...]) -> bool:
+    return all(a < b for a, b in itertools.pairwise(values))

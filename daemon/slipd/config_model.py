@@ -1,0 +1,178 @@
+"""What may stand in a config file, key by key, with units and defaults."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
+Table = Annotated[list[tuple[float, float]], Field(min_length=2)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Stream(_Model):
+    """What every device stream has: the device, its port, its options."""
+
+    device: str
+    port: str = Field(min_length=1)
+    baud: int | None = Field(default=None, gt=0)
+    rate_hz: Positive
+    options: dict[str, bool | int | float | str] = {}
+
+
+class Pose(_Model):
+    """``pad_from_sensor``: takes coordinates of the sensor frame to the pad frame."""
+
+    xyz_m: Vector3 = [0.0, 0.0, 0.0]
+    quat_xyzw: Quaternion = [0.0, 0.0, 0.0, 1.0]
+
+
+class Wrench(Stream):
+    """``[finger.X.wrench]``: a force/torque sensor."""
+
+    sign: Literal[1, -1] = 1
+    pad_from_sensor: Pose = Pose()
+    force_std_n: NotNegative = 0.02
+    torque_std_nm: NotNegative = 0.0005
+
+
+class Pad(Stream):
+    """``[finger.X.pad]``: a tactile pad.
+
+    Attributes:
+        sensor: Which pad, on a port that carries several.
+        axis_scale: Newtons (or the unit chosen) a count, one a component that a taxel measures; signs turn the axes.
+        threshold: A taxel is active above this normal force, in the unit that ``axis_scale`` gives.
+        tare: Counts of the unloaded pad, one a component of each taxel in scan order; empty: zero.
+        charge_tau_s: Leak time constant of charge amplifiers, s; None for pads that read force itself.
+    """
+
+    sensor: str = ""
+    rows: int = Field(gt=0, le=64)
+    cols: int = Field(gt=0, le=64)
+    pitch_m: Positive
+    electrode_m: Positive
+    swap_xy: bool = False
+    flip_x: bool = False
+    flip_y: bool = False
+    axis_scale: list[float] = Field(default=[1.0], min_length=1, max_length=3)
+    threshold: NotNegative = 0.0
+    tare: list[float] = []
+    charge_tau_s: Positive | None = None
+
+
+class Slip(_Model):
+    """``[finger.X.slip]``: when a drop of R is a slip (see `slipd.fusion.slip.SlipSettings`)."""
+
+    drop: float = Field(default=0.12, gt=0.0, lt=1.0)
+    window_s: Positive = 0.08
+    armed_at: Positive = 0.7
+    hold_s: Positive = 0.25
+
+
+class Finger(_Model):
+    """``[finger.X]``.
+
+    Attributes:
+        mu: Safe estimate of the coefficient of static friction; None: every level is "unknown".
+        min_normal_n: Below this normal force there is no contact, N.
+        load_rule: How the normal force is shared among the taxels.
+        contact_growth: Exponent of the contact's size over the normal force: 0 rigid, 1/3 Hertz.
+        grip_safety: Factor on the load for which ``grip_needed_n`` is told.
+    """
+
+    mu: Positive | None = None
+    min_normal_n: Positive = 0.3
+    load_rule: Literal["matched", "grey", "binary"] = "matched"
+    contact_growth: float = Field(default=0.0, ge=0.0, le=1.0)
+    grip_safety: float = Field(default=1.3, ge=1.0, le=10.0)
+    wrench: Wrench | None = None
+    pad: Pad | None = None
+    slip: Slip = Slip()
+
+
+class Gripper(Stream):
+    """``[gripper]``.
+
+    Attributes:
+        force_table: (device units, N on one pad), both rising; between the points it is linear.
+        width_table: (closure 0…1, m between the pads), closure rising and width falling.
+        max_force_n: Largest force that may be requested, N on one pad; None: nothing may be requested.
+        min_force_n: Least force that may be requested, N on one pad.
+        max_lease_ms: Longest life of a lease without renewal.
+    """
+
+    force_table: Table
+    width_table: Table
+    max_force_n: Positive | None = None
+    min_force_n: NotNegative | None = None
+    max_lease_ms: int = Field(default=1000, gt=0, le=10_000)
+
+
+class Levels(_Model):
+    """``[levels]``: utilisation (upper bound) at which a level is reached; it is left ``hysteresis`` below."""
+
+    caution: float = Field(default=0.70, gt=0.0, lt=1.0)
+    warning: float = Field(default=0.85, gt=0.0, le=1.0)
+    hysteresis: float = Field(default=0.05, ge=0.0, lt=0.5)
+
+
+class Rates(_Model):
+    """``[rates]``: how often at most a topic is published, Hz of data time; every change of level is, besides."""
+
+    slip_hz: Positive = 250.0
+    wrench_hz: Positive = 250.0
+    tactile_hz: Positive = 50.0
+    status_hz: Positive = 1.0
+
+
+class Bus(_Model):
+    """``[bus]``: ZeroMQ endpoints; None: in the private runtime directory."""
+
+    publish: str | None = None
+    requests: str | None = None
+
+
+class Config(_Model):
+    """A whole file."""
+
+    bus: Bus = Bus()
+    levels: Levels = Levels()
+    rates: Rates = Rates()
+    finger: dict[str, Finger] = Field(min_length=1)
+    gripper: Gripper | None = None
+    _text: str = PrivateAttr(default="")
+
+    @property
+    def text(self) -> str:
+        """The file as it was read."""
+        return self._text
+
+    def with_text(self, text: str) -> Config:
+        """Keeps the text that this was made of."""
+        self._text = text
+        return self
+
+    @property
+    def config_id(self) -> str:
+        """Tells configs apart in messages: the beginning of the text's SHA-256."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:12]
+
+    def streams(self) -> dict[str, Stream]:
+        """All streams by name: ``left.wrench``, ``left.pad``, ``gripper``."""
+        found: dict[str, Stream] = {}
+        for name, finger in self.finger.items():
+            for kind, stream in (("wrench", finger.wrench), ("pad", finger.pad)):
+                if stream is not None:
+                    found[f"{name}.{kind}"] = stream
+        if self.gripper is not None:
+            found["gripper"] = self.gripper
+        return found
