@@ -1,0 +1,295 @@
+"""Robotiq 2F-85, 2F-140 and Hand-E grippers, spoken to as a Modbus RTU master.
+
+Three registers are written (what to do), three are read (what is). Nothing moves but on request: the session polls,
+and sends a command only when `activate`, `move`, `set_force` or `halt` asked for it. Positions, speeds and forces are
+the gripper's own bytes; what they are in metres and newtons is the config's to say.
+Source: Robotiq 2F instruction manual, control over Modbus RTU.
+"""
+
+from __future__ import annotations
+
+import operator
+import struct
+
+from slipd.devices import crc, modbus
+from slipd.devices.framing import FixedFrames
+from slipd.devices.health import DecoderHealth
+from slipd.devices.robotiq_registers import (
+    ACTIVATE,
+    FORCE_ADDRESS,
+    GO,
+    INPUT_ADDRESS,
+    OUTPUT_ADDRESS,
+    REGISTERS,
+    UNIT,
+    parse_stage,
+    parse_status,
+)
+from slipd.samples import GripperSample
+
+COMMAND_PAUSE_NS = 5_000_000
+"""The manual asks for 5 ms between commands: the registers are refreshed at 200 Hz."""
+REPLY_TIMEOUT_NS = 100_000_000
+"""A reply takes 5 to 10 ms; a USB adapter under load may hold it for several times its 16 ms."""
+ATTEMPTS = 3
+"""So many unanswered transactions in a row are "no reply"; a command repeated later would come as a surprise."""
+
+_STATUS = struct.Struct(f">{REGISTERS}H")
+_STATUS_AT = 3
+_STATUS_LENGTH = _STATUS_AT + _STATUS.size + 2
+
+
+class Decoder:
+    """Makes gripper samples of the status replies in a stream; everything else in it is passed over.
+
+    ``echo_ok`` is None: the replies alone do not say what was requested. `Session` knows.
+
+    Args:
+        unit: Modbus address of the gripper.
+    """
+
+    def __init__(self, unit: int = UNIT) -> None:
+        self.health = DecoderHealth()
+        self._frames = FixedFrames(bytes((unit,)), _STATUS_LENGTH, _is_status, self.health)
+
+    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
+        """Take bytes received at ``t_ns`` and return the status readings they complete."""
+        buffer, found = self._frames.receive(data)
+        self.health.good += len(found)
+        return [parse_status(_STATUS.unpack_from(buffer, at + _STATUS_AT), t_ns, None) for at, _ in found]
+
+
+def _is_status(buffer: bytes, at: int) -> bool:
+    if buffer[at + 1] not in (modbus.READ_HOLDING, modbus.READ_INPUT) or buffer[at + 2] != _STATUS.size:
+        return False
+    frame = buffer[at : at + _STATUS_LENGTH]
+    return crc.modbus(frame[:-2]) == int.from_bytes(frame[-2:], "little")
+
+
+class Session:
+    """Polls the gripper and sends what is asked for, one transaction at a time.
+
+    `state` is "closed", "waiting" (for the first status), "inactive", "activating", "active", "command lost" or
+    "no reply". `health.lost` counts unanswered transactions.
+
+    Attributes:
+        command_lost: The last command was refused, never acknowledged, or met a gripper that was no longer active.
+
+    Args:
+        unit: Modbus address of the gripper.
+        poll_period_s: Time from one status poll to the next, s, at least 0.005.
+
+    Raises:
+        ValueError: A poll period shorter than the gripper's own pause.
+    """
+
+    def __init__(self, unit: int = UNIT, poll_period_s: float = 0.02) -> None:
+        if not poll_period_s * 1e9 >= COMMAND_PAUSE_NS:
+            raise ValueError(f"a poll period of {poll_period_s} s is too short: 0.005 s is the least")
+        self.health = DecoderHealth()
+        self.state = "closed"
+        self._unit = unit
+        self._period_ns = round(poll_period_s * 1e9)
+        self._clear = self._write((0, 0, 0))
+        self._activation = self._write((ACTIVATE << 8, 0, 0))
+        self._halt = self._write((ACTIVATE << 8,))
+        self._polls = [
+            modbus.Request(unit, function, INPUT_ADDRESS, REGISTERS)
+            for function in (modbus.READ_INPUT, modbus.READ_HOLDING)
+        ]
+        self._reset(0)
+
+    def _reset(self, now_ns: int) -> None:
+        self.command_lost = False
+        self._stage = "waiting"
+        self._active = False  # the last status said so, and the gripper still answers
+        self._goal = (0, 0, 0)  # position, speed and force bytes
+        self._requested: int | None = None  # the position last sent
+        self._pending: list[modbus.Request] = []
+        self._outstanding: modbus.Request | None = None
+        self._unanswered = 0
+        self._heard = b""
+        self._poll_at_ns = self._free_at_ns = self._reply_by_ns = now_ns
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link: forget what was pending, and poll. Nothing moves."""
+        self._reset(now_ns)
+        self.state = "waiting"
+        return self.on_time(now_ns)
+
+    def stop(self) -> bytes:
+        """End. Nothing is sent: the gripper keeps what it holds."""
+        self._reset(0)
+        self.state = "closed"
+        return b""
+
+    def activate(self, now_ns: int) -> None:
+        """Ask for the activation, which clears the gripper's state and moves its fingers fully."""
+        self._pending = [self._clear, self._activation]
+        self._active = False
+        self._requested = None
+        self._stage = "activating"
+        self._poll_at_ns = now_ns
+
+    def move(self, position: int, speed: int, force: int) -> bool:
+        """Ask for a position, 0 (open) to 255 (closed), with speed and force bytes of 0 to 255.
+
+        A move that was asked for but not yet sent is replaced.
+
+        Returns:
+            False, and nothing will be sent, unless the gripper reports that it is active: the same bytes would
+            activate one that is not.
+
+        Raises:
+            ValueError: A byte is out of range or not an integer.
+        """
+        position, speed, force = _byte("position", position), _byte("speed", speed), _byte("force", force)
+        if not self._active:
+            return False
+        self._goal = (position, speed, force)
+        self._pending = [self._go()]
+        return True
+
+    def set_force(self, force: int) -> bool:
+        """Ask for another force byte at the position last requested; see `move`."""
+        force = _byte("force", force)
+        if not self._active:
+            return False
+        position, speed, _ = self._goal
+        self._goal = (position, speed, force)
+        latest = self._pending[-1] if self._pending else self._outstanding
+        write = self._go() if _goes(latest) else self._write((speed << 8 | force,), FORCE_ADDRESS)
+        self._pending = [*(request for request in self._pending if request is self._halt), write]
+        return True
+
+    def halt(self) -> bool:
+        """Ask the fingers to stop where they are, by clearing "go to position"; see `move`."""
+        if self._active:
+            self._pending = [self._halt]
+        return self._active
+
+    def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
+        """Take bytes received at ``now_ns`` and return the status reading they complete, if any."""
+        request = self._outstanding
+        if request is None:
+            self._count_noise(len(data))
+            return []
+        heard = self._heard + data
+        self._heard = heard[-modbus.MAX_FRAME :]
+        reply = modbus.find_reply(heard, request)
+        if reply is None:
+            self._count_noise(len(heard) - len(self._heard))
+            return []
+        self._count_noise(len(heard) - reply.length)
+        self._outstanding, self._heard = None, b""
+        self._free_at_ns = now_ns + COMMAND_PAUSE_NS
+        self._unanswered = 0
+        return self._take_reply(request, reply, now_ns)
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        if self.state == "closed":
+            return None
+        if self._outstanding is not None:
+            return self._reply_by_ns
+        return self._free_at_ns if self._pending else max(self._poll_at_ns, self._free_at_ns)
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the command or poll that is due at ``now_ns``; empty when none is."""
+        due = self.next_deadline()
+        if due is None or now_ns < due:
+            return b""
+        if self._outstanding is not None:
+            self._time_out(self._outstanding)
+        if self._pending:
+            request = self._pending.pop(0)
+            if _goes(request):
+                self._requested = self._goal[0]
+        else:
+            request = self._polls[0]
+            self._poll_at_ns = now_ns + self._period_ns
+        self._outstanding = request
+        self._reply_by_ns = now_ns + REPLY_TIMEOUT_NS
+        return modbus.encode_request(request)
+
+    def _write(self, registers: tuple[int, ...], address: int = OUTPUT_ADDRESS) -> modbus.Request:
+        return modbus.Request(self._unit, modbus.WRITE, write_address=address, registers=registers)
+
+    def _go(self) -> modbus.Request:
+        position, speed, force = self._goal
+        return self._write(((ACTIVATE | GO) << 8, position, speed << 8 | force))
+
+    def _count_noise(self, noise: int) -> None:
+        self.health.bad_bytes += noise
+        self.health.bad += noise > 0
+
+    def _time_out(self, request: modbus.Request) -> None:
+        self._count_noise(len(self._heard))
+        self._outstanding, self._heard = None, b""
+        self.health.lost += 1
+        self._unanswered += 1
+        writes = request.function == modbus.WRITE
+        if self._unanswered >= ATTEMPTS:
+            self._active = False  # it may have lost its power: ask before it is told to go anywhere
+            if writes or self._pending:
+                self._give_up()
+            if self._unanswered % ATTEMPTS == 0:
+                self._polls.reverse()
+        elif writes:
+            self._repeat(request)
+        self._show_state()
+
+    def _repeat(self, request: modbus.Request) -> None:
+        """Queue an unanswered command again, unless a newer one takes its place."""
+        if request is self._clear:
+            self._pending = [self._clear, self._activation]
+        elif not any(newer.write_address == request.write_address or _goes(newer) for newer in self._pending):
+            self._pending.append(request)
+
+    def _give_up(self) -> None:
+        self._pending = []
+        self.command_lost = True
+
+    def _take_reply(self, request: modbus.Request, reply: modbus.Reply, now_ns: int) -> list[GripperSample]:
+        samples: list[GripperSample] = []
+        if request.function == modbus.WRITE:
+            self.command_lost = False
+            if reply.error:
+                self._give_up()
+        elif reply.error:
+            self._polls.reverse()  # older firmware reads its status as holding registers, newer as input
+        else:
+            samples.append(self._take_status(reply.registers, now_ns))
+        self._show_state()
+        return samples
+
+    def _take_status(self, registers: tuple[int, ...], now_ns: int) -> GripperSample:
+        sample = parse_status(registers, now_ns, self._requested)
+        self.health.good += 1
+        if self._activation not in self._pending:
+            self._stage = parse_stage(registers)
+            self._active = sample.active
+            if self._pending and not sample.active:
+                self._give_up()
+        return sample
+
+    def _show_state(self) -> None:
+        if self._unanswered >= ATTEMPTS:
+            self.state = "no reply"
+        else:
+            self.state = "command lost" if self.command_lost else self._stage
+
+
+def _goes(request: modbus.Request | None) -> bool:
+    """Say whether a request sends the gripper to a position."""
+    return request is not None and len(request.registers) == REGISTERS and bool(request.registers[0] >> 8 & GO)
+
+
+def _byte(name: str, value: int) -> int:
+    try:
+        byte = operator.index(value)
+    except TypeError:
+        byte = -1
+    if not 0 <= byte <= 255:
+        raise ValueError(f"{name} {value!r} is no byte: an integer from 0 to 255 is")
+    return byte

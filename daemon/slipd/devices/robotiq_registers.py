@@ -1,0 +1,141 @@
+"""The register words of the Robotiq 2F grippers, read and written from either side of the line.
+
+Three output registers tell the gripper what to do, three input registers what is. Both are six bytes, high byte of
+each register first. Source: Robotiq 2F instruction manual, gripper register mapping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slipd.devices import modbus
+from slipd.samples import GripperSample
+
+UNIT = 9
+OUTPUT_ADDRESS = 1000
+INPUT_ADDRESS = 2000
+REGISTERS = 3
+FORCE_ADDRESS = 1002
+
+ACTIVATE = 0x01
+GO = 0x08
+RELEASE = 0x10
+_STAGE_ACTIVATING = 1
+_STAGE_ACTIVE = 3
+_STAGES = ("inactive", "activating", "inactive", "active")
+_OBJECTS = ("moving", "contact_opening", "contact_closing", "none")
+_FAULTS = {
+    0x0: "",
+    0x5: "activation_needed",
+    0x7: "activation_bit_not_set",
+    0x8: "over_temperature",
+    0x9: "no_communication",
+    0xA: "under_voltage",
+    0xB: "automatic_release",
+    0xC: "internal",
+    0xD: "activation_failed",
+    0xE: "overcurrent",
+    0xF: "automatic_release_completed",
+}
+_CURRENT_UNIT_A = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What the three output registers tell the gripper to do; an emulator's side of the talk.
+
+    Attributes:
+        activate: rACT; its rising edge starts the activation.
+        go: rGTO, go to the position.
+        release: rATR, the emergency release.
+        position: rPR, 0 open to 255 closed.
+        speed: rSP, 0 to 255.
+        force: rFR, 0 to 255.
+    """
+
+    activate: bool
+    go: bool
+    release: bool
+    position: int
+    speed: int
+    force: int
+
+
+def parse_output(registers: tuple[int, ...]) -> Output:
+    """Read the output registers 1000 to 1002."""
+    action = registers[0] >> 8
+    return Output(
+        activate=bool(action & ACTIVATE),
+        go=bool(action & GO),
+        release=bool(action & RELEASE),
+        position=registers[1] & 0xFF,
+        speed=registers[2] >> 8,
+        force=registers[2] & 0xFF,
+    )
+
+
+def write_output(registers: tuple[int, ...], request: modbus.Request) -> tuple[int, ...] | None:
+    """Return the output registers as a write request leaves them; None where it writes beside them."""
+    first = request.write_address - OUTPUT_ADDRESS
+    if first < 0 or first + len(request.registers) > REGISTERS:
+        return None
+    written = list(registers)
+    written[first : first + len(request.registers)] = request.registers
+    return tuple(written)
+
+
+def status_registers(
+    output: Output, *, stage: int, found: int, fault: int, position: int, current_a: float
+) -> tuple[int, int, int]:
+    """Return the input registers 2000 to 2002 of a gripper.
+
+    Args:
+        output: What it was last told: activation, "go" and requested position are echoed.
+        stage: gSTA: 0 reset, 1 activating, 3 active.
+        found: gOBJ: 0 moving, 1 contact while opening, 2 contact while closing, 3 at the position.
+        fault: gFLT, 0 to 15.
+        position: gPO, 0 open to 255 closed.
+        current_a: Motor current, A; sent in steps of 10 mA, at most 2.55 A.
+    """
+    flags = output.activate * ACTIVATE | output.go * GO | stage << 4 | found << 6
+    current = min(round(current_a / _CURRENT_UNIT_A), 0xFF)
+    return flags << 8, fault << 8 | output.position, position << 8 | current
+
+
+def parse_status(registers: tuple[int, ...], t_ns: int, requested: int | None) -> GripperSample:
+    """Read the input registers 2000 to 2002, received at ``t_ns``.
+
+    The object bits mean "moving" only while the gripper goes to a position; a contact stays one after a halt.
+
+    Args:
+        registers: The three registers.
+        t_ns: When the reply was received.
+        requested: The position byte that was last requested, for ``echo_ok``; None when none was.
+    """
+    flags, (fault, echo) = registers[0] >> 8, divmod(registers[1], 256)
+    position, current = divmod(registers[2], 256)
+    stage, found = flags >> 4 & 3, flags >> 6
+    moving = (found == 0 and bool(flags & GO)) or stage == _STAGE_ACTIVATING
+    return GripperSample(
+        t_ns=t_ns,
+        device_time_ns=None,
+        active=bool(flags & ACTIVATE) and stage == _STAGE_ACTIVE,
+        closure=position / 255,
+        moving=moving,
+        object=_OBJECTS[found] if found or moving else "none",
+        fault=_fault_name(fault),
+        echo_ok=None if requested is None else echo == requested,
+        current_a=current * _CURRENT_UNIT_A,
+    )
+
+
+def parse_stage(registers: tuple[int, ...]) -> str:
+    """Return a word for gSTA, how far the activation is: "inactive", "activating" or "active"."""
+    return _STAGES[registers[0] >> 12 & 3]
+
+
+def _fault_name(fault: int) -> str:
+    gripper, controller = fault & 0xF, fault >> 4
+    if gripper or not controller:
+        return _FAULTS.get(gripper, f"fault_{gripper}")
+    return f"controller_{controller}"
