@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -104,6 +106,23 @@ class Daemon(threading.Thread):
     def stop(self) -> None:
         self._stopping.set()
         self.join()
+
+
+@pytest.fixture
+def slipctl() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts slipctl as a process of its own, with its output in pipes unless told otherwise."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(*arguments: str, **options: Any) -> subprocess.Popen[str]:
+        command = [sys.executable, "-m", "slipd_client.slipctl", *arguments]
+        pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "encoding": "utf-8"}
+        started.append(subprocess.Popen(command, **(pipes | options)))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
 @pytest.fixture

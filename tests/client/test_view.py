@@ -1,0 +1,210 @@
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd_client.messages import LEVELS
+from slipd_client.view import LEVEL_COLOURS, View, change_line, clock_time
+
+SLIP: dict[str, Any] = {
+    "finger": "left",
+    "level": "warning",
+    "reasons": ["rotation", "tipping"],
+    "normal_n": 10.125,
+    "tangential_n": 3.5,
+    "spin_nm": 0.0123,
+    "mu": 0.6,
+    "utilisation": 0.5,
+    "utilisation_lower": 0.5,
+    "utilisation_upper": 0.75,
+    "grip_needed_n": 14.25,
+    "timestamp": 1_700_000_000.25,
+}
+STREAM: dict[str, Any] = {
+    "health": 1,
+    "message": "3 bad frames",
+    "expected_hz": 1000.0,
+    "rate_hz": 998.4,
+    "age_s": 0.0015,
+    "bad": 3,
+    "lost": 0,
+    "reconnects": 2,
+}
+STATUS: dict[str, Any] = {
+    "version": "0.1.0",
+    "uptime_s": 75.0,
+    "config_id": "3f2a",
+    "fingers": {"left": {"level": "caution"}, "right": {"level": "unknown"}},
+    "streams": {"left.wrench": STREAM},
+    "lease": {"holder": True, "expires_in_s": 0.1},
+}
+GRIPPER: dict[str, Any] = {
+    "width_m": 0.0425,
+    "force_command_n": 12.0,
+    "force_limit_n": 40.0,
+    "object": "contact_closing",
+    "moving": False,
+    "fault": "",
+    "echo_ok": True,
+}
+
+
+def drawn(width: int = 200, silent_s: float = 0.0, **bodies: dict[str, Any]) -> str:
+    view = View()
+    for topic, body in bodies.items():
+        view.update(topic.replace("_", "."), body)
+    return "\n".join(view.render(width, colour=False, silent_s=silent_s))
+
+
+def test_a_finger_shows_level_utilisation_forces_and_reasons() -> None:
+    text = drawn(slip_left=SLIP)
+    assert re.search(r"left +WARNING +λ +0\.50 █{10}▒{5}·{5} ", text)
+    for part in ("normal 10.12 N", "tangential 3.50 N", "spin 0.0123 N·m", "mu 0.60", "needs 14.2 N"):
+        assert part in text
+    assert text.endswith("rotation, tipping")
+
+
+@pytest.mark.parametrize("field", ["normal_n", "tangential_n", "spin_nm", "mu", "grip_needed_n"])
+def test_a_quantity_that_is_not_known_is_a_dash_and_never_zero(field: str) -> None:
+    assert drawn(slip_left=SLIP | {field: None}).count("–") == 1 + drawn(slip_left=SLIP).count("–")
+
+
+@pytest.mark.parametrize(
+    ("known", "shown"),
+    [
+        ({}, "–"),
+        ({"utilisation_upper": 0.4}, "≤0.40"),
+        ({"utilisation_lower": 1.2}, "≥1.20"),
+        ({"utilisation": 0.3, "utilisation_upper": 0.4}, "0.30"),
+    ],
+)
+def test_a_bounded_utilisation_shows_its_bound(known: dict[str, float], shown: str) -> None:
+    text = drawn(slip_left={"finger": "left", "level": "unknown", **known})
+    assert re.search(rf"λ +{shown} ", text)
+
+
+def test_a_utilisation_beyond_one_fills_the_bar_and_no_more() -> None:
+    assert "█" * 20 + "  normal" in drawn(slip_left=SLIP | {"utilisation": 7.0, "utilisation_upper": 9.0})
+
+
+def test_an_empty_daemon_is_all_dashes() -> None:
+    assert drawn() == "slipd –  up –  config –  lease –"
+
+
+def test_status_shows_the_daemon_its_fingers_and_its_streams() -> None:
+    lines = drawn(status=STATUS).splitlines()
+    assert lines[0] == "slipd 0.1.0  up 75 s  config 3f2a  lease held"
+    assert re.match(r"left +CAUTION +λ +– ", lines[1])
+    assert re.match(r"right +UNKNOWN +λ +– ", lines[2])
+    assert re.match(r"left\.wrench +WARN +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2", lines[3])
+    assert lines[3].endswith("3 bad frames")
+
+
+def test_the_verdict_of_a_finger_stands_above_what_status_tells_of_it() -> None:
+    assert "WARNING" in drawn(slip_left=SLIP, status=STATUS).splitlines()[1]
+
+
+def test_the_gripper_shows_width_force_and_limit() -> None:
+    text = drawn(gripper=GRIPPER)
+    assert "width 42.5 mm  force 12.0 N of at most 40.0 N  at rest  object contact_closing" in text
+    assert "fault" not in text
+    assert "echo" not in text
+
+
+def test_the_gripper_shows_its_fault_and_a_missing_echo() -> None:
+    text = drawn(gripper=GRIPPER | {"fault": "overcurrent", "echo_ok": False, "width_m": None, "moving": None})
+    assert "fault overcurrent  does not echo the command" in text
+    assert "width –" in text
+    assert "at rest" not in text
+
+
+def test_a_silent_daemon_has_no_level() -> None:
+    text = drawn(slip_left=SLIP | {"level": "stable"}, silent_s=5.0)
+    assert text.startswith("nothing heard for 5.0 s")
+    assert "STABLE" not in text
+    assert "UNKNOWN" in text
+
+
+def test_every_level_has_a_colour_of_its_own() -> None:
+    assert set(LEVEL_COLOURS) == set(LEVELS)
+    assert len(set(LEVEL_COLOURS.values())) == len(LEVELS)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_the_level_is_drawn_in_its_colour(level: str) -> None:
+    view = View()
+    view.update("slip.left", SLIP | {"level": level})
+    assert f"\x1b[{LEVEL_COLOURS[level]}m{level.upper()}" in view.render(200, colour=True)[1]
+
+
+@given(st.integers(0, 120))
+def test_no_line_is_wider_than_the_terminal_in_either_mode(width: int) -> None:
+    view = View()
+    for topic, body in (("slip.left", SLIP), ("status", STATUS), ("gripper", GRIPPER)):
+        view.update(topic, body)
+    plain, coloured = view.render(width, colour=False), view.render(width, colour=True)
+    stripped = [re.sub(r"\x1b\[[0-9;]*m", "", line).rstrip() for line in coloured]
+    assert stripped == plain
+    assert max(map(len, plain)) <= width
+
+
+def test_a_text_of_the_daemon_cannot_steer_the_terminal() -> None:
+    hostile = "\x1b[2J\n\x9b5m"
+    bodies = {
+        "status": {"version": hostile, "streams": {hostile: STREAM | {"message": hostile}}},
+        "gripper": GRIPPER | {"fault": hostile, "object": hostile},
+        f"slip.{hostile}": SLIP | {"level": hostile, "reasons": [hostile]},
+    }
+    view = View()
+    for topic, body in bodies.items():
+        view.update(topic, body)
+    assert all(line.isprintable() for line in [*view.render(500, colour=False), view.summary()])
+    assert change_line(SLIP | {"previous": hostile, "finger": hostile}).isprintable()
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64) | st.floats(allow_nan=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(
+    st.sampled_from([("slip.left", SLIP), ("status", STATUS), ("gripper", GRIPPER), ("status", {"streams": {"a": 1}})]),
+    st.data(),
+)
+def test_a_field_of_any_kind_can_be_drawn(message: tuple[str, dict[str, Any]], data: st.DataObject) -> None:
+    topic, body = message
+    changed = body | {data.draw(st.sampled_from(sorted(body))): data.draw(anything)}
+    view = View()
+    view.update("status", STATUS | {"streams": {"left.wrench": STREAM | {"health": data.draw(anything)}}})
+    view.update(topic, changed)
+    assert view.render(80, colour=True)
+    assert view.summary()
+    assert change_line(changed)
+
+
+def test_the_summary_names_every_finger_in_one_line() -> None:
+    view = View()
+    assert view.summary() == "–  no verdict yet"
+    view.update("slip.left", SLIP)
+    view.update(
+        "slip.right", SLIP | {"level": "stable", "utilisation": None, "utilisation_upper": None, "normal_n": None}
+    )
+    time_of_day, left, right = re.fullmatch(r"(\S+)  (.*)  \|  (.*)", view.summary()).groups()
+    assert time_of_day.endswith(".250")
+    assert (left, right) == ("left warning λ 0.50 10.12 N", "right stable λ ≥0.50 –")
+
+
+def test_a_change_of_level_is_one_line() -> None:
+    line = change_line(SLIP | {"previous": "stable", "rising": True})
+    assert line.endswith("  left stable → warning  (rotation, tipping)")
+    assert change_line({}) == "–  – – → –"
+
+
+def test_a_time_out_of_range_is_a_dash() -> None:
+    assert [clock_time(value) for value in (0.0, 1e300, float("inf"))] == ["–", "–", "–"]

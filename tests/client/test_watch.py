@@ -1,0 +1,175 @@
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+from slipd_client import watch as module
+from slipd_client.errors import Silence
+from slipd_client.watch import watch
+
+if TYPE_CHECKING:
+    from conftest import Publisher
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+PATIENCE_S = 20.0
+
+
+@pytest.fixture
+def sending(publisher: Publisher) -> Callable[[Callable[[], None]], threading.Thread]:
+    """Sends from a thread of its own once somebody listens; only that thread then uses the publisher."""
+
+    def start(send: Callable[[], None]) -> threading.Thread:
+        def run() -> None:
+            publisher.wait_for_subscriber()
+            send()
+
+        thread = threading.Thread(target=run, daemon=True)
+        thread.start()
+        return thread
+
+    return start
+
+
+def test_no_daemon_is_told(publish: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "FIRST_S", 0.05)
+    with pytest.raises(Silence, match=rf"{publish} within 0.05 s. Is slipd running"):
+        watch(publish, as_json=False, once=False)
+
+
+def test_a_daemon_that_cannot_be_read_is_told_with_the_reason(
+    publisher: Publisher,
+    sending: Callable[..., threading.Thread],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "FIRST_S", 0.5)
+    thread = sending(lambda: publisher.send("status", 1, v=2))
+    with pytest.raises(Silence, match="1 unreadable, the last: unsupported_version"):
+        watch(publisher.endpoint, as_json=False, once=True)
+    thread.join()
+
+
+def test_once_shows_the_last_message_of_every_topic(
+    publisher: Publisher, sending: Callable[..., threading.Thread], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def send() -> None:
+        publisher.send("slip.left", 1, level="stable")
+        publisher.send("slip.left", 2, level="caution")
+        publisher.send("slip.right", 1, level="unknown")
+
+    thread = sending(send)
+    watch(publisher.endpoint, as_json=False, once=True)
+    thread.join()
+    shown = capsys.readouterr().out
+    assert re.search(r"left +CAUTION", shown)
+    assert re.search(r"right +UNKNOWN", shown)
+    assert "\x1b" not in shown
+
+
+def test_once_as_json_is_one_line_a_topic(
+    publisher: Publisher, sending: Callable[..., threading.Thread], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def send() -> None:
+        publisher.send("wrench.left", 1, force_n=[0.0, 0.0, 1.5])
+        publisher.send("slip.left", 1, mu=None)
+
+    thread = sending(send)
+    watch(publisher.endpoint, as_json=True, once=True)
+    thread.join()
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["topic"] for line in lines] == ["slip.left", "wrench.left"]
+    assert lines[0]["mu"] is None
+    assert lines[1]["force_n"] == [0.0, 0.0, 1.5]
+
+
+def test_into_a_pipe_goes_each_change_and_ctrl_c_ends_it_cleanly(publisher: Publisher, slipctl: Start) -> None:
+    process = slipctl("--publish", publisher.endpoint, "watch")
+    for _ in module.TOPICS:
+        publisher.wait_for_subscriber()
+    publisher.send("slip.left", 1, level="stable", utilisation=0.25)
+    publisher.send_frames(b"warning", b"\xc1 no message")
+    publisher.send("warning", 1, finger="left", previous="stable", level="warning", reasons=["tipping"])
+    publisher.send("warning", 4, finger="left", previous="warning", level="slipping", reasons=[])
+    assert process.stdout is not None
+    lines = [process.stdout.readline() for _ in range(3)]
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert "left stable λ 0.25" in lines[0]
+    assert lines[1].endswith("left stable → warning  (tipping)\n")
+    assert lines[2].endswith("left warning → slipping\n")
+    assert errors == "slipctl: 2 messages of warning were missed\n"
+    assert process.returncode == 0
+
+
+def test_a_line_a_second_tells_of_silence(publisher: Publisher, slipctl: Start) -> None:
+    process = slipctl("--publish", publisher.endpoint, "watch")
+    for _ in module.TOPICS:
+        publisher.wait_for_subscriber()
+    publisher.send("slip.left", 1, level="stable")
+    assert process.stdout is not None
+    lines = [process.stdout.readline() for _ in range(3)]
+    assert "left stable" in lines[0]
+    assert re.match(r"nothing heard for \d+\.\d s", lines[2])
+
+
+def test_json_is_every_message_of_every_topic(publisher: Publisher, slipctl: Start) -> None:
+    process = slipctl("--publish", publisher.endpoint, "watch", "--json")
+    assert publisher.wait_for_subscriber() == b""
+    publisher.send("tactile.left", 1, loads_n=[0.5])
+    publisher.send("status", 9)
+    assert process.stdout is not None
+    lines = [json.loads(process.stdout.readline()) for _ in range(2)]
+    assert [(line["topic"], line["seq"]) for line in lines] == [("tactile.left", 1), ("status", 9)]
+
+
+def test_a_reader_that_has_seen_enough_is_no_fault(publisher: Publisher, slipctl: Start) -> None:
+    process = slipctl("--publish", publisher.endpoint, "watch", "--json")
+    publisher.wait_for_subscriber()
+    assert process.stdout is not None
+    process.stdout.close()
+    process.stdout = None
+    seq = 0
+    until = time.monotonic() + PATIENCE_S
+    while process.poll() is None and time.monotonic() < until:
+        seq += 1
+        publisher.send("status", seq)
+        time.sleep(0.01)
+    assert process.stderr is not None
+    assert (process.returncode, process.stderr.read()) == (0, "")
+
+
+def test_on_a_terminal_it_draws_over_itself_in_colour(publisher: Publisher, slipctl: Start) -> None:
+    master, slave = pty.openpty()
+    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
+    process = slipctl("--publish", publisher.endpoint, "watch", stdout=slave, env=environment)
+    os.close(slave)
+    for _ in module.TOPICS:
+        publisher.wait_for_subscriber()
+    shown = ""
+    seq = 0
+    until = time.monotonic() + PATIENCE_S
+    os.set_blocking(master, False)
+    while shown.count("CAUTION") < 3 and time.monotonic() < until:
+        seq += 1
+        publisher.send("slip.left", seq, level="caution")
+        time.sleep(0.01)
+        try:
+            shown += os.read(master, 65536).decode()
+        except BlockingIOError:
+            continue
+    process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE_S) == 0
+    os.close(master)
+    assert shown.count("\x1b[33mCAUTION") >= 3
+    assert re.search(r"\x1b\[2F\x1b\[J", shown), "the second drawing goes back over the two lines of the first"
+    assert seq > 2 * shown.count("CAUTION"), "not every message is drawn"
