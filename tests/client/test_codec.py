@@ -117,7 +117,7 @@ def test_a_message_at_the_limits_is_read() -> None:
 
 
 def test_a_pad_image_needs_the_limits_of_messages() -> None:
-    body = {"loads_n": [0.25] * 2048}
+    body = {"loads_n": [0.25] * 4096}
     assert decode(encode(body), MESSAGE_LIMITS) == body
     assert refusal(encode(body)).code == "malformed"
 

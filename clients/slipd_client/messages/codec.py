@@ -36,8 +36,8 @@ class Limits:
 REQUEST_LIMITS = Limits(data_bytes=16 * 1024, text_bytes=1024, items=64)
 """A request has under ten short fields; 64 entries a list keep a nest of list headers below 0.2 ms."""
 
-MESSAGE_LIMITS = Limits(data_bytes=256 * 1024, text_bytes=4096, items=2048)
-"""A pad image of 32 by 64 taxels, or a status of a few dozen streams."""
+MESSAGE_LIMITS = Limits(data_bytes=256 * 1024, text_bytes=4096, items=4096)
+"""A pad image of 64 by 64 taxels, or a status of a few dozen streams."""
 
 
 class MessageError(ValueError):

@@ -21,6 +21,10 @@ REASONS = {
     "no_mu": "no friction coefficient is given or learned",
     "rotation_unobserved": "without a pad image nothing tells how much twist the contact carries",
     "unsupportable": "no grip force holds this load",
+    "not_finite": "a reading is no number",
+    "overload": "the sensor is beyond its range",
+    "invalid": "the sensor marks its reading as invalid",
+    "raw": "the sensor sends values that it has not calibrated",
 }
 """Reason of a level → its meaning. A newer daemon may send further reasons: show them as they are."""
 
