@@ -9,15 +9,34 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
-from slipd.devices import crc
+from slipd.devices import bota_text, crc
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.samples import Array, WrenchSample
 
 FRAME_LENGTH = 37
+
+SINC_LENGTHS = (64, 1024)
+"""From the fastest rate the sensor knows, 51200 / 64 = 800 Hz, to the slowest documented, 50 Hz."""
+
+BOOT_NS = 10_000_000_000
+"""Opening a port may restart the sensor; its own example waits so long for the banner."""
+SETTLE_NS = 500_000_000
+"""From the banner to the first command, as in the sensor's own example."""
+ACK_TIMEOUT_NS = 500_000_000
+"""An acknowledgement may wait behind frames already sent; it takes some milliseconds otherwise."""
+ATTEMPTS = 3
+"""A command unanswered so often means that the sensor is not in the state it is thought to be in."""
+RETRY_PAUSE_NS = 1_000_000_000
+"""Before a refused command is repeated, or an unanswered sequence begun anew."""
+SILENCE_NS = 1_000_000_000
+"""Fifty periods of the slowest rate: the sensor no longer runs."""
+
+_HEARD_LENGTH = 32  # longer than any text that is waited for
 
 _HEADER = b"\xaa"
 _FRAME = struct.Struct("<BH6fIf")  # header, status, force, torque, device time µs, temperature; CRC
@@ -87,3 +106,111 @@ def encode_frame(
     """
     body = _FRAME.pack(_HEADER[0], status, *force_n, *torque_nm, device_time_us % _US_SPAN, temperature_c)
     return body + crc.x25(body[1:]).to_bytes(2, "little")
+
+
+class Session:
+    """Brings the sensor from whatever state it is in to sending frames at the wanted rate.
+
+    Readings that arrive are handed on at all times, whatever the state. `state` is "closed", "waiting" (for the
+    sensor to boot), "configuring", "running", or names what is in the way, such as "no answer to C" or
+    "refused f with code 2"; both are retried for ever.
+
+    Args:
+        sinc_length: Length of the sensor's filter, 64 to 1024; a frame comes every sinc_length / 51200 s.
+        temperature_compensation: Let the sensor compensate its temperature; the maker advises against it.
+
+    Raises:
+        ValueError: The sinc length is out of range.
+    """
+
+    def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
+        shortest, longest = SINC_LENGTHS
+        if not shortest <= sinc_length <= longest:
+            raise ValueError(f"a sinc length of {sinc_length} is not supported: {shortest} to {longest} is")
+        self.decoder = Decoder()
+        self.health = self.decoder.health
+        self.state = "closed"
+        self._commands = (
+            bota_text.CONFIGURE,
+            bota_text.communication(temperature_compensation=temperature_compensation),
+            bota_text.filtering(sinc_length),
+            bota_text.RUN,
+        )
+        self._step = 0
+        self._attempt = 0
+        self._phase: Literal["boot", "pause", "ask", "run"] = "boot"
+        self._due_ns: int | None = None
+        self._heard = b""
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link, by waiting for the banner or for frames."""
+        self.state = "waiting"
+        self._heard = b""
+        self._pause("boot", now_ns + BOOT_NS)
+        return b""
+
+    def stop(self) -> bytes:
+        """End, and return the command that stops the frames."""
+        self.state = "closed"
+        self._due_ns = None
+        return bota_text.CONFIGURE.encode()
+
+    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
+        """Take bytes received at ``now_ns`` and return the readings they complete."""
+        samples = self.decoder.receive(data, now_ns)
+        if self._due_ns is None:
+            return samples
+        heard = self._heard + data
+        self._heard = heard[-_HEARD_LENGTH:]
+        if bota_text.BANNER in heard:
+            self._heard = b""
+            self.state = "configuring"
+            self._pause("pause", now_ns + SETTLE_NS)
+        elif self._phase == "ask":
+            self._look_for_ack(heard, bool(samples), now_ns)
+        elif samples and self._phase == "boot":
+            self.state = "configuring"
+            self._pause("pause", now_ns)
+        elif samples and self._phase == "run":
+            self._due_ns = now_ns + SILENCE_NS
+        return samples
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        return self._due_ns
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the command that is due at ``now_ns``; empty when none is."""
+        if self._due_ns is None or now_ns < self._due_ns:
+            return b""
+        if self._phase == "run":
+            return self.start(now_ns)
+        if self._attempt == ATTEMPTS:
+            self.state = f"no answer to {self._commands[self._step].letter}"
+            self._pause("pause", now_ns + RETRY_PAUSE_NS)
+            return b""
+        self._phase = "ask"
+        self._attempt += 1
+        self._due_ns = now_ns + ACK_TIMEOUT_NS
+        self._heard = b""
+        return self._commands[self._step].encode()
+
+    def _pause(self, phase: Literal["boot", "pause"], due_ns: int, step: int = 0) -> None:
+        self._phase, self._due_ns, self._step, self._attempt = phase, due_ns, step, 0
+
+    def _look_for_ack(self, heard: bytes, frames_flow: bool, now_ns: int) -> None:
+        command = self._commands[self._step]
+        code = bota_text.find_ack(heard, command.letter)
+        if code is None and frames_flow and command is bota_text.RUN:
+            code = 0
+        if code is None:
+            return
+        if code:
+            self.state = f"refused {command.letter} with code {code}"
+            self._pause("pause", now_ns + RETRY_PAUSE_NS, self._step)
+        elif command is bota_text.RUN:
+            self.state = "running"
+            self._phase, self._due_ns = "run", now_ns + SILENCE_NS
+        else:
+            self.state = "configuring"
+            self._pause("pause", now_ns, self._step + 1)
