@@ -112,6 +112,10 @@ def _gripper(gripper: Gripper) -> list[Fault]:
         faults.append(("gripper.force_table", "device units and newtons must both rise"))
     if not (_rising(closures) and _rising(widths[::-1]) and closures[0] >= 0.0 and closures[-1] <= 1.0):
         faults.append(("gripper.width_table", "closure must rise within 0…1 while the width falls"))
+    if gripper.speed_table is not None:
+        speeds, meters = zip(*gripper.speed_table, strict=True)
+        if not (_rising(speeds) and _rising(meters)):
+            faults.append(("gripper.speed_table", "device units and m/s must both rise"))
     if gripper.max_force_n is None:
         return faults
     if gripper.max_force_n > forces[-1]:

@@ -105,6 +105,7 @@ class Gripper(Stream):
     Attributes:
         force_table: (device units, N on one pad), both rising; between the points it is linear.
         width_table: (closure 0…1, m between the pads), closure rising and width falling.
+        speed_table: (device units, m/s of the jaws), both rising; None: ``speed_mps`` may not be requested.
         max_force_n: Largest force that may be requested, N on one pad; None: nothing may be requested.
         min_force_n: Least force that may be requested, N on one pad.
         max_lease_ms: Longest life of a lease without renewal.
@@ -112,6 +113,7 @@ class Gripper(Stream):
 
     force_table: Table
     width_table: Table
+    speed_table: Table | None = None
     max_force_n: Positive | None = None
     min_force_n: NotNegative | None = None
     max_lease_ms: int = Field(default=1000, gt=0, le=10_000)

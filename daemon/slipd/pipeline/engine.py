@@ -1,0 +1,193 @@
+"""The engine: every event that can change a decision enters here, and every message and command leaves here.
+
+It knows no clock, socket or file. Fed the same events in the same order it gives the same messages, so a recording of
+its events is the run itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from slipd import __version__
+from slipd.config import Config
+from slipd.devices.robotiq_2f import Session as GripperSession
+from slipd.pipeline.decision import SEVERITY
+from slipd.pipeline.desk import Desk
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp, Output, Request, Tick, Write
+from slipd.pipeline.finger import Finger, State
+from slipd.pipeline.gripper import GripperControl
+from slipd.pipeline.links import Link, make_links
+from slipd.pipeline.outlet import Outlet, Pace
+from slipd.pipeline.report import slip_body, tactile_body, verdict_body, wrench_body
+from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
+from slipd_client.messages import (
+    GRIPPER_TOPIC,
+    STATUS_TOPIC,
+    WARNING_TOPIC,
+    slip_topic,
+    tactile_topic,
+    wrench_topic,
+)
+
+#: Sleep of the host that ends what was known of the present: streams are stale, leases over.
+SUSPENSION_NS = 50_000_000
+NO_FRAME = ""
+
+
+class Engine:
+    """Turns events into messages, replies and bytes for the devices.
+
+    Args:
+        config: The rig.
+        boot: Id of this run.
+        wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+    """
+
+    def __init__(self, config: Config, *, boot: str, wall_minus_monotonic_ns: int) -> None:
+        self._outlet = Outlet(boot, config.config_id, wall_minus_monotonic_ns)
+        self._config = config
+        self._links = make_links(config)
+        self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
+        self._told = dict.fromkeys(config.finger, "unknown")
+        self._gripper = self._make_gripper()
+        self._desk = Desk(boot, self._fingers, self._gripper, self._status)
+        rates = config.rates
+        self._paces = {slip_topic(name): Pace(rates.slip_hz) for name in config.finger}
+        self._paces |= {wrench_topic(name): Pace(rates.wrench_hz) for name in config.finger}
+        self._paces |= {tactile_topic(name): Pace(rates.tactile_hz) for name in config.finger}
+        self._status_pace = Pace(rates.status_hz)
+        self._started_ns: int | None = None
+        self._suspended_ns: int | None = None
+
+    @property
+    def links(self) -> dict[str, LinkSpec]:
+        """The links that are to be opened, by name."""
+        return {name: link.spec for name, link in self._links.items()}
+
+    def handle(self, event: Event, t_ns: int) -> list[Output]:
+        """Takes one event at ``t_ns`` (CLOCK_MONOTONIC) and returns what it brings about, in order."""
+        out: list[Output] = []
+        if self._started_ns is None:
+            self._started_ns = t_ns
+        match event:
+            case Bytes(name, data):
+                self._receive(self._links[name], data, t_ns, out)
+            case Tick(suspended_ns):
+                self._tick(suspended_ns, t_ns, out)
+            case Request():
+                out.append(self._desk.answer(event, t_ns))
+                self._write_due(t_ns, out)
+            case LinkUp(name, identity):
+                greeting = self._links[name].open(identity, t_ns)
+                if greeting:
+                    out.append(Write(name, greeting))
+                self._publish_status(t_ns, out)
+            case LinkDown(name, reason):
+                self._links[name].close(reason)
+                self._lose(name, t_ns, out)
+                self._publish_status(t_ns, out)
+        return out
+
+    def _make_gripper(self) -> GripperControl | None:
+        if self._config.gripper is None:
+            return None
+        return GripperControl(self._config.gripper, cast("GripperSession", self._links["gripper"].session))
+
+    def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
+        for stream, sample in link.receive(data, t_ns):
+            self._take(stream, sample, out)
+        written = link.due(t_ns)
+        if written:
+            out.append(Write(link.spec.name, written))
+
+    def _take(self, stream: str, sample: Sample, out: list[Output]) -> None:
+        if isinstance(sample, GripperSample):
+            if self._gripper is not None:
+                self._gripper.take(sample)
+                body = self._gripper.body(sample.t_ns)
+                out.append(self._outlet.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, body))
+            return
+        finger = self._fingers[stream.partition(".")[0]]
+        if isinstance(sample, WrenchSample):
+            self._publish_state(finger, finger.take_wrench(sample), out)
+        elif isinstance(sample, TactileSample):
+            state = finger.take_tactile(sample)
+            if state is not None:
+                self._publish_state(finger, state, out)
+            self._publish_tactile(finger, sample.t_ns, out)
+
+    def _publish_state(self, finger: Finger, state: State, out: list[Output]) -> None:
+        """Tells a change of level at once, the rest as often as is configured."""
+        frame = f"{finger.name}_pad"
+        level, told = state.verdict.level, self._told[finger.name]
+        changed = level != told
+        if changed:
+            self._told[finger.name] = level
+            change = {"previous": told, "rising": SEVERITY[level] > SEVERITY[told]}
+            used = None if state.utilisation is None else state.utilisation.value
+            body = verdict_body(finger, state) | change | {"utilisation": used if used != float("inf") else None}
+            out.append(self._outlet.message(WARNING_TOPIC, state.t_ns, frame, body))
+        for topic, make in ((slip_topic(finger.name), slip_body), (wrench_topic(finger.name), wrench_body)):
+            if self._paces[topic].passes(state.t_ns, now=changed):
+                out.append(self._outlet.message(topic, state.t_ns, frame, make(finger, state.t_ns)))
+
+    def _publish_tactile(self, finger: Finger, t_ns: int, out: list[Output]) -> None:
+        topic = tactile_topic(finger.name)
+        if finger.image is not None and self._paces[topic].passes(t_ns):
+            out.append(self._outlet.message(topic, t_ns, f"{finger.name}_pad", tactile_body(finger, finger.image)))
+
+    def _tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:
+        slept = 0 if self._suspended_ns is None else suspended_ns - self._suspended_ns
+        self._suspended_ns = suspended_ns
+        if slept > SUSPENSION_NS and self._gripper is not None:
+            self._gripper.policy.end_lease()
+        for finger in self._fingers.values():
+            state = finger.lose(t_ns) if slept > SUSPENSION_NS else finger.on_time(t_ns)
+            if state is not None:
+                self._publish_state(finger, state, out)
+        self._write_due(t_ns, out)
+        if self._status_pace.passes(t_ns):
+            self._publish_status(t_ns, out)
+
+    def _lose(self, name: str, t_ns: int, out: list[Output]) -> None:
+        """A link is gone: what came over it is no longer known."""
+        for meter in self._links[name].streams.values():
+            owner, _, kind = meter.name.partition(".")
+            finger = self._fingers.get(owner)
+            if finger is not None and (kind == "wrench" or finger.wrench_tare is None):
+                self._publish_state(finger, finger.lose(t_ns), out)
+            elif finger is None and self._gripper is not None:
+                self._gripper.lose()
+                out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, self._gripper.body(t_ns)))
+
+    def _write_due(self, t_ns: int, out: list[Output]) -> None:
+        for name, link in self._links.items():
+            written = link.due(t_ns)
+            if written:
+                out.append(Write(name, written))
+
+    def _publish_status(self, t_ns: int, out: list[Output]) -> None:
+        out.append(self._outlet.message(STATUS_TOPIC, t_ns, NO_FRAME, self._status(t_ns)))
+
+    def _status(self, t_ns: int) -> dict[str, Any]:
+        lease = None if self._gripper is None else self._gripper.policy.expires_in_s(t_ns)
+        fingers = {
+            name: {
+                "level": finger.state.verdict.level,
+                "reasons": list(finger.state.verdict.reasons),
+                "tare_id": finger.tare.current.id,
+                "tare_busy": finger.tare.busy,
+            }
+            for name, finger in self._fingers.items()
+        }
+        streams = {
+            meter.name: link.health(meter, t_ns) for link in self._links.values() for meter in link.streams.values()
+        }
+        return {
+            "version": __version__,
+            "uptime_s": (t_ns - (self._started_ns or t_ns)) * 1e-9,
+            "fingers": fingers,
+            "streams": streams,
+            "publisher": {"messages": self._outlet.published},
+            "lease": {"held": lease is not None, "expires_in_s": lease},
+        }

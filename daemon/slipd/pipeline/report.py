@@ -1,0 +1,128 @@
+"""The message bodies: what a state says on the wire. What is not known is nil, never 0, NaN or inf."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from slipd.config import Finger as FingerConfig
+from slipd.fusion import grip_needed_n, torque_limit
+from slipd.pipeline.finger import Finger, State
+from slipd.pipeline.image import PadImage
+from slipd.samples import Array
+from slipd_client.messages import level_code
+
+Body = dict[str, Any]
+
+
+def number(value: float | None) -> float | None:
+    """A finite float, or nil."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def vector(values: Array | None) -> list[float] | None:
+    """A list of finite floats, or nil where one is unknown."""
+    if values is None:
+        return None
+    listed = values.tolist()
+    return listed if all(map(math.isfinite, listed)) else None
+
+
+def slip_body(finger: Finger, t_ns: int) -> Body:
+    """``slip.<finger>`` at ``t_ns``, exact while in contact."""
+    state = finger.state
+    contact = state.contact if state.contact is not None and state.contact.valid else None
+    used = state.utilisation
+    return {
+        **verdict_body(finger, state),
+        "normal_n": None if state.contact is None else number(state.contact.normal_n),
+        "tangential_n": None if contact is None else vector(contact.tangential_n),
+        "spin_nm": None if contact is None else number(contact.spin_nm),
+        "centroid_m": None if contact is None else vector(contact.centroid_m),
+        "centroid_std_m": None if contact is None else vector(contact.centroid_std_m),
+        "friction_ratio": None if contact is None else number(contact.friction_ratio),
+        "mu": finger.config.mu,
+        "mu_source": None if finger.config.mu is None else "config",
+        "utilisation": None if used is None else number(used.value),
+        "utilisation_lower": None if used is None else number(used.lower),
+        "utilisation_upper": None if used is None else number(used.upper),
+        **_limits(state, finger.config),
+        "pole_m": None if used is None else vector(used.pole_m),
+        "tipping_margin_m": number(state.tipping_margin_m),
+        "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,
+        "centroid_residual_m": None if state.loads is None else number(state.loads.centroid_residual_m),
+        "model": state.model,
+        "tare_id": finger.tare.current.id,
+        "age_s": (t_ns - state.t_ns) * 1e-9,
+    }
+
+
+def verdict_body(finger: Finger, state: State) -> Body:
+    """What ``slip`` and ``warning`` say alike."""
+    return {
+        "finger": finger.name,
+        "level": state.verdict.level,
+        "level_code": level_code(state.verdict.level),
+        "reasons": list(state.verdict.reasons),
+    }
+
+
+def _limits(state: State, config: FingerConfig) -> Body:
+    """The torque limit in the sense of the spin, and the grip that would hold the load."""
+    contact, loads = state.contact, state.loads
+    if contact is None or loads is None or state.x is None or state.y is None or state.utilisation is None:
+        return {"torque_limit_nm": None, "grip_needed_n": None}
+    mu = config.mu or math.nan
+    sense = 1 if contact.spin_nm >= 0.0 else -1
+    limit = torque_limit(state.x, state.y, loads.loads, mu, contact.tangential_n, contact.centroid_m, sense)
+    needed = grip_needed_n(
+        state.x,
+        state.y,
+        loads.loads,
+        mu,
+        contact.tangential_n,
+        contact.spin_nm,
+        contact.centroid_m,
+        growth=config.contact_growth,
+        safety=config.grip_safety,
+    )
+    return {"torque_limit_nm": number(limit.torque_nm), "grip_needed_n": number(needed)}
+
+
+def wrench_body(finger: Finger, t_ns: int) -> Body:
+    """``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
+    state = finger.state
+    tangential = None if state.force_n is None else vector(state.force_n[:2])
+    return {
+        "finger": finger.name,
+        "force_n": vector(state.force_n),
+        "torque_nm": vector(state.torque_nm),
+        "normal_n": None if state.force_n is None else number(-float(state.force_n[2])),
+        "tangential_n": tangential,
+        "status": list(state.status),
+        "tare_id": finger.tare.current.id,
+        "age_s": (t_ns - state.t_ns) * 1e-9,
+    }
+
+
+def tactile_body(finger: Finger, image: PadImage) -> Body:
+    """``tactile.<finger>``: loads on the taxels in scan order, and the shape of the contact."""
+    shape = image.shape()
+    geometry = image.geometry
+    known = shape is not None
+    return {
+        "finger": finger.name,
+        "rows": geometry.rows,
+        "cols": geometry.cols,
+        "pitch_m": geometry.pitch_m,
+        "image_ok": known,
+        "loads_n": image.pressure.tolist() if known else None,
+        "active": None if shape is None else shape.active,
+        "area_m2": None if shape is None else shape.area_m2,
+        "centroid_m": None if shape is None else vector(shape.centroid_m),
+        "axis_rad": None if shape is None else number(shape.axis_rad),
+        "elongation": None if shape is None else number(shape.elongation),
+        "holes": None if shape is None else shape.holes,
+        "corners_m": None if shape is None else shape.corners_m.tolist(),
+        "status": list(image.status),
+    }

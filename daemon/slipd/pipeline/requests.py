@@ -1,0 +1,115 @@
+"""What a request must look like: operations, their fields, and the envelope that keeps stale ones out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from slipd.grip.policy import Refusal
+from slipd_client.messages import PROTOCOL_VERSION
+
+#: A deadline may lie this far ahead: a request that waited longer was meant for another situation.
+LONGEST_DEADLINE_NS = 500_000_000
+#: Operations that say nothing about this run and so need neither its id nor a deadline.
+OPEN_OPS = frozenset({"hello", "status"})
+_ENVELOPE = frozenset({"v", "id", "op", "boot", "deadline_ns"})
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of an operation: "number", "integer", "text" or "flag"."""
+
+    kind: str
+    required: bool = True
+
+
+OPS: dict[str, dict[str, Field]] = {
+    "hello": {},
+    "status": {},
+    "tare": {"finger": Field("text"), "seconds": Field("number", required=False)},
+    "tare.get": {"finger": Field("text")},
+    "tare.undo": {"finger": Field("text")},
+    "lease.acquire": {"ttl_ms": Field("integer")},
+    "lease.renew": {},
+    "lease.release": {},
+    "grip.set": {"force_n": Field("number")},
+    "gripper.activate": {},
+    "gripper.close": {
+        "force_n": Field("number"),
+        "width_m": Field("number", required=False),
+        "speed_mps": Field("number", required=False),
+    },
+    "gripper.open": {
+        "width_m": Field("number", required=False),
+        "speed_mps": Field("number", required=False),
+        "drop": Field("flag", required=False),
+    },
+    "gripper.stop": {},
+}
+
+
+def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
+    """Refuses a request whose envelope or fields are wrong; None where it may be judged."""
+    if body.get("v") != PROTOCOL_VERSION:
+        return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, not {body.get('v')!r}", "v")
+    if not isinstance(body.get("id"), (str, int)) or isinstance(body.get("id"), bool):
+        return Refusal("bad_type", "id must be a text or an integer of the client's choice", "id")
+    op = body.get("op")
+    if not isinstance(op, str) or op not in OPS:
+        return Refusal("unknown_op", f"op must be one of {', '.join(OPS)}, not {op!r}", "op")
+    return _check_freshness(body, op, boot, t_ns) or _check_fields(body, OPS[op])
+
+
+def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> Refusal | None:
+    if op in OPEN_OPS:
+        return None
+    for name in ("boot", "deadline_ns"):
+        if name not in body:
+            return Refusal("missing_field", f"{name} is missing; op hello tells boot and t_ns", name)
+    if body["boot"] != boot:
+        return Refusal("wrong_boot", f"the request is meant for run {body['boot']!r}; this is {boot!r}", "boot")
+    deadline = body["deadline_ns"]
+    if not _is_integer(deadline):
+        return Refusal("bad_type", "deadline_ns must be an integer", "deadline_ns")
+    if deadline <= t_ns:
+        late = (t_ns - deadline) * 1e-6
+        return Refusal("deadline_passed", f"the deadline passed {late:.0f} ms ago", "deadline_ns")
+    if deadline - t_ns > LONGEST_DEADLINE_NS:
+        ahead = (deadline - t_ns) * 1e-6
+        return Refusal("deadline_too_far", f"the deadline is {ahead:.0f} ms ahead; at most 500", "deadline_ns")
+    return None
+
+
+def _check_fields(body: dict[str, Any], fields: dict[str, Field]) -> Refusal | None:
+    for name in body:
+        if name not in fields and name not in _ENVELOPE:
+            known = ", ".join(fields) or "no fields of its own"
+            return Refusal("unknown_field", f"{name!r} is unknown; this op has {known}", str(name))
+    for name, wanted in fields.items():
+        if name not in body:
+            if wanted.required:
+                return Refusal("missing_field", f"{name} is missing", name)
+            continue
+        refusal = _check_value(name, body[name], wanted.kind)
+        if refusal is not None:
+            return refusal
+    return None
+
+
+def _check_value(name: str, value: Any, kind: str) -> Refusal | None:
+    right = {
+        "number": _is_integer(value) or isinstance(value, float),
+        "integer": _is_integer(value),
+        "text": isinstance(value, str),
+        "flag": isinstance(value, bool),
+    }[kind]
+    if not right:
+        return Refusal("bad_type", f"{name} must be a {kind}, not {type(value).__name__}", name)
+    if kind == "number" and not math.isfinite(value):
+        return Refusal("not_finite", f"{name} must be finite, not {value}", name)
+    return None
+
+
+def _is_integer(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
