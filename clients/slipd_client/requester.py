@@ -84,6 +84,7 @@ class Requester:
         Raises:
             RequestRefused: The daemon did not do it.
             NoAnswer: No reply came in time.
+            MessageError: The fields make no acceptable message (NaN, a text too long); nothing was sent.
         """
         return self._request(op, fields, self.timeout_s)
 
@@ -191,8 +192,10 @@ class Requester:
         self._sent_ns = time.monotonic_ns()
         if op != "hello":
             body |= {"boot": self._boot, "deadline_ns": self._sent_ns + self._offset_ns + DEADLINE_NS}
+        data = encode(body | fields)
+        decode(data)
         try:
-            self._link.socket.send(encode(body | fields), zmq.NOBLOCK)
+            self._link.socket.send(data, zmq.NOBLOCK)
         except zmq.Again:
             raise NoAnswer(f"{self.endpoint} went away; nothing was sent") from None
         return self._result(number, until, timeout_s)

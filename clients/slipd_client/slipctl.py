@@ -6,7 +6,6 @@ import argparse
 import json
 import math
 import os
-import shutil
 import sys
 import time
 from collections.abc import Sequence
@@ -16,7 +15,7 @@ from slipd_client.errors import ClientError
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.requester import LEASE_MS, Requester
 from slipd_client.view import View
-from slipd_client.watch import watch
+from slipd_client.watch import print_view, watch
 
 DONE, FAULT = 0, 1  # a wrong call exits with argparse's own 2
 
@@ -92,8 +91,7 @@ def _status(chosen: argparse.Namespace) -> None:
         return
     view = View()
     view.update(STATUS_TOPIC, status)
-    for line in view.render(shutil.get_terminal_size().columns, colour=False):
-        print(line)
+    print_view(view)
 
 
 def _tare(chosen: argparse.Namespace) -> None:

@@ -5,6 +5,7 @@ Knows no clock, socket or terminal: messages in, text out. What is not known sho
 
 from __future__ import annotations
 
+import math
 from datetime import datetime
 from typing import Any
 
@@ -195,12 +196,20 @@ def _reasons(body: dict[str, Any]) -> str:
 
 
 def _value(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
-    number = _number(body.get(field))
+    number = _magnitude(body.get(field))
     return UNKNOWN if number is None else f"{number:.{digits}f} {unit}".rstrip()
 
 
 def _number(value: Any) -> float | None:
     return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def _magnitude(value: Any) -> float | None:
+    """A number, or the length of a vector of them."""
+    if not isinstance(value, list):
+        return _number(value)
+    numbers = [number for number in map(_number, value) if number is not None]
+    return math.hypot(*numbers) if len(numbers) == len(value) else None
 
 
 def _either(value: Any, yes: str, no: str) -> str:

@@ -20,8 +20,11 @@ TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
 FIRST_S = 3.0
 """How long a watch waits for its first message: the daemon sends ``status`` every second."""
 
-GATHER_S = 0.3
-"""On joining, the last message of every topic comes at once; after this long without a new topic all are here."""
+GATHER_S = 0.8
+"""The daemon sends the last message of every topic to whoever joins, of quiet topics after half a second."""
+
+UNCUT = 10_000
+"""Columns where there is no terminal: nothing is that long."""
 
 REDRAW_S = 0.1
 LINE_S = 1.0
@@ -70,7 +73,12 @@ def _show_once(newest: dict[str, Message], as_json: bool) -> None:
     view = View()
     for message in newest.values():
         view.update(message.topic, message.body)
-    for line in view.render(shutil.get_terminal_size().columns, colour=_colour(sys.stdout)):
+    print_view(view)
+
+
+def print_view(view: View) -> None:
+    """Print a view once, fitted to the terminal where standard output is one."""
+    for line in view.render(_size(sys.stdout).columns, _colour(sys.stdout)):
         print(line)
 
 
@@ -117,7 +125,7 @@ def _redraw(subscriber: Subscriber, first: Message) -> None:
             view.update(message.topic, message.body)
         if time.monotonic() >= due:
             due = time.monotonic() + REDRAW_S
-            size = shutil.get_terminal_size()
+            size = _size(sys.stdout)
             lines = view.render(size.columns, _colour(sys.stdout), subscriber.age_s or 0.0)[: size.lines - 1]
             back = f"\x1b[{drawn}F" if drawn else ""
             print(back + "\x1b[J" + "\n".join(lines), flush=True)
@@ -135,6 +143,13 @@ def _complain(message: Message) -> None:
         print("slipctl: the daemon was started anew", file=sys.stderr)
     if message.missed:
         print(f"slipctl: {message.missed} messages of {message.topic} were missed", file=sys.stderr)
+
+
+def _size(stream: TextIO) -> os.terminal_size:
+    if not stream.isatty():
+        return os.terminal_size((UNCUT, UNCUT))
+    size = shutil.get_terminal_size()
+    return os.terminal_size((size.columns or 80, size.lines or 24))  # a serial console tells 0
 
 
 def _colour(stream: TextIO) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from slipd_client.errors import NoAnswer, RequestRefused
-from slipd_client.messages import encode
+from slipd_client.messages import MessageError, encode
 from slipd_client.requester import CLOCK_CHECK_NS, DEADLINE_NS, Requester
 
 if TYPE_CHECKING:
@@ -78,6 +78,15 @@ def test_a_refusal_without_a_field_is_told_without_one(daemon: Daemon) -> None:
     daemon.handlers["gripper.activate"] = refuse("no_lease", "acquire one", None)
     with Requester(daemon.endpoint) as requester, pytest.raises(RequestRefused, match=r"^no_lease: acquire one$"):
         requester.activate()
+
+
+def test_a_number_that_is_none_never_leaves_the_client(daemon: Daemon) -> None:
+    with Requester(daemon.endpoint) as requester:
+        requester.hello()
+        with pytest.raises(MessageError, match="not_finite: force_n"):
+            requester.grip_set(float("nan"))
+        requester.status()
+    assert daemon.ops == ["hello", "status"]
 
 
 def test_a_restart_refuses_one_request_and_the_next_greets_the_new_run(daemon: Daemon) -> None:

@@ -73,11 +73,17 @@ def test_a_refusal_is_told_with_code_field_and_message(daemon: Daemon, capsys: p
 
 
 def test_status_is_drawn_for_people(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
-    daemon.handlers["status"] = lambda _: {"version": "0.1.0", "fingers": {"left": {"level": "stable"}}}
+    long = "no reading " * 30 + "at all"
+    daemon.handlers["status"] = lambda _: {
+        "version": "0.1.0",
+        "fingers": {"left": {"level": "stable"}},
+        "streams": {"left.wrench": {"health": 3, "message": long}},
+    }
     assert main(["--requests", daemon.endpoint, "status"]) == 0
-    first, second = capsys.readouterr().out.splitlines()
+    first, second, third = capsys.readouterr().out.splitlines()
     assert first.startswith("slipd 0.1.0")
     assert second.startswith("left      STABLE")
+    assert third.endswith(long), "no terminal, no cut"
 
 
 def test_status_as_json_is_the_whole_map(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:

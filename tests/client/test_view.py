@@ -15,7 +15,7 @@ SLIP: dict[str, Any] = {
     "level": "warning",
     "reasons": ["rotation", "tipping"],
     "normal_n": 10.125,
-    "tangential_n": 3.5,
+    "tangential_n": [-2.1, 2.8],
     "spin_nm": 0.0123,
     "mu": 0.6,
     "utilisation": 0.5,
@@ -69,8 +69,9 @@ def test_a_finger_shows_level_utilisation_forces_and_reasons() -> None:
 
 
 @pytest.mark.parametrize("field", ["normal_n", "tangential_n", "spin_nm", "mu", "grip_needed_n"])
-def test_a_quantity_that_is_not_known_is_a_dash_and_never_zero(field: str) -> None:
-    assert drawn(slip_left=SLIP | {field: None}).count("–") == 1 + drawn(slip_left=SLIP).count("–")
+@pytest.mark.parametrize("unknown", [None, [None, 1.0]])
+def test_a_quantity_that_is_not_known_is_a_dash_and_never_zero(field: str, unknown: Any) -> None:
+    assert drawn(slip_left=SLIP | {field: unknown}).count("–") == 1 + drawn(slip_left=SLIP).count("–")
 
 
 @pytest.mark.parametrize(
