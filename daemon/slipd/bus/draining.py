@@ -1,0 +1,76 @@
+"""Reads a ZeroMQ socket from the event loop without missing a wake-up and without starving the loop.
+
+The file descriptor of a ZeroMQ socket is edge-triggered: it wakes the loop once, any call on the socket may use that
+wake-up up, and after that it stays silent however much is waiting. So the socket is read until it says that nothing
+is left, on each wake-up and again after each send.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import zmq
+
+FRAMES_PER_WAKE = 64
+"""Frames read before the rest of the loop has its turn: well below a millisecond, whatever floods in."""
+
+
+class Drain:
+    """Hands on every message of one receiving socket, frame lists in order.
+
+    What ``on_message`` raises reaches the loop's exception handler, and reading goes on behind it.
+
+    Args:
+        socket: To be read; nobody else may read it.
+        on_message: Called with the frames of one message.
+        max_frames: Frames kept of one message; of a longer one, ``max_frames + 1`` are handed on to show it.
+    """
+
+    def __init__(self, socket: zmq.Socket[bytes], on_message: Callable[[list[bytes]], None], max_frames: int) -> None:
+        self._socket = socket
+        self._on_message = on_message
+        self._keep = max_frames + 1
+        self._frames: list[bytes] = []
+        self._again: asyncio.Handle | None = None
+
+    def start(self) -> None:
+        """Begin to read, on the running loop."""
+        self._loop = asyncio.get_running_loop()
+        self._fd = int(self._socket.getsockopt(zmq.FD))
+        self._loop.add_reader(self._fd, self._read)
+        self.after_send()
+
+    def stop(self) -> None:
+        """Read no more; to be called before the socket is closed."""
+        self._loop.remove_reader(self._fd)
+        if self._again is not None:
+            self._again.cancel()
+
+    def after_send(self) -> None:
+        """Look whether a send used up the wake-up of something that arrived; it is then read soon."""
+        if self._again is None and self._waiting():
+            self._again = self._loop.call_soon(self._read)
+
+    def _waiting(self) -> bool:
+        return bool(int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+
+    def _read(self) -> None:
+        if self._again is not None:
+            self._again.cancel()
+            self._again = None
+        try:
+            for _ in range(FRAMES_PER_WAKE):
+                if not self._waiting():
+                    return
+                self._read_frame()
+        finally:
+            self.after_send()
+
+    def _read_frame(self) -> None:
+        frame = self._socket.recv(zmq.NOBLOCK)
+        if len(self._frames) < self._keep:
+            self._frames.append(frame)
+        if not self._socket.getsockopt(zmq.RCVMORE):
+            frames, self._frames = self._frames, []
+            self._on_message(frames)

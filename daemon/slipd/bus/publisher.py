@@ -1,0 +1,118 @@
+"""Sends messages to every subscriber without ever waiting for one, and the last ones to those who come late."""
+
+from __future__ import annotations
+
+import asyncio
+from types import TracebackType
+
+import zmq
+
+from slipd.bus.draining import Drain
+from slipd.bus.endpoint import open_server
+
+SEND_HWM = 1000
+"""Messages kept for one slow subscriber, about a second of everything; beyond it the newest are dropped for it."""
+
+MAX_SUBSCRIPTION_BYTES = 256
+"""Longest message taken from a subscriber, which only ever sends the beginning of a topic."""
+
+REPEAT_AFTER_S = 0.5
+"""How long a latecomer waits for the next message of a topic before the last one is sent again, to all."""
+
+_SUBSCRIBE, _UNSUBSCRIBE = b"\x01", b"\x00"
+
+_NO_TOPIC = b"\xff"
+"""No topic begins like this, for it is no UTF-8."""
+
+
+class Publisher:
+    """Publishes topic and payload as two frames; a subscription is the beginning of the topics it wants.
+
+    A latecomer gets the last message of each topic it subscribes to. ZeroMQ can address one message a subscription to
+    the latecomer alone; that is the topic silent for longest. Of the others it gets the next message as everybody
+    does, or, where none comes within REPEAT_AFTER_S, the last one is sent again to all, who know it by its number.
+
+    Serves from ``with`` to its end, on the running loop.
+
+    Args:
+        context: Owner of the socket; lives longer.
+        endpoint: As for `slipd.bus.endpoint.open_server`, which says what is wrong with it on entry.
+
+    Attributes:
+        endpoint: As clients reach it, once served.
+        published: Messages sent.
+        repeated: Messages sent again to all.
+    """
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], endpoint: str) -> None:
+        self.endpoint = endpoint
+        self.published = 0
+        self.repeated = 0
+        self._context = context
+        self._last: dict[bytes, bytes] = {}  # topic → payload; the topic silent for longest comes first
+        self._owed: set[bytes] = set()
+        self._repeating: asyncio.TimerHandle | None = None
+
+    def __enter__(self) -> Publisher:
+        self._loop = asyncio.get_running_loop()
+        options: dict[int, int] = {zmq.XPUB_MANUAL: 1, zmq.SNDHWM: SEND_HWM, zmq.MAXMSGSIZE: MAX_SUBSCRIPTION_BYTES}
+        self._socket, self.endpoint = open_server(self._context, zmq.XPUB, self.endpoint, options)
+        self._drain = Drain(self._socket, self._on_subscription, max_frames=1)
+        self._drain.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._repeating is not None:
+            self._repeating.cancel()
+        self._drain.stop()
+        self._socket.close()
+
+    def publish(self, topic: str, payload: bytes) -> None:
+        """Send to every subscriber of ``topic``; never blocks, and never fails because of one."""
+        name = topic.encode()
+        self._send(name, payload)
+        self._last.pop(name, None)
+        self._last[name] = payload
+        self._owed.discard(name)
+        self.published += 1
+        self._drain.after_send()
+
+    def _send(self, topic: bytes, payload: bytes) -> None:
+        self._socket.send_multipart((topic, payload), zmq.NOBLOCK)
+
+    def _on_subscription(self, frames: list[bytes]) -> None:
+        kind, topics = frames[0][:1], frames[0][1:]
+        if kind == _UNSUBSCRIBE:
+            self._socket.setsockopt(zmq.UNSUBSCRIBE, topics)
+        elif kind == _SUBSCRIBE and self._subscriber_is_there():
+            self._socket.setsockopt(zmq.SUBSCRIBE, topics)
+            self._welcome([topic for topic in self._last if topic.startswith(topics)])
+
+    def _subscriber_is_there(self) -> bool:
+        """Tell whether the subscriber just heard is still connected; else ZeroMQ takes a word to it for one to all."""
+        before = self._socket.getsockopt(zmq.TOPICS_COUNT)
+        self._socket.setsockopt(zmq.SUBSCRIBE, _NO_TOPIC)
+        there = self._socket.getsockopt(zmq.TOPICS_COUNT) != before
+        self._socket.setsockopt(zmq.UNSUBSCRIBE, _NO_TOPIC)
+        return there
+
+    def _welcome(self, topics: list[bytes]) -> None:
+        if not topics:
+            return
+        self._socket.setsockopt(zmq.XPUB_MANUAL_LAST_VALUE, 1)  # the next message is for the last subscriber alone
+        self._send(topics[0], self._last[topics[0]])
+        self._socket.setsockopt(zmq.XPUB_MANUAL_LAST_VALUE, 0)
+        self._socket.setsockopt(zmq.XPUB_MANUAL, 1)  # the line above ended this too
+        self._owed.update(topics[1:])
+        if self._owed and self._repeating is None:
+            self._repeating = self._loop.call_later(REPEAT_AFTER_S, self._repeat)
+
+    def _repeat(self) -> None:
+        self._repeating = None
+        for topic in self._owed:
+            self._send(topic, self._last[topic])
+            self.repeated += 1
+        self._owed.clear()
+        self._drain.after_send()

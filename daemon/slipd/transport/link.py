@@ -1,0 +1,129 @@
+"""Keeps one link open for ever: what all transports share, whatever lies beneath.
+
+A transport only opens a connection, moves bytes and says why it ended. When to try again, and what to tell of it,
+is decided here once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import random
+from collections.abc import Awaitable, Callable
+from typing import NoReturn, Protocol
+
+from slipd.errors import LinkError
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+
+FIRST_DELAY_S = 0.05
+"""Pause before the first attempt to open again: a cable that was bumped is back within one."""
+
+MAX_DELAY_S = 2.0
+"""Longest pause between attempts: nobody waits longer than this for a device that was plugged in again."""
+
+JITTER = 0.2
+"""Share by which pauses vary, so that links that were lost together do not return in step."""
+
+_log = logging.getLogger(__name__)
+
+OnBytes = Callable[[bytes], None]
+
+
+class Connection(Protocol):
+    """One opening of a port or server. What arrives goes to the ``OnBytes`` its opener was given."""
+
+    async def until_lost(self) -> str:
+        """Return when the connection has ended, with the reason for people.
+
+        Raises:
+            Exception: Whatever the consumer of the bytes raised; nothing is handed on after that.
+        """
+        ...
+
+    def write(self, data: bytes) -> bool:
+        """Send at once or not at all, without blocking.
+
+        Returns:
+            Whether the bytes were taken; those of a peer that does not read are not.
+        """
+        ...
+
+    async def close(self) -> None:
+        """Release port or socket, within a bounded time; what was written goes out first where the peer reads."""
+        ...
+
+
+Opener = Callable[[LinkSpec, OnBytes], Awaitable[Connection]]
+"""Opens what a LinkSpec names, or raises LinkError saying what was wrong, where, and what would be right."""
+
+
+class Link:
+    """One link: open it, hand on what arrives, and open it again, for ever.
+
+    Events of one link come in order: LinkUp, its Bytes, LinkDown. A reason why the link is down is told once, and
+    again only when another takes its place. Closing by cancellation tells nothing: whoever cancels knows.
+
+    Attributes:
+        refused_writes: Writes that were dropped because the link was down or the device did not read.
+    """
+
+    def __init__(self, spec: LinkSpec, open_connection: Opener, on_event: Callable[[Event], None]) -> None:
+        self.refused_writes = 0
+        self._spec = spec
+        self._open = open_connection
+        self._on_event = on_event
+        self._connection: Connection | None = None
+        self._told = ""
+        self._taking = True
+        self._delay_s = FIRST_DELAY_S
+
+    async def run(self) -> NoReturn:
+        """Serve the link until cancelled.
+
+        Raises:
+            Exception: Whatever ``on_event`` raised; the link is closed by then.
+        """
+        while True:
+            try:
+                connection = await self._open(self._spec, self._hand_on)
+            except LinkError as error:
+                reason = str(error)
+            else:
+                reason = await self._serve(connection)
+            self._tell_down(reason)
+            await asyncio.sleep(self._delay_s * random.uniform(1 - JITTER, 1 + JITTER))  # noqa: S311 - no secret
+            self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
+
+    def write(self, data: bytes) -> bool:
+        """Send bytes now or never; True when they were taken. A late command is worse than none."""
+        if self._connection is None:
+            self.refused_writes += 1
+            return False
+        taken = self._connection.write(data)
+        if not taken:
+            self.refused_writes += 1
+            if self._taking:
+                _log.warning("%s (%s) does not read: a command was dropped", self._spec.name, self._spec.address)
+        self._taking = taken
+        return taken
+
+    async def _serve(self, connection: Connection) -> str:
+        self._connection = connection
+        self._taking = True
+        self._told = ""
+        try:
+            self._on_event(LinkUp(self._spec.name, self._spec.address))
+            return await connection.until_lost()
+        finally:
+            self._connection = None
+            await connection.close()
+
+    def _hand_on(self, data: bytes) -> None:
+        # only bytes prove that the device is well: a port that opens and dies at once keeps its growing pause
+        self._delay_s = FIRST_DELAY_S
+        self._on_event(Bytes(self._spec.name, data))
+
+    def _tell_down(self, reason: str) -> None:
+        if reason != self._told:
+            self._told = reason
+            self._on_event(LinkDown(self._spec.name, reason))

@@ -1,0 +1,177 @@
+"""A serial port as a connection: bytes are handed on within the callback in which they were read.
+
+pyserial-asyncio reads and closes; writing is done here, because its writer raises an unplugged port as a fault of the
+whole loop, spins while a full port takes nothing, and queues commands that nobody wants late.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import os
+import termios
+
+import serial
+import serial_asyncio
+
+from slipd.errors import LinkError
+from slipd.pipeline.events import LinkSpec
+from slipd.transport.link import OnBytes
+
+DRAIN_TIMEOUT_S = 0.2
+"""How long closing waits for the last bytes to leave: 2 kB at 115200 baud, far more than any farewell."""
+
+DRAIN_POLL_S = 0.005
+"""How often closing looks whether they have left: the kernel tells how many are unsent, not when none are."""
+
+_REMEDIES = {
+    errno.ENOENT: "no such port; plug the device in, or correct the path (/dev/serial/by-id names what is there)",
+    errno.EACCES: "this user may not open it; join the group that owns the port (usually dialout) and log in again",
+    errno.EPERM: "this user may not open it; join the group that owns the port (usually dialout) and log in again",
+    errno.EBUSY: "another program holds it; stop that program (often ModemManager or a terminal)",
+    errno.EWOULDBLOCK: "another program holds it; stop that program (often ModemManager or a terminal)",
+    errno.EIO: "its driver does not reach the device; plug the device in again",
+    errno.ENOTTY: "not a serial port; give the path of one, e.g. below /dev/serial/by-id",
+    errno.EISDIR: "not a serial port; give the path of one, e.g. below /dev/serial/by-id",
+}
+
+
+async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
+    """Open a port for this process alone and start to read it.
+
+    Opening runs in a thread: a driver that waits for a dead device would hold the loop for seconds.
+
+    Raises:
+        LinkError: It cannot be opened; says why and what would be right.
+    """
+    opening = asyncio.get_running_loop().run_in_executor(None, _open_port, spec.address, spec.baud)
+    try:
+        port = await asyncio.shield(opening)
+    except asyncio.CancelledError:
+        opening.add_done_callback(_close_unclaimed)
+        raise
+    except (OSError, ValueError, termios.error) as error:
+        raise LinkError(why_not_opened(spec.address, error)) from error
+    return SerialConnection(port, on_bytes)
+
+
+def why_not_opened(path: str, error: Exception) -> str:
+    """Say what keeps a port from being opened, and what would be right.
+
+    Args:
+        path: Of the port.
+        error: What opening it raised; pyserial hides some causes in the context of its own error.
+    """
+    for cause in (error, error.__context__):
+        code = cause.args[0] if cause is not None and cause.args else None
+        if code in _REMEDIES:
+            return f"{path}: {_REMEDIES[code]}"
+    return f"{path}: cannot be opened: {error}"
+
+
+class SerialConnection(asyncio.Protocol):
+    """An open port; see `slipd.transport.link.Connection` for what each method promises."""
+
+    def __init__(self, port: _Port, on_bytes: OnBytes) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._port = port
+        self._fd: int = port.fileno()
+        self._on_bytes = on_bytes
+        self._rest = b""  # of a write that the port took in part; it must be completed, or the next is garbled
+        self._lost: asyncio.Future[str] = self._loop.create_future()
+        self._closed = asyncio.Event()
+        self._transport = serial_asyncio.SerialTransport(self._loop, self, port)
+
+    async def until_lost(self) -> str:
+        """Return why the port went away, or raise what the consumer of its bytes raised."""
+        return await asyncio.shield(self._lost)  # being cancelled is not being lost
+
+    def write(self, data: bytes) -> bool:
+        """Send now or never; False while the device does not read."""
+        if self._rest or self._lost.done():
+            return False
+        sent = self._send(data)
+        if 0 < sent < len(data):
+            self._rest = data[sent:]
+            self._loop.add_writer(self._fd, self._send_rest)
+        return sent > 0 or not data
+
+    async def close(self) -> None:
+        """Let the last bytes leave for at most DRAIN_TIMEOUT_S, then release the port."""
+        self._transport.pause_reading()
+        try:
+            if not self._lost.done():
+                await self._drain()
+        finally:
+            self._transport.close()
+        await self._closed.wait()
+
+    def data_received(self, data: bytes) -> None:
+        """Hand on; called by the transport."""
+        try:
+            self._on_bytes(data)
+        except Exception as error:  # asyncio would only log it and go on; it must end the link's task
+            self._transport.pause_reading()
+            if not self._lost.done():
+                self._lost.set_exception(error)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End; called by the transport, which closes the port right after this returns."""
+        self._loop.remove_writer(self._fd)
+        self._lose(exc)
+        self._closed.set()
+
+    def _send(self, data: bytes) -> int:
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            self._lose(error)
+            return 0
+
+    def _send_rest(self) -> None:
+        self._rest = self._rest[self._send(self._rest) :]
+        if not self._rest or self._lost.done():
+            self._loop.remove_writer(self._fd)
+
+    def _lose(self, error: Exception | None) -> None:
+        if not self._lost.done():
+            self._lost.set_result(f"{self._port.port}: went away ({error}); it is opened again when it is back")
+
+    async def _drain(self) -> None:
+        deadline_s = self._loop.time() + DRAIN_TIMEOUT_S
+        with contextlib.suppress(OSError):  # unplugged meanwhile
+            while (self._rest or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
+                await asyncio.sleep(DRAIN_POLL_S)
+
+
+class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
+    """A port whose ``flush`` discards what is still unsent.
+
+    The transport flushes before it closes, on the loop, and pyserial's flush waits until the device has read
+    everything: behind a device that stopped reading it waits for ever.
+    """
+
+    def flush(self) -> None:
+        with contextlib.suppress(OSError, termios.error):  # unplugged
+            if self.out_waiting:
+                self.reset_output_buffer()
+
+
+def _open_port(path: str, baud: int) -> _Port:
+    port = _Port(path, baud, exclusive=True)
+    with contextlib.suppress(ValueError, OSError, NotImplementedError):  # ptys and some drivers have no such mode
+        port.set_low_latency_mode(True)
+    with contextlib.suppress(OSError, termios.error):  # unplugged meanwhile: reading will tell
+        attributes = termios.tcgetattr(port.fd)
+        attributes[2] &= ~termios.HUPCL  # closing must not reset the boards that take a falling DTR for that
+        termios.tcsetattr(port.fd, termios.TCSANOW, attributes)
+    return port
+
+
+def _close_unclaimed(opening: asyncio.Future[_Port]) -> None:
+    """Close a port whose opening was given up while the driver was still at it."""
+    if not opening.cancelled() and opening.exception() is None:
+        opening.result().close()

@@ -1,0 +1,385 @@
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import termios
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import serial as pyserial
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.transport import serial
+from slipd.transport.serial import why_not_opened
+
+if TYPE_CHECKING:
+    from conftest import Device, Eventually, Serving
+
+
+def received(events: list[Event], link: str = "left.wrench") -> bytes:
+    return b"".join(event.data for event in events if isinstance(event, Bytes) and event.link == link)
+
+
+def ups(events: list[Event]) -> int:
+    return sum(isinstance(event, LinkUp) for event in events)
+
+
+def downs(events: list[Event]) -> list[str]:
+    return [event.reason for event in events if isinstance(event, LinkDown)]
+
+
+def open_files() -> int:
+    return len(os.listdir("/proc/self/fd"))
+
+
+async def test_opening_is_told_with_the_path_before_any_bytes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: events)
+        device.send(b"x")
+        await eventually(lambda: received(events))
+    assert events == [LinkUp("left.wrench", str(device.path)), Bytes("left.wrench", b"x")]
+
+
+async def test_bytes_split_at_any_place_arrive_in_order(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    sent = bytes(range(256)) * 40
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events))
+        at = 0
+        for size in range(1, 143):
+            device.send(sent[at : at + size])
+            at += size
+            await asyncio.sleep(0)
+        device.send(sent[at:])
+        await eventually(lambda: len(received(events)) >= len(sent))
+    assert received(events) == sent
+
+
+async def test_bytes_are_not_altered_by_the_terminal(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    every = bytes(range(256))
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        device.send(every)
+        assert links.write("left.wrench", every)
+        await eventually(lambda: len(received(events)) >= 256)
+        assert device.read() == every
+    assert received(events) == every
+
+
+async def test_unplugging_is_told_after_the_last_bytes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events))
+        device.send(b"half a fr")
+        await eventually(lambda: received(events))
+        device.unplug()
+        await eventually(lambda: downs(events))
+        assert isinstance(events[-1], LinkDown)
+    assert str(device.path) in downs(events)[0]
+    assert received(events) == b"half a fr"
+
+
+async def test_another_pty_under_the_same_path_is_opened(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events) == 1)
+        device.unplug()
+        await eventually(lambda: downs(events))
+        device.plug()
+        await eventually(lambda: ups(events) == 2)
+        device.send(b"again")
+        await eventually(lambda: received(events) == b"again")
+
+
+async def test_a_missing_port_is_told_once_and_opened_when_it_comes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    async with serving(spec) as (_, events):
+        await eventually(lambda: downs(events))
+        await asyncio.sleep(0.05)
+        assert len(events) == 1
+        assert str(device.path) in downs(events)[0]
+        assert "no such port" in downs(events)[0]
+        device.plug()
+        await eventually(lambda: ups(events))
+        assert len(downs(events)) == 1
+
+
+async def test_a_port_that_another_program_holds_is_left_alone_until_it_is_free(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    device.plug()
+    holder = pyserial.Serial(str(device.path), exclusive=True)
+    async with serving(spec) as (_, events):
+        await eventually(lambda: downs(events))
+        assert "another program holds it" in downs(events)[0]
+        holder.close()
+        await eventually(lambda: ups(events))
+        with pytest.raises(pyserial.SerialException):
+            pyserial.Serial(str(device.path), exclusive=True)
+
+
+async def test_a_file_that_is_no_port_is_refused_by_name(
+    tmp_path: Path, serving: Serving, eventually: Eventually
+) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("not a port")
+    files = open_files()
+    async with serving(LinkSpec("a", "serial", str(file)), LinkSpec("b", "serial", str(tmp_path))) as (_, events):
+        await eventually(lambda: len(events) == 2)
+    assert all("not a serial port" in reason for reason in downs(events))
+    assert file.read_text() == "not a port"
+    assert open_files() <= files + 1  # the loop's executor may keep none of them
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (errno.EACCES, "dialout"),
+        (errno.EBUSY, "another program"),
+        (errno.EIO, "plug the device in again"),
+        (errno.ENOENT, "by-id"),
+        (errno.ENXIO, "No such device"),
+    ],
+)
+def test_a_reason_names_the_port_and_what_would_be_right(code: int, words: str) -> None:
+    reason = why_not_opened("/dev/ttyUSB7", pyserial.SerialException(code, os.strerror(code)))
+    assert reason.startswith("/dev/ttyUSB7: ")
+    assert words in reason
+
+
+async def test_an_impossible_baud_rate_is_a_reason_and_no_crash(
+    device: Device, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(LinkSpec("left.wrench", "serial", str(device.path), -1)) as (_, events):
+        await eventually(lambda: downs(events))
+    assert "baud" in downs(events)[0]
+
+
+async def test_a_device_that_never_reads_holds_up_nobody(
+    device: Device, other_device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    other_device.plug()
+    other = LinkSpec("right.wrench", "serial", str(other_device.path), 115200)
+    async with serving(spec, other) as (links, events):
+        await eventually(lambda: ups(events) == 2)
+        while links.write("left.wrench", b"command " * 32):
+            pass
+        assert not links.write("left.wrench", b"command")
+        assert links.refused_writes == {"left.wrench": 2, "right.wrench": 0}
+        other_device.send(b"still here")
+        device.send(b"and I")
+        await eventually(lambda: received(events, "right.wrench") == b"still here")
+        await eventually(lambda: received(events) == b"and I")
+    assert downs(events) == []
+
+
+async def test_a_full_port_drops_whole_writes_and_takes_new_ones_once_it_is_read(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    got = bytearray()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        taken = 0
+        while links.write("left.wrench", taken.to_bytes(4, "big") * 25):
+            taken += 1
+        for _ in range(100):
+            assert not links.write("left.wrench", b"dropped!")
+        got += device.read()
+        await eventually(lambda: got.extend(device.read()) or len(got) >= taken * 100)
+        await eventually(lambda: links.write("left.wrench", b"and on"))
+        await eventually(lambda: got.extend(device.read()) or got.endswith(b"and on"))
+    assert bytes(got) == b"".join(index.to_bytes(4, "big") * 25 for index in range(taken)) + b"and on"
+
+
+async def test_a_dropped_command_is_logged_once_a_spell(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        while links.write("left.wrench", bytes(1000)):
+            pass
+        links.write("left.wrench", bytes(1000))
+        await eventually(lambda: device.read() or links.write("left.wrench", b"x"))
+    assert [record.message for record in caplog.records if "does not read" in record.message] == [
+        f"left.wrench ({device.path}) does not read: a command was dropped"
+    ]
+
+
+async def test_a_link_that_is_down_takes_no_bytes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    async with serving(spec) as (links, events):
+        assert not links.write("left.wrench", b"too early")
+        await eventually(lambda: downs(events))
+        assert not links.write("left.wrench", b"too early still")
+        device.plug()
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", b"now")
+        await eventually(lambda: device.read() == b"now")
+        assert links.refused_writes == {"left.wrench": 2}
+
+
+async def test_a_session_may_write_from_within_the_event_that_the_link_is_up(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    taken: list[bool] = []
+
+    def greet(event: Event) -> None:
+        if isinstance(event, LinkUp):
+            taken.append(links.write(event.link, b"hello"))
+
+    async with serving(spec, on_event=greet) as (links, _):
+        await eventually(lambda: taken)
+        await eventually(lambda: device.read() == b"hello")
+    assert taken == [True]
+
+
+async def test_unplugging_with_a_write_under_way_is_an_ordinary_loss(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        while links.write("left.wrench", bytes(1000)):
+            pass
+        device.unplug()
+        links.write("left.wrench", b"into the void")
+        await eventually(lambda: downs(events))
+        device.plug()
+        await eventually(lambda: ups(events) == 2)
+        assert links.write("left.wrench", b"fresh")
+        await eventually(lambda: device.read() == b"fresh")
+
+
+async def test_what_the_consumer_raises_ends_the_group_and_closes_the_port(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    seen: list[Event] = []
+
+    def fail(event: Event) -> None:
+        seen.append(event)
+        if isinstance(event, Bytes):
+            raise ArithmeticError("a fault of ours")
+
+    with pytest.raises(ExceptionGroup) as raised:
+        async with serving(spec, on_event=fail):
+            await eventually(lambda: seen)
+            device.send(b"1")
+            await asyncio.Event().wait()
+    assert [str(error) for error in raised.value.exceptions] == ["a fault of ours"]
+    assert len(seen) == 2
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_what_the_consumer_raises_when_a_link_opens_is_fatal_too(
+    device: Device, spec: LinkSpec, serving: Serving
+) -> None:
+    device.plug()
+
+    def fail(event: Event) -> None:
+        raise ArithmeticError(type(event).__name__)
+
+    with pytest.raises(ExceptionGroup) as raised:
+        async with serving(spec, on_event=fail):
+            await asyncio.Event().wait()
+    assert [str(error) for error in raised.value.exceptions] == ["LinkUp"]
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_the_last_bytes_before_the_end_reach_the_device(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", b"farewell")
+    assert device.read() == b"farewell"
+    assert len(events) == 1
+
+
+async def test_closing_does_not_wait_for_a_device_that_never_reads(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        while links.write("left.wrench", bytes(1000)):
+            pass
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_closing_keeps_the_control_lines_as_they_are(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    port = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
+    attributes = termios.tcgetattr(port)
+    attributes[2] |= termios.HUPCL
+    termios.tcsetattr(port, termios.TCSANOW, attributes)
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events))
+        assert not termios.tcgetattr(port)[2] & termios.HUPCL
+    os.close(port)
+
+
+async def test_a_port_whose_opening_was_given_up_is_closed(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device.plug()
+    entered, allowed = threading.Event(), threading.Event()
+    really_open = serial._open_port
+
+    def open_slowly(path: str, baud: int) -> pyserial.Serial:
+        entered.set()
+        allowed.wait()
+        return really_open(path, baud)
+
+    monkeypatch.setattr(serial, "_open_port", open_slowly)
+    async with serving(spec) as (_, events):
+        await eventually(entered.is_set)
+    allowed.set()
+    await asyncio.get_running_loop().shutdown_default_executor()
+    await asyncio.sleep(0)
+    assert events == []
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_three_hundred_reconnections_leak_no_file_and_no_task(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    async with serving(spec) as (links, events):
+        await eventually(lambda: downs(events))
+        files, tasks = open_files(), len(asyncio.all_tasks())
+        for cycle in range(1, 301):
+            device.plug()
+            await eventually(lambda: ups(events) == cycle)  # noqa: B023
+            device.send(b"mid-fra")
+            links.write("left.wrench", b"poll")
+            if cycle % 3:
+                await eventually(lambda: isinstance(events[-1], Bytes))
+            device.unplug()
+            await eventually(lambda: isinstance(events[-1], LinkDown))
+        await eventually(lambda: "no such port" in downs(events)[-1])
+        assert open_files() <= files + 1  # the executor's second thread has none, the last attempt may be under way
+        assert len(asyncio.all_tasks()) == tasks
