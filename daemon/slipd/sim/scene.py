@@ -25,6 +25,9 @@ LARGEST_STEP_S = 0.002
 LET_GO_N = 0.05
 """An opening gripper's fingers leave the box when the force has decayed to this."""
 
+FAR, FAR_S = 0.9, 0.005
+"""While λ was below ``FAR``, what a load needs is worked out this seldom: no load of the script reaches 1 so fast."""
+
 FORECAST_S = 1e-4
 """How finely the time is sought at which the box would begin to turn; a tenth of a reading's period."""
 
@@ -118,7 +121,9 @@ class Scene:
             raise ValueError(f"mu_d {self.mu_d} and mu_s {self.mu_s}: 0 < mu_d <= mu_s is needed")
         self.width_m = self.open_width_m
         self._limit = FrictionLimit(self.patch, self.cell_m)
-        self._needed: tuple[Load, Need] = ((0.0, 0.0, 0.0), AT_REST)
+        self._solve(self.script.weight(self.script.pour_s, self.mass_kg))  # compiles the solver now, not in mid-scene
+        self._need_load: Load = (0.0, 0.0, 0.0)
+        self._need, self._need_s = AT_REST, 0.0
         self._present = True
         self._speed = 0.0  # of the one motion, as the root of twice the kinetic energy
         self._velocity: Load = (0.0, 0.0, 0.0)
@@ -196,7 +201,10 @@ class Scene:
 
     def _carry(self, load: Load, dt_s: float) -> None:
         """Stick or slide under ``load``."""
-        need = self._need(load)
+        near = self.sliding or self.utilisation >= FAR or self.t_s - self._need_s >= FAR_S
+        if near and load != self._need_load:
+            self._need, self._need_load, self._need_s = self._solve(load), load, self.t_s
+        need = self._need
         self.utilisation = _ratio(need.normal_n, self.normal_n)
         if not self.sliding and self.utilisation > 1.0 and self._present:
             self.sliding, self._slide_began_s = True, self.t_s
@@ -236,18 +244,15 @@ class Scene:
         self.sliding, self._speed, self._velocity = False, 0.0, (0.0, 0.0, 0.0)
         self._tell("slide_ends", **self._numbers())
 
-    def _need(self, load: Load) -> Need:
-        """What one pad's half of ``load`` needs at μ_s; remembered while the load stays the same."""
-        if load != self._needed[0]:
-            half = (load[0] / 2, load[1] / 2, load[2] / 2)
-            self._needed = (load, self._limit.need(half, self.mu_s))
-        return self._needed[1]
+    def _solve(self, load: Load) -> Need:
+        """What one pad's half of ``load`` needs at μ_s."""
+        return self._limit.need((load[0] / 2, load[1] / 2, load[2] / 2), self.mu_s)
 
     def _rotation_begin_s(self, normal_n: float) -> float | None:
         """When the poured load alone would reach the limit at this grip force; by bisection, as it only grows."""
 
         def holds(t_s: float) -> bool:
-            return self._need(self.script.weight(t_s, self.mass_kg)).normal_n <= normal_n
+            return self._solve(self.script.weight(t_s, self.mass_kg)).normal_n <= normal_n
 
         low_s, high_s = self.script.pour_s, self.script.pour_until_s
         if holds(high_s):

@@ -1,0 +1,116 @@
+"""A Robotiq 2F gripper seen from its line: Modbus registers in front of a drive that the scene moves.
+
+Left out: emergency release, faults of the gripper itself, and the full stroke that a real one makes to activate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slipd.devices import modbus, robotiq_registers
+from slipd.sim.scene import GripCommand, Scene
+
+FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
+"""Force byte and normal force per pad, N; the maker gives no curve, so this one is ours and bent on purpose."""
+
+SPEED_MPS = (0.020, 0.150)
+"""Speed of the fingers at speed bytes 0 and 255."""
+
+ACTIVATION_NS = 500_000_000
+
+FRAME_GAP_NS = 5_000_000
+"""Older bytes belong to no request: a frame's bytes follow at once, and a host leaves 5 ms between two frames."""
+
+_INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
+_FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
+_FAULT_DELAYED, _FAULT_NOT_ACTIVATED = 5, 7
+_MOVING_A, _HOLDING_A_PER_N = 0.12, 0.02
+_FORCE_BYTES, _FORCES_N = zip(*FORCE_TABLE, strict=True)
+
+
+class Gripper2F:
+    """The gripper's end of its line, and the drive's command to the scene.
+
+    Args:
+        open_width_m: Width between the pads at position 0; at 255 it is zero.
+
+    Attributes:
+        activated_ns: When it was first told to activate; None before.
+    """
+
+    def __init__(self, open_width_m: float = 0.085) -> None:
+        self.activated_ns: int | None = None
+        self._open_width_m = open_width_m
+        self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
+        self._output = robotiq_registers.parse_output(self._registers)
+        self._heard, self._heard_ns = b"", 0
+        self._ready_ns = 0
+        self._goal = self._command = GripCommand(open_width_m, SPEED_MPS[0], _FORCES_N[0])
+        self._width_m, self._normal_n = open_width_m, 0.0
+        self._moving, self._holding = False, False
+
+    def receive(self, data: bytes, t_ns: int) -> bytes:
+        """Take what the host had written by ``t_ns``; return the answers."""
+        if t_ns - self._heard_ns > FRAME_GAP_NS:
+            self._heard = b""
+        self._heard_ns = t_ns
+        requests, self._heard = modbus.take_requests(self._heard + data, robotiq_registers.UNIT)
+        return b"".join(self._answer(request, t_ns) for request in requests)
+
+    def command(self, t_ns: int) -> GripCommand:
+        """What the drive does now."""
+        stage = self._stage(t_ns)
+        if stage == _ACTIVATING:
+            self._command = GripCommand(self._open_width_m, SPEED_MPS[1], _FORCES_N[0])
+        elif stage == _ACTIVE and self._output.go:
+            self._command = self._goal
+        elif not self._holding:  # told to stop; what is held stays held
+            self._command = GripCommand(self._width_m, self._command.speed_mps, self._command.force_n)
+        return self._command
+
+    def observe(self, scene: Scene) -> None:
+        """See what became of the command."""
+        self._width_m, self._normal_n = scene.width_m, scene.normal_n
+        self._moving, self._holding = scene.moving, scene.in_contact
+
+    def _answer(self, request: modbus.Request, t_ns: int) -> bytes:
+        first = request.read_address - robotiq_registers.INPUT_ADDRESS
+        reads_well = first >= 0 and first + request.read_count <= robotiq_registers.REGISTERS
+        written = robotiq_registers.write_output(self._registers, request) if request.registers else self._registers
+        if written is None or (request.read_count and not reads_well):
+            return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
+        self._tell(written, t_ns)
+        if not request.read_count:
+            return modbus.encode_reply(request)
+        return modbus.encode_reply(request, self._status(t_ns)[first : first + request.read_count])
+
+    def _tell(self, registers: tuple[int, ...], t_ns: int) -> None:
+        was_active, told = self._output.activate, robotiq_registers.parse_output(registers)
+        slow, fast = SPEED_MPS
+        self._registers, self._output = registers, told
+        self._goal = GripCommand(
+            width_m=self._open_width_m * (1.0 - told.position / 255),
+            speed_mps=slow + (fast - slow) * told.speed / 255,
+            force_n=float(np.interp(told.force, _FORCE_BYTES, _FORCES_N)),
+        )
+        if told.activate and not was_active:
+            self._ready_ns = t_ns + ACTIVATION_NS
+            self.activated_ns = t_ns if self.activated_ns is None else self.activated_ns
+
+    def _stage(self, t_ns: int) -> int:
+        if not self._output.activate:
+            return _INACTIVE
+        return _ACTIVE if t_ns >= self._ready_ns else _ACTIVATING
+
+    def _status(self, t_ns: int) -> tuple[int, ...]:
+        stage, fault = self._stage(t_ns), 0
+        if self._output.go and stage != _ACTIVE:
+            fault = _FAULT_DELAYED if stage == _ACTIVATING else _FAULT_NOT_ACTIVATED
+        return robotiq_registers.status_registers(
+            self._output,
+            stage=stage,
+            found=_FOUND_CLOSING if self._holding else _FOUND_MOVING if self._moving else _FOUND_NONE,
+            fault=fault,
+            position=min(max(round(255 * (1.0 - self._width_m / self._open_width_m)), 0), 255),
+            current_a=_MOVING_A if self._moving else _HOLDING_A_PER_N * self._normal_n,
+        )

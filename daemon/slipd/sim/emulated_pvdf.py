@@ -1,0 +1,104 @@
+"""A multiplexed PVDF pad seen from its line: taxels that leak their charge, scanned one after another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from slipd.devices import pvdf
+from slipd.samples import Array
+
+FULL_SCALE = 32_767
+
+
+@dataclass(frozen=True)
+class PvdfElectronics:
+    """Charge amplifier, converter and multiplexer.
+
+    Attributes:
+        tau_s: Leak time constant of the charge amplifier: y' = f' − y/τ.
+        gain_counts_per_n: Counts per newton on a taxel's cell.
+        gain_spread: Standard deviation of the taxels' own gains, relative.
+        offset_counts: Standard deviation of the taxels' own constant offsets.
+        noise_counts: Standard deviation of each reading.
+        rate_hz: Scans per second.
+        dwell_ns: Time from one taxel of a scan to the next.
+        clock_ppm: How much too fast its clock runs.
+    """
+
+    tau_s: float = 2.0
+    gain_counts_per_n: float = 2000.0
+    gain_spread: float = 0.03
+    offset_counts: float = 20.0
+    noise_counts: float = 2.0
+    rate_hz: float = 200.0
+    dwell_ns: int = 20_000
+    clock_ppm: float = -25.0
+
+
+class PvdfPad:
+    """The pad's end of its line; time is told to it. It speaks unasked and never listens.
+
+    The pressure keeps its shape, so the charge of the whole force tells that of each taxel.
+
+    Args:
+        shares: What each taxel reads per newton on the pad, shape (rows, cols).
+        electronics: What is behind the taxels.
+        rng: Source of noise, gains and offsets.
+
+    Raises:
+        ValueError: A scan takes longer than the time between scans.
+    """
+
+    def __init__(self, shares: Array, electronics: PvdfElectronics, rng: np.random.Generator) -> None:
+        self._period_ns = round(1e9 / electronics.rate_hz)
+        self._delay_ns = (np.arange(shares.size) * electronics.dwell_ns).reshape(shares.shape)
+        self._scan_takes_ns = int(self._delay_ns[-1, -1])
+        if self._scan_takes_ns >= self._period_ns:
+            raise ValueError(f"a scan of {self._scan_takes_ns} ns does not fit in {self._period_ns} ns")
+        self._electronics = electronics
+        self._rng = rng
+        gain = electronics.gain_counts_per_n * (1.0 + electronics.gain_spread * rng.normal(size=shares.shape))
+        self._counts_per_n = gain * shares
+        self._offset = electronics.offset_counts * rng.normal(size=shares.shape)
+        self._normal_n = 0.0
+        self._past: list[tuple[int, float]] = [(0, 0.0)]  # (t_ns, charge of the whole force), back to the scan's start
+        self._scan = 0
+
+    def advance(self, t_ns: int, normal_n: float) -> bytes:
+        """Go on to ``t_ns`` and return the scans complete by then.
+
+        Args:
+            t_ns: Now.
+            normal_n: Normal force on the pad now, N; it changes linearly since the last call, for which the leak is
+                exact.
+        """
+        before_ns, charge_n = self._past[-1]
+        if t_ns <= before_ns:
+            return b""
+        tau_s, span_s = self._electronics.tau_s, (t_ns - before_ns) * 1e-9
+        gone = -math.expm1(-span_s / tau_s)
+        charge_n += (normal_n - self._normal_n) * gone * tau_s / span_s - charge_n * gone
+        self._past.append((t_ns, charge_n))
+        self._normal_n = normal_n
+        said = b""
+        while (scan_ns := self._scan * self._period_ns) + self._scan_takes_ns <= t_ns:
+            said += self._send(scan_ns)
+        return said
+
+    def _send(self, scan_ns: int) -> bytes:
+        """The scan that began at ``scan_ns``; forgets what lies before it."""
+        times_ns, charges_n = np.array(self._past).T
+        charge_n = np.interp(scan_ns + self._delay_ns, times_ns, charges_n)
+        noise = self._electronics.noise_counts * self._rng.standard_normal(charge_n.shape)
+        counts = np.rint(self._counts_per_n * charge_n + self._offset + noise)
+        clipped = np.clip(counts, -FULL_SCALE, FULL_SCALE).astype(np.int64)
+        device_us = scan_ns * (1e-3 + self._electronics.clock_ppm * 1e-9)
+        data = pvdf.encode_scan(clipped, self._scan, device_us, self._electronics.dwell_ns * 1e-3)
+        self._scan += 1
+        next_ns = self._scan * self._period_ns
+        while len(self._past) > 1 and self._past[1][0] <= next_ns:
+            self._past.pop(0)
+        return data

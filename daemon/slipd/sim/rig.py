@@ -1,0 +1,96 @@
+"""The whole virtual gripper without its lines: a scene and the five devices that look at it. Time is told to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from slipd.sim.contact import Load, Pad, finger_load, pad_wrench
+from slipd.sim.emulated_2f import Gripper2F
+from slipd.sim.emulated_bota import BotaMount, BotaSensor
+from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
+from slipd.sim.scene import Scene, Truth
+
+LINES = ("left-wrench", "left-pad", "right-wrench", "right-pad", "gripper")
+"""The devices, by the names of their lines."""
+
+LEFT_MOUNT = BotaMount()
+RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, 3.1, -0.012, 0.024, -0.018), clock_ppm=-15.0)
+
+
+class _Finger:
+    """One finger's sensors and its view of the scene."""
+
+    def __init__(self, scene: Scene, mount: BotaMount, rng: np.random.Generator, *, right: bool) -> None:
+        self._scene, self._right = scene, right
+        patch, pad = (scene.patch.mirrored() if right else scene.patch), Pad()
+        self._centre_m = patch.centre_m
+        self._seen: tuple[Load, float] | None = None
+        self.wrench = BotaSensor(mount, rng)
+        self.pad = PvdfPad(pad.shares(patch).reshape(pad.rows, pad.cols), PvdfElectronics(), rng)
+
+    def advance(self, t_ns: int) -> tuple[bytes, bytes]:
+        scene = self._scene
+        if self._seen != (scene.friction, scene.normal_n):
+            self._seen = scene.friction, scene.normal_n
+            load = finger_load(scene.friction, right=self._right)
+            self.wrench.feel(*pad_wrench(load, scene.normal_n, self._centre_m))
+        return self.wrench.advance(t_ns), self.pad.advance(t_ns, scene.normal_n)
+
+
+class Rig:
+    """Two fingers and a gripper in a scene. The scene's clock begins when the gripper is first told to activate.
+
+    Args:
+        scene: The scene, at its start.
+        seed: Of all noise.
+
+    Attributes:
+        scene: As it is now; its truth so far.
+    """
+
+    def __init__(self, scene: Scene, seed: int = 0) -> None:
+        self.scene = scene
+        left, right = np.random.default_rng(seed).spawn(2)
+        self._left = _Finger(scene, LEFT_MOUNT, left, right=False)
+        self._right = _Finger(scene, RIGHT_MOUNT, right, right=True)
+        self._gripper = Gripper2F(scene.open_width_m)
+        self._told = 0
+
+    @property
+    def began_ns(self) -> int | None:
+        """When the scene's clock began; None before."""
+        return self._gripper.activated_ns
+
+    def opened(self, line: str, t_ns: int) -> None:
+        """Somebody opened a line: a force sensor boots anew."""
+        if line == "left-wrench":
+            self._left.wrench.restart(t_ns)
+        elif line == "right-wrench":
+            self._right.wrench.restart(t_ns)
+
+    def receive(self, line: str, data: bytes, t_ns: int) -> bytes:
+        """Take what was written to a line; return the answer."""
+        if line == "gripper":
+            return self._gripper.receive(data, t_ns)
+        if line == "left-wrench":
+            return self._left.wrench.receive(data, t_ns)
+        if line == "right-wrench":
+            return self._right.wrench.receive(data, t_ns)
+        return b""
+
+    def advance(self, t_ns: int) -> dict[str, bytes]:
+        """Go on to ``t_ns``, ns since the start, in steps of about 1 ms; return what each line says unasked."""
+        if self.began_ns is not None:
+            self.scene.step((t_ns - self.began_ns) * 1e-9, self._gripper.command(t_ns))
+            self._gripper.observe(self.scene)
+        left_wrench, left_pad = self._left.advance(t_ns)
+        right_wrench, right_pad = self._right.advance(t_ns)
+        return dict(zip(LINES, (left_wrench, left_pad, right_wrench, right_pad, b""), strict=True))
+
+    def news(self) -> list[Truth]:
+        """Every change in the scene since the last call."""
+        news = self.scene.truth[self._told :]
+        self._told = len(self.scene.truth)
+        return news

@@ -1,0 +1,133 @@
+"""The virtual gripper as a process: five pseudo-terminals that speak device bytes in real time, and the truth.
+
+One loop, no threads: every millisecond it moves the scene on and writes what the devices have to say. A late wake-up
+makes up for all it missed at once, so that the rates never drift.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from slipd.sim.port import Port
+from slipd.sim.rig import LINES, Rig
+from slipd.sim.scene import Scene
+
+TICK_NS = 1_000_000
+"""The force sensors' period."""
+
+LONGEST_LAG_NS = 500_000_000
+"""After a longer pause (a suspended machine) the scene goes on where it stood instead of catching up."""
+
+STDIN = 0
+
+
+class VirtualGripper:
+    """Runs a rig on its ports.
+
+    Args:
+        rig: The scene and its devices.
+        ports: The device's end of each line.
+        tell: Called with each event: a map with ``t_s`` (scene), ``t_ns`` (CLOCK_MONOTONIC) and ``event``.
+    """
+
+    def __init__(self, rig: Rig, ports: dict[str, Port], tell: Callable[[dict[str, Any]], None]) -> None:
+        self._rig, self._ports, self._tell = rig, ports, tell
+        self._poll = select.poll()
+        self._poll.register(STDIN, select.POLLIN)
+        self._by_fd = {port.fd: (line, port) for line, port in ports.items()}
+        for fd in self._by_fd:
+            self._poll.register(fd, select.POLLIN)
+        self._stopped = False
+        self._begun = False
+
+    def stop(self) -> None:
+        """End at the next tick; safe in a signal handler."""
+        self._stopped = True
+
+    def run(self, seconds: float | None = None) -> None:
+        """Run until stopped, until standard input closes, or for ``seconds``."""
+        start_ns, ticks = time.monotonic_ns(), 0
+        while not self._stopped and (seconds is None or ticks * TICK_NS < seconds * 1e9):
+            next_ns = start_ns + (ticks + 1) * TICK_NS
+            time.sleep(max(next_ns - time.monotonic_ns(), 0) * 1e-9)
+            lag_ns = time.monotonic_ns() - next_ns
+            if lag_ns > LONGEST_LAG_NS:
+                start_ns, lag_ns = start_ns + lag_ns, 0
+            said = self._listen(ticks * TICK_NS)
+            for _ in range(1 + lag_ns // TICK_NS):
+                ticks += 1
+                for line, data in self._rig.advance(ticks * TICK_NS).items():
+                    said[line] += data
+                self._tell_news(start_ns)
+            for line, data in said.items():
+                self._ports[line].write(data)
+
+    def _listen(self, t_ns: int) -> dict[str, bytes]:
+        """Hear every line; return the answers."""
+        said = dict.fromkeys(LINES, b"")
+        heard = dict(self._poll.poll(0))
+        if STDIN in heard and not os.read(STDIN, 4096):
+            self._stopped = True
+        for fd, (line, port) in self._by_fd.items():
+            events = heard.get(fd, 0)
+            if port.note(events):
+                self._rig.opened(line, t_ns)
+            if events & select.POLLIN and (data := port.read()):
+                said[line] = self._rig.receive(line, data, t_ns)
+        return said
+
+    def _tell_news(self, start_ns: int) -> None:
+        began_ns = self._rig.began_ns
+        if began_ns is None:
+            return
+        if not self._begun:
+            self._begun = True
+            self._tell({"t_s": 0.0, "t_ns": start_ns + began_ns, "event": "begin"})
+        for truth in self._rig.news():
+            t_ns = start_ns + began_ns + round(truth.t_s * 1e9)
+            self._tell({"t_s": round(truth.t_s, 4), "t_ns": t_ns, "event": truth.event, **truth.values})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """``python -m slipd.sim``: the virtual gripper; ends on SIGTERM, SIGINT, or when standard input closes."""
+    parser = argparse.ArgumentParser(prog="python -m slipd.sim", description=main.__doc__)
+    parser.add_argument("--dir", type=Path, required=True, help="where to put the ports: " + ", ".join(LINES))
+    parser.add_argument("--seed", type=int, default=0, help="of all noise (default 0)")
+    parser.add_argument("--seconds", type=float, help="end after this long (default: never)")
+    options = parser.parse_args(argv)
+    options.dir.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        ports: dict[str, Port] = {}
+        for line in LINES:
+            ports[line] = Port(options.dir / line)
+            stack.callback(ports[line].close)
+        rig = Rig(Scene(), options.seed)
+        gripper = VirtualGripper(rig, ports, _print)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: gripper.stop())
+        gc.collect()
+        gc.freeze()
+        paths = {line: str(port.path) for line, port in ports.items()}
+        try:
+            _print({"t_s": None, "t_ns": time.monotonic_ns(), "event": "ready", "ports": paths})
+            gripper.run(options.seconds)
+            dropped = {line: port.dropped for line, port in ports.items()}
+            _print({"t_s": rig.scene.t_s, "t_ns": time.monotonic_ns(), "event": "end", "dropped_bytes": dropped})
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads: end without a complaint
+    return 0
+
+
+def _print(event: dict[str, Any]) -> None:
+    print(json.dumps(event), flush=True)
