@@ -1,0 +1,44 @@
+# make demo and make test are the whole set-up: each makes its virtual environment first, once.
+#
+#   make test PYTHON=python3.13    another interpreter gets an environment of its own
+
+PYTHON ?= python3
+VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+VENV := .venv-$(VERSION)
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: demo test lint bench clean
+
+demo: $(READY)
+	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
+	@$(BIN)/slipd demo $(DEMO)
+
+test: $(READY) lint
+	@echo "== tests, with coverage"
+	@$(BIN)/pytest --cov --cov-report=term:skip-covered $(TESTS)
+
+lint: $(READY)
+	@echo "== ruff, mypy, import-linter"
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+
+bench: $(READY)
+	@echo "== from the last byte to the message at a subscriber, beside a C program (about a minute)"
+	@$(BIN)/python tests/bench/latency.py
+
+# The environment is made again when the dependencies change; a stamp tells, so that a second run starts at once.
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+		|| { echo "slipd needs Python 3.11 or newer; $(PYTHON) is $(VERSION). Try: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
+	@echo "== setting up $(VENV) with Python $(VERSION) (once; about a minute)"
+	@$(PYTHON) -m venv $(VENV) || { echo "venv failed; on Debian: apt install python3-venv"; exit 2; }
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@echo "== compiling the kernels (once)"
+	@$(BIN)/python -c 'from slipd.pipeline.warm_up import warm_up; warm_up()'
+	@touch $@
+
+clean:
+	rm -rf .venv-* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage*
