@@ -10,6 +10,25 @@ from slipd_client import messages
 
 CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"
 WALL_NS = 1_700_000_000_000_000_000
+TWO_PADS = "".join(
+    f"""
+[finger.{name}]
+mu = 0.5
+[finger.{name}.pad]
+device = "xela"
+port = "ws://127.0.0.1:5000"
+sensor = "{sensor}"
+rate_hz = 60.0
+rows = 4
+cols = 4
+pitch_m = 0.0047
+electrode_m = 0.004
+axis_scale = [0.001, 0.001, 0.001]
+threshold = 0.05
+tare = {[16000.0, 16500.0, 37000.0] * 16}
+"""
+    for name, sensor in (("left", "1"), ("right", "2"))
+)
 Entry = Entered | Published
 
 
@@ -32,6 +51,12 @@ def _entry(n: int) -> Entry:
 def entries() -> Callable[[int], list[Entry]]:
     """The first entries of a run: events of every kind, each followed by a message."""
     return lambda count: [_entry(n) for n in range(count)]
+
+
+@pytest.fixture
+def two_pads() -> str:
+    """Config of two XELA pads at one server."""
+    return TWO_PADS
 
 
 @pytest.fixture

@@ -108,6 +108,7 @@ class Recorder:
             self._discard_until_closed()
 
     def _write_until_closed(self) -> None:
+        # Entry by entry: a batch would hold the interpreter's lock, and with it the live path, for milliseconds.
         next_flush_s = time.monotonic() + FLUSH_PERIOD_S
         next_sync_s = time.monotonic() + SYNC_PERIOD_S
         while True:

@@ -1,0 +1,182 @@
+"""Imports gripper trials with two XELA pads as recordings.
+
+The source is one trial folder as published with "proactive slip control" (github.com/imanlab/proactive-slip-control):
+``xela_sensor1.csv`` and ``xela_sensor2.csv`` with the raw counts of sixteen three-axis taxels a row, and
+``robot_state.csv`` with the ``time`` of each row. The counts are put into the messages with which XELA's server
+would have sent them, so that everything from the decoder on is the way of a live run.
+"""
+
+from __future__ import annotations
+
+import csv
+import heapq
+import math
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd import config
+from slipd.devices import xela
+from slipd.errors import RecordingError
+from slipd.pipeline.engine import Engine
+from slipd.pipeline.events import Bytes, Event, LinkSpec, LinkUp, Tick
+from slipd.recording.mcap_file import RecordingFile
+
+SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}
+TIMES = "robot_state.csv"
+TAXELS = 16
+LONGEST_S = 3600.0  # the trials last seconds; a longer one has its times in another unit
+START_NS = 1_000_000_000  # the first row; also in wall-clock time, for none is known
+TICK_NS = 10_000_000
+AFTER_NS = 500_000_000  # long enough for every stream to be told stale
+BOOT = "imported"
+WELCOME = b'{"message":"Welcome"}'
+
+Counts = NDArray[np.uint16]
+_COLUMNS = [f"txl{taxel}_{axis}" for taxel in range(1, TAXELS + 1) for axis in "xyz"]
+_COUNT_MAX = 2**16 - 1
+
+
+def import_trial(source: Path, out: Path, config_text: str) -> None:
+    """Write one trial as a recording: what a live run with this config would have seen.
+
+    The server comes up at ``START_NS`` and welcomes; then one message a row, holding both pads, at the row's time;
+    between them a tick every 10 ms, up to half a second behind the last row.
+
+    Args:
+        source: The folder of the trial.
+        out: Recording to be written; an existing one is never overwritten, and none is left half-written.
+        config_text: Config with which it is to be replayed, TOML; its pads share one WebSocket address.
+
+    Raises:
+        ConfigError: The config has faults.
+        RecordingError: The source is not such a trial (told with file, line and what would be right), the config
+            has no such address, or ``out`` cannot be written.
+    """
+    link = _server(config_text, f"config for {out.name}")
+    times_ns = _times_ns(source / TIMES)
+    pads = {sensor: _counts(source / name) for sensor, name in SENSORS.items()}
+    for sensor, pad in pads.items():
+        if len(pad) != len(times_ns):
+            path = source / SENSORS[sensor]
+            raise RecordingError(f"{path}: {len(pad)} rows, but {TIMES} has {len(times_ns)}; each row has its time")
+    if out.exists():
+        raise RecordingError(f"{out}: exists already; give the name of a new file")
+    try:
+        with tempfile.TemporaryDirectory(dir=out.parent, prefix=".import-") as folder:
+            whole = Path(folder) / out.name
+            _write(whole, config_text, _events(link, times_ns, pads))
+            whole.rename(out)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be written: {error.strerror}") from error
+
+
+def _server(config_text: str, file_name: str) -> LinkSpec:
+    """Return the one link over which the config reads the pads."""
+    settings = config.parse(config_text, file_name)
+    pads = [finger.pad for finger in settings.finger.values() if finger.pad and finger.pad.device == "xela"]
+    ports, sensors = {pad.port for pad in pads}, {pad.sensor for pad in pads}
+    if len(ports) != 1 or not sensors <= SENSORS.keys():
+        raise RecordingError(
+            f"{file_name}: XELA sensors {sorted(sensors)} at {len(ports)} addresses; "
+            f"right are the sensors {' and '.join(SENSORS)}, both at one address"
+        )
+    links = Engine(settings, boot=BOOT, wall_minus_monotonic_ns=0).links
+    return next(link for link in links.values() if link.address in ports)
+
+
+def _events(link: LinkSpec, times_ns: list[int], pads: dict[str, list[Counts]]) -> Iterator[tuple[int, Event]]:
+    """Yield ``(t_ns, event)`` in order of time."""
+    ticks = range(START_NS, times_ns[-1] + AFTER_NS + 1, TICK_NS)
+    return heapq.merge(
+        _server_events(link, times_ns, pads), ((t_ns, Tick()) for t_ns in ticks), key=lambda timed: timed[0]
+    )
+
+
+def _server_events(link: LinkSpec, times_ns: list[int], pads: dict[str, list[Counts]]) -> Iterator[tuple[int, Event]]:
+    yield START_NS, LinkUp(link.name, link.address)
+    yield START_NS, Bytes(link.name, WELCOME)
+    for row, t_ns in enumerate(times_ns):
+        counts = {sensor: pad[row] for sensor, pad in pads.items()}
+        yield t_ns, Bytes(link.name, xela.encode_message(row, counts, t_ns / 1e9))
+
+
+def _write(path: Path, config_text: str, events: Iterator[tuple[int, Event]]) -> None:
+    file = RecordingFile(path, config_text=config_text, boot=BOOT, wall_minus_monotonic_ns=0)
+    try:
+        count = 0
+        for t_ns, event in events:
+            file.event(count, t_ns, event)
+            count += 1
+        file.finish(count)
+    except BaseException:
+        with suppress(OSError):
+            file.abandon()
+        raise
+
+
+def _rows(path: Path, columns: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield line and the cells of ``columns`` of every row."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.reader(file, strict=True)
+            header = next(reader, [])
+            for name in columns:
+                if header.count(name) != 1:
+                    found = f"{header.count(name)} columns" if name in header else "no column"
+                    raise RecordingError(f"{path}:1: has {found} {name!r}")
+            places = [header.index(name) for name in columns]
+            for row in reader:
+                if len(row) != len(header):
+                    raise RecordingError(f"{path}:{reader.line_num}: {len(row)} cells; the header has {len(header)}")
+                yield reader.line_num, [row[place] for place in places]
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{path}: not a CSV file in UTF-8: {error}") from error
+
+
+def _number(path: Path, line: int, column: str, cell: str) -> float:
+    try:
+        number = float(cell)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise RecordingError(f"{path}:{line}: {column} is {cell!r}; a number is right")
+    return number
+
+
+def _times_ns(path: Path) -> list[int]:
+    """Read when each row was taken; the first is at ``START_NS``."""
+    times_ns: list[int] = []
+    first_s = 0.0
+    for line, (cell,) in _rows(path, ["time"]):
+        time_s = _number(path, line, "time", cell)
+        if not times_ns:
+            first_s = time_s
+        t_ns = START_NS + round((time_s - first_s) * 1e9)
+        if times_ns and t_ns < times_ns[-1]:
+            raise RecordingError(f"{path}:{line}: time {cell} is before that of the row above; it must not fall")
+        if time_s - first_s > LONGEST_S:
+            raise RecordingError(f"{path}:{line}: time {cell} is over an hour after the first; seconds are right")
+        times_ns.append(t_ns)
+    if not times_ns:
+        raise RecordingError(f"{path}: has no rows; one for each reading is right")
+    return times_ns
+
+
+def _counts(path: Path) -> list[Counts]:
+    """Read the counts of one pad, one array (taxels, 3) a row."""
+    pad = []
+    for line, cells in _rows(path, _COLUMNS):
+        row = [_number(path, line, *named) for named in zip(_COLUMNS, cells, strict=True)]
+        for column, cell, count in zip(_COLUMNS, cells, row, strict=True):
+            if not (0 <= count <= _COUNT_MAX and count.is_integer()):
+                right = f"a whole number of 0 … {_COUNT_MAX}"
+                raise RecordingError(f"{path}:{line}: {column} is {cell!r}; {right} is right")
+        pad.append(np.array(row, dtype=np.uint16).reshape(TAXELS, 3))
+    return pad

@@ -1,0 +1,86 @@
+"""Runs a recording through the same engine as the live run.
+
+The engine gets the recorded config, boot and wall offset, and every event with the time at which it entered; it knows
+no other clock. So what a replay publishes is, byte for byte, what the live run published.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from slipd import config
+from slipd.errors import RecordingError
+from slipd.pipeline.engine import Engine
+from slipd.pipeline.events import Bytes, LinkDown, LinkUp, Publish
+from slipd.recording.reader import Recording
+
+
+class Pace:
+    """Lets recorded time pass as real time does, or so many times faster.
+
+    Args:
+        speed: Recorded seconds a second.
+        sleep: Waits for so many seconds.
+        now_ns: The clock that ``sleep`` lets pass, ns.
+    """
+
+    def __init__(
+        self,
+        speed: float,
+        sleep: Callable[[float], None] = time.sleep,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        if not 0.0 < speed < math.inf:
+            raise ValueError(f"speed {speed}; a finite number above 0 is right, or none at all for no waiting")
+        self._speed = speed
+        self._sleep = sleep
+        self._now_ns = now_ns
+        self._recorded_minus_passed_ns: float | None = None
+
+    def wait_until(self, t_ns: int) -> None:
+        """Wait until the recorded time ``t_ns``; the first call only sets the clock."""
+        passed_ns = self._now_ns() * self._speed
+        if self._recorded_minus_passed_ns is None:
+            self._recorded_minus_passed_ns = t_ns - passed_ns
+        ahead_ns = t_ns - self._recorded_minus_passed_ns - passed_ns
+        if ahead_ns > 0:
+            self._sleep(ahead_ns / self._speed / 1e9)
+
+
+def replay(
+    recording: Recording, *, speed: float | None = None, sleep: Callable[[float], None] = time.sleep
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield ``(topic, body)`` of every message that the recorded events cause, in order.
+
+    What the engine would write to a device or answer to a client goes nowhere. Look at ``recording.complete``
+    afterwards: where events are missing, the messages behind the gap are not those of the live run.
+
+    Args:
+        recording: The recording.
+        speed: Recorded seconds a second; None: as fast as it goes.
+        sleep: Waits for so many seconds.
+
+    Raises:
+        ConfigError: The recorded config has faults (for this version of slipd).
+        RecordingError: The file cannot be opened any more, or its events do not fit its config.
+        ValueError: The speed is no finite number above 0.
+    """
+    pace = None if speed is None else Pace(speed, sleep)
+    settings = config.parse(recording.config_text, f"{recording.path}: config")
+    engine = Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
+    return _run(engine, recording, pace)
+
+
+def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tuple[str, dict[str, Any]]]:
+    links = engine.links
+    for t_ns, event in recording.events():
+        if isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link not in links:
+            raise RecordingError(f"{recording.path}: an event of link {event.link!r}, which its config does not have")
+        if pace is not None:
+            pace.wait_until(t_ns)
+        for output in engine.handle(event, t_ns):
+            if isinstance(output, Publish):
+                yield output.topic, output.body
