@@ -30,6 +30,12 @@ CLOCK_CHECK_NS = 600 * 1_000_000_000
 LEASE_MS = 200
 """How long a lease lasts without renewal: so long does the daemon believe that a dead program steers."""
 
+TARE_S = 0.5
+"""Long enough for the noise of a force sensor, short enough for a finger to stay untouched."""
+
+TARE_LOOK_S = 0.05
+"""How often to ask whether a tare is taken."""
+
 
 class Requester:
     """Sends requests and waits for their replies; blocking, for one thread, best used in a ``with``.
@@ -68,7 +74,7 @@ class Requester:
         The first request after a restart of the daemon is refused ("wrong_boot"), so that a program learns of
         the restart; the next one greets the new daemon.
         """
-        result = self._exchange("hello", {}, self.timeout_s)
+        result = self._exchange("hello", {})
         received_ns = time.monotonic_ns()
         boot, t_ns = result.get("boot"), result.get("t_ns")
         if type(boot) is not str or type(t_ns) is not int:
@@ -86,7 +92,17 @@ class Requester:
             NoAnswer: No reply came in time.
             MessageError: The fields make no acceptable message (NaN, a text too long); nothing was sent.
         """
-        return self._request(op, fields, self.timeout_s)
+        boot = self._boot
+        if boot is None or time.monotonic_ns() - self._clock_read_ns > CLOCK_CHECK_NS:
+            self.hello()
+        if boot is not None:
+            self._boot = boot  # reading the clock anew must not turn a request to a restarted daemon
+        try:
+            return self._exchange(op, fields)
+        except RequestRefused as refusal:
+            if refusal.code in ("wrong_boot", "deadline_passed", "deadline_too_far"):
+                self._boot = None  # what hello taught is out of date
+            raise
 
     def status(self) -> dict[str, Any]:
         """What the daemon, its fingers and its streams are doing: the map of the ``status`` topic."""
@@ -127,28 +143,38 @@ class Requester:
         """
         return self.request("gripper.close", force_n=force_n, **_given(width_m=width_m, speed_mps=speed_mps))
 
-    def open(self, drop: bool = False, width_m: float | None = None) -> dict[str, Any]:
+    def open(self, drop: bool = False, width_m: float | None = None, speed_mps: float | None = None) -> dict[str, Any]:
         """Open the gripper.
 
         Args:
-            drop: Open although an object is held.
+            drop: Open although an object is held, or may be.
             width_m: Width between the pads, m; None opens fully.
+            speed_mps: Speed, m/s; None leaves it to the daemon.
         """
-        return self.request("gripper.open", **_given(drop=drop or None, width_m=width_m))
+        return self.request("gripper.open", **_given(drop=drop or None, width_m=width_m, speed_mps=speed_mps))
 
     def stop(self) -> dict[str, Any]:
         """Stop the gripper where it is."""
         return self.request("gripper.stop")
 
-    def tare(self, finger: str, seconds: float = 1.0) -> dict[str, Any]:
-        """Take the mean wrench of the next ``seconds`` as zero; blocks for that long.
+    def tare(self, finger: str, seconds: float = TARE_S) -> dict[str, Any]:
+        """Take the mean wrench of the next ``seconds`` as zero, and wait until it is taken.
+
+        Returns:
+            As ``tare_get``, and ``verified``: whether the daemon knew that nothing touched the finger.
 
         Raises:
             ValueError: ``seconds`` is no positive time.
         """
         if not 0 < seconds < math.inf:
-            raise ValueError(f"seconds is {seconds}; a tare takes the mean over a positive time, e.g. 1.0")
-        return self._request("tare", {"finger": finger, "seconds": seconds}, self.timeout_s + seconds)
+            raise ValueError(f"seconds is {seconds}; a tare takes the mean over a positive time, e.g. {TARE_S}")
+        verified = self.request("tare", finger=finger, seconds=seconds).get("verified")
+        until = time.monotonic() + seconds + self.timeout_s
+        while (taken := self.tare_get(finger)).get("busy"):
+            if time.monotonic() > until:
+                raise NoAnswer(f"the tare of {finger} is not taken after {seconds} s: too few readings come in")
+            time.sleep(TARE_LOOK_S)
+        return taken | {"verified": verified}
 
     def tare_get(self, finger: str) -> dict[str, Any]:
         """The tare in use."""
@@ -170,21 +196,8 @@ class Requester:
     ) -> None:
         self.disconnect()
 
-    def _request(self, op: str, fields: dict[str, Any], timeout_s: float) -> dict[str, Any]:
-        boot = self._boot
-        if boot is None or time.monotonic_ns() - self._clock_read_ns > CLOCK_CHECK_NS:
-            self.hello()
-        if boot is not None:
-            self._boot = boot  # reading the clock anew must not turn a request to a restarted daemon
-        try:
-            return self._exchange(op, fields, timeout_s)
-        except RequestRefused as refusal:
-            if refusal.code in ("wrong_boot", "deadline_passed", "deadline_too_far"):
-                self._boot = None  # what hello taught is out of date
-            raise
-
-    def _exchange(self, op: str, fields: dict[str, Any], timeout_s: float) -> dict[str, Any]:
-        until = time.monotonic() + timeout_s
+    def _exchange(self, op: str, fields: dict[str, Any]) -> dict[str, Any]:
+        until = time.monotonic() + self.timeout_s
         if not self._link.wait(zmq.POLLOUT, until):
             raise NoAnswer(f"nobody takes requests at {self.endpoint}; nothing was sent. Is slipd running?")
         number = f"{self._prefix}-{next(self._numbers)}"
@@ -198,9 +211,9 @@ class Requester:
             self._link.socket.send(data, zmq.NOBLOCK)
         except zmq.Again:
             raise NoAnswer(f"{self.endpoint} went away; nothing was sent") from None
-        return self._result(number, until, timeout_s)
+        return self._result(number, until)
 
-    def _result(self, number: str, until: float, timeout_s: float) -> dict[str, Any]:
+    def _result(self, number: str, until: float) -> dict[str, Any]:
         """Wait for the reply to one request; replies to earlier ones, which came too late, are dropped."""
         why = ""
         while self._link.wait(zmq.POLLIN, until):
@@ -211,7 +224,9 @@ class Requester:
                 continue
             if reply.get("id") == number:
                 return _unwrap(reply)
-        raise NoAnswer(f"no answer from {self.endpoint} within {timeout_s} s; it may or may not have been done{why}")
+        raise NoAnswer(
+            f"no answer from {self.endpoint} within {self.timeout_s} s; it may or may not have been done{why}"
+        )
 
 
 def _given(**fields: Any) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from slipd_client.errors import ClientError
 from slipd_client.messages import STATUS_TOPIC
-from slipd_client.requester import LEASE_MS, Requester
+from slipd_client.requester import LEASE_MS, TARE_S, Requester
 from slipd_client.view import View
 from slipd_client.watch import print_view, watch
 
@@ -67,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
 
     tare = commands.add_parser("tare", help="take a finger's present wrench as zero; nothing may touch it")
     tare.add_argument("finger", metavar="FINGER")
-    tare.add_argument("--seconds", type=_positive, default=1.0, metavar="S", help="mean over S seconds (1)")
+    tare.add_argument("--seconds", type=_positive, default=TARE_S, metavar="S", help="mean over so long (%(default)s)")
     tare.set_defaults(run=_tare)
 
     grip = commands.add_parser("grip", help="set the normal force on one pad")

@@ -85,7 +85,7 @@ class View:
         if silent_s:
             return [(f"nothing heard for {silent_s:.1f} s: what follows is old", "1;31")]
         status = self._newest.get(STATUS_TOPIC, {})
-        lease = _either(self._status("lease").get("holder"), "held", "free")
+        lease = _either(self._status("lease").get("held"), "held", "free")
         facts = f"up {_value(status, 'uptime_s', 's', 0)}  config {_text(status.get('config_id'))}  lease {lease}"
         return [(f"slipd {_text(status.get('version'))}", "1"), (f"  {facts}", "")]
 
@@ -209,7 +209,7 @@ def _magnitude(value: Any) -> float | None:
     if not isinstance(value, list):
         return _number(value)
     numbers = [number for number in map(_number, value) if number is not None]
-    return math.hypot(*numbers) if len(numbers) == len(value) else None
+    return math.hypot(*numbers) if numbers and len(numbers) == len(value) else None
 
 
 def _either(value: Any, yes: str, no: str) -> str:

@@ -1,14 +1,10 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from slipd_client.messages import (
-    ERROR_CODES,
     HEALTH,
     LEVELS,
-    REASONS,
     Health,
     decode,
     encode,
@@ -17,8 +13,6 @@ from slipd_client.messages import (
     tactile_topic,
     wrench_topic,
 )
-
-PROTOCOL = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 
 
 def test_levels_count_from_no_contact_to_unknown() -> None:
@@ -48,8 +42,3 @@ def test_topics_of_a_finger_are_its_kind_and_name() -> None:
         "wrench.left",
         "tactile.left",
     ]
-
-
-@pytest.mark.parametrize("word", [*LEVELS, *REASONS, *ERROR_CODES])
-def test_the_protocol_document_names_every_word(word: str) -> None:
-    assert f"`{word}`" in PROTOCOL

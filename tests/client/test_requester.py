@@ -209,9 +209,12 @@ def test_a_lease_that_is_refused_runs_no_block_and_releases_nothing(daemon: Daem
             {"force_n": 3.0, "width_m": 0.02, "speed_mps": 0.05},
         ),
         (lambda r: r.open(), "gripper.open", {}),
-        (lambda r: r.open(drop=True, width_m=0.08), "gripper.open", {"drop": True, "width_m": 0.08}),
+        (
+            lambda r: r.open(drop=True, width_m=0.08, speed_mps=0.1),
+            "gripper.open",
+            {"drop": True, "width_m": 0.08, "speed_mps": 0.1},
+        ),
         (lambda r: r.stop(), "gripper.stop", {}),
-        (lambda r: r.tare("left", 0.5), "tare", {"finger": "left", "seconds": 0.5}),
         (lambda r: r.tare_get("left"), "tare.get", {"finger": "left"}),
         (lambda r: r.tare_undo("left"), "tare.undo", {"finger": "left"}),
         (lambda r: r.renew(), "lease.renew", {}),
@@ -229,16 +232,20 @@ def test_each_call_sends_its_op_and_fields(
     assert asked == {"op": op, **fields}
 
 
-def test_a_tare_is_waited_for_as_long_as_it_takes(daemon: Daemon) -> None:
-    def measure(request: dict[str, Any]) -> dict[str, Any]:
-        time.sleep(request["seconds"])
-        return {"tare_id": 2}
-
-    daemon.handlers["tare"] = measure
+def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
+    looks = iter([{"busy": True, "tare_id": 1}, {"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
+    daemon.handlers["tare"] = lambda _: {"verified": True}
+    daemon.handlers["tare.get"] = lambda _: next(looks)
     with Requester(daemon.endpoint) as requester:
-        requester.hello()
-        requester.timeout_s = 0.2
-        assert requester.tare("left", 0.4) == {"tare_id": 2}
+        assert requester.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
+    assert daemon.ops == ["hello", "tare", *["tare.get"] * 3]
+    assert daemon.requests[1]["seconds"] == 0.4
+
+
+def test_a_tare_without_readings_is_told(daemon: Daemon) -> None:
+    daemon.handlers["tare.get"] = lambda _: {"busy": True}
+    with Requester(daemon.endpoint, timeout_s=0.3) as requester, pytest.raises(NoAnswer, match="too few readings"):
+        requester.tare("left", 0.1)
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf")])

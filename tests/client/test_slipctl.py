@@ -87,17 +87,18 @@ def test_status_is_drawn_for_people(daemon: Daemon, capsys: pytest.CaptureFixtur
 
 
 def test_status_as_json_is_the_whole_map(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
-    status = {"version": "0.1.0", "lease": {"holder": False, "expires_in_s": None}}
+    status = {"version": "0.1.0", "lease": {"held": False, "expires_in_s": None}}
     daemon.handlers["status"] = lambda _: status
     assert main(["--requests", daemon.endpoint, "status", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == status
 
 
 def test_tare_prints_what_was_taken(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
-    daemon.handlers["tare"] = lambda request: {"tare_id": 4, "finger": request["finger"]}
+    daemon.handlers["tare"] = lambda request: {"verified": True, "seconds": request["seconds"]}
+    daemon.handlers["tare.get"] = lambda _: {"tare_id": 4, "busy": False}
     assert main(["--requests", daemon.endpoint, "tare", "left", "--seconds", "0.5"]) == 0
-    assert capsys.readouterr().out == 'tare_id: 4\nfinger: "left"\n'
-    assert daemon.requests[-1]["seconds"] == 0.5
+    assert capsys.readouterr().out == "tare_id: 4\nbusy: false\nverified: true\n"
+    assert daemon.requests[1]["seconds"] == 0.5
 
 
 def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:

@@ -40,7 +40,7 @@ STATUS: dict[str, Any] = {
     "config_id": "3f2a",
     "fingers": {"left": {"level": "caution"}, "right": {"level": "unknown"}},
     "streams": {"left.wrench": STREAM},
-    "lease": {"holder": True, "expires_in_s": 0.1},
+    "lease": {"held": True, "expires_in_s": 0.1},
 }
 GRIPPER: dict[str, Any] = {
     "width_m": 0.0425,
@@ -69,7 +69,7 @@ def test_a_finger_shows_level_utilisation_forces_and_reasons() -> None:
 
 
 @pytest.mark.parametrize("field", ["normal_n", "tangential_n", "spin_nm", "mu", "grip_needed_n"])
-@pytest.mark.parametrize("unknown", [None, [None, 1.0]])
+@pytest.mark.parametrize("unknown", [None, [], [None, 1.0]])
 def test_a_quantity_that_is_not_known_is_a_dash_and_never_zero(field: str, unknown: Any) -> None:
     assert drawn(slip_left=SLIP | {field: unknown}).count("–") == 1 + drawn(slip_left=SLIP).count("–")
 

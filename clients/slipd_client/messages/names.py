@@ -58,17 +58,15 @@ ErrorCode = Literal[
     "wrong_boot",  # meant for another run of the daemon
     "deadline_passed",
     "deadline_too_far",
-    "rate_limited",
     "no_lease",  # the client holds no lease
     "lease_held",  # another client holds it
     "no_limit",  # the config gives no force limit, so nothing is moved
     "not_active",  # the gripper is not activated
-    "in_contact",  # opening would drop the object and ``drop`` was not given
+    "in_contact",  # opening would drop an object, taring would erase its load
     "gripper_fault",
     "no_gripper",  # the config names none, or it does not answer
     "unknown_finger",
-    "not_ready",  # what the request needs is not there yet, e.g. a fresh stream
-    "internal",  # the daemon failed; its log says why
+    "not_ready",  # what the request needs is not there, e.g. fresh readings
 ]
 ERROR_CODES: tuple[ErrorCode, ...] = get_args(ErrorCode)
 """Every ``error.code`` of a reply. A newer daemon may send further codes."""
