@@ -46,7 +46,7 @@ async def open_websocket(spec: LinkSpec, on_bytes: OnBytes) -> WebsocketConnecti
             max_size=MAX_MESSAGE_BYTES,
             max_queue=MAX_QUEUED_MESSAGES,
         )
-    except InvalidURI as error:
+    except (InvalidURI, ValueError) as error:
         raise LinkError(f"{spec.address}: no address of a WebSocket server; one is ws://host:5000") from error
     except OSError as error:
         raise LinkError(f"{spec.address}: does not answer ({error}); start the sensor's server there") from error

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from slipd.errors import LinkError
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.transport.link import FIRST_DELAY_S, JITTER, MAX_DELAY_S, Link, OnBytes
+
+SPEC = LinkSpec("left.wrench", "scripted", "somewhere")
+
+Script = list[str]
+
+
+class Connection:
+    """Delivers what a script says, then is lost."""
+
+    def __init__(self, data: bytes, on_bytes: OnBytes) -> None:
+        self._data = data
+        self._on_bytes = on_bytes
+
+    async def until_lost(self) -> str:
+        if self._data:
+            self._on_bytes(self._data)
+        return "pulled"
+
+    def write(self, data: bytes) -> bool:
+        return False
+
+    async def close(self) -> None:
+        return
+
+
+def opener(script: list[str | bytes]) -> Callable[[LinkSpec, OnBytes], Awaitable[Connection]]:
+    """Opens as scripted: text is a reason why not, bytes are what the connection delivers before it is lost."""
+
+    async def open_next(spec: LinkSpec, on_bytes: OnBytes) -> Connection:
+        if not script:
+            raise asyncio.CancelledError
+        step = script.pop(0)
+        if isinstance(step, str):
+            raise LinkError(step)
+        return Connection(step, on_bytes)
+
+    return open_next
+
+
+async def play(script: list[str | bytes]) -> list[Event]:
+    events: list[Event] = []
+    with pytest.raises(asyncio.CancelledError):
+        await Link(SPEC, opener(script), events.append).run()
+    return events
+
+
+@pytest.fixture
+def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The pauses a link makes, which then take no time."""
+    made: list[float] = []
+    sleep = asyncio.sleep
+
+    async def note(delay_s: float) -> None:
+        made.append(delay_s)
+        await sleep(0)
+
+    monkeypatch.setattr("slipd.transport.link.asyncio.sleep", note)
+    return made
+
+
+@pytest.mark.usefixtures("pauses")
+async def test_a_reason_is_told_again_only_after_another() -> None:
+    events = await play(["absent", "absent", "held", "held", "absent"])
+    assert events == [LinkDown("left.wrench", reason) for reason in ("absent", "held", "absent")]
+
+
+@pytest.mark.usefixtures("pauses")
+async def test_a_reason_is_told_again_after_the_link_was_up() -> None:
+    events = await play([b"1", b"2"])
+    once = [LinkUp("left.wrench", "somewhere"), LinkDown("left.wrench", "pulled")]
+    assert [event for event in events if not isinstance(event, Bytes)] == 2 * once
+
+
+async def test_pauses_double_from_the_first_to_the_longest_with_jitter(pauses: list[float]) -> None:
+    await play(["absent"] * 200)
+    for pause_s, mean_s in zip(pauses, [FIRST_DELAY_S * 2**n for n in range(5)], strict=False):
+        assert abs(pause_s / mean_s - 1) <= JITTER
+    late = pauses[10:]
+    assert all(abs(pause_s / MAX_DELAY_S - 1) <= JITTER for pause_s in late)
+    assert len(set(late)) == len(late)
+
+
+async def test_bytes_bring_the_first_pause_back(pauses: list[float]) -> None:
+    await play(["absent"] * 8 + [b"alive", "absent"])
+    assert pauses[7] > MAX_DELAY_S / 2
+    assert pauses[8] <= FIRST_DELAY_S * (1 + JITTER)
+
+
+async def test_a_port_that_opens_and_dies_at_once_is_not_opened_ever_faster(pauses: list[float]) -> None:
+    await play([b""] * 12)
+    assert pauses[-1] >= MAX_DELAY_S * (1 - JITTER)
+
+
+async def test_a_link_error_of_the_consumer_is_not_taken_for_one_of_the_link() -> None:
+    def fail(event: Event) -> None:
+        if isinstance(event, LinkUp):
+            raise LinkError("a fault of the consumer")
+
+    with pytest.raises(LinkError, match="of the consumer"):
+        await Link(SPEC, opener([b"x"]), fail).run()

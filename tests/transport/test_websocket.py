@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+from websockets.asyncio.server import ServerConnection, serve
+
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.transport.websocket import MAX_MESSAGE_BYTES
+
+if TYPE_CHECKING:
+    from conftest import Eventually, Serving
+
+Handler = Callable[[ServerConnection], Awaitable[None]]
+
+
+def link_to(port: int) -> LinkSpec:
+    return LinkSpec("left.pad", "websocket", f"ws://127.0.0.1:{port}")
+
+
+def kinds(events: list[Event]) -> list[type]:
+    return [type(event) for event in events]
+
+
+def received(events: list[Event]) -> list[bytes]:
+    return [event.data for event in events if isinstance(event, Bytes)]
+
+
+@asynccontextmanager
+async def sensor_server(*messages: str, port: int = 0) -> AsyncIterator[int]:
+    """Sends the messages to whoever connects, and stays."""
+
+    async def handle(client: ServerConnection) -> None:
+        for message in messages:
+            await client.send(message)
+        await client.wait_closed()
+
+    async with serve(handle, "127.0.0.1", port, compression=None) as server:
+        yield next(iter(server.sockets)).getsockname()[1]
+
+
+def raw_server(answer: bytes) -> AbstractAsyncContextManager[int]:
+    """Something on a port that is no WebSocket server."""
+
+    @asynccontextmanager
+    async def run() -> AsyncIterator[int]:
+        async def handle(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writer.write(answer)
+            writer.close()
+
+        server = await asyncio.start_server(handle, "127.0.0.1", 0)
+        async with server:
+            yield server.sockets[0].getsockname()[1]
+
+    return run()
+
+
+async def test_each_message_is_handed_on_as_one_piece_in_order(serving: Serving, eventually: Eventually) -> None:
+    messages = ['{"message": "Welcome"}', "µ-strain", *(f'{{"message": {n}}}' for n in range(500))]
+    async with sensor_server(*messages) as port, serving(link_to(port)) as (_, events):
+        await eventually(lambda: len(events) == len(messages) + 1)
+    assert events[0] == LinkUp("left.pad", f"ws://127.0.0.1:{port}")
+    assert received(events) == [message.encode() for message in messages]
+
+
+async def test_a_server_that_stops_and_starts_again_is_told_and_found(serving: Serving, eventually: Eventually) -> None:
+    async with sensor_server("first") as port:
+        link = serving(link_to(port))
+        _, events = await link.__aenter__()
+        await eventually(lambda: received(events) == [b"first"])
+    await eventually(lambda: LinkDown in kinds(events))
+    async with sensor_server("second", port=port):
+        await eventually(lambda: received(events) == [b"first", b"second"])
+        await link.__aexit__(None, None, None)
+    assert kinds(events)[:3] == [LinkUp, Bytes, LinkDown]
+    assert kinds(events)[-2:] == [LinkUp, Bytes]
+
+
+async def test_a_server_that_is_not_there_is_told_once_and_found_later(
+    serving: Serving, eventually: Eventually, quick: None, unused_tcp_port: int
+) -> None:
+    async with serving(link_to(unused_tcp_port)) as (_, events):
+        await eventually(lambda: events)
+        await asyncio.sleep(0.05)
+        assert kinds(events) == [LinkDown]
+        assert "start the sensor's server" in events[0].reason
+        async with sensor_server("at last", port=unused_tcp_port):
+            await eventually(lambda: received(events) == [b"at last"])
+
+
+@pytest.mark.parametrize("answer", [b"", b"SSH-2.0-OpenSSH_9\r\n", b"HTTP/1.1 404 Not Found\r\n\r\n", bytes(5000)])
+async def test_something_else_on_the_port_is_told(answer: bytes, serving: Serving, eventually: Eventually) -> None:
+    async with raw_server(answer) as port, serving(link_to(port)) as (_, events):
+        await eventually(lambda: events)
+    assert kinds(events) == [LinkDown]
+    assert f"ws://127.0.0.1:{port}: " in events[0].reason
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:5000", "http://127.0.0.1", "ws://", "ws://[::1", "ws://host:port"])
+async def test_an_address_that_is_none_is_told(address: str, serving: Serving, eventually: Eventually) -> None:
+    async with serving(LinkSpec("left.pad", "websocket", address)) as (_, events):
+        await eventually(lambda: events)
+    assert "one is ws://host:5000" in events[0].reason
+
+
+async def test_a_message_beyond_all_measure_ends_the_connection(serving: Serving, eventually: Eventually) -> None:
+    fits, beyond = "x" * MAX_MESSAGE_BYTES, "x" * (MAX_MESSAGE_BYTES + 1)
+    async with sensor_server(fits, beyond) as port, serving(link_to(port)) as (_, events):
+        await eventually(lambda: LinkDown in kinds(events))
+    assert kinds(events)[:3] == [LinkUp, Bytes, LinkDown]
+
+
+async def test_what_the_consumer_raises_ends_the_group(serving: Serving) -> None:
+    def fail(event: Event) -> None:
+        if type(event) is Bytes:
+            raise ArithmeticError("a fault of ours")
+
+    async with sensor_server("boo") as port:
+        with pytest.raises(ExceptionGroup) as raised:
+            async with serving(link_to(port), on_event=fail):
+                await asyncio.Event().wait()
+    assert [str(error) for error in raised.value.exceptions] == ["a fault of ours"]
+
+
+async def test_a_proxy_of_the_environment_is_not_asked(
+    serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch, unused_tcp_port: int
+) -> None:
+    for name in ("http_proxy", "all_proxy", "socks_proxy"):
+        monkeypatch.setenv(name, f"http://127.0.0.1:{unused_tcp_port}")
+    monkeypatch.delenv("no_proxy", raising=False)
+    async with sensor_server("direct") as port, serving(link_to(port)) as (_, events):
+        await eventually(lambda: received(events) == [b"direct"])
+
+
+async def test_a_write_is_refused_and_counted(serving: Serving, eventually: Eventually) -> None:
+    async with sensor_server() as port, serving(link_to(port)) as (links, events):
+        await eventually(lambda: events)
+        assert not links.write("left.pad", b"zero")
+        assert links.refused_writes == {"left.pad": 1}
+
+
+async def test_a_link_given_up_while_it_connects_leaves_nothing_behind(
+    serving: Serving, eventually: Eventually
+) -> None:
+    connected = asyncio.Event()
+
+    left = asyncio.Event()
+
+    async def never_answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        connected.set()
+        await reader.read()
+        writer.close()
+        left.set()
+
+    server = await asyncio.start_server(never_answer, "127.0.0.1", 0)
+    async with server:
+        async with serving(link_to(server.sockets[0].getsockname()[1])) as (_, events):
+            await eventually(connected.is_set)
+        await left.wait()
+    assert events == []
