@@ -5,7 +5,6 @@ Left out: the text data format, the calibration matrix, and everything that save
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -13,30 +12,18 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.devices import bota
+from slipd.devices import bota, bota_text
 from slipd.samples import Array
-
-BANNER = b"App Init\rname: MiniONE\rS/N: 20045\rFW version: 2.1.0\rc,0,1,0,4\r"
 
 BOOT_NS = 200_000_000
 """From power on to the first frame; the banner comes in the middle of it."""
 
-LONGEST_COMMAND = 64
-"""The sensor's own buffer (Bota serial manual)."""
-
 TEMPERATURE_C = 31.5
 
 _INTERNAL_RATE_HZ = 51_200
-_COMMANDS = tuple(
-    re.compile(pattern)
-    for pattern in (
-        rb"[CRI#slw]",
-        rb"c,[01],[01],[01],[0-4]",
-        rb"f,(\d+),[01],[01],[01]",
-        rb"b(?:,-?\d+\.\d{3}){6}",
-    )
-)
-_IN_RUN_MODE = b"CRI#"
+_IN_RUN_MODE = "CRI#"
+_DONE, _REFUSED = 0, 1
+_BINARY = 0
 _NOISE_BLOCK = 1024
 
 
@@ -51,7 +38,7 @@ class BotaMount:
             of the finger, which does not move in this scene.
         noise_n: Standard deviation of each force component.
         noise_nm: Standard deviation of each torque component.
-        rate_hz: Frames per second until a command sets another rate.
+        sinc_length: Of its filter, until a command sets another: a frame comes every sinc_length / 51200 s.
         clock_ppm: How much too fast its clock runs.
     """
 
@@ -60,7 +47,7 @@ class BotaMount:
     bias: Sequence[float] = (1.7, -0.9, 2.4, 0.030, -0.020, 0.011)
     noise_n: float = 0.02
     noise_nm: float = 0.0002
-    rate_hz: float = 1000.0
+    sinc_length: int = 64
     clock_ppm: float = 40.0
 
 
@@ -83,9 +70,7 @@ class BotaSensor:
         self._noise: list[list[float]] = []
         self._ideal: list[float] = self._bias.tolist()
         self._ppm = mount.clock_ppm
-        self._period_ns = round(1e9 / mount.rate_hz)
-        self._command = b""
-        self._text = b""
+        self._period_ns = _period_ns(mount.sinc_length)
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
@@ -93,15 +78,12 @@ class BotaSensor:
         self.mode: Literal["boot", "config", "run"] = "boot"
         self._booted_ns = t_ns
         self._next_ns = t_ns + BOOT_NS
-        self._command, self._text = b"", BANNER
+        self._heard, self._text = b"", bota_text.encode_banner("MiniONE")
 
     def receive(self, data: bytes, t_ns: int) -> bytes:
         """Take what the host had written by ``t_ns``; return the acknowledgements."""
-        answer = b""
-        self._command += data
-        while found := self._take_command():
-            answer += self._obey(found, t_ns)
-        return answer
+        commands, self._heard = bota_text.parse_commands(self._heard + data)
+        return b"".join(self._obey(command, t_ns) for command in commands)
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
         """Take what acts on the finger from now on.
@@ -132,34 +114,24 @@ class BotaSensor:
         device_us = round(elapsed_ns * (1e-3 + self._ppm * 1e-9))
         return bota.encode_frame(values[:3], values[3:], device_us, temperature_c=TEMPERATURE_C)
 
-    def _take_command(self) -> re.Match[bytes] | None:
-        """The first whole command in what was written; what can be none is dropped byte by byte."""
-        while self._command:
-            for pattern in _COMMANDS:
-                if found := pattern.match(self._command):
-                    self._command = self._command[found.end() :]
-                    return found
-            if self._command[:1] in b"cfb" and len(self._command) < LONGEST_COMMAND:
-                return None
-            self._command = self._command[1:]
-        return None
-
-    def _obey(self, found: re.Match[bytes], t_ns: int) -> bytes:
-        letter = found[0][:1]
+    def _obey(self, command: bota_text.Command, t_ns: int) -> bytes:
+        letter = command.letter
         if self.mode == "boot" or (self.mode == "run" and letter not in _IN_RUN_MODE):
             return b""
-        done = True
-        if letter in b"#I":
+        code = _DONE
+        if letter in "#I":
             self.restart(t_ns)
             return b""
-        if letter == b"C":
+        if letter == "C":
             self.mode = "config"
-        elif letter == b"R":
+        elif letter == "R":
             self.mode, self._next_ns = "run", t_ns + self._period_ns
-        elif letter == b"f":
-            done = int(found[1]) > 0
-            if done:
-                self._period_ns = round(int(found[1]) * 1e9 / _INTERNAL_RATE_HZ)
-        elif letter == b"c":
-            done = found[0][6:7] == b"0"  # only the binary format is emulated
-        return b"r,0,%b,%d\r" % (letter, 0 if done else 1)
+        elif letter == "f" and command.arguments[0]:
+            self._period_ns = _period_ns(command.arguments[0])
+        elif letter == "f" or (letter == "c" and command.arguments[2] != _BINARY):
+            code = _REFUSED
+        return bota_text.encode_ack(letter, code)
+
+
+def _period_ns(sinc_length: int) -> int:
+    return round(sinc_length * 1e9 / _INTERNAL_RATE_HZ)

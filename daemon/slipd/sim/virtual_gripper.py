@@ -1,7 +1,7 @@
 """The virtual gripper as a process: five pseudo-terminals that speak device bytes in real time, and the truth.
 
-One loop, no threads: every millisecond it moves the scene on and writes what the devices have to say. A late wake-up
-makes up for all it missed at once, so that the rates never drift.
+One loop, no threads: 800 times a second it moves the scene on and writes what the devices have to say. A late
+wake-up makes up for all it missed at once, so that the rates never drift.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from slipd.sim.port import Port
 from slipd.sim.rig import LINES, Rig
 from slipd.sim.scene import Scene
 
-TICK_NS = 1_000_000
-"""The force sensors' period."""
+TICK_NS = 1_250_000
+"""The force sensors' period at their shortest filter."""
 
 LONGEST_LAG_NS = 500_000_000
 """After a longer pause (a suspended machine) the scene goes on where it stood instead of catching up."""
