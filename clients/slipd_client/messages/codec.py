@@ -88,7 +88,6 @@ def decode(data: bytes, limits: Limits = REQUEST_LIMITS) -> dict[str, Any]:
             max_bin_len=limits.text_bytes,
             max_array_len=limits.items,
             max_map_len=limits.items,
-            max_ext_len=0,
         )
     except MessageError:
         raise
