@@ -37,7 +37,7 @@ _FAULTS = {
     0xE: "overcurrent",
     0xF: "automatic_release_completed",
 }
-_CURRENT_UNIT_A = 0.01
+_CURRENT_PER_A = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def status_registers(
         current_a: Motor current, A; sent in steps of 10 mA, at most 2.55 A.
     """
     flags = output.activate * ACTIVATE | output.go * GO | stage << 4 | found << 6
-    current = min(round(current_a / _CURRENT_UNIT_A), 0xFF)
+    current = min(round(current_a * _CURRENT_PER_A), 0xFF)
     return flags << 8, fault << 8 | output.position, position << 8 | current
 
 
@@ -125,7 +125,7 @@ def parse_status(registers: tuple[int, ...], t_ns: int, requested: int | None) -
         object=_OBJECTS[found] if found or moving else "none",
         fault=_fault_name(fault),
         echo_ok=None if requested is None else echo == requested,
-        current_a=current * _CURRENT_UNIT_A,
+        current_a=current / _CURRENT_PER_A,
     )
 
 

@@ -53,8 +53,8 @@ class Decoder:
         """Take bytes received at ``t_ns`` and return the readings they complete."""
         text = data.decode("latin-1")  # one character a byte, so that no split can cut one; only ASCII matters
         self._text += text
-        if "}" not in text and len(self._text) <= MAX_MESSAGE:
-            return []  # nothing can have been completed
+        if "}" not in text and self._text.startswith("{") and len(self._text) <= MAX_MESSAGE:
+            return []  # the object that has begun is not complete
         samples: list[TactileSample] = []
         while (message := self._next_object()) is not None:
             samples += self._read(message, t_ns)
@@ -152,7 +152,8 @@ def _numbers(data: object) -> list[float]:
 
 def _time_ns(time_s: object) -> int | None:
     if isinstance(time_s, int | float) and 0 <= time_s < _LATEST_TIME_S:
-        return round(time_s * 1e9)
+        whole_s, part_s = divmod(time_s, 1)
+        return int(whole_s) * 1_000_000_000 + round(part_s * 1e9)
     return None
 
 

@@ -1,0 +1,366 @@
+"""The Robotiq session against a small gripper on a line that loses, delays, garbles and refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from slipd.devices import modbus, robotiq_2f, robotiq_registers
+from slipd.samples import GripperSample
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+
+MS = 1_000_000
+
+POLL = bytes.fromhex("09 04 07 D0 00 03 B1 CE")
+OLD_POLL = bytes.fromhex("09 03 07 D0 00 03 04 0E")
+CLEAR = bytes.fromhex("09 10 03 E8 00 03 06 00 00 00 00 00 00 73 30")
+ACTIVATE = bytes.fromhex("09 10 03 E8 00 03 06 01 00 00 00 00 00 72 E1")
+OPEN = bytes.fromhex("09 10 03 E8 00 03 06 09 00 00 00 FF FF 72 19")
+GO = bytes.fromhex("09 10 03 E8 00 03 06 09 00 00 C8 80 3C 93 86")
+FORCE = bytes.fromhex("09 10 03 EA 00 01 02 80 5A 05 A1")
+
+
+@dataclass
+class Gripper:
+    """A gripper that activates in two polls and is at once where it was told to go."""
+
+    output: tuple[int, ...] = (0, 0, 0)
+    stage: int = 0
+    fault: int = 0
+    position: int = 3
+    echo: int | None = None
+    mute: bool = False
+    refuses: tuple[int, ...] = ()
+    heard: bytes = b""
+
+    def hear(self, data: bytes) -> bytes:
+        requests, self.heard = modbus.take_requests(self.heard + data, 9)
+        return b"" if self.mute else b"".join(self.answer(request) for request in requests)
+
+    def answer(self, request: modbus.Request) -> bytes:
+        if request.function in self.refuses:
+            return modbus.encode_exception(request, modbus.ILLEGAL_FUNCTION)
+        if request.function == modbus.WRITE:
+            written = robotiq_registers.write_output(self.output, request)
+            if written is None:
+                return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
+            self.obey(written)
+            return modbus.encode_reply(request)
+        told = robotiq_registers.parse_output(self.output)
+        if self.echo is not None:
+            told = robotiq_registers.parse_output((self.output[0], self.echo, self.output[2]))
+        registers = robotiq_registers.status_registers(
+            told, stage=self.stage, found=3, fault=self.fault, position=self.position, current_a=0.1
+        )
+        self.stage = 3 if self.stage == 1 else self.stage
+        return modbus.encode_reply(request, registers)
+
+    def obey(self, written: tuple[int, ...]) -> None:
+        was, told = (robotiq_registers.parse_output(registers) for registers in (self.output, written))
+        self.output = written
+        if told.activate and not was.activate:
+            self.stage = 1
+        elif not told.activate:
+            self.stage = 0
+        elif told.go and self.stage == 3:
+            self.position = told.position
+
+
+@dataclass
+class Bench:
+    """Drives the session with a fake clock; a reply takes 6 ms."""
+
+    session: robotiq_2f.Session = field(default_factory=robotiq_2f.Session)
+    gripper: Gripper = field(default_factory=Gripper)
+    now_ns: int = 0
+    sent: list[tuple[int, bytes]] = field(default_factory=list)
+    samples: list[GripperSample] = field(default_factory=list)
+
+    def start(self) -> Bench:
+        self.transact(self.session.start(self.now_ns))
+        return self
+
+    def transact(self, data: bytes) -> None:
+        if not data:
+            return
+        self.sent.append((self.now_ns, data))
+        reply = self.gripper.hear(data)
+        if reply:
+            self.now_ns += 6 * MS
+            self.samples += self.session.receive(reply, self.now_ns)
+
+    def steps(self, count: int) -> None:
+        for _ in range(count):
+            due = self.session.next_deadline()
+            assert due is not None
+            self.now_ns = max(self.now_ns, due)
+            self.transact(self.session.on_time(self.now_ns))
+
+    def commands(self) -> list[bytes]:
+        return [data for _, data in self.sent if data not in (POLL, OLD_POLL)]
+
+
+@pytest.fixture
+def active() -> Bench:
+    bench = Bench(gripper=Gripper(output=(0x0100, 0, 0), stage=3)).start()
+    assert bench.session.state == "active"
+    bench.sent.clear()
+    return bench
+
+
+def test_starting_only_polls_and_never_moves_anything() -> None:
+    bench = Bench().start()
+    bench.steps(200)
+    assert bench.commands() == []
+    assert bench.session.state == "inactive"
+    gaps = {later[0] - earlier[0] for earlier, later in pairwise(bench.sent)}
+    assert gaps == {20 * MS}
+    assert bench.session.stop() == b""
+    assert bench.session.next_deadline() is None
+
+
+def test_activation_clears_then_activates_and_waits_until_the_gripper_says_so() -> None:
+    bench = Bench().start()
+    bench.session.activate(bench.now_ns)
+    assert bench.session.move(1, 2, 3) is False
+    bench.steps(3)
+    assert bench.commands() == [CLEAR, ACTIVATE]
+    assert (bench.session.state, bench.samples[-1].active, bench.samples[-1].moving) == ("activating", False, True)
+    bench.steps(1)
+    assert (bench.session.state, bench.samples[-1].active) == ("active", True)
+
+
+def test_activation_asked_for_while_a_poll_is_out_is_not_undone_by_its_reply(active: Bench) -> None:
+    active.now_ns += 20 * MS
+    reply = active.gripper.hear(active.session.on_time(active.now_ns))
+    active.session.activate(active.now_ns)
+    active.session.receive(reply, active.now_ns)
+    assert active.session.move(1, 2, 3) is False
+    active.steps(2)
+    assert active.commands() == [CLEAR, ACTIVATE]
+
+
+def test_move_and_force_are_the_published_bytes_and_go_before_the_next_poll(active: Bench) -> None:
+    assert active.session.move(200, 128, 60)
+    assert active.session.next_deadline() == active.now_ns + 5 * MS
+    active.steps(1)
+    assert active.session.set_force(90)
+    active.steps(1)
+    assert active.session.move(0, 255, 255)
+    active.steps(1)
+    assert [data for _, data in active.sent] == [GO, FORCE, OPEN]
+    assert robotiq_registers.parse_output(active.gripper.output).position == 0
+
+
+def test_commands_keep_five_milliseconds_from_the_last_reply_and_one_transaction_at_a_time(active: Bench) -> None:
+    active.now_ns += 20 * MS
+    assert active.session.on_time(active.now_ns) == POLL
+    active.session.move(200, 128, 60)
+    assert active.session.on_time(active.now_ns + 50 * MS) == b""
+    active.session.receive(active.gripper.hear(POLL), active.now_ns + 50 * MS)
+    assert active.session.on_time(active.now_ns + 55 * MS - 1) == b""
+    assert active.session.on_time(active.now_ns + 55 * MS) == GO
+
+
+def test_a_newer_command_replaces_one_that_was_not_sent_yet(active: Bench) -> None:
+    active.session.move(10, 1, 1)
+    active.session.move(200, 128, 9)
+    active.session.set_force(60)
+    active.steps(1)
+    assert active.sent[-1][1] == GO
+    active.session.set_force(1)
+    active.session.set_force(90)
+    active.steps(2)
+    assert active.commands() == [GO, FORCE]
+
+
+def test_force_without_a_move_keeps_the_position_register_alone(active: Bench) -> None:
+    active.session.set_force(90)
+    active.steps(1)
+    assert active.gripper.output == (0x0100, 0, 90)
+
+
+def test_halt_clears_go_and_keeps_the_gripper_active(active: Bench) -> None:
+    active.session.move(200, 128, 60)
+    active.steps(1)
+    active.session.halt()
+    active.session.set_force(90)
+    active.steps(2)
+    assert active.gripper.output == (0x0100, 200, 0x805A)
+    active.steps(1)
+    assert active.samples[-1].active
+
+
+@pytest.mark.parametrize("value", [-1, 256, 1.5, float("nan"), "1", None])
+def test_a_byte_out_of_range_is_refused(active: Bench, value: Any) -> None:
+    for ask in (
+        lambda: active.session.move(value, 0, 0),
+        lambda: active.session.move(0, value, 0),
+        lambda: active.session.move(0, 0, value),
+        lambda: active.session.set_force(value),
+    ):
+        with pytest.raises(ValueError, match="0 to 255"):
+            ask()
+    active.steps(5)
+    assert active.commands() == []
+
+
+def test_nothing_is_commanded_to_a_gripper_that_is_not_active() -> None:
+    bench = Bench().start()
+    assert (bench.session.move(1, 2, 3), bench.session.set_force(1), bench.session.halt()) == (False, False, False)
+    bench.steps(5)
+    assert bench.commands() == []
+
+
+def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: Bench) -> None:
+    active.now_ns += 20 * MS
+    poll = active.session.on_time(active.now_ns)
+    active.session.move(200, 128, 60)
+    active.gripper.stage = 0
+    active.session.receive(active.gripper.hear(poll), active.now_ns)
+    active.steps(5)
+    assert active.commands() == []
+    assert active.session.command_lost
+    assert active.session.state == "command lost"
+
+
+def test_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench) -> None:
+    active.gripper.mute = True
+    active.session.move(200, 128, 60)
+    active.steps(3)
+    assert active.session.state == "active"
+    active.steps(4)
+    assert active.commands() == [GO] * 3
+    assert active.session.state == "no reply"
+    assert active.session.command_lost
+    assert active.session.health.lost == 6
+    times = [time for time, _ in active.sent]
+    assert all(later - earlier == 100 * MS for earlier, later in pairwise(times))
+
+
+def test_after_silence_nothing_is_sent_before_a_status_came_again(active: Bench) -> None:
+    active.gripper.mute = True
+    active.steps(5)
+    assert active.session.state == "no reply"
+    assert active.session.move(1, 2, 3) is False
+    active.gripper.mute = False
+    active.steps(2)
+    assert active.session.state == "active"
+    assert active.session.move(200, 128, 60)
+    active.steps(1)
+    assert active.commands() == [GO]
+    assert not active.session.command_lost
+
+
+def test_a_newer_move_takes_the_place_of_an_unanswered_one(active: Bench) -> None:
+    active.gripper.mute = True
+    active.session.move(1, 1, 1)
+    active.steps(1)
+    active.session.move(200, 128, 60)
+    active.gripper.mute = False
+    active.steps(3)
+    assert [data == GO for data in active.commands()] == [False, True]
+    assert active.samples[-1].echo_ok
+
+
+def test_an_unanswered_force_is_not_repeated_after_a_newer_one(active: Bench) -> None:
+    active.session.move(200, 128, 60)
+    active.steps(1)
+    active.gripper.mute = True
+    active.session.set_force(1)
+    active.steps(1)
+    active.session.halt()
+    active.session.set_force(90)
+    active.gripper.mute = False
+    active.steps(4)
+    assert active.gripper.output == (0x0100, 200, 0x805A)
+
+
+def test_a_lost_clear_never_leads_to_a_bare_activation() -> None:
+    bench = Bench().start()
+    bench.gripper.mute = True
+    bench.session.activate(bench.now_ns)
+    bench.steps(5)
+    assert bench.commands() == [CLEAR] * 3
+    bench.gripper.mute = False
+    bench.steps(5)
+    assert bench.commands() == [CLEAR] * 3
+    assert bench.session.command_lost
+
+
+def test_a_refused_command_is_not_repeated(active: Bench) -> None:
+    active.gripper.refuses = (modbus.WRITE,)
+    active.session.move(200, 128, 60)
+    active.steps(4)
+    assert active.commands() == [GO]
+    assert active.session.state == "command lost"
+    active.gripper.refuses = ()
+    active.session.set_force(90)
+    active.steps(1)
+    assert active.session.state == "active"
+
+
+@pytest.mark.parametrize("mute_first", [False, True])
+def test_a_gripper_with_the_older_status_function_is_found(mute_first: bool) -> None:
+    bench = Bench(gripper=Gripper(refuses=() if mute_first else (modbus.READ_INPUT,), mute=mute_first)).start()
+    if mute_first:
+        bench.steps(3)
+        assert bench.sent[-1][1] == OLD_POLL
+        bench.gripper.mute = False
+    bench.steps(3)
+    assert bench.sent[-1][1] == OLD_POLL
+    assert bench.session.state == "inactive"
+
+
+def test_the_echo_is_judged_against_the_position_last_sent(active: Bench) -> None:
+    assert active.samples[-1].echo_ok is None
+    active.session.move(200, 128, 60)
+    active.steps(2)
+    assert active.samples[-1].echo_ok is True
+    active.gripper.echo = 199
+    active.steps(1)
+    assert active.samples[-1].echo_ok is False
+
+
+def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:
+    for cut in range(12):
+        active.now_ns += 20 * MS
+        reply = active.gripper.hear(active.session.on_time(active.now_ns))
+        pieces = [b"\x09\x04" + reply[:cut], reply[cut:]]
+        samples = [sample for piece in pieces for sample in active.session.receive(piece, active.now_ns)]
+        assert len(samples) == 1
+    assert active.session.health.bad_bytes == 24
+
+
+def test_endless_garbage_is_neither_kept_nor_taken_for_a_reply(active: Bench) -> None:
+    active.now_ns += 20 * MS
+    active.session.on_time(active.now_ns)
+    for _ in range(100):
+        assert active.session.receive(b"\x09\x04\x06" * 1000, active.now_ns) == []
+        assert len(active.session._heard) <= modbus.MAX_FRAME
+    assert active.session.receive(active.gripper.hear(POLL), active.now_ns) != []
+
+
+@pytest.mark.parametrize("period", [0.0, 0.004, -1, float("nan")])
+def test_a_poll_period_below_the_grippers_pause_is_refused(period: float) -> None:
+    with pytest.raises(ValueError, match=r"0\.005"):
+        robotiq_2f.Session(poll_period_s=period)
+
+
+def test_the_decoder_reads_status_replies_from_any_split(same_for_every_split: SplitCheck) -> None:
+    told = robotiq_registers.Output(activate=True, go=True, release=False, position=255, speed=1, force=2)
+    poll = modbus.Request(9, modbus.READ_HOLDING, 2000, 3)
+    replies = [
+        modbus.encode_reply(
+            poll,
+            robotiq_registers.status_registers(told, stage=3, found=2, fault=0, position=at, current_a=9.0),
+        )
+        for at in range(5)
+    ]
+    stream = b"\x09\x03\x06" + replies[0] + ACTIVATE[:8] + b"".join(replies[1:])
+    assert len(same_for_every_split(robotiq_2f.Decoder, stream)) == 5

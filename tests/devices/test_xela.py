@@ -1,0 +1,214 @@
+"""XELA server messages: whole, split anywhere, among garbage, and with counts that disagree."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.devices import xela
+from slipd.samples import TactileSample
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+
+WORKED = (
+    b'{"message":1476,"type":"routine","1":{"sensor":"1","model":"uSPa44","taxels":1,"time":.8365479,'
+    b'"data":"B8BF,37B0,881E","calibrated":[0.7007,4.3194,-4.4254]}}'
+)
+"""Built from sample values published with a client; the number without a leading zero is as published."""
+WELCOME = b'{"message":"Welcome"}'
+
+
+def pad(number: int, taxels: int = 16) -> np.ndarray:
+    return np.random.default_rng(number).integers(0, 1 << 16, size=(taxels, 3))
+
+
+def message(number: int, **sensors: Any) -> bytes:
+    return xela.encode_message(number, {"1": pad(number), **sensors}, 1_700_000_000.25)
+
+
+def changed(**fields: Any) -> bytes:
+    """Return a good message with two sensors, the first of which has fields changed; None takes one away."""
+    body = json.loads(xela.encode_message(1, {"1": pad(1), "2": pad(2)}, 1.0, {"1": pad(1), "2": pad(2)}))
+    body["1"].update(fields)
+    body["1"] = {key: value for key, value in body["1"].items() if value is not None}
+    return json.dumps(body).encode()
+
+
+def receive(data: bytes, *, calibrated: bool = False) -> tuple[list[TactileSample], xela.Decoder]:
+    decoder = xela.Decoder(calibrated=calibrated)
+    return decoder.receive(data, 77), decoder
+
+
+def test_worked_message_is_read() -> None:
+    (sample,), decoder = receive(WORKED)
+    assert sample.values.tolist() == [[47295, 14256, 34846]]
+    assert (sample.source, sample.t_ns, sample.device_time_ns, sample.dwell_ns) == ("1", 77, 836_547_900, 0)
+    assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (1, 0, 0)
+
+
+def test_worked_message_is_read_calibrated() -> None:
+    (sample,), _ = receive(WORKED, calibrated=True)
+    assert sample.values.tolist() == [[0.7007, 4.3194, -4.4254]]
+
+
+def test_what_is_encoded_is_decoded_for_every_sensor() -> None:
+    forces = np.linspace(-2, 2, 48).reshape(16, 3)
+    data = xela.encode_message(3, {"1": pad(1), "12": pad(2, 24)}, 1_700_000_000.25, {"12": forces, "1": -forces})
+    samples, _ = receive(data)
+    assert [sample.source for sample in samples] == ["1", "12"]
+    np.testing.assert_array_equal(samples[0].values, pad(1))
+    np.testing.assert_array_equal(samples[1].values, pad(2, 24))
+    assert samples[0].device_time_ns == 1_700_000_000_250_000_000
+
+
+def test_calibrated_values_are_taken_when_asked_for() -> None:
+    forces = np.linspace(-2, 2, 48).reshape(16, 3)
+    data = xela.encode_message(3, {"1": pad(1), "2": pad(2)}, 1.0, {"1": forces})
+    (sample,), decoder = receive(data, calibrated=True)
+    np.testing.assert_array_equal(sample.values, forces)
+    assert decoder.health.bad == 1  # the server calibrates only the first
+
+
+def test_the_welcome_is_passed_over() -> None:
+    samples, decoder = receive(WELCOME + message(1))
+    assert len(samples) == 1
+    assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"taxels": 15},
+        {"taxels": 17},
+        {"taxels": None},
+        {"taxels": "16"},
+        {"taxels": 0, "data": ""},
+        {"taxels": 16.0},
+        {"data": None},
+        {"data": ",".join(["12345"] * 48)},
+        {"data": ",".join(["-1"] * 48)},
+        {"data": ",".join(["0x1"] * 48)},
+        {"data": ",".join([" 1"] * 48)},
+        {"data": ",".join(["1"] * 48) + ","},
+        {"data": [1] * 48},
+    ],
+)
+def test_a_sensor_whose_readings_disagree_is_bad_and_its_neighbour_is_not(fields: dict[str, Any]) -> None:
+    samples, decoder = receive(changed(**fields))
+    assert [sample.source for sample in samples] == ["2"]
+    assert (decoder.health.good, decoder.health.bad) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        [1.0] * 47,
+        [1.0] * 49,
+        ["1"] * 48,
+        [True] * 48,
+        [None] * 48,
+        [float("nan")] * 48,
+        [1e400] * 48,
+        [10**400] * 48,
+        5,
+    ],
+)
+def test_calibrated_values_that_are_no_forces_are_bad(values: Any) -> None:
+    samples, decoder = receive(changed(calibrated=values), calibrated=True)
+    assert [sample.source for sample in samples] == ["2"]
+    assert decoder.health.bad == 1
+
+
+@pytest.mark.parametrize("time", [None, "1", -1, 1e300, float("nan"), 10**400])
+def test_a_time_that_is_none_is_unknown_and_the_reading_stands(time: Any) -> None:
+    samples, _ = receive(changed(time=time))
+    assert [sample.device_time_ns for sample in samples] == [None, 1_000_000_000]
+
+
+@pytest.mark.parametrize(("numbers", "lost"), [((1, 2, 3), 0), ((1, 5), 3), ((9, 9), 0), ((9, 1, 2, 4), 1)])
+def test_the_running_number_tells_how_many_messages_are_missing(numbers: tuple[int, ...], lost: int) -> None:
+    samples, decoder = receive(b"".join(message(number) for number in numbers))
+    assert len(samples) == len(numbers)
+    assert decoder.health.lost == lost
+
+
+@pytest.mark.parametrize("body", [b"{}", b'{"1":{}}', b'{"message":1.5}', b'{"message":true}', b'{"message":null}'])
+def test_an_object_without_a_number_is_bad(body: bytes) -> None:
+    samples, decoder = receive(body + message(1))
+    assert len(samples) == 1
+    assert decoder.health.bad == 1
+
+
+def test_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
+    small = [xela.encode_message(number, {"1": pad(number, 2)}, 1.0) for number in range(4)]
+    stream = WELCOME + b"\n" + small[0] + WORKED + b'x{"y" ' + small[1] + "é".encode() + small[2][:60] + small[3]
+    assert len(same_for_every_split(xela.Decoder, stream)) == 4
+
+
+@pytest.mark.parametrize(
+    "junk",
+    [
+        b"{",
+        b'{"',
+        b'{"a',
+        b'{"a":',
+        b'{"a":[',
+        b"}",
+        b"]}",
+        b'{"a":1e',
+        b"{x",
+        b'"',
+        b"\\",
+        b'{"\\u12',
+        b'{"a\n":1}',
+        b"\xff{",
+    ],
+)
+def test_garbage_between_messages_costs_no_message(junk: bytes) -> None:
+    samples, decoder = receive(message(1) + junk + message(2) + message(3))
+    assert [sample.values.tolist() for sample in samples] == [pad(number).tolist() for number in (1, 2, 3)]
+    assert (decoder.health.bad, decoder.health.bad_bytes) == (1, len(junk))
+
+
+@given(
+    st.lists(st.one_of(st.sampled_from([message(1), WELCOME, b'{"', b"{", b"}"]), st.binary(max_size=40)), max_size=9)
+)
+def test_nothing_raises_and_a_message_behind_anything_is_read_at_the_latest_with_the_next(parts: list[bytes]) -> None:
+    decoder = xela.Decoder()
+    for part in parts:
+        decoder.receive(part, 0)
+    before = decoder.health.good
+    decoder.receive(message(2), 0)
+    decoder.receive(message(3), 0)
+    assert decoder.health.good - before >= 1
+
+
+def test_a_mutated_message_never_raises_and_the_next_is_read() -> None:
+    rng = random.Random(2)
+    whole = message(1)
+    for _ in range(3000):
+        hit = bytearray(whole)
+        for _ in range(rng.randrange(1, 4)):
+            hit[rng.randrange(len(hit))] = rng.randrange(256)
+        decoder = xela.Decoder()
+        decoder.receive(bytes(hit) + message(2) + message(3), 0)
+        assert decoder.health.good >= 1
+
+
+@pytest.mark.parametrize("junk", [b'{"a":', b"{", b"{ ", b'{"a', b'{"a}', b"[", b'{"a":[', b"\xff", b'{"a":9', b"9"])
+def test_endless_garbage_is_not_kept(junk: bytes) -> None:
+    decoder = xela.Decoder()
+    for _ in range(40):
+        decoder.receive(junk * 1000, 0)
+        assert len(decoder._text) <= xela.MAX_MESSAGE
+    for number in range(3):
+        decoder.receive(message(number), 0)
+    assert decoder.health.good >= 1
+    assert decoder.health.bad_bytes > 0
