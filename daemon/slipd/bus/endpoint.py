@@ -69,11 +69,10 @@ def open_server(
 
 
 def _check(endpoint: str) -> None:
-    scheme, _, address = endpoint.partition("://")
-    if scheme == "ipc":
-        _check_ipc(endpoint, os.fsencode(address))
-    elif scheme == "tcp":
-        _check_tcp(endpoint, address.rpartition(":")[0])
+    if endpoint.startswith("ipc://"):
+        _check_ipc(endpoint, os.fsencode(endpoint.removeprefix("ipc://")))
+    elif endpoint.startswith("tcp://"):
+        _check_tcp(endpoint, endpoint.removeprefix("tcp://").rpartition(":")[0])
     else:
         raise LinkError(f"{endpoint}: no endpoint; one is ipc:///run/slipd/publish or tcp://127.0.0.1:5555")
 

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import os
+import socket
+import stat
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import zmq
+
+from slipd.bus.endpoint import MAX_IPC_PATH_BYTES, open_server
+from slipd.errors import LinkError
+
+if TYPE_CHECKING:
+    from conftest import Context
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "tcp://*:5555",
+        "tcp://0.0.0.0:5555",
+        "tcp://192.168.1.7:5555",
+        "tcp://robot.example:5555",
+        "tcp://eth0:5555",
+        "tcp://[::]:5555",
+        "tcp://:5555",
+        "tcp://127.0.0.1.example.org:5555",
+    ],
+)
+def test_an_endpoint_that_other_machines_reach_is_refused(endpoint: str, context: Context) -> None:
+    with pytest.raises(LinkError, match="encryption") as raised:
+        open_server(context, zmq.ROUTER, endpoint, {})
+    assert str(raised.value).startswith(endpoint)
+
+
+@pytest.mark.parametrize("endpoint", ["", "ipc", "udp://127.0.0.1:1", "/run/slipd/publish", "pgm://eth0;1.1.1.1:5"])
+def test_what_is_no_endpoint_is_refused_with_one_that_is(endpoint: str, context: Context) -> None:
+    with pytest.raises(LinkError, match="one is ipc:///"):
+        open_server(context, zmq.ROUTER, endpoint, {})
+
+
+@pytest.mark.parametrize("endpoint", ["ipc://", "ipc://*", "ipc://@abstract", "ipc://relative/path"])
+def test_an_ipc_endpoint_without_an_absolute_path_is_refused(endpoint: str, context: Context) -> None:
+    with pytest.raises(LinkError, match="absolute path"):
+        open_server(context, zmq.ROUTER, endpoint, {})
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.8.8.8", "localhost"])
+def test_a_free_port_of_this_machine_is_told(host: str, context: Context) -> None:
+    server, endpoint = open_server(context, zmq.ROUTER, f"tcp://{host}:*", {})
+    assert int(endpoint.rpartition(":")[2]) > 0
+    server.close()
+
+
+def test_a_port_in_use_is_a_clear_error(context: Context) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        endpoint = f"tcp://127.0.0.1:{holder.getsockname()[1]}"
+        with pytest.raises(LinkError, match=f"{endpoint}: cannot be bound: Address already in use"):
+            open_server(context, zmq.ROUTER, endpoint, {})
+
+
+def test_nobody_but_the_user_may_enter_an_ipc_socket(context: Context, tmp_path: Path) -> None:
+    path = tmp_path / "s"
+    umask = os.umask(0)
+    try:
+        server, _ = open_server(context, zmq.ROUTER, f"ipc://{path}", {})
+        assert os.umask(0) == 0
+    finally:
+        os.umask(umask)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+    server.close()
+
+
+def test_the_longest_path_is_bound_and_a_longer_one_is_refused(context: Context, tmp_path: Path) -> None:
+    longest = f"{tmp_path}/".ljust(MAX_IPC_PATH_BYTES, "x")
+    server, endpoint = open_server(context, zmq.ROUTER, f"ipc://{longest}", {})
+    assert endpoint == f"ipc://{longest}"
+    server.close()
+    with pytest.raises(LinkError, match="the path has 108 bytes"):
+        open_server(context, zmq.ROUTER, f"ipc://{longest}x", {})
+
+
+def test_bytes_count_and_not_letters(context: Context, tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match="at most"):
+        open_server(context, zmq.ROUTER, f"ipc://{tmp_path}/".ljust(MAX_IPC_PATH_BYTES, "µ"), {})
+
+
+def test_the_path_of_a_living_server_is_not_stolen(context: Context, endpoint: str) -> None:
+    server, _ = open_server(context, zmq.ROUTER, endpoint, {})
+    with pytest.raises(LinkError, match="another program serves here"):
+        open_server(context, zmq.ROUTER, endpoint, {})
+    server.close()
+
+
+def test_the_socket_that_a_killed_server_left_is_taken_over(context: Context, endpoint: str, tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(tmp_path / "s"))
+    server, _ = open_server(context, zmq.ROUTER, endpoint, {})
+    server.close()
+
+
+def test_a_file_in_the_way_is_not_deleted(context: Context, tmp_path: Path) -> None:
+    file = tmp_path / "thesis.tex"
+    file.write_text("ten years of work")
+    with pytest.raises(LinkError, match="no socket"):
+        open_server(context, zmq.ROUTER, f"ipc://{file}", {})
+    assert file.read_text() == "ten years of work"
+
+
+def test_a_missing_directory_is_a_clear_error(context: Context, tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match="No such file or directory"):
+        open_server(context, zmq.ROUTER, f"ipc://{tmp_path}/nowhere/s", {})

@@ -1,0 +1,254 @@
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import zmq
+
+from slipd.bus import publisher as publisher_module
+from slipd.bus.publisher import Publisher
+
+if TYPE_CHECKING:
+    from conftest import Context, Eventually, Peer
+
+pytestmark = pytest.mark.usefixtures("loop_faults")
+
+Subscribe = Callable[..., "Peer"]
+
+
+@pytest.fixture
+def subscribe(peer: Callable[..., Peer], endpoint: str) -> Subscribe:
+    def connect(*topics: bytes, **options: int) -> Peer:
+        subscriber = peer(zmq.SUB, endpoint, **options)
+        for topic in topics:
+            subscriber.socket.setsockopt(zmq.SUBSCRIBE, topic)
+        return subscriber
+
+    return connect
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(publisher_module, "REPEAT_AFTER_S", 0.0)
+
+
+async def hear(publisher: Publisher, subscriber: Peer, topic: str, eventually: Eventually) -> None:
+    """Publish until the subscriber hears, so that it is known to be connected; then forget what it heard."""
+
+    def heard() -> bool:
+        publisher.publish(topic, b"are you there?")
+        return bool(subscriber.got)
+
+    await eventually(heard)
+    last = f"settled {publisher.published}".encode()
+    publisher.publish(topic, last)
+    await eventually(lambda: subscriber.got[-1][1] == last)
+    subscriber.got.clear()
+
+
+async def test_a_message_is_topic_and_payload(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        subscriber = subscribe(b"slip")
+        await hear(publisher, subscriber, "slip.left", eventually)
+        publisher.publish("grasp", b"unwanted")
+        publisher.publish("slip.left", b"\x00 payload")
+        await eventually(lambda: subscriber.got)
+    assert subscriber.got == [[b"slip.left", b"\x00 payload"]]
+
+
+async def test_a_latecomer_alone_gets_the_last_message_of_its_topic_exactly_once(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually, impatient: None
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        early = subscribe(b"slip.left")
+        await hear(publisher, early, "slip.left", eventually)
+        publisher.publish("slip.left", b"old")
+        publisher.publish("slip.left", b"last")
+        late = [subscribe(b"slip.left") for _ in range(5)]
+        await eventually(lambda: all(each.got for each in late))
+        publisher.publish("slip.left", b"next")
+        await eventually(lambda: all(each.got[-1][1] == b"next" for each in [early, *late]))
+    assert [frames[1] for frames in early.got] == [b"old", b"last", b"next"]
+    assert [[frames[1] for frames in each.got] for each in late] == [[b"last", b"next"]] * 5
+    assert publisher.repeated == 0
+
+
+async def test_a_latecomer_gets_the_last_message_of_every_topic_it_subscribed_to_and_of_no_other(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually, impatient: None
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        for topic in ("slip.left", "grasp", "slip.right", "slip.thumb", "warning"):
+            publisher.publish(topic, f"last {topic}".encode())
+        late = subscribe(b"slip", b"warning")
+        await eventually(lambda: len(late.got) == 4)
+        publisher.publish("warning", b"new")
+        await eventually(lambda: len(late.got) == 5)
+    assert sorted(late.got[:4]) == [
+        [b"slip.left", b"last slip.left"],
+        [b"slip.right", b"last slip.right"],
+        [b"slip.thumb", b"last slip.thumb"],
+        [b"warning", b"last warning"],
+    ]
+
+
+async def test_the_topic_silent_for_longest_comes_first_and_to_the_latecomer_alone(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        early = subscribe(b"")
+        await hear(publisher, early, "status", eventually)
+        for topic, payload in [("slip.right", b"silent"), ("slip.left", b"1"), ("slip.left", b"2")]:
+            publisher.publish(topic, payload)
+        await eventually(lambda: len(early.got) == 3)
+        late = subscribe(b"slip")
+        await eventually(lambda: late.got)
+        publisher.publish("slip.left", b"3")  # comes by itself, so nothing is sent again
+        await eventually(lambda: len(late.got) == 2)
+        await eventually(lambda: publisher._repeating is None)
+        publisher.publish("slip.left", b"4")
+        await eventually(lambda: len(late.got) == 3)
+        await eventually(lambda: len(early.got) == 5)
+    assert late.got[0] == [b"slip.right", b"silent"]
+    assert [frames[1] for frames in early.got] == [b"silent", b"1", b"2", b"3", b"4"]
+    assert publisher.repeated == 0
+
+
+async def test_a_subscription_without_a_last_message_keeps_nothing_from_the_others(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        early = subscribe(b"slip.left")
+        await hear(publisher, early, "slip.left", eventually)
+        for number in range(20):
+            late = subscribe(b"nothing yet")
+            await asyncio.sleep(0.005)
+            if number % 2:
+                late.socket.setsockopt(zmq.UNSUBSCRIBE, b"nothing yet")
+                await asyncio.sleep(0.005)
+            publisher.publish("slip.left", b"%d" % number)
+        await eventually(lambda: len(early.got) == 20)
+    assert [frames[1] for frames in early.got] == [b"%d" % number for number in range(20)]
+
+
+async def test_a_latecomer_that_is_gone_already_brings_nobody_a_message_twice(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually, impatient: None
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        early = subscribe(b"slip.left")
+        await hear(publisher, early, "slip.left", eventually)
+        publisher.publish("slip.left", b"last")
+        for _ in range(10):
+            ghost = subscribe(b"slip.left")
+            time.sleep(0.02)  # noqa: ASYNC251 - both happen before the loop looks
+            ghost.socket.close()
+            time.sleep(0.02)  # noqa: ASYNC251
+            await asyncio.sleep(0.002)
+        publisher.publish("slip.left", b"next")
+        await eventually(lambda: early.got[-1][1] == b"next")
+    assert [frames[1] for frames in early.got] == [b"last", b"next"]
+
+
+async def test_who_unsubscribes_gets_no_more(
+    context: Context, endpoint: str, peer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        raw = peer(zmq.XSUB, endpoint)  # unlike SUB, it does not filter by itself
+        raw.socket.send(b"\x01slip")
+        raw.socket.send(b"\x01end")
+        await hear(publisher, raw, "slip.left", eventually)
+        raw.socket.send(b"\x00slip")
+        raw.socket.send(b"\x01heard")
+        publisher.publish("heard", b"")
+        await eventually(lambda: [b"heard", b""] in raw.got)
+        raw.got.clear()
+        publisher.publish("slip.left", b"unwanted")
+        publisher.publish("end", b"")
+        await eventually(lambda: raw.got)
+    assert raw.got == [[b"end", b""]]
+
+
+async def test_a_subscriber_that_never_reads_costs_the_others_nothing(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        stalled = subscribe(b"", RCVHWM=1)
+        reader = subscribe(b"")
+        await eventually(lambda: publisher.publish("slip.left", b"") or (stalled.socket.poll(0) and reader.got))
+        reader.got.clear()
+        for number in range(10_000):
+            publisher.publish("tactile.left", number.to_bytes(4, "big") * 500)
+            if number % 100 == 99:
+                await eventually(lambda: len(reader.got) > number)  # noqa: B023
+    assert [int.from_bytes(payload[:4], "big") for topic, payload in reader.got if topic == b"tactile.left"] == list(
+        range(10_000)
+    )
+    assert 0 < len(stalled.got) < 10_000
+
+
+async def test_the_last_messages_before_the_stop_arrive(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    context: Context = zmq.Context()
+    with Publisher(context, endpoint) as publisher:
+        subscriber = subscribe(b"")
+        await hear(publisher, subscriber, "status", eventually)
+        for number in range(100):
+            publisher.publish("status", b"%d" % number)
+    context.term()
+    await eventually(lambda: len(subscriber.got) == 100)
+
+
+async def test_a_stalled_subscriber_does_not_keep_the_daemon_from_ending(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    context: Context = zmq.Context()
+    with Publisher(context, endpoint) as publisher:
+        stalled = subscribe(b"", RCVHWM=1)
+        await eventually(lambda: publisher.publish("status", b"") or stalled.socket.poll(0))
+        for _ in range(3000):
+            publisher.publish("status", bytes(2000))
+    await asyncio.to_thread(context.term)
+
+
+@pytest.mark.parametrize("garbage", [b"", b"\x07hello", b"\x01" + bytes(300), b"\xff" * 1_000_000])
+async def test_what_a_subscriber_should_not_send_harms_nobody(
+    garbage: bytes,
+    context: Context,
+    endpoint: str,
+    subscribe: Subscribe,
+    peer: Callable[..., Peer],
+    eventually: Eventually,
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        rude = peer(zmq.XSUB, endpoint)
+        for _ in range(10):
+            rude.socket.send(garbage)
+            rude.socket.send_multipart([garbage, garbage])
+        early = subscribe(b"slip")
+        await hear(publisher, early, "slip.left", eventually)
+
+
+async def test_a_storm_of_reconnections_leaks_nothing(
+    context: Context, endpoint: str, clients: Context, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    def open_files() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    with Publisher(context, endpoint) as publisher:
+        publisher.publish("slip.left", b"last")
+        staying = subscribe(b"slip.left")
+        await eventually(lambda: staying.got)
+        before = open_files()
+        for cycle in range(300):
+            subscriber = subscribe(b"slip.left")
+            if cycle % 10 == 0:
+                await eventually(lambda: subscriber.got)  # noqa: B023
+                assert subscriber.got == [[b"slip.left", b"last"]]
+            subscriber.socket.close()
+        await eventually(lambda: open_files() <= before)
