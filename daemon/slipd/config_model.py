@@ -73,7 +73,7 @@ class Slip(_Model):
     """``[finger.X.slip]``: when a drop of R is a slip (see `slipd.fusion.slip.SlipSettings`)."""
 
     drop: float = Field(default=0.12, gt=0.0, lt=1.0)
-    window_s: Positive = 0.08
+    window_s: Positive = 0.04
     armed_at: Positive = 0.7
     hold_s: Positive = 0.25
 

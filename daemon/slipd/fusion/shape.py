@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 #: A corner of the outline stands out by at least this share of a pitch from the chord of its neighbours: less is the
 #: staircase of the grid.
-CORNER_PITCHES = 0.75
+CORNER_PITCHES = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,8 @@ class ContactShape:
         elongation: Ratio of the principal radii of gyration, ≥ 1 (inf: a line of taxels, each taken as a point); NaN
             without contact.
         holes: Regions of inactive taxels that the contact encloses.
-        corners_m: Corners of the convex outline, shape (k, 2), counter-clockwise, m.
+        corners_m: Corners of the convex outline through the taxel centres, shape (k, 2), counter-clockwise, m: 2 for a
+            line of taxels, 1 for one.
     """
 
     active: int
@@ -87,12 +88,8 @@ def _holes(on: NDArray[np.bool_]) -> int:
 
 
 def _corners(ax: Array, ay: Array, pitch_m: float) -> Array:
-    """Corners of the hull of the active cells, without those that the grid makes."""
-    half = 0.5 * pitch_m
-    cx = np.concatenate((ax - half, ax + half, ax + half, ax - half))
-    cy = np.concatenate((ay - half, ay - half, ay + half, ay + half))
-    hull = convex_hull(cx, cy)
-    outline = [(float(cx[k]), float(cy[k])) for k in hull]
+    """Corners of the hull of the active taxels, without those that the grid makes."""
+    outline = [(float(ax[k]), float(ay[k])) for k in convex_hull(ax, ay)]
     while len(outline) > 3:
         heights = [_height(outline[k - 1], outline[k], outline[(k + 1) % len(outline)]) for k in range(len(outline))]
         flattest = int(np.argmin(heights))

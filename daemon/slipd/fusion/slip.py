@@ -23,7 +23,7 @@ class SlipSettings:
     """
 
     drop: float = 0.12
-    window_s: float = 0.08
+    window_s: float = 0.04
     armed_at: float = 0.7
     hold_s: float = 0.25
 

@@ -1,0 +1,71 @@
+"""Contact centroid, spin and friction ratio of a wrench: (1)–(4), with (3) corrected."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.fusion import contact_from_wrench
+
+lengths = st.floats(-0.02, 0.02)
+forces = st.floats(-20.0, 20.0)
+
+
+@given(c=st.tuples(lengths, lengths), f=st.tuples(forces, forces), fn=st.floats(0.5, 50.0), m=st.floats(-0.5, 0.5))
+def test_a_wrench_built_from_a_centroid_gives_it_back(c, f, fn, m) -> None:
+    force = np.array((*f, -fn))
+    torque = np.cross((*c, 0.0), force) + np.array((0.0, 0.0, m))  # M = C × F + (0, 0, m)
+    contact = contact_from_wrench(force, torque)
+    assert contact.valid
+    assert contact.centroid_m == pytest.approx(c, abs=1e-12)
+    assert contact.spin_nm == pytest.approx(m, abs=1e-11)
+    assert contact.normal_n == fn
+    assert contact.friction_ratio == pytest.approx(math.hypot(*f) / fn)
+
+
+def test_equation_3_as_printed_gives_another_spin() -> None:
+    force, torque = np.array((2.0, 1.0, -10.0)), np.cross((0.01, 0.004, 0.0), (2.0, 1.0, -10.0))
+    printed = torque[2] + (torque[1] * force[1] + torque[0] * force[1]) / force[2]
+    assert contact_from_wrench(force, torque).spin_nm == pytest.approx(0.0, abs=1e-15)
+    assert abs(printed) > 0.003
+
+
+def test_the_centroid_is_less_certain_the_less_the_contact_is_pressed() -> None:
+    noise = {"force_std_n": 0.02, "torque_std_nm": 0.0005}
+    rng = np.random.default_rng(1)
+    for fn in (0.5, 5.0):
+        force, torque = np.array((0.1, 0.2, -fn)), np.cross((0.004, -0.002, 0.0), (0.1, 0.2, -fn))
+        told = contact_from_wrench(force, torque, **noise)
+        noisy = [
+            contact_from_wrench(force + rng.normal(0, 0.02, 3), torque + rng.normal(0, 0.0005, 3)).centroid_m
+            for _ in range(4000)
+        ]
+        assert np.std(noisy, axis=0) == pytest.approx(told.centroid_std_m, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("force", "torque"),
+    [
+        ((0, 0, -0.1), (0, 0, 0)),
+        ((0, 0, 3.0), (0, 0, 0)),
+        ((math.nan, 0, -5), (0, 0, 0)),
+        ((0, 0, -5), (0, math.inf, 0)),
+    ],
+)
+def test_lift_off_pull_and_bad_data_are_no_contact_and_no_number(force, torque) -> None:
+    contact = contact_from_wrench(force, torque)
+    assert not contact.valid
+    assert np.isnan(contact.centroid_m).all()
+    assert math.isnan(contact.spin_nm)
+    assert math.isnan(contact.friction_ratio)
+
+
+def test_a_bad_call_raises() -> None:
+    with pytest.raises(ValueError, match=r"shape \(3,\)"):
+        contact_from_wrench((0, 0), (0, 0, 0))
+    with pytest.raises(ValueError, match="min_normal_n"):
+        contact_from_wrench((0, 0, -1), (0, 0, 0), min_normal_n=0.0)

@@ -1,0 +1,238 @@
+"""The friction limit against closed forms, an independent minimiser, its own bounds, and the ways methods fail."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from slipd.fusion import torque_limit, utilisation
+
+MU = 0.5
+
+
+def disc(radius: float, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    grid = (np.arange(cells) + 0.5) / cells * 2.0 * radius - radius
+    x, y = (a.ravel() for a in np.meshgrid(grid, grid))
+    inside = x**2 + y**2 <= radius**2
+    return x[inside], y[inside], np.full(inside.sum(), 1.0 / inside.sum())
+
+
+def gyration(x: np.ndarray, y: np.ndarray, loads: np.ndarray) -> float:
+    cx, cy = loads @ x / loads.sum(), loads @ y / loads.sum()
+    return math.sqrt(loads @ ((x - cx) ** 2 + (y - cy) ** 2) / loads.sum())
+
+
+def dual(x, y, loads, mu, f, about, sense) -> float:
+    """Φ minimised by a method that shares nothing with ours, from the best taxel and from the centroid."""
+
+    def phi(p: np.ndarray) -> float:
+        lever = (p[0] - about[0]) * f[1] - (p[1] - about[1]) * f[0]
+        return float(mu * (loads @ np.hypot(x - p[0], y - p[1])) + sense * lever)
+
+    starts = sorted([(phi(np.array(p)), p) for p in zip(x, y, strict=True)])[:2]
+    starts.append((0.0, (loads @ x / loads.sum(), loads @ y / loads.sum())))
+    options = {"xatol": 1e-12, "fatol": 1e-15, "maxiter": 4000, "maxfev": 8000}
+    found = [minimize(phi, p, method="Nelder-Mead", options=options).fun for _, p in starts]
+    return min(*found, starts[0][0])
+
+
+def random_contact(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """Taxels of an 8×16 pad, some families of loads, a force within the friction circle, and a spin."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 40))
+    taxels = rng.choice(128, n, replace=False)
+    x, y = (taxels % 16) * 3.2e-3, (taxels // 16) * 3.2e-3
+    family = rng.integers(4)
+    loads = rng.random(n) + 0.01
+    if family == 1:
+        loads = 10.0 ** rng.uniform(-12, 0, n)
+    if family == 2:
+        y = np.zeros(n)
+        x = np.arange(n) * 3.2e-3
+    if family == 3:
+        loads[0] = 100.0
+    ratio = rng.choice([0.0, rng.random(), 1.0 - 10.0 ** rng.uniform(-9, 0)])
+    angle = rng.uniform(0, 2 * math.pi)
+    f = ratio * MU * loads.sum() * np.array((math.cos(angle), math.sin(angle)))
+    return x, y, loads, f, float(rng.normal())
+
+
+@pytest.mark.parametrize(
+    ("rho", "expected"), [(0.0, 2 / 3), (0.2, 0.647), (0.5, 0.539), (0.8, 0.329), (0.9, 0.228), (0.99, 0.071)]
+)
+def test_a_uniform_disc_resists_two_thirds_mu_fn_a_and_less_beside_a_force(rho: float, expected: float) -> None:
+    x, y, loads = disc(0.01, 120)
+    limit = torque_limit(x, y, 8.0 * loads, MU, (rho * MU * 8.0, 0.0), (0.0, 0.0))
+    assert limit.torque_nm / (MU * 8.0 * 0.01) == pytest.approx(expected, abs=2e-3)
+    assert limit.kind == "interior"
+
+
+def test_a_ring_resists_mu_fn_a() -> None:
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    limit = torque_limit(0.01 * np.cos(angle), 0.01 * np.sin(angle), np.full(64, 1 / 64), MU, (0, 0), (0, 0))
+    assert limit.torque_nm == pytest.approx(MU * 0.01, rel=1e-9)
+    assert np.hypot(*limit.pole_m) < 1e-8
+
+
+def test_two_points_resist_half_the_load_times_their_distance_and_turn_about_one_when_pulled_across() -> None:
+    x, y, loads = np.array((-0.01, 0.01)), np.zeros(2), np.array((1.0, 1.0))
+    assert torque_limit(x, y, loads, MU, (0, 0), (0, 0)).torque_nm == pytest.approx(2 * MU * 0.01)
+    # Pulled across with half of what both can carry, one point slides and the other is the hinge.
+    pulled = torque_limit(x, y, loads, MU, (0.0, MU), (0, 0))
+    assert pulled.torque_nm == pytest.approx(MU * 0.01)
+    # The minimiser is a segment here: any pole from the left point on is one.
+    assert pulled.pole_m[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_three_equal_points_turn_about_their_fermat_point() -> None:
+    angle = np.array((0.3, 0.3 + 2 * math.pi / 3, 0.3 + 4 * math.pi / 3))
+    x, y = 0.02 * np.cos(angle), 0.02 * np.sin(angle)
+    limit = torque_limit(x, y, np.ones(3), MU, (0, 0), (0, 0))
+    assert limit.torque_nm == pytest.approx(3 * MU * 0.02)
+    assert limit.pole_m == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_an_obtuse_triangle_turns_about_its_obtuse_corner() -> None:
+    limit = torque_limit([0.0, 0.03, -0.03], [0.0, 0.004, 0.004], [1, 1, 1], MU, (0, 0), (0, 0))
+    assert limit.kind == "hinge"
+    assert limit.pole_m == pytest.approx((0.0, 0.0), abs=1e-15)
+    assert limit.torque_nm == pytest.approx(2 * MU * math.hypot(0.03, 0.004))
+
+
+def test_hinge_is_found_when_one_taxel_carries_most_load() -> None:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(5) * 3.2e-3, np.arange(5) * 3.2e-3))
+    loads = np.full(25, 0.01)
+    loads[7] = 5.0
+    limit = torque_limit(x, y, loads, MU, (0.3, 0.1), (x[7], y[7]))
+    assert limit.kind == "hinge"
+    assert limit.pole_m == pytest.approx((x[7], y[7]), abs=1e-15)
+    arms = loads @ np.hypot(x - x[7], y - y[7])
+    assert limit.torque_nm == pytest.approx(MU * arms)
+
+
+def test_one_taxel_resists_no_torque_about_itself() -> None:
+    limit = torque_limit([0.01], [0.02], [3.0], MU, (0.2, 0.0), (0.01, 0.02))
+    assert limit.torque_nm == 0.0
+    assert limit.kind == "hinge"
+    assert utilisation([0.01], [0.02], [3.0], MU, (0, 0), 1e-9, (0.01, 0.02)).value == math.inf
+    assert utilisation([0.01], [0.02], [3.0], MU, (0.75, 0), 0.0, (0.01, 0.02)).value == pytest.approx(0.5)
+
+
+def test_equal_collinear_taxels_without_force_have_a_segment_of_poles_and_one_limit() -> None:
+    limit = torque_limit([0.0, 0.01, 0.02, 0.03], np.zeros(4), np.ones(4), MU, (0, 0), (0.015, 0))
+    assert limit.torque_nm == pytest.approx(MU * 0.04)
+    assert 0.01 <= limit.pole_m[0] <= 0.02
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_limit_equals_the_minimum_found_by_another_method(seed: int) -> None:
+    x, y, loads, f, _ = random_contact(seed)
+    about, sense = np.array((0.01, 0.005)), 1 if seed % 2 else -1
+    ours = torque_limit(x, y, loads, MU, f, about, sense)
+    scale = MU * loads.sum() * gyration(x, y, loads)
+    assert ours.upper_nm >= ours.torque_nm >= ours.lower_nm
+    assert ours.torque_nm == pytest.approx(dual(x, y, loads, MU, f, about, sense), abs=2e-6 * scale)
+    assert ours.upper_nm <= dual(x, y, loads, MU, f, about, sense) + 1e-9 * scale
+
+
+def test_bounds_are_tight_over_many_contacts_of_every_family() -> None:
+    for seed in range(3000):
+        x, y, loads, f, spin = random_contact(seed)
+        scale = MU * loads.sum() * gyration(x, y, loads)
+        centre = (loads @ x / loads.sum(), loads @ y / loads.sum())
+        limit = torque_limit(x, y, loads, MU, f, centre)
+        assert limit.upper_nm - limit.lower_nm <= 5e-8 * scale, seed
+        used = utilisation(x, y, loads, MU, f, spin * scale, centre)
+        assert used.lower <= used.value <= used.upper, seed
+        assert used.upper - used.lower <= 5e-8 * used.value, seed
+
+
+@settings(max_examples=200, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_a_load_on_the_limit_has_utilisation_one(seed: int) -> None:
+    x, y, loads, f, _ = random_contact(seed)
+    about = np.array((0.02, 0.01))
+    for sense in (1, -1):
+        limit = torque_limit(x, y, loads, MU, f, about, sense)
+        if np.hypot(*f) < 0.999 * MU * loads.sum():
+            used = utilisation(x, y, loads, MU, f, sense * limit.torque_nm, about)
+            assert used.value == pytest.approx(1.0, abs=1e-6)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    length=st.floats(1e-6, 1e6),
+    force=st.floats(1e-6, 1e6),
+    shift=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+)
+def test_units_and_the_origin_do_not_matter(seed, length, force, shift) -> None:
+    x, y, loads, f, spin = random_contact(seed)
+    m = spin * 1e-3 * loads.sum()
+    plain = utilisation(x, y, loads, MU, f, m, (0.0, 0.0))
+    moved = (shift[0] * length * 0.1, shift[1] * length * 0.1)
+    other = utilisation(
+        x * length + moved[0], y * length + moved[1], loads * force, MU, f * force, m * force * length, moved
+    )
+    assert other.value == pytest.approx(plain.value, rel=1e-6)
+
+
+def test_the_limit_of_one_sense_is_negative_where_friction_already_needs_the_other() -> None:
+    x, y, loads = disc(0.01, 20)
+    f = (0.0, 0.999 * MU)
+    forth = torque_limit(x, y, loads, MU, f, (0.004, 0.0), 1).torque_nm
+    back = torque_limit(x, y, loads, MU, f, (0.004, 0.0), -1).torque_nm
+    assert forth < 0.0 < back
+    assert -back < forth
+
+
+def test_the_limit_of_translation_has_no_pole() -> None:
+    x, y, loads = disc(0.01, 20)
+    assert torque_limit(x, y, loads, MU, (MU * 1.001, 0.0), (0, 0)).kind == "translating"
+    beyond = torque_limit(x, y, loads, MU, (MU * 1.001, 0.0), (0, 0))
+    assert math.isnan(beyond.torque_nm)
+    assert beyond.pole_m is None
+    pushed = utilisation(x, y, loads, MU, (0.3, 0.0), 0.0, (0, 0))
+    assert pushed.value == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
+def test_bad_data_is_a_status_and_not_a_number(bad: float) -> None:
+    limit = torque_limit([0, 0.01, 0.02], [0, 0, 0.01], [1.0, bad, 1.0], MU, (0, 0), (0, 0))
+    assert (limit.kind, math.isnan(limit.torque_nm), limit.pole_m) == ("none", True, None)
+    used = utilisation([0, 0.01, 0.02], [0, 0, 0.01], [1.0, bad, 1.0], MU, (0.1, 0), 0.0, (0, 0))
+    assert math.isnan(used.value)
+    if bad != -1.0:
+        assert math.isnan(utilisation([0, 1], [0, 0], [1, 1], MU, (bad, 0), 0.0, (0, 0)).value)
+        assert torque_limit([0, 1], [0, 0], [1, 1], MU, (bad, 0), (0, 0)).kind == "none"
+
+
+def test_no_load_carries_nothing() -> None:
+    assert torque_limit([], [], [], MU, (0, 0), (0, 0)).kind == "none"
+    assert torque_limit([0, 1], [0, 0], [0, 0], MU, (0, 0), (0, 0)).kind == "none"
+    assert utilisation([], [], [], MU, (0.1, 0), 0.0, (0, 0)).value == math.inf
+    assert utilisation([0, 1], [0, 0], [1, 1], MU, (0, 0), 0.0, (0, 0)).value == 0.0
+
+
+def test_a_bad_call_raises_and_says_what_would_be_right() -> None:
+    with pytest.raises(ValueError, match=r"share one shape \(n,\)"):
+        torque_limit([0, 1], [0], [1, 1], MU, (0, 0), (0, 0))
+    with pytest.raises(ValueError, match="sense must be"):
+        torque_limit([0], [0], [1], MU, (0, 0), (0, 0), 2)
+    with pytest.raises(ValueError, match="mu must be positive"):
+        utilisation([0], [0], [1], 0.0, (0, 0), 0.0, (0, 0))
+    with pytest.raises(ValueError, match="tangential must have shape"):
+        utilisation([0], [0], [1], MU, (0, 0, 0), 0.0, (0, 0))
+
+
+def test_duplicate_taxels_count_like_one_with_their_sum() -> None:
+    x, y = np.array((0.0, 0.0, 0.01, 0.003)), np.array((0.0, 0.0, 0.002, 0.01))
+    twice = torque_limit(x, y, [2.0, 3.0, 0.5, 0.4], MU, (0.1, 0.2), (0, 0))
+    once = torque_limit(x[1:], y[1:], [5.0, 0.5, 0.4], MU, (0.1, 0.2), (0, 0))
+    assert twice.torque_nm == pytest.approx(once.torque_nm, rel=1e-12)
+    assert twice.kind == once.kind == "hinge"

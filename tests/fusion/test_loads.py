@@ -1,0 +1,108 @@
+"""Three rules for sharing the normal force, each balancing what it promises to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slipd.fusion import binary_loads, grey_loads, matched_loads, tipping_margin
+
+PITCH = 3.2e-3
+
+
+def contact(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    taxels = rng.choice(128, int(rng.integers(1, 40)), replace=False)
+    x, y = (taxels % 16) * PITCH, (taxels // 16) * PITCH
+    return x, y, rng.random(x.size) + 0.01, rng.uniform(0, (16 * PITCH, 8 * PITCH))
+
+
+@settings(max_examples=300, deadline=None)
+@given(seed=st.integers(0, 10**6), rule=st.sampled_from(["binary", "matched"]))
+def test_the_loads_balance_the_force_at_the_centroid_or_as_near_as_the_hull_allows(seed: int, rule: str) -> None:
+    x, y, p, c = contact(seed)
+    found = binary_loads(x, y, 3.0, c) if rule == "binary" else matched_loads(x, y, p, 3.0, c)
+    assert (found.loads >= 0.0).all()
+    assert found.loads.sum() == pytest.approx(3.0)
+    reached = np.array((found.loads @ x, found.loads @ y)) / 3.0
+    outside = max(0.0, -tipping_margin(x, y, c))
+    assert np.hypot(*(reached - c)) == pytest.approx(found.centroid_residual_m, abs=1e-7)
+    assert found.centroid_residual_m == pytest.approx(outside, abs=1e-7)
+    assert found.status == ("projected" if outside > 1e-7 else "ok")
+
+
+def test_grey_loads_follow_the_pressures() -> None:
+    found = grey_loads([1.0, 3.0, 0.0, -2.0], 8.0)
+    assert found.loads == pytest.approx([2.0, 6.0, 0.0, 0.0])
+    assert (found.status, found.centroid_residual_m) == ("ok", 0.0)
+
+
+def test_binary_loads_are_linear_where_no_taxel_would_be_pulled() -> None:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(4) * PITCH, np.arange(3) * PITCH))
+    loads = binary_loads(x, y, 6.0, (x.mean() + 0.2 * PITCH, y.mean())).loads
+    rest = (
+        loads
+        - np.column_stack((np.ones(12), x, y))
+        @ np.linalg.lstsq(np.column_stack((np.ones(12), x, y)), loads, rcond=None)[0]
+    )
+    assert np.abs(rest).max() < 1e-12
+
+
+def test_binary_loads_leave_the_far_side_empty_near_the_edge() -> None:
+    x = np.arange(6) * PITCH
+    loads = binary_loads(x, np.zeros(6), 1.0, (0.5 * PITCH, 0.0)).loads
+    assert (loads[3:] == 0.0).all()
+    assert loads[0] > loads[1] > 0.0
+
+
+def test_matched_loads_keep_an_image_that_already_balances() -> None:
+    x, y, p, _ = contact(5)
+    c = (p @ x / p.sum(), p @ y / p.sum())
+    assert matched_loads(x, y, p, 2.0, c).loads == pytest.approx(grey_loads(p, 2.0).loads)
+
+
+def test_taxels_without_pressure_stay_empty_when_matched() -> None:
+    loads = matched_loads([0, 1, 2, 3], [0, 0, 0, 1], [1, 0, 1, 1], 1.0, (1.2, 0.2)).loads
+    assert loads[1] == 0.0
+    assert loads.sum() == pytest.approx(1.0)
+
+
+def test_a_centroid_on_an_edge_loads_that_edge_alone() -> None:
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(3.0), np.arange(3.0)))
+    for found in (binary_loads(x, y, 1.0, (0.7, -0.5)), matched_loads(x, y, np.ones(9), 1.0, (0.7, -0.5))):
+        assert found.status == "projected"
+        assert found.centroid_residual_m == pytest.approx(0.5)
+        assert (found.loads[y > 0] == 0.0).all()
+        assert found.loads @ x == pytest.approx(0.7)
+
+
+def test_no_image_is_said_and_carries_nothing() -> None:
+    for found in (
+        grey_loads([0.0, -1.0], 2.0),
+        binary_loads([], [], 2.0, (0, 0)),
+        matched_loads([0, 1], [0, 0], [0, 0], 2.0, (0, 0)),
+    ):
+        assert found.status == "no_image"
+        assert not found.loads.any()
+        assert math.isnan(found.centroid_residual_m)
+
+
+def test_one_taxel_takes_all_and_tells_how_far_the_centroid_is() -> None:
+    found = matched_loads([0.01], [0.0], [5.0], 2.0, (0.013, 0.004))
+    assert found.loads == pytest.approx([2.0])
+    assert found.centroid_residual_m == pytest.approx(0.005)
+
+
+def test_a_bad_call_raises() -> None:
+    with pytest.raises(ValueError, match="finite"):
+        grey_loads([1.0, math.nan], 1.0)
+    with pytest.raises(ValueError, match="normal_n"):
+        grey_loads([1.0], -1.0)
+    with pytest.raises(ValueError, match="shape"):
+        binary_loads([0, 1], [0], 1.0, (0, 0))
+    with pytest.raises(ValueError, match="shape of x"):
+        matched_loads([0, 1], [0, 1], [1], 1.0, (0, 0))
