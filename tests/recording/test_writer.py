@@ -158,6 +158,23 @@ def test_a_full_disk_never_raises_into_the_live_path(about_run, entries) -> None
     recorder.close()
 
 
+def test_what_reached_the_file_before_the_disk_failed_is_not_called_lost(
+    tmp_path: Path, about_run, entries, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fdatasync(fd: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    path = tmp_path / "run.mcap"
+    recorder = Recorder(path, **about_run)
+    record(recorder, entries(100))
+    wait_until(lambda: (found := readable(path)) and len(list(found.entries())) == 100)
+    monkeypatch.setattr(os, "fdatasync", fdatasync)
+    record(recorder, entries(105)[100:])
+    with pytest.raises(RecordingError, match="Input/output error"):
+        recorder.close()
+    assert recorder.lost <= 5
+
+
 def test_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
     tmp_path: Path, about_run, entries, monkeypatch: pytest.MonkeyPatch
 ) -> None:
