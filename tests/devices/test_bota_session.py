@@ -95,6 +95,16 @@ def test_a_booting_sensor_is_configured_after_its_banner_and_runs() -> None:
     assert bench.readings > 50
 
 
+@pytest.mark.parametrize("size", [1, 3, 7])
+def test_the_banner_is_found_in_any_split(size: int) -> None:
+    session = bota.Session()
+    session.start(0)
+    banner = bota_text.encode_banner()
+    for start in range(0, len(banner), size):
+        session.receive(banner[start : start + size], 7)
+    assert session.next_deadline() == 7 + bota.SETTLE_NS
+
+
 def test_options_reach_the_commands() -> None:
     bench = Bench(bota.Session(sinc_length=512, temperature_compensation=True), Sensor(running=True))
     bench.start()
@@ -201,6 +211,8 @@ def test_stop_sends_configure_and_ends_the_deadlines() -> None:
     assert session.stop() == b"C"
     assert session.next_deadline() is None
     assert session.on_time(10**12) == b""
+    assert len(session.receive(bota.encode_frame((0, 0, 1), (0, 0, 0), 0), 10**12)) == 1
+    assert session.next_deadline() is None
     assert session.state == "closed"
 
 

@@ -42,6 +42,12 @@ def test_garbage_counts_as_bytes_and_as_the_frames_it_stands_for() -> None:
     assert (health.bad_bytes, health.bad) == (9, 3)
 
 
+@pytest.mark.parametrize(("garbage", "bad"), [(1, 1), (4, 1), (5, 1), (6, 2), (9, 2), (10, 3)])
+def test_damage_is_rounded_to_whole_frames(garbage: int, bad: int) -> None:
+    _, health = scan(frame(1) + bytes(garbage) + frame(2), 3)
+    assert (health.bad_bytes, health.bad) == (garbage, bad)
+
+
 def test_text_between_frames_is_no_damage_but_text_behind_garbage_is() -> None:
     values, health = scan(frame(1) + b"ok" + frame(2) + b"\0ok" + frame(3), 99, text=b"ok")
     assert values == [(1, True), (2, True), (3, False)]

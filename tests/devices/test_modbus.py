@@ -12,7 +12,7 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ExceptionResponse
 from pymodbus.pdu import register_message as peer
 
-from slipd.devices import modbus
+from slipd.devices import crc, modbus
 from slipd.devices.modbus import Request
 
 POLL = Request(9, modbus.READ_INPUT, 2000, 3)
@@ -136,6 +136,12 @@ def test_requests_to_other_units_and_noise_are_passed_over() -> None:
     assert modbus.take_requests(stream, 9) == ([POLL, WORKED[1][0]], b"")
 
 
+@pytest.mark.parametrize("cut", range(1, 8))
+def test_the_beginning_of_a_torn_request_does_not_hide_the_next(cut: int) -> None:
+    frame = modbus.encode_request(POLL)
+    assert modbus.take_requests(frame[:cut] + frame, 9) == ([POLL], b"")
+
+
 def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
     reply = modbus.encode_reply(POLL, (1, 2, 3))
     assert modbus.find_reply(b"\x09\x04\x06" + reply + b"\x09", POLL) == modbus.Reply((1, 2, 3), 0, 11)
@@ -153,6 +159,21 @@ def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
 def test_the_reply_to_another_write_is_no_acknowledgement() -> None:
     force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
     assert modbus.find_reply(modbus.encode_reply(force), WORKED[0][0]) is None
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "09 10 03 E8 00 02 06 00 00 00 00 00 00",  # two registers announced, three sent
+        "09 10 03 E8 00 00 00",  # none at all
+        "09 04 07 D0 00 00",
+        "09 04 07 D0 00 7E",
+    ],
+)
+def test_a_request_that_contradicts_itself_is_passed_over(body: str) -> None:
+    contradiction = bytes.fromhex(body)
+    stream = contradiction + crc.modbus(contradiction).to_bytes(2, "little") + modbus.encode_request(POLL)
+    assert modbus.take_requests(stream, 9) == ([POLL], b"")
 
 
 def test_what_a_device_keeps_of_noise_is_bounded() -> None:

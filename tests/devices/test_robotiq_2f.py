@@ -281,6 +281,16 @@ def test_an_unanswered_force_is_not_repeated_after_a_newer_one(active: Bench) ->
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
 
+def test_an_unanswered_force_is_not_repeated_after_a_newer_move(active: Bench) -> None:
+    active.gripper.mute = True
+    active.session.set_force(1)
+    active.steps(1)
+    active.session.move(200, 128, 60)
+    active.gripper.mute = False
+    active.steps(4)
+    assert active.gripper.output == (0x0900, 200, 0x803C)
+
+
 def test_a_lost_clear_never_leads_to_a_bare_activation() -> None:
     bench = Bench().start()
     bench.gripper.mute = True
@@ -325,6 +335,9 @@ def test_the_echo_is_judged_against_the_position_last_sent(active: Bench) -> Non
     active.gripper.echo = 199
     active.steps(1)
     assert active.samples[-1].echo_ok is False
+    active.session.activate(active.now_ns)
+    active.steps(3)
+    assert active.samples[-1].echo_ok is None
 
 
 def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:

@@ -164,6 +164,7 @@ def test_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
         b"]}",
         b'{"a":1e',
         b"{x",
+        b'{"a":' + b"9" * 5000 + b"}",
         b'"',
         b"\\",
         b'{"\\u12',
@@ -175,6 +176,11 @@ def test_garbage_between_messages_costs_no_message(junk: bytes) -> None:
     samples, decoder = receive(message(1) + junk + message(2) + message(3))
     assert [sample.values.tolist() for sample in samples] == [pad(number).tolist() for number in (1, 2, 3)]
     assert (decoder.health.bad, decoder.health.bad_bytes) == (1, len(junk))
+
+
+def test_each_stretch_of_garbage_counts_once() -> None:
+    _, decoder = receive(b"xy" + message(1) + b"z" + message(2) + b" \r\n" + message(3))
+    assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (3, 2, 3)
 
 
 @given(
