@@ -19,7 +19,7 @@ def test_what_was_poured_in_stays_until_it_drains():
     script = Script()
     full = script.weight(script.pour_until_s, 0.25)
     assert script.weight(script.drain_s, 0.25) == full
-    assert script.weight(script.drain_s + script.ramp_s, 0.25) == script.weight(script.pour_s, 0.25)
+    assert script.weight(script.drain_s + script.drain_takes_s, 0.25) == script.weight(script.pour_s, 0.25)
 
 
 def test_the_hand_pulls_by_its_stretch_and_never_pushes():

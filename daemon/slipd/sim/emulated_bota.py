@@ -44,7 +44,7 @@ class BotaMount:
 
     xyz_m: tuple[float, float, float] = (0.004, -0.002, -0.025)
     quat_xyzw: tuple[float, float, float, float] = (0.9659258, 0.2588190, 0.0, 0.0)
-    bias: Sequence[float] = (1.7, -0.9, 2.4, 0.030, -0.020, 0.011)
+    bias: Sequence[float] = (1.7, -0.9, -2.4, 0.030, -0.020, 0.011)
     noise_n: float = 0.02
     noise_nm: float = 0.0002
     sinc_length: int = 64

@@ -16,7 +16,7 @@ LINES = ("left-wrench", "left-pad", "right-wrench", "right-pad", "gripper")
 """The devices, by the names of their lines."""
 
 LEFT_MOUNT = BotaMount()
-RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, 3.1, -0.012, 0.024, -0.018), clock_ppm=-15.0)
+RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, -3.1, -0.012, 0.024, -0.018), clock_ppm=-15.0)
 
 
 class _Finger:

@@ -24,7 +24,8 @@ class Script:
         pour_s: Something is poured into the object's far end until ``pour_until_s``; its weight grows, and with it
             the torque about the pads' normal.
         pour_until_s: End of that growth; what was poured stays.
-        drain_s: It runs out again within ``ramp_s``.
+        drain_s: It begins to run out again, within ``drain_takes_s``.
+        drain_takes_s: How long that takes; a load that vanishes faster looks like a slip.
         pour_n_per_s: Growth of the poured weight.
         lever_m: Its horizontal distance from the contact's centre.
         tug_s: A hand begins to draw the object along +y of the left pad.
@@ -39,7 +40,8 @@ class Script:
     ramp_s: float = 0.5
     pour_s: float = 6.0
     pour_until_s: float = 10.0
-    drain_s: float = 12.0
+    drain_s: float = 11.5
+    drain_takes_s: float = 1.0
     pour_n_per_s: float = 0.35
     lever_m: float = 0.06
     tug_s: float = 13.0
@@ -51,12 +53,12 @@ class Script:
 
     def carried(self, t_s: float) -> float:
         """Share of the weight that hangs in the gripper and does not stand on the table, 0 to 1."""
-        return self._ramp(t_s, self.lift_s) - self._ramp(t_s, self.set_down_s)
+        return _ramp(t_s, self.lift_s, self.ramp_s) - _ramp(t_s, self.set_down_s, self.ramp_s)
 
     def weight(self, t_s: float, mass_kg: float) -> Load:
         """Load of the object's own weight and of what was poured into it."""
         poured_s = max(min(t_s, self.pour_until_s) - self.pour_s, 0.0)
-        poured_n = self.pour_n_per_s * poured_s * (1.0 - self._ramp(t_s, self.drain_s))
+        poured_n = self.pour_n_per_s * poured_s * (1.0 - _ramp(t_s, self.drain_s, self.drain_takes_s))
         carried = self.carried(t_s)
         return carried * (mass_kg * GRAVITY_MPS2 + poured_n), 0.0, carried * poured_n * self.lever_m
 
@@ -81,5 +83,6 @@ class Script:
                 name = phase
         return name
 
-    def _ramp(self, t_s: float, begins_s: float) -> float:
-        return min(max((t_s - begins_s) / self.ramp_s, 0.0), 1.0)
+
+def _ramp(t_s: float, begins_s: float, takes_s: float) -> float:
+    return min(max((t_s - begins_s) / takes_s, 0.0), 1.0)

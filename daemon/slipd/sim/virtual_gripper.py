@@ -15,7 +15,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,9 @@ LONGEST_LAG_NS = 500_000_000
 """After a longer pause (a suspended machine) the scene goes on where it stood instead of catching up."""
 
 STDIN = 0
+
+HARDWARE_NICENESS = -10
+"""Hardware is not late because the machine is busy: where this process may, it goes before others."""
 
 
 class VirtualGripper:
@@ -116,6 +119,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         gripper = VirtualGripper(rig, ports, _print)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: gripper.stop())
+        with suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, 0, HARDWARE_NICENESS)
         gc.collect()
         gc.freeze()
         paths = {line: str(port.path) for line, port in ports.items()}

@@ -1,0 +1,270 @@
+"""The demo's robot program: grips the box, heeds the daemon's warnings, and reports what it was told.
+
+It is written as a user's program would be: a subscriber and a requester of ``slipd_client``, one thread, no more.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from slipd_client.errors import ClientError, RequestRefused
+from slipd_client.messages import Health
+from slipd_client.requester import Requester
+from slipd_client.subscriber import Message, Subscriber
+
+LISTEN_S = 0.05
+"""How long it waits for a message before it looks at its plan again."""
+
+RENEW_S = 0.1
+"""A tenth of the lease: a machine under load may delay several renewals."""
+
+SETTLE_S = 0.5
+"""When the force after a raise is read: the gripper follows within a few tenths of a second."""
+
+LEAST_RAISE_N = 0.1
+"""A smaller raise is within the gripper's own step."""
+
+ALARMING = ("warning", "slipping")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the program does, and when, in s since it told the gripper to activate.
+
+    Attributes:
+        patience_s: How long it waits for the daemon and all its streams to be well.
+        tare_s: How long each finger is averaged before the grip.
+        close_s: When it closes.
+        speed_mps: How fast.
+        force_n: First grip force, N on one pad.
+        limit_n: Its own limit for raising that force.
+        open_s: When it opens.
+        end_s: When it ends.
+        lease_ms: Life of its lease without renewal.
+    """
+
+    patience_s: float = 30.0
+    tare_s: float = 0.5
+    close_s: float = 1.5
+    speed_mps: float = 0.05
+    force_n: float = 7.0
+    limit_n: float = 24.0
+    open_s: float = 16.0
+    end_s: float = 18.0
+    lease_ms: int = 1000
+
+
+@dataclass
+class Change:
+    """A change of level that was heard.
+
+    Attributes:
+        t_ns: Of the reading that changed it (CLOCK_MONOTONIC).
+        heard_ns: When the program had it in hand.
+        finger: Which finger.
+        level: The new level.
+        rising: It is more alarming than the one before.
+        reasons: Why.
+        utilisation: Of that reading, where known.
+    """
+
+    t_ns: int
+    heard_ns: int
+    finger: str
+    level: str
+    rising: bool
+    reasons: list[str]
+    utilisation: float | None
+
+
+@dataclass
+class Raise:
+    """A request for more grip.
+
+    Attributes:
+        asked_ns: When it was sent.
+        answered_ns: When its reply was in hand.
+        asked_n: The force asked for.
+        result: What the daemon replied; None when it refused.
+        refusal: Why it refused; "" when it did not.
+        before_n: Measured grip force when it was sent.
+        after_n: The same shortly afterwards.
+    """
+
+    asked_ns: int
+    answered_ns: int
+    asked_n: float
+    result: dict[str, Any] | None
+    refusal: str
+    before_n: float | None
+    after_n: float | None = None
+
+
+@dataclass
+class Report:
+    """What the program did and heard; times are CLOCK_MONOTONIC, None for what did not happen.
+
+    Attributes:
+        tares: What each tare said, by finger.
+        activated_ns: When it told the gripper to activate: about the beginning of the scene.
+        closed_ns: When it told the gripper to close.
+        opened_ns: When it told the gripper to open.
+        changes: Every change of level from the closing on.
+        raises: Every raise of the grip.
+        refusals: Every other request that was refused, as text.
+        error: What ended it early; "" when nothing did.
+    """
+
+    tares: dict[str, dict[str, Any]] = field(default_factory=dict)
+    activated_ns: int | None = None
+    closed_ns: int | None = None
+    opened_ns: int | None = None
+    changes: list[Change] = field(default_factory=list)
+    raises: list[Raise] = field(default_factory=list)
+    refusals: list[str] = field(default_factory=list)
+    error: str = ""
+
+    @property
+    def rotation_warning(self) -> Change | None:
+        """The first warning that rotation threatens."""
+        return next((c for c in self.changes if c.rising and c.level in ALARMING and "rotation" in c.reasons), None)
+
+    @property
+    def slip_told(self) -> Change | None:
+        """The first time that a slip was told."""
+        return next((change for change in self.changes if "slip_detected" in change.reasons), None)
+
+
+class Operator(threading.Thread):
+    """The program as a thread; start it once the daemon serves, join it, read its report.
+
+    Args:
+        publish: Endpoint where the daemon publishes.
+        requests: Endpoint where it takes requests.
+        plan: What to do.
+
+    Attributes:
+        report: What was done and heard so far.
+    """
+
+    def __init__(self, publish: str, requests: str, plan: Plan | None = None) -> None:
+        super().__init__(name="operator")
+        self.report = Report()
+        self._endpoints = (publish, requests)
+        self._plan = plan or Plan()
+        self._ending = threading.Event()
+        self._renewed_s = 0.0
+        self._force_n = 0.0
+        self._slips: dict[str, dict[str, Any]] = {}
+
+    def end(self) -> None:
+        """Let it end soon, without opening the gripper."""
+        self._ending.set()
+
+    def run(self) -> None:
+        """The whole program; what ends it early is told in the report."""
+        publish, requests = self._endpoints
+        try:
+            with Subscriber(publish, ("slip", "warning")) as subscriber, Requester(requests) as requester:
+                self._prepare(requester)
+                if not self._ending.is_set():
+                    with requester.lease(self._plan.lease_ms):
+                        self._work(subscriber, requester)
+        except (ClientError, TimeoutError) as error:
+            self.report.error = str(error)
+
+    def _prepare(self, requester: Requester) -> None:
+        """Wait until every stream is well, then tare both fingers."""
+        until_s = time.monotonic() + self._plan.patience_s
+        while ill := _ill(requester.status()["streams"]):
+            if time.monotonic() > until_s:
+                raise TimeoutError(f"streams that are not well after {self._plan.patience_s:g} s: {ill}")
+            if self._ending.wait(LISTEN_S):
+                return
+        for finger in requester.hello()["fingers"]:
+            self.report.tares[finger] = requester.tare(finger, self._plan.tare_s)
+
+    def _work(self, subscriber: Subscriber, requester: Requester) -> None:
+        plan, report = self._plan, self.report
+        requester.activate()
+        report.activated_ns = time.monotonic_ns()
+        begin_s = time.monotonic()
+        while (now_s := time.monotonic() - begin_s) < plan.end_s and not self._ending.is_set():
+            self._renew(requester)
+            if report.closed_ns is None and now_s >= plan.close_s:
+                requester.close(plan.force_n, speed_mps=plan.speed_mps)
+                report.closed_ns, self._force_n = time.monotonic_ns(), plan.force_n
+            if report.opened_ns is None and now_s >= plan.open_s:
+                requester.open(drop=True)
+                report.opened_ns = time.monotonic_ns()
+            message = subscriber.receive(LISTEN_S)
+            if message is not None and report.closed_ns is not None:
+                self._hear(message, requester)
+
+    def _renew(self, requester: Requester) -> None:
+        now_s = time.monotonic()
+        if now_s - self._renewed_s < RENEW_S:
+            return
+        self._renewed_s = now_s
+        try:
+            requester.renew()
+        except RequestRefused as refusal:
+            self.report.refusals.append(str(refusal))
+            if refusal.code != "no_lease":
+                raise
+            requester.request("lease.acquire", ttl_ms=self._plan.lease_ms)
+
+    def _hear(self, message: Message, requester: Requester) -> None:
+        body = message.body
+        if message.topic != "warning":
+            self._slips[body["finger"]] = body
+            self._note_force(body)
+            return
+        change = Change(
+            t_ns=body["t_ns"],
+            heard_ns=time.monotonic_ns(),
+            finger=body["finger"],
+            level=body["level"],
+            rising=body["rising"],
+            reasons=body["reasons"],
+            utilisation=body["utilisation"],
+        )
+        self.report.changes.append(change)
+        if change.rising and change.level in ALARMING and "rotation" in change.reasons:
+            self._raise_grip(requester, whatever_it_takes="unsupportable" in change.reasons)
+
+    def _raise_grip(self, requester: Requester, *, whatever_it_takes: bool) -> None:
+        """Ask for the grip that the newest verdicts say is needed, or for all that the plan allows."""
+        needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
+        asked_n = self._plan.limit_n
+        if not whatever_it_takes:
+            asked_n = min(max(needed, default=0.0), asked_n)
+        if asked_n < self._force_n + LEAST_RAISE_N or self.report.opened_ns is not None:
+            return
+        asked_ns, before_n = time.monotonic_ns(), self._measured_n()
+        result, refusal = None, ""
+        try:
+            result = requester.grip_set(asked_n)
+            self._force_n = asked_n
+        except RequestRefused as refused:
+            refusal = str(refused)
+        self.report.raises.append(Raise(asked_ns, time.monotonic_ns(), asked_n, result, refusal, before_n))
+
+    def _note_force(self, slip: dict[str, Any]) -> None:
+        """Read the force that a raise has brought, once it has settled."""
+        for made in self.report.raises:
+            if made.after_n is None and slip["t_ns"] >= made.asked_ns + SETTLE_S * 1e9:
+                made.after_n = self._measured_n()
+
+    def _measured_n(self) -> float | None:
+        """The weaker finger's grip force, newest."""
+        known = [slip["normal_n"] for slip in self._slips.values() if slip["normal_n"] is not None]
+        return min(known, default=None)
+
+
+def _ill(streams: dict[str, dict[str, Any]]) -> str:
+    """Which streams are not well, and why; empty when all are."""
+    return ", ".join(f"{name} ({s['message']})" for name, s in streams.items() if s["health"] != Health.OK)

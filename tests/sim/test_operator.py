@@ -1,0 +1,221 @@
+"""The robot program against a scripted daemon on real sockets."""
+
+import threading
+import time
+
+import pytest
+import zmq
+
+from slipd.sim.operator import Operator, Plan
+from slipd_client.messages import decode, encode
+
+BOOT = "run1"
+QUICK = Plan(patience_s=5.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=0.7, limit_n=20.0, lease_ms=300)
+WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}
+ILL = {"left.wrench": {"health": 3, "message": "open, but no reading yet"}, "gripper": {"health": 0, "message": ""}}
+
+
+class Daemon(threading.Thread):
+    """Answers every request well, but for what a test has scripted, and publishes what a test tells it to."""
+
+    def __init__(self):
+        super().__init__()
+        self.context = zmq.Context()
+        self.router, self.pub = self.context.socket(zmq.ROUTER), self.context.socket(zmq.XPUB)
+        for socket in (self.router, self.pub):
+            socket.linger = 0
+        self.ports = [socket.bind_to_random_port("tcp://127.0.0.1") for socket in (self.router, self.pub)]
+        self.heard, self.answers, self.on = [], {}, {}
+        self.seq, self.ending = {}, threading.Event()
+
+    @property
+    def endpoints(self):
+        return [f"tcp://127.0.0.1:{port}" for port in reversed(self.ports)]
+
+    def ops(self):
+        return [body["op"] for body in self.heard if body["op"] not in ("hello", "lease.renew", "status", "tare.get")]
+
+    def requests(self, op):
+        return [body for body in self.heard if body["op"] == op]
+
+    def run(self):
+        while not self.ending.is_set():
+            if self.router.poll(20):
+                client, data = self.router.recv_multipart()
+                body = decode(data)
+                self.heard.append(body)
+                self.router.send_multipart([client, encode({"v": 1, "id": body["id"]} | self.answer(body))])
+                for topic, message in self.on.pop(body["op"], []):
+                    self.publish(topic, message)
+        self.router.close()
+        self.pub.close()
+        self.context.term()
+
+    def answer(self, body):
+        scripted = self.answers.get(body["op"])
+        if isinstance(scripted, list):
+            scripted = scripted.pop(0) if scripted else None
+        if isinstance(scripted, str):
+            return {"ok": False, "error": {"code": scripted, "message": "scripted", "field": ""}}
+        usual = {
+            "hello": {"boot": BOOT, "t_ns": time.monotonic_ns(), "fingers": ["left", "right"]},
+            "status": {"streams": WELL},
+            "tare": {"verified": True},
+            "tare.get": {"busy": False, "readings": 400},
+            "grip.set": {"applied_n": body.get("force_n")},
+        }
+        return {"ok": True, "result": scripted or usual.get(body["op"], {})}
+
+    def publish(self, topic, body):
+        self.seq[topic] = self.seq.get(topic, 0) + 1
+        head = {"v": 1, "seq": self.seq[topic], "boot": BOOT, "t_ns": time.monotonic_ns()}
+        self.pub.send_multipart([topic.encode(), encode(head | body)])
+
+
+@pytest.fixture
+def daemon():
+    made = Daemon()
+    made.start()
+    yield made
+    made.ending.set()
+    made.join()
+
+
+def slip(finger, grip_needed_n=None, normal_n=7.0):
+    return f"slip.{finger}", {"finger": finger, "grip_needed_n": grip_needed_n, "normal_n": normal_n}
+
+
+def warning(level="warning", reasons=("rotation",), rising=True, finger="left"):
+    body = {"finger": finger, "level": level, "rising": rising, "reasons": list(reasons), "utilisation": 0.86}
+    return "warning", body
+
+
+def work(daemon, plan=QUICK):
+    operator = Operator(*daemon.endpoints, plan)
+    operator.start()
+    operator.join(30.0)
+    assert not operator.is_alive()
+    return operator.report
+
+
+def test_it_tares_grips_and_opens_in_this_order(daemon):
+    report = work(daemon)
+    assert daemon.ops() == [
+        "tare", "tare", "lease.acquire", "gripper.activate", "gripper.close", "gripper.open", "lease.release",
+    ]  # fmt: skip
+    assert [body["finger"] for body in daemon.requests("tare")] == ["left", "right"]
+    (close,) = daemon.requests("gripper.close")
+    assert (close["force_n"], close["speed_mps"]) == (QUICK.force_n, QUICK.speed_mps)
+    assert daemon.requests("gripper.open")[0]["drop"] is True
+    assert len(daemon.requests("lease.renew")) >= 3
+    assert report.error == ""
+    assert report.refusals == []
+    assert report.activated_ns < report.closed_ns < report.opened_ns
+    assert report.tares["left"]["readings"] == 400
+
+
+def test_it_waits_until_every_stream_is_well(daemon):
+    daemon.answers["status"] = [{"streams": ILL}, {"streams": ILL}]
+    assert work(daemon).error == ""
+    first_ops = [body["op"] for body in daemon.heard if body["op"] != "hello"][:4]
+    assert first_ops == ["status", "status", "status", "tare"]
+
+
+def test_it_gives_up_on_streams_that_stay_ill_and_touches_nothing(daemon):
+    daemon.answers["status"] = {"streams": ILL}
+    report = work(daemon, Plan(patience_s=0.2))
+    assert "left.wrench (open, but no reading yet)" in report.error
+    assert daemon.ops() == []
+
+
+def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
+    daemon.on["gripper.close"] = [slip("left", 9.5), slip("right", 9.1, 6.9), warning()]
+    daemon.on["grip.set"] = [warning("slipping", ["slip_detected", "translation"])]
+    report = work(daemon)
+    assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.5]
+    (made,) = report.raises
+    assert (made.asked_n, made.before_n, made.result, made.refusal) == (9.5, 6.9, {"applied_n": 9.5}, "")
+    assert made.asked_ns < made.answered_ns
+    assert report.rotation_warning.level == "warning"
+    assert report.rotation_warning.t_ns < report.rotation_warning.heard_ns <= made.asked_ns
+    assert report.slip_told.level == "slipping"
+
+
+def test_it_never_asks_for_more_than_its_own_limit(daemon):
+    daemon.on["gripper.close"] = [slip("left", 50.0), warning()]
+    work(daemon)
+    assert [body["force_n"] for body in daemon.requests("grip.set")] == [20.0]
+
+
+def test_where_no_grip_is_known_to_hold_it_asks_for_all_it_may(daemon):
+    daemon.on["gripper.close"] = [slip("left"), warning(reasons=["unsupportable", "rotation"])]
+    work(daemon)
+    assert [body["force_n"] for body in daemon.requests("grip.set")] == [20.0]
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        [slip("left", 9.5), warning("caution")],
+        [slip("left", 9.5), warning(reasons=["translation"])],
+        [slip("left", 9.5), warning(rising=False)],
+        [slip("left", 5.0), warning()],
+        [slip("left"), warning()],
+    ],
+    ids=["caution", "translation", "falling", "less than it has", "nothing known"],
+)
+def test_it_leaves_the_grip_alone_when(daemon, told):
+    daemon.on["gripper.close"] = told
+    report = work(daemon)
+    assert daemon.requests("grip.set") == []
+    assert len(report.changes) == 1
+
+
+def test_a_raise_that_is_refused_is_noted_and_the_work_goes_on(daemon):
+    daemon.answers["grip.set"] = "out_of_range"
+    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
+    report = work(daemon)
+    assert report.raises[0].result is None
+    assert "out_of_range" in report.raises[0].refusal
+    assert report.opened_ns is not None
+
+
+def test_the_force_after_a_raise_is_read_once_it_has_settled(daemon):
+    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
+    daemon.on["grip.set"] = [slip("left", 9.5, 7.5)]
+    daemon.on["gripper.open"] = [slip("left", 9.5, 9.4)]
+    report = work(daemon, Plan(tare_s=0.01, close_s=0.0, open_s=0.8, end_s=1.2, lease_ms=300))
+    assert report.raises[0].after_n == 9.4
+
+
+def test_a_lease_that_ran_out_is_acquired_anew(daemon):
+    daemon.answers["lease.renew"] = ["no_lease"]
+    report = work(daemon)
+    assert daemon.ops().count("lease.acquire") == 2
+    assert "no_lease" in report.refusals[0]
+    assert report.error == ""
+
+
+def test_a_refused_grip_ends_it_and_the_lease_is_given_back(daemon):
+    daemon.answers["gripper.close"] = "gripper_fault"
+    report = work(daemon)
+    assert "gripper_fault" in report.error
+    assert daemon.ops()[-1] == "lease.release"
+
+
+def test_told_to_end_it_opens_nothing(daemon):
+    operator = Operator(*daemon.endpoints, Plan(tare_s=0.01, close_s=0.0))
+    operator.start()
+    deadline = time.monotonic() + 30.0
+    while operator.report.closed_ns is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    operator.end()
+    operator.join(30.0)
+    assert daemon.ops()[-2:] == ["gripper.close", "lease.release"]
+
+
+def test_without_a_daemon_it_says_so():
+    operator = Operator("ipc:///nowhere/publish", "ipc:///nowhere/requests")
+    operator.run()
+    assert "nobody takes requests" in operator.report.error
