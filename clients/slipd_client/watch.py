@@ -46,10 +46,8 @@ def watch(endpoint: str | None, *, as_json: bool, once: bool) -> None:
             _show_once(_gather(subscriber, first), as_json)
         elif as_json:
             _print_json(subscriber, first)
-        elif sys.stdout.isatty():
-            _redraw(subscriber, first)
         else:
-            _print_lines(subscriber, first)
+            _follow(subscriber, first)
 
 
 def _gather(subscriber: Subscriber, first: Message) -> dict[str, Message]:
@@ -97,45 +95,55 @@ def _json_line(message: Message) -> str:
     return json.dumps({"topic": message.topic, **message.body}, default=bytes.hex)
 
 
-def _print_lines(subscriber: Subscriber, first: Message) -> None:
-    """One line for each change of level, and one a second."""
-    view = View()
+def _follow(subscriber: Subscriber, first: Message) -> None:
+    display = Display()
     message: Message | None = first
-    due = time.monotonic()
     while True:
         if message is not None:
-            _complain(message)
-            if message.topic == WARNING_TOPIC:
-                print(change_line(message.body), flush=True)
-            view.update(message.topic, message.body)
-        if time.monotonic() >= due:
-            due = time.monotonic() + LINE_S
-            print(_silence(subscriber) or view.summary(), flush=True)
-        message = subscriber.receive(max(0.0, due - time.monotonic()))
+            if not display.redraws:
+                _complain(message)
+            display.take(message)
+        display.refresh(subscriber.age_s or 0.0)
+        message = subscriber.receive(display.wait_s())
 
 
-def _redraw(subscriber: Subscriber, first: Message) -> None:
-    """Draw over the last drawing, at most every ``REDRAW_S``."""
-    view = View()
-    message: Message | None = first
-    drawn = 0
-    due = time.monotonic() + REDRAW_S
-    while True:
-        if message is not None:
-            view.update(message.topic, message.body)
-        if time.monotonic() >= due:
-            due = time.monotonic() + REDRAW_S
+class Display:
+    """The live view on standard output: drawn over itself on a terminal, else a line a change and a line a second.
+
+    Attributes:
+        redraws: Standard output is a terminal.
+    """
+
+    def __init__(self) -> None:
+        self.redraws = sys.stdout.isatty()
+        self._view = View()
+        self._drawn = 0
+        self._period_s = REDRAW_S if self.redraws else LINE_S
+        self._due_s = time.monotonic()
+
+    def take(self, message: Message) -> None:
+        """Take a message into the picture; a change of level is a line of its own where there is no terminal."""
+        if message.topic == WARNING_TOPIC and not self.redraws:
+            print(change_line(message.body), flush=True)
+        self._view.update(message.topic, message.body)
+
+    def wait_s(self) -> float:
+        """How long until `refresh` has something to do."""
+        return max(0.0, self._due_s - time.monotonic())
+
+    def refresh(self, silent_s: float) -> None:
+        """Show what is known, when it is time to; ``silent_s`` is how long nothing was heard."""
+        if time.monotonic() < self._due_s:
+            return
+        self._due_s = time.monotonic() + self._period_s
+        if self.redraws:
             size = _size(sys.stdout)
-            lines = view.render(size.columns, _colour(sys.stdout), subscriber.age_s or 0.0)[: size.lines - 1]
-            back = f"\x1b[{drawn}F" if drawn else ""
+            lines = self._view.render(size.columns, _colour(sys.stdout), silent_s)[: size.lines - 1]
+            back = f"\x1b[{self._drawn}F" if self._drawn else ""
             print(back + "\x1b[J" + "\n".join(lines), flush=True)
-            drawn = len(lines)
-        message = subscriber.receive(max(0.0, due - time.monotonic()))
-
-
-def _silence(subscriber: Subscriber) -> str:
-    age_s = subscriber.age_s or 0.0
-    return f"nothing heard for {age_s:.1f} s" if age_s > LINE_S else ""
+            self._drawn = len(lines)
+        else:
+            print(f"nothing heard for {silent_s:.1f} s" if silent_s > LINE_S else self._view.summary(), flush=True)
 
 
 def _complain(message: Message) -> None:

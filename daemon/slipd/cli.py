@@ -138,10 +138,11 @@ def _replay(arguments: argparse.Namespace) -> int:
     else:
         for topic, body in messages:
             _show(topic, body, as_json=arguments.json)
-    if not recording.complete:
-        print(f"slipd: {arguments.file}: the recording is cut short or damaged; this is what it holds", file=sys.stderr)
-        return FAULT
-    return DONE
+    if recording.complete:
+        return DONE
+    lost = f"{recording.lost} entries were lost while recording" if recording.lost else "its end is missing"
+    print(f"slipd: this is not the whole run: {recording.fault or f'{arguments.file}: {lost}'}", file=sys.stderr)
+    return FAULT
 
 
 async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, file: str, *, as_json: bool) -> None:

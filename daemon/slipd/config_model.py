@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, Strict
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
-Table = Annotated[list[tuple[float, float]], Field(min_length=2)]
+Point = Annotated[tuple[float, float], Strict(False)]  # TOML has no tuples
+Table = Annotated[list[Point], Field(min_length=2)]
 
 
 class _Model(BaseModel):

@@ -164,7 +164,8 @@ async def _tick(take: Callable[[Event], None]) -> None:
     loop = asyncio.get_running_loop()
     due = loop.time()
     while True:
-        take(Tick(time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()))
+        awake_ns = time.monotonic_ns()  # read first, so that the difference is never negative
+        take(Tick(time.clock_gettime_ns(time.CLOCK_BOOTTIME) - awake_ns))
         due = max(due + TICK_S, loop.time())
         await asyncio.sleep(due - loop.time())
 

@@ -8,11 +8,10 @@ from typing import Any
 from slipd.grip.policy import Refusal
 from slipd.pipeline.events import Reply, Request
 from slipd.pipeline.finger import Finger
-from slipd.pipeline.gripper import GripperControl
+from slipd.pipeline.gripper import GripperControl, Result
 from slipd.pipeline.requests import check_request
 from slipd_client.messages import PROTOCOL_VERSION
 
-Result = dict[str, Any] | Refusal
 Handler = Callable[[Request, int], Result]
 
 DEFAULT_TARE_S = 0.5
@@ -169,7 +168,7 @@ class Desk:
         self,
         request: Request,
         t_ns: int,
-        command: Callable[[GripperControl], dict[str, Any]],
+        command: Callable[[GripperControl], Result],
         force_n: float | None = None,
     ) -> Result:
         """Carries out a command for the holder of the lease, within the limits, on a gripper that can take it."""

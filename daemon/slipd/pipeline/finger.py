@@ -78,6 +78,7 @@ class Finger:
         settings = SlipSettings(**config.slip.model_dump())
         self._translation_slip, self._rotation_slip = SlipDetector(settings), SlipDetector(settings)
         self._in_contact = False
+        self._free = False
         self._last_ns: int | None = None
 
     @property
@@ -120,7 +121,7 @@ class Finger:
 
     def take_tactile(self, sample: TactileSample) -> State | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
-        if self.image is None or not self.image.take(sample, self._in_contact):
+        if self.image is None or not self.image.take(sample, known_free=self._free):
             return None
         if self.wrench_tare is not None:
             return None
@@ -138,6 +139,7 @@ class Finger:
     def lose(self, t_ns: int) -> State:
         """Forgets what the force stream told: from now on the verdict is unknown."""
         self._end_contact()
+        self._free = False
         self.state = State(t_ns, Verdict("unknown", ("stale",)))
         return self.state
 
@@ -149,11 +151,13 @@ class Finger:
             force, torque, min_normal_n=least, force_std_n=force_std, torque_std_nm=torque_std
         )
         state = State(t_ns, Verdict("unknown", ()), force, torque, contact, status=status)
+        self._free = False
         untrusted = sorted(UNTRUSTED.intersection(status))
         if untrusted or not np.isfinite(force).all() or not np.isfinite(torque).all():
             state.verdict = Verdict("unknown", tuple(untrusted) or ("not_finite",))
         elif not contact.valid:
             self._end_contact()
+            self._free = True
             state.verdict = Verdict("no_contact", ())
         else:
             self._in_contact = True

@@ -12,6 +12,9 @@ from slipd.pipeline.report import number
 from slipd.samples import GripperSample
 
 FULL = 255
+Result = dict[str, Any] | Refusal
+_NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
+
 #: Speed where none is asked for: the middle of the gripper's range.
 DEFAULT_SPEED = 128
 
@@ -61,7 +64,7 @@ class GripperControl:
         if self.sample.fault:
             return Refusal("gripper_fault", f"the gripper reports {self.sample.fault}")
         if not self.sample.active:
-            return Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
+            return _NOT_ACTIVE
         return None
 
     def activate(self, t_ns: int) -> dict[str, Any]:
@@ -69,25 +72,24 @@ class GripperControl:
         self._session.activate(t_ns)
         return {}
 
-    def close(self, force_n: float, width_m: float | None, speed_mps: float | None) -> dict[str, Any]:
+    def close(self, force_n: float, width_m: float | None, speed_mps: float | None) -> Result:
         """Closes to a width with a force."""
         position = FULL if width_m is None else self._position(width_m)
         return self._move(position, force_n, speed_mps)
 
-    def open(self, width_m: float | None, speed_mps: float | None) -> dict[str, Any]:
+    def open(self, width_m: float | None, speed_mps: float | None) -> Result:
         """Opens to a width with the least force."""
         position = 0 if width_m is None else self._position(width_m)
         return self._move(position, self._forces.newtons(0), speed_mps)
 
-    def set_force(self, force_n: float) -> dict[str, Any]:
+    def set_force(self, force_n: float) -> Result:
         """Sets the force while holding."""
         units = self._forces.units(force_n)
-        return self._applied(units) if self._session.set_force(units) else {}
+        return self._applied(units) if self._session.set_force(units) else _NOT_ACTIVE
 
-    def halt(self) -> dict[str, Any]:
+    def halt(self) -> Result:
         """Stops the fingers where they are."""
-        self._session.halt()
-        return {}
+        return {} if self._session.halt() else _NOT_ACTIVE
 
     def body(self, t_ns: int) -> dict[str, Any]:
         """The ``gripper`` message."""
@@ -106,9 +108,9 @@ class GripperControl:
             "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
         }
 
-    def _move(self, position: int, force_n: float, speed_mps: float | None) -> dict[str, Any]:
+    def _move(self, position: int, force_n: float, speed_mps: float | None) -> Result:
         units = self._forces.units(force_n)
-        return self._applied(units) if self._session.move(position, self._speed(speed_mps), units) else {}
+        return self._applied(units) if self._session.move(position, self._speed(speed_mps), units) else _NOT_ACTIVE
 
     def _applied(self, units: int) -> dict[str, Any]:
         """The device setting is whole, so what is applied is told; it never exceeds what was asked for."""

@@ -45,13 +45,19 @@ class PadImage:
         self._loads: Loads | None = None
         self._active = np.empty(0, dtype=np.int64)
 
-    def take(self, sample: TactileSample, in_contact: bool) -> bool:
-        """Takes an image; False, and nothing changes, where it is not one of this pad."""
+    def take(self, sample: TactileSample, *, known_free: bool) -> bool:
+        """Takes an image; False, and nothing changes, where it is not one of this pad.
+
+        Args:
+            sample: The image.
+            known_free: The force sensor reads no contact. Where it reads nothing, that is not known, and a held load
+                must not be taken for an offset.
+        """
         if sample.values.shape != self.tare.current.value.shape:
             return False
         values = self._scale * self.tare.apply(sample.values, sample.t_ns)
         if self._charge is not None:
-            values = self._charge.update(values, sample.t_ns * 1e-9, in_contact)
+            values = self._charge.update(values, sample.t_ns * 1e-9, known_free)
         normal = -values[:, 2] if self.three_axis else values
         self._known = bool(np.isfinite(normal).all())
         self._forces = values if self.three_axis else None

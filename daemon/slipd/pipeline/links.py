@@ -65,6 +65,7 @@ class Link:
         self.reconnects = 0
         self._identity: str | None = None
         self._message = "not opened yet"
+        self._damage_told = 0
 
     def open(self, identity: str, t_ns: int) -> bytes:
         """The link came up; returns what is to be written first."""
@@ -131,6 +132,10 @@ class Link:
         age = t_ns - meter.last_ns
         if age > meter.stale_ns:
             return Health.STALE, f"no reading for {age * 1e-9:.2f} s"
+        counters = self._decoder.health
+        damage, self._damage_told = counters.bad_bytes - self._damage_told, counters.bad_bytes
+        if damage > 0:
+            return Health.WARN, f"{damage} bytes that belong to no frame since the last look"
         rate = meter.rate_hz
         if rate is not None and abs(rate - meter.expected_hz) > RATE_TOLERANCE * meter.expected_hz:
             return Health.WARN, f"{rate:.0f} Hz instead of {meter.expected_hz:.0f} Hz"

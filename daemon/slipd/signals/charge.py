@@ -42,19 +42,19 @@ class ChargeReconstruction:
         """The offset was seen without contact, and no gap lost the charge since."""
         return self._offset is not None and self._last_s is not None
 
-    def update(self, readings: Array, t_s: float, in_contact: bool) -> Array:
+    def update(self, readings: Array, t_s: float, known_free: bool) -> Array:
         """Takes one scan.
 
         Args:
             readings: Amplifier outputs, shape (taxels,).
             t_s: Time of the scan, s, rising.
-            in_contact: Whether the force sensor sees a contact.
+            known_free: The force sensor reads no contact; anything else may be a held load, which is never erased.
 
         Returns:
-            Force on each taxel, shape (taxels,), in the unit of the readings; zeros without contact; NaN where a
-            contact cannot be known because none of its beginning was seen.
+            Force on each taxel, shape (taxels,), in the unit of the readings; zeros where free; NaN where a contact
+            cannot be known because none of its beginning was seen.
         """
-        if not in_contact:
+        if known_free:
             self._rest(readings, t_s)
             return np.zeros_like(readings)
         if self._offset is None or self._last_s is None or t_s - self._last_s > LONGEST_GAP_TAUS * self._tau_s:

@@ -1,0 +1,221 @@
+"""``slipd demo``: the virtual gripper, the daemon and a robot program, each a process or thread of its own, and a summary.
+
+Nothing is simulated between them: the daemon reads pseudo-terminals, the program requests over ZeroMQ, and what is shown
+is what a subscriber gets.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+from slipd import config
+from slipd.errors import SlipdError
+from slipd.sim.operator import Operator, Report
+from slipd_client.requester import Requester
+from slipd_client.subscriber import Message, Subscriber
+from slipd_client.watch import Display
+
+#: What a part may take to get ready: a cold cache compiles the kernels first.
+PATIENCE_S = 60.0
+#: What a part may take to end when asked to.
+END_S = 5.0
+LISTEN_S = 0.05
+
+
+@dataclass(slots=True)
+class Tally:
+    """What a subscriber of everything has counted.
+
+    Attributes:
+        messages: Messages a kind of topic.
+        missed: Messages that did not arrive.
+        latencies_s: From the last byte of a reading to the message in this process.
+    """
+
+    messages: Counter[str] = field(default_factory=Counter)
+    missed: int = 0
+    latencies_s: list[float] = field(default_factory=list)
+
+    def take(self, message: Message) -> None:
+        """Counts one message."""
+        self.messages[message.topic.partition(".")[0]] += 1
+        self.missed += message.missed
+        if message.topic.startswith("slip."):
+            self.latencies_s.append(message.age_s - float(message.body["age_s"]))
+
+
+def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> int:
+    """Runs the demo to its end, or for ``seconds``, and prints a summary.
+
+    Returns:
+        Exit code: 0 when the scene ran and the daemon ended well.
+    """
+    with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name:
+        ports = Path(name)
+        rig = _rig_file(ports)
+        with _virtual_gripper(ports, seed) as truth, _daemon(rig, record) as (daemon, publish, requests):
+            operator = Operator(publish, requests)
+            operator.start()
+            tally = _watch(publish, operator, daemon, seconds, headless=headless)
+            operator.end()
+            operator.join(END_S)
+            streams = _final_streams(requests) if daemon.poll() is None else {}
+        _summary(tally, operator.report, truth, streams)
+    return 1 if operator.report.error or daemon.returncode != 0 else 0
+
+
+def _rig_file(ports: Path) -> Path:
+    """The shipped demo config, with the ports of this run."""
+    text = config.shipped("demo.toml").read_text(encoding="utf-8")
+    rig = ports / "demo.toml"
+    rig.write_text(text.replace('"virtual/', f'"{ports}/'), encoding="utf-8")
+    return rig
+
+
+@contextmanager
+def _virtual_gripper(ports: Path, seed: int) -> Iterator[list[dict[str, Any]]]:
+    """Starts the virtual gripper and collects the truth that it tells."""
+    command = [sys.executable, "-m", "slipd.sim", "--dir", str(ports), "--seed", str(seed)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
+        truth: list[dict[str, Any]] = []
+        stdout = _pipe(process.stdout)
+        if not stdout.readline():
+            raise SlipdError("the virtual gripper did not start; what it said stands above")
+        reader = threading.Thread(target=lambda: truth.extend(map(json.loads, stdout)), name="truth", daemon=True)
+        reader.start()
+        try:
+            yield truth
+        finally:
+            process.terminate()
+            reader.join(END_S)
+
+
+@contextmanager
+def _daemon(rig: Path, record: Path | None) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
+    """Starts the daemon as a user would, and yields it with its endpoints once it serves."""
+    command = [sys.executable, "-m", "slipd", "run", "--config", str(rig)]
+    if record is not None:
+        command += ["--record", str(record)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | _HUSH) as process:  # noqa: S603
+        endpoints: dict[str, str] = {}
+        for line in _pipe(process.stdout):
+            name, _, endpoint = line.strip().partition(": ")
+            endpoints[name] = endpoint
+            if "requests" in endpoints:
+                break
+        else:
+            raise SlipdError("the daemon did not start; what it said stands above")
+        print(f"publish: {endpoints['publish']}\nrequests: {endpoints['requests']}", flush=True)
+        try:
+            yield process, endpoints["publish"], endpoints["requests"]
+        finally:
+            process.terminate()
+            process.wait(END_S)
+
+
+#: The parts share the terminal: Ctrl-C is for the demo, which ends them in order.
+_HUSH: dict[str, str] = {}
+
+
+def _watch(
+    publish: str, operator: Operator, daemon: subprocess.Popen[str], seconds: float | None, *, headless: bool
+) -> Tally:
+    """Hears everything until the robot program or the time is over, or somebody interrupts."""
+    tally = Tally()
+    display = None if headless else Display()
+    until_s = None if seconds is None else time.monotonic() + seconds
+    try:
+        with Subscriber(publish, ("",)) as subscriber:
+            while daemon.poll() is None and (operator.is_alive() if until_s is None else time.monotonic() < until_s):
+                message = subscriber.receive(LISTEN_S)
+                if message is not None:
+                    tally.take(message)
+                if display is not None:
+                    if message is not None:
+                        display.take(message)
+                    display.refresh(subscriber.age_s or 0.0)
+    except KeyboardInterrupt:
+        print()
+    return tally
+
+
+def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
+    with Requester(requests) as requester:
+        streams: dict[str, dict[str, Any]] = requester.status()["streams"]
+        return streams
+
+
+def _summary(tally: Tally, report: Report, truth: list[dict[str, Any]], streams: dict[str, dict[str, Any]]) -> None:
+    begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), report.activated_ns)
+
+    def at(t_ns: int) -> str:
+        return f"{(t_ns - begin) * 1e-9:6.2f} s" if begin is not None else "     ? s"
+
+    print("\nThe scene, as it was and as it was told:")
+    lines = [(event["t_ns"], f"truth    {_truth_line(event)}") for event in truth if event.get("t_s") is not None]
+    lines += [
+        (c.t_ns, f"slipd    {c.finger}: {c.level} ({', '.join(c.reasons) or 'all well'})") for c in report.changes
+    ]
+    for r in report.raises:
+        applied = f"granted {r.result['applied_n']:.1f} N" if r.result else f"refused: {r.refusal}"
+        measured = f"; measured {_n(r.before_n)} → {_n(r.after_n)}"
+        lines.append((r.asked_ns, f"program  asks for {r.asked_n:.1f} N on each pad: {applied}{measured}"))
+    for t_ns, line in sorted(lines):
+        print(f"  {at(t_ns)}  {line}")
+    for line in _verdict_lines(report, truth):
+        print(line)
+    lost = sum(stream["lost"] for stream in streams.values())
+    bad = sum(stream["bad"] for stream in streams.values())
+    latency = statistics.median(tally.latencies_s) * 1e3 if tally.latencies_s else float("nan")
+    print(f"readings: {sum(stream['samples'] for stream in streams.values())} ({bad} bad, {lost} lost)")
+    counts = ", ".join(f"{count} {kind}" for kind, count in sorted(tally.messages.items()))
+    print(f"messages: {tally.messages.total()} ({counts})")
+    print(f"warnings: {sum(change.rising for change in report.changes)}")
+    print(f"gaps: {tally.missed}")
+    print(f"median latency: {latency:.2f} ms from the last byte of a reading to its message here")
+    if report.error:
+        print(f"the robot program ended early: {report.error}", file=sys.stderr)
+
+
+def _verdict_lines(report: Report, truth: list[dict[str, Any]]) -> Iterator[str]:
+    warned = report.rotation_warning
+    forecast = next((event["rotation_would_begin_s"] for event in truth if event.get("rotation_would_begin_s")), None)
+    begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), None)
+    if warned is not None and forecast is not None and begin is not None:
+        lead = forecast - (warned.t_ns - begin) * 1e-9
+        yield f"rotation: warned {lead:.2f} s before it would have begun at the first grip"
+    slid = next((event["t_ns"] for event in truth if event["event"] == "slide_begin"), None)
+    told = report.slip_told
+    if slid is not None and told is not None:
+        yield f"slip: told {(told.t_ns - slid) * 1e-6:.0f} ms after it began"
+
+
+def _truth_line(event: dict[str, Any]) -> str:
+    values = {key: value for key, value in event.items() if key not in ("t_s", "t_ns", "event") and value is not None}
+    shown = ", ".join(
+        f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in values.items()
+    )
+    return f"{event['event']}" + (f" ({shown})" if shown else "")
+
+
+def _n(force_n: float | None) -> str:
+    return "–" if force_n is None else f"{force_n:.1f} N"
+
+
+def _pipe(stream: IO[str] | None) -> IO[str]:
+    if stream is None:
+        raise ValueError("the process was started without a pipe")
+    return stream
