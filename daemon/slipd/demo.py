@@ -1,13 +1,12 @@
-"""``slipd demo``: the virtual gripper, the daemon and a robot program, each a process or thread of its own, and a summary.
+"""``slipd demo``: the virtual gripper, the daemon and a robot program, each a process or thread of its own.
 
-Nothing is simulated between them: the daemon reads pseudo-terminals, the program requests over ZeroMQ, and what is shown
-is what a subscriber gets.
+Nothing is simulated between them: the daemon reads pseudo-terminals, the program requests over ZeroMQ, and what is
+shown is what a subscriber gets. In the end a summary sets the truth beside what was told.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -54,7 +53,7 @@ class Tally:
         self.messages[message.topic.partition(".")[0]] += 1
         self.missed += message.missed
         if message.topic.startswith("slip."):
-            self.latencies_s.append(message.age_s - float(message.body["age_s"]))
+            self.latencies_s.append(message.age_s)
 
 
 def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> int:
@@ -89,7 +88,7 @@ def _rig_file(ports: Path) -> Path:
 def _virtual_gripper(ports: Path, seed: int) -> Iterator[list[dict[str, Any]]]:
     """Starts the virtual gripper and collects the truth that it tells."""
     command = [sys.executable, "-m", "slipd.sim", "--dir", str(ports), "--seed", str(seed)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
+    with _part(command) as process:
         truth: list[dict[str, Any]] = []
         stdout = _pipe(process.stdout)
         if not stdout.readline():
@@ -99,8 +98,23 @@ def _virtual_gripper(ports: Path, seed: int) -> Iterator[list[dict[str, Any]]]:
         try:
             yield truth
         finally:
-            process.terminate()
+            _end(process)
             reader.join(END_S)
+
+
+def _part(command: list[str]) -> subprocess.Popen[str]:
+    """Starts a part out of reach of Ctrl-C, which is for the demo: it ends the parts in order."""
+    return subprocess.Popen(  # noqa: S603 - our own programs
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    process.terminate()
+    try:
+        process.wait(END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
 
 
 @contextmanager
@@ -109,7 +123,7 @@ def _daemon(rig: Path, record: Path | None) -> Iterator[tuple[subprocess.Popen[s
     command = [sys.executable, "-m", "slipd", "run", "--config", str(rig)]
     if record is not None:
         command += ["--record", str(record)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | _HUSH) as process:  # noqa: S603
+    with _part(command) as process:
         endpoints: dict[str, str] = {}
         for line in _pipe(process.stdout):
             name, _, endpoint = line.strip().partition(": ")
@@ -122,12 +136,7 @@ def _daemon(rig: Path, record: Path | None) -> Iterator[tuple[subprocess.Popen[s
         try:
             yield process, endpoints["publish"], endpoints["requests"]
         finally:
-            process.terminate()
-            process.wait(END_S)
-
-
-#: The parts share the terminal: Ctrl-C is for the demo, which ends them in order.
-_HUSH: dict[str, str] = {}
+            _end(process)
 
 
 def _watch(
@@ -197,7 +206,7 @@ def _verdict_lines(report: Report, truth: list[dict[str, Any]]) -> Iterator[str]
     if warned is not None and forecast is not None and begin is not None:
         lead = forecast - (warned.t_ns - begin) * 1e-9
         yield f"rotation: warned {lead:.2f} s before it would have begun at the first grip"
-    slid = next((event["t_ns"] for event in truth if event["event"] == "slide_begin"), None)
+    slid = next((event["t_ns"] for event in truth if event["event"] == "slide_begins"), None)
     told = report.slip_told
     if slid is not None and told is not None:
         yield f"slip: told {(told.t_ns - slid) * 1e-6:.0f} ms after it began"
@@ -212,7 +221,7 @@ def _truth_line(event: dict[str, Any]) -> str:
 
 
 def _n(force_n: float | None) -> str:
-    return "–" if force_n is None else f"{force_n:.1f} N"
+    return "unknown" if force_n is None else f"{force_n:.1f} N"
 
 
 def _pipe(stream: IO[str] | None) -> IO[str]:

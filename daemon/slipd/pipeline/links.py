@@ -29,19 +29,22 @@ class StreamMeter:
     last_ns: int | None = None
     count: int = 0
     rate_hz: float | None = None
+    damage: int = 0
     _since_ns: int | None = field(default=None, repr=False)
     _counted: int = field(default=0, repr=False)
+    _bad_bytes: int = field(default=0, repr=False)
 
     def tick(self, t_ns: int) -> None:
         """Counts one sample."""
         self.last_ns = t_ns
         self.count += 1
 
-    def measure(self, t_ns: int) -> None:
-        """Takes the rate since the last time it was taken."""
+    def measure(self, t_ns: int, bad_bytes: int) -> None:
+        """Takes rate and damage of the time since they were last taken; ``bad_bytes`` is the link's running count."""
         if self._since_ns is not None and t_ns - self._since_ns >= RATE_WINDOW_NS:
             self.rate_hz = (self.count - self._counted) * 1e9 / (t_ns - self._since_ns)
-            self._since_ns, self._counted = t_ns, self.count
+            self.damage = bad_bytes - self._bad_bytes
+            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
         elif self._since_ns is None and self.last_ns is not None:
             self._since_ns, self._counted = t_ns, self.count
 
@@ -65,7 +68,6 @@ class Link:
         self.reconnects = 0
         self._identity: str | None = None
         self._message = "not opened yet"
-        self._damage_told = 0
 
     def open(self, identity: str, t_ns: int) -> bytes:
         """The link came up; returns what is to be written first."""
@@ -104,8 +106,8 @@ class Link:
 
     def health(self, meter: StreamMeter, t_ns: int) -> dict[str, Any]:
         """``status.streams.<name>``."""
-        meter.measure(t_ns)
         counters = self._decoder.health
+        meter.measure(t_ns, counters.bad_bytes)
         level, message = self._level(meter, t_ns)
         return {
             "health": int(level),
@@ -132,10 +134,8 @@ class Link:
         age = t_ns - meter.last_ns
         if age > meter.stale_ns:
             return Health.STALE, f"no reading for {age * 1e-9:.2f} s"
-        counters = self._decoder.health
-        damage, self._damage_told = counters.bad_bytes - self._damage_told, counters.bad_bytes
-        if damage > 0:
-            return Health.WARN, f"{damage} bytes that belong to no frame since the last look"
+        if meter.damage > 0:
+            return Health.WARN, f"{meter.damage} bytes of late belong to no frame"
         rate = meter.rate_hz
         if rate is not None and abs(rate - meter.expected_hz) > RATE_TOLERANCE * meter.expected_hz:
             return Health.WARN, f"{rate:.0f} Hz instead of {meter.expected_hz:.0f} Hz"
