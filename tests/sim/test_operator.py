@@ -196,6 +196,29 @@ def test_a_lease_that_ran_out_is_acquired_anew(daemon):
     assert report.error == ""
 
 
+def test_an_alarm_waits_for_a_verdict_that_knows_the_grip_needed(daemon):
+    daemon.on["gripper.close"] = [slip("left"), warning(), slip("left", 9.5)]
+    work(daemon)
+    assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.5]
+
+
+def test_a_raise_that_came_too_late_is_asked_for_again(daemon):
+    daemon.answers["grip.set"] = ["deadline_passed", "no_lease"]
+    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
+    report = work(daemon)
+    assert len(daemon.requests("grip.set")) == 3
+    assert [made.result for made in report.raises] == [{"applied_n": 9.5}]
+    assert [text.split(":")[0] for text in report.refusals] == ["deadline_passed", "no_lease"]
+
+
+@pytest.mark.parametrize("op", ["gripper.activate", "gripper.close", "gripper.open"])
+def test_a_step_that_came_too_late_is_asked_for_again(daemon, op):
+    daemon.answers[op] = ["deadline_passed"]
+    report = work(daemon)
+    assert len(daemon.requests(op)) == 2
+    assert report.error == ""
+
+
 def test_a_refused_grip_ends_it_and_the_lease_is_given_back(daemon):
     daemon.answers["gripper.close"] = "gripper_fault"
     report = work(daemon)

@@ -29,6 +29,9 @@ LEAST_RAISE_N = 0.1
 
 ALARMING = ("warning", "slipping")
 
+NOT_DONE_IN_TIME = ("deadline_passed", "no_lease")
+"""Refusals that a stalled machine brings about; asking again is safe, for what was refused was not done."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -114,7 +117,7 @@ class Report:
         opened_ns: When it told the gripper to open.
         changes: Every change of level from the closing on.
         raises: Every raise of the grip.
-        refusals: Every other request that was refused, as text.
+        refusals: Every other refusal, as text.
         error: What ended it early; "" when nothing did.
     """
 
@@ -159,6 +162,7 @@ class Operator(threading.Thread):
         self._renewed_s = 0.0
         self._force_n = 0.0
         self._slips: dict[str, dict[str, Any]] = {}
+        self._alarm: Change | None = None
 
     def end(self) -> None:
         """Let it end soon, without opening the gripper."""
@@ -188,36 +192,44 @@ class Operator(threading.Thread):
             self.report.tares[finger] = requester.tare(finger, self._plan.tare_s)
 
     def _work(self, subscriber: Subscriber, requester: Requester) -> None:
-        plan, report = self._plan, self.report
-        requester.activate()
-        report.activated_ns = time.monotonic_ns()
         begin_s = time.monotonic()
-        while (now_s := time.monotonic() - begin_s) < plan.end_s and not self._ending.is_set():
-            self._renew(requester)
-            if report.closed_ns is None and now_s >= plan.close_s:
-                requester.close(plan.force_n, speed_mps=plan.speed_mps)
-                report.closed_ns, self._force_n = time.monotonic_ns(), plan.force_n
-            if report.opened_ns is None and now_s >= plan.open_s:
-                requester.open(drop=True)
-                report.opened_ns = time.monotonic_ns()
+        while (now_s := time.monotonic() - begin_s) < self._plan.end_s and not self._ending.is_set():
+            try:
+                self._renew(requester)
+                self._keep_to_plan(now_s, requester)
+                self._raise_grip(requester)
+            except RequestRefused as refusal:
+                self._bear(refusal, requester)
             message = subscriber.receive(LISTEN_S)
-            if message is not None and report.closed_ns is not None:
-                self._hear(message, requester)
+            if message is not None and self.report.closed_ns is not None:
+                self._hear(message)
+
+    def _keep_to_plan(self, now_s: float, requester: Requester) -> None:
+        plan, report = self._plan, self.report
+        if report.activated_ns is None:
+            requester.activate()
+            report.activated_ns = time.monotonic_ns()
+        if report.closed_ns is None and now_s >= plan.close_s:
+            requester.close(plan.force_n, speed_mps=plan.speed_mps)
+            report.closed_ns, self._force_n = time.monotonic_ns(), plan.force_n
+        if report.opened_ns is None and now_s >= plan.open_s:
+            requester.open(drop=True)
+            report.opened_ns = time.monotonic_ns()
 
     def _renew(self, requester: Requester) -> None:
-        now_s = time.monotonic()
-        if now_s - self._renewed_s < RENEW_S:
-            return
-        self._renewed_s = now_s
-        try:
+        if time.monotonic() - self._renewed_s >= RENEW_S:
             requester.renew()
-        except RequestRefused as refusal:
-            self.report.refusals.append(str(refusal))
-            if refusal.code != "no_lease":
-                raise
+            self._renewed_s = time.monotonic()
+
+    def _bear(self, refusal: RequestRefused, requester: Requester) -> None:
+        """Note a refusal; go on where asking again may do."""
+        self.report.refusals.append(str(refusal))
+        if refusal.code not in NOT_DONE_IN_TIME:
+            raise refusal
+        if refusal.code == "no_lease":
             requester.request("lease.acquire", ttl_ms=self._plan.lease_ms)
 
-    def _hear(self, message: Message, requester: Requester) -> None:
+    def _hear(self, message: Message) -> None:
         body = message.body
         if message.topic != "warning":
             self._slips[body["finger"]] = body
@@ -234,24 +246,30 @@ class Operator(threading.Thread):
         )
         self.report.changes.append(change)
         if change.rising and change.level in ALARMING and "rotation" in change.reasons:
-            self._raise_grip(requester, whatever_it_takes="unsupportable" in change.reasons)
+            self._alarm = change
 
-    def _raise_grip(self, requester: Requester, *, whatever_it_takes: bool) -> None:
-        """Ask for the grip that the newest verdicts say is needed, or for all that the plan allows."""
-        needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
-        asked_n = self._plan.limit_n
-        if not whatever_it_takes:
-            asked_n = min(max(needed, default=0.0), asked_n)
-        if asked_n < self._force_n + LEAST_RAISE_N or self.report.opened_ns is not None:
+    def _raise_grip(self, requester: Requester) -> None:
+        """After an alarm, ask for the grip that the newest verdicts say is needed, or for all that the plan allows."""
+        if self._alarm is None:
             return
-        asked_ns, before_n = time.monotonic_ns(), self._measured_n()
-        result, refusal = None, ""
-        try:
-            result = requester.grip_set(asked_n)
-            self._force_n = asked_n
-        except RequestRefused as refused:
-            refusal = str(refused)
-        self.report.raises.append(Raise(asked_ns, time.monotonic_ns(), asked_n, result, refusal, before_n))
+        asked_n = self._plan.limit_n
+        if "unsupportable" not in self._alarm.reasons:
+            needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
+            if not needed:
+                return  # the next verdict that knows will say
+            asked_n = min(max(needed), asked_n)
+        if asked_n >= self._force_n + LEAST_RAISE_N and self.report.opened_ns is None:
+            asked_ns, before_n = time.monotonic_ns(), self._measured_n()
+            result, refusal = None, ""
+            try:
+                result = requester.grip_set(asked_n)
+                self._force_n = asked_n
+            except RequestRefused as refused:
+                if refused.code in NOT_DONE_IN_TIME:
+                    raise
+                refusal = str(refused)
+            self.report.raises.append(Raise(asked_ns, time.monotonic_ns(), asked_n, result, refusal, before_n))
+        self._alarm = None
 
     def _note_force(self, slip: dict[str, Any]) -> None:
         """Read the force that a raise has brought, once it has settled."""
