@@ -70,7 +70,7 @@ def parse(text: str, file: str) -> Config:
     """
     try:
         tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # beside TOML's own: an endless number, a bottomless list
         where = re.search(r"\(at line (\d+)", str(error))
         raise ConfigError(file, [ConfigFault("", int(where[1]) if where else None, f"not TOML: {error}")]) from None
     lines = key_lines(text)

@@ -11,6 +11,8 @@ from slipd.devices import DEVICES
 
 Fault = tuple[str, str]
 _FINGER_NAME = re.compile(r"[a-z0-9]+")
+#: A gripper's own settings are bytes.
+MAX_UNITS = 255
 
 
 def meaning_faults(config: Config) -> list[Fault]:
@@ -58,6 +60,8 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
     axes = DEVICES[pad.device].axes
     if len(pad.axis_scale) != axes:
         faults.append((f"{path}.pad.axis_scale", f"{pad.device} measures {axes} component(s) a taxel: give {axes}"))
+    if axes == 3 and pad.charge_tau_s is not None:
+        faults.append((f"{path}.pad.charge_tau_s", f"{pad.device} measures force itself, no charge: leave it out"))
     if pad.tare and len(pad.tare) != axes * pad.rows * pad.cols:
         faults.append((f"{path}.pad.tare", f"needs {axes * pad.rows * pad.cols} values, not {len(pad.tare)}"))
     if axes == 1 and finger.wrench is None:
@@ -74,7 +78,7 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
         return [(f"{path}.port", f"{stream.device} is read from a WebSocket: give ws://HOST:PORT, not {stream.port!r}")]
     try:
         (device.session or device.decoder)(**device_options(stream))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         return [(f"{path}.options", str(error))]
     return []
 
@@ -101,21 +105,23 @@ def _ports(config: Config) -> list[Fault]:
             faults.append(
                 (f"{path}.port", f"{port} is used by {users[0][0]} too; give each its own, or its own 'sensor'")
             )
+        for name, stream in users[1:]:
+            if shared and (stream.options, stream.baud) != (users[0][1].options, users[0][1].baud):
+                message = f"differs from {users[0][0]} on the same port, which is read in one way: give both alike"
+                faults.append((f"finger.{name}.options", message))
     return faults
 
 
 def _gripper(gripper: Gripper) -> list[Fault]:
     faults = []
-    units, forces = zip(*gripper.force_table, strict=True)
+    _, forces = zip(*gripper.force_table, strict=True)
     closures, widths = zip(*gripper.width_table, strict=True)
-    if not (_rising(units) and _rising(forces)):
-        faults.append(("gripper.force_table", "device units and newtons must both rise"))
+    if not _settings_rise(gripper.force_table):
+        faults.append(("gripper.force_table", f"device units must rise within 0…{MAX_UNITS}, newtons from 0 or more"))
     if not (_rising(closures) and _rising(widths[::-1]) and closures[0] >= 0.0 and closures[-1] <= 1.0):
         faults.append(("gripper.width_table", "closure must rise within 0…1 while the width falls"))
-    if gripper.speed_table is not None:
-        speeds, meters = zip(*gripper.speed_table, strict=True)
-        if not (_rising(speeds) and _rising(meters)):
-            faults.append(("gripper.speed_table", "device units and m/s must both rise"))
+    if gripper.speed_table is not None and not _settings_rise(gripper.speed_table):
+        faults.append(("gripper.speed_table", f"device units must rise within 0…{MAX_UNITS}, m/s from 0 or more"))
     if gripper.max_force_n is None:
         return faults
     if gripper.max_force_n > forces[-1]:
@@ -126,6 +132,11 @@ def _gripper(gripper: Gripper) -> list[Fault]:
     if low >= gripper.max_force_n:
         faults.append(("gripper.max_force_n", f"must be above the least force, {low} N"))
     return faults
+
+
+def _settings_rise(table: list[tuple[float, float]]) -> bool:
+    units, values = zip(*table, strict=True)
+    return _rising(units) and _rising(values) and units[0] >= 0.0 and units[-1] <= MAX_UNITS and values[0] >= 0.0
 
 
 def _rising(values: tuple[float, ...]) -> bool:

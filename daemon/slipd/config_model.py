@@ -9,6 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, Strict
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+#: Nothing here comes once in an hour or a million times a second, and periods stay countable in nanoseconds.
+Hertz = Annotated[float, Field(ge=1e-3, le=1e6)]
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 Point = Annotated[tuple[float, float], Strict(False)]  # TOML has no tuples
@@ -25,7 +27,7 @@ class Stream(_Model):
     device: str
     port: str = Field(min_length=1)
     baud: int | None = Field(default=None, gt=0)
-    rate_hz: Positive
+    rate_hz: Hertz
     options: dict[str, bool | int | float | str] = {}
 
 
@@ -131,10 +133,10 @@ class Levels(_Model):
 class Rates(_Model):
     """``[rates]``: how often at most a topic is published, Hz of data time; every change of level is, besides."""
 
-    slip_hz: Positive = 250.0
-    wrench_hz: Positive = 250.0
-    tactile_hz: Positive = 50.0
-    status_hz: Positive = 1.0
+    slip_hz: Hertz = 250.0
+    wrench_hz: Hertz = 250.0
+    tactile_hz: Hertz = 50.0
+    status_hz: Hertz = 1.0
 
 
 class Bus(_Model):

@@ -1,0 +1,82 @@
+"""Taxels are where the config says, whichever way the pad is read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
+
+from slipd.signals.pad import PadGeometry, taxel_wrench
+
+
+def test_a_pad_is_read_row_by_row_with_its_columns_along_x() -> None:
+    x, y = PadGeometry(2, 3, 0.01, 0.004).positions()
+    assert_allclose(x, (-0.01, 0.0, 0.01, -0.01, 0.0, 0.01))
+    assert_allclose(y, (-0.005, -0.005, -0.005, 0.005, 0.005, 0.005))
+
+
+def test_a_single_taxel_is_the_origin() -> None:
+    x, y = PadGeometry(1, 1, 0.01, 0.004).positions()
+    assert_allclose((x[0], y[0]), (0.0, 0.0))
+
+
+def test_a_pad_read_along_y_first_has_its_rows_along_x() -> None:
+    x, y = PadGeometry(2, 3, 0.01, 0.004, swap_xy=True).positions()
+    assert_allclose(x, (-0.005, -0.005, -0.005, 0.005, 0.005, 0.005))
+    assert_allclose(y, (-0.01, 0.0, 0.01, -0.01, 0.0, 0.01))
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_flips_turn_the_axes_of_the_pad_and_not_those_of_the_scan(swap: bool) -> None:
+    x, y = PadGeometry(2, 3, 0.01, 0.004, swap_xy=swap).positions()
+    flipped_x = PadGeometry(2, 3, 0.01, 0.004, swap_xy=swap, flip_x=True).positions()
+    flipped_y = PadGeometry(2, 3, 0.01, 0.004, swap_xy=swap, flip_y=True).positions()
+    assert_allclose(flipped_x, (-x, y))
+    assert_allclose(flipped_y, (x, -y))
+
+
+@given(
+    rows=st.integers(1, 12),
+    cols=st.integers(1, 12),
+    swap=st.booleans(),
+    flip_x=st.booleans(),
+    flip_y=st.booleans(),
+)
+def test_every_pad_is_a_grid_of_its_pitch_round_the_origin(
+    rows: int, cols: int, swap: bool, flip_x: bool, flip_y: bool
+) -> None:
+    pad = PadGeometry(rows, cols, 0.0032, 0.0015, swap, flip_x, flip_y)
+    x, y = pad.positions()
+    assert x.shape == y.shape == (pad.taxels,) == (rows * cols,)
+    assert_allclose((x.sum(), y.sum()), (0.0, 0.0), atol=1e-12)
+    assert len({(round(a / 0.0016), round(b / 0.0016)) for a, b in zip(x, y, strict=True)}) == rows * cols
+    along_x, along_y = (rows, cols) if swap else (cols, rows)
+    assert np.ptp(x) == pytest.approx((along_x - 1) * 0.0032)
+    assert np.ptp(y) == pytest.approx((along_y - 1) * 0.0032)
+    if cols > 1:
+        assert np.hypot(x[1] - x[0], y[1] - y[0]) == pytest.approx(0.0032)
+
+
+@given(data=st.data(), taxels=st.integers(1, 20))
+def test_taxel_forces_sum_to_the_wrench_of_a_plain_loop(data: st.DataObject, taxels: int) -> None:
+    number = st.floats(-100.0, 100.0, allow_subnormal=False)
+    x, y = (data.draw(arrays(np.float64, taxels, elements=number)) for _ in range(2))
+    forces = data.draw(arrays(np.float64, (taxels, 3), elements=number))
+    force, torque = np.zeros(3), np.zeros(3)
+    for k in range(taxels):
+        force += forces[k]
+        torque += np.cross((x[k], y[k], 0.0), forces[k])
+    found_force, found_torque = taxel_wrench(x, y, forces)
+    assert_allclose(found_force, force, atol=1e-9)
+    assert_allclose(found_torque, torque, atol=1e-8)
+
+
+def test_a_taxel_that_is_no_number_makes_the_wrench_unknown() -> None:
+    forces = np.ones((2, 3))
+    forces[1, 2] = np.nan
+    force, torque = taxel_wrench(np.array((0.0, 1.0)), np.zeros(2), forces)
+    assert np.isnan(force[2])
+    assert np.isnan(torque[1])

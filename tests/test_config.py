@@ -1,0 +1,342 @@
+"""A config that cannot be run is refused whole, and every fault is told at its place."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from slipd import config
+from slipd.errors import ConfigError
+
+SHIPPED = sorted((Path(__file__).parents[1] / "config").glob("*.toml"))
+
+GOOD = """\
+[levels]
+caution = 0.6
+
+[finger.left]
+mu = 0.5
+
+[finger.left.wrench]
+device = "bota"
+port = "/dev/left-wrench"
+rate_hz = 800
+
+[finger.left.pad]
+device = "pvdf"
+port = "/dev/left-pad"
+rate_hz = 200.0
+rows = 8
+cols = 16
+pitch_m = 0.0032
+electrode_m = 0.0015
+
+[finger.right]
+
+[finger.right.pad]
+device = "xela"
+port = "ws://127.0.0.1:5000"
+sensor = "2"
+rate_hz = 60.0
+rows = 4
+cols = 4
+pitch_m = 0.0047
+electrode_m = 0.0047
+axis_scale = [0.001, 0.001, -0.001]
+
+[gripper]
+device = "robotiq_2f"
+port = "/dev/gripper"
+rate_hz = 50.0
+force_table = [[0, 3.0], [255, 30.0]]
+width_table = [
+  [0.0, 0.085],
+  [1.0, 0.0]
+]
+speed_table = [[0, 0.02], [255, 0.15]]
+max_force_n = 25.0
+"""
+
+
+def line(text: str, number: int = 1) -> int:
+    """Line of GOOD on which ``text`` stands for the n-th time."""
+    return [k for k, content in enumerate(GOOD.splitlines(), start=1) if text in content][number - 1]
+
+
+def faults(text: str) -> list[tuple[str, int | None, str]]:
+    with pytest.raises(ConfigError) as caught:
+        config.parse(text, "rig.toml")
+    return [(fault.path, fault.line, fault.message) for fault in caught.value.faults]
+
+
+def broken(old: str, new: str, number: int = 1) -> str:
+    """GOOD with one line's beginning changed (the n-th that has it)."""
+    at = [match.start() for match in re.finditer(rf"^{re.escape(old)}", GOOD, re.MULTILINE)][number - 1]
+    return GOOD[:at] + new + GOOD[at + len(old) :]
+
+
+def test_the_good_config_is_good() -> None:
+    rig = config.parse(GOOD, "rig.toml")
+    assert list(rig.streams()) == ["left.wrench", "left.pad", "right.pad", "gripper"]
+    assert rig.levels.caution == 0.6
+    assert rig.finger["left"].mu == 0.5
+    assert rig.finger["right"].mu is None
+    assert rig.gripper is not None
+    assert rig.gripper.force_table == [(0.0, 3.0), (255.0, 30.0)]
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_every_shipped_config_loads(path: Path) -> None:
+    rig = config.load(path)
+    assert rig.finger
+    assert rig.text == path.read_text(encoding="utf-8")
+
+
+def test_there_are_shipped_configs_and_they_are_found_by_name() -> None:
+    assert SHIPPED
+    assert config.shipped("grips.toml").samefile(SHIPPED[0].parent / "grips.toml")
+
+
+def test_the_id_of_a_config_changes_with_its_text() -> None:
+    ids = {config.parse(text, "rig.toml").config_id for text in (GOOD, GOOD + "\n", GOOD + "# note\n")}
+    assert len(ids) == 3
+    assert config.parse(GOOD, "a").config_id == config.parse(GOOD, "b").config_id
+    assert all(re.fullmatch("[0-9a-f]{12}", config_id) for config_id in ids)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "told"),
+    [
+        ("caution = 0.6", "cautoin = 0.6", "levels.cautoin", "unknown key; did you mean 'caution'?"),
+        ("caution = 0.6", "zzz = 0.6", "levels.zzz", "unknown key; known here: caution, hysteresis, warning"),
+        ("mu = 0.5", 'mu = "slippery"', "finger.left.mu", "valid number (got 'slippery')"),
+        ("mu = 0.5", "mu = nan", "finger.left.mu", "finite number"),
+        ("mu = 0.5", "mu = -0.5", "finger.left.mu", "greater than 0 (got -0.5)"),
+        ("mu = 0.5", "load_rul = 0.5", "finger.left.load_rul", "did you mean 'load_rule'?"),
+        ("rows = 8", "rows = 8.5", "finger.left.pad.rows", "valid integer"),
+        ("rows = 8", "rows = 0", "finger.left.pad.rows", "greater than 0"),
+        ("rows = 8", "rows = true", "finger.left.pad.rows", "valid integer"),
+        ("pitch_m = 0.0032", "pitch_mm = 3.2", "finger.left.pad.pitch_mm", "did you mean 'pitch_m'?"),
+        ("rate_hz = 800", "rate_hz = inf", "finger.left.wrench.rate_hz", "finite number"),
+        ("max_force_n = 25.0", "max_force_n = inf", "gripper.max_force_n", "finite number"),
+        ('device = "bota"', "device = 7", "finger.left.wrench.device", "valid string"),
+    ],
+)
+def test_a_value_that_is_wrong_by_itself_is_told_at_its_line(old: str, new: str, path: str, told: str) -> None:
+    found = faults(broken(old, new))
+    assert (path, line(old)) in [(found_path, found_line) for found_path, found_line, _ in found]
+    assert any(told in message for found_path, _, message in found if found_path == path), found
+
+
+@pytest.mark.parametrize(
+    ("key", "table"),
+    [("mu", "[finger.left]"), ("sign", "[finger.left.wrench]")],
+)
+def test_a_key_that_may_be_missing_may_be_missing(key: str, table: str) -> None:
+    text = "\n".join(row for row in GOOD.splitlines() if not row.startswith(f"{key} ="))
+    assert table in text
+    config.parse(text, "rig.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "path", "at"),
+    [
+        ('port = "/dev/left-wrench"', "finger.left.wrench.port", "[finger.left.wrench]"),
+        ("rows = 8", "finger.left.pad.rows", "[finger.left.pad]"),
+        ("max_force", "gripper.max_force_n", ""),
+        ("width_table = [\n  [0.0, 0.085],\n  [1.0, 0.0]\n]", "gripper.width_table", "[gripper]"),
+    ],
+)
+def test_a_missing_key_is_told_at_its_table(old: str, path: str, at: str) -> None:
+    text = broken(old, f"# {old}".replace("\n", "\n# "))
+    if not at:  # no limit is a config that moves nothing, not a fault
+        assert config.parse(text, "rig.toml").gripper is not None
+        return
+    assert faults(text) == [(path, line(at), "is missing")]
+
+
+MEANING = [
+    ('device = "bota"', 'device = "pvdf"', "finger.left.wrench.device", "'pvdf' is no wrench device; known: bota"),
+    ('device = "pvdf"', 'device = "bota"', "finger.left.pad.device", "no tactile device; known: pvdf, xela"),
+    ('device = "robotiq_2f"', 'device = "bota"', "gripper.device", "no gripper device; known: robotiq_2f"),
+    ('device = "bota"', 'device = "botta"', "finger.left.wrench.device", "'botta' is no wrench device"),
+    ('port = "/dev/left-pad"', 'port = "/dev/left-wrench"', "finger.left.pad.port", "is used by left.wrench too"),
+    ('port = "/dev/gripper"', 'port = "/dev/left-pad"', "gripper.port", "is used by left.pad too"),
+    ('port = "ws://127.0.0.1:5000"', 'port = "/dev/xela"', "finger.right.pad.port", "give ws://HOST:PORT"),
+    ("axis_scale = [0.001, 0.001, -0.001]", "axis_scale = [0.001]", "finger.right.pad.axis_scale", "give 3"),
+    ("electrode_m = 0.0015", "axis_scale = [1.0, 1.0]\nelectrode_m = 0.0015", "finger.left.pad.axis_scale", "give 1"),
+    ("electrode_m = 0.0015", "tare = [1.0]\nelectrode_m = 0.0015", "finger.left.pad.tare", "needs 128 values, not 1"),
+    ("max_force_n = 25.0", "max_force_n = 30.5", "gripper.max_force_n", "above the gripper's own 30.0 N"),
+    ("max_force_n = 25.0", "max_force_n = 3.0", "gripper.max_force_n", "must be above the least force, 3.0 N"),
+    ("max_force_n = 25.0", "max_force_n = 25.0\nmin_force_n = 2.0", "gripper.min_force_n", "below the gripper's own"),
+    ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[9, 3.0], [0, 30.0]]", "gripper.force_table", "rise"),
+    ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[0, 3.0], [256, 30.0]]", "gripper.force_table", "255"),
+    ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[-1, 3.0], [9, 30.0]]", "gripper.force_table", "0"),
+    ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[0, -3.0], [9, 30.0]]", "gripper.force_table", "0 or more"),
+    ("  [1.0, 0.0]", "  [1.5, 0.0]", "gripper.width_table", "closure must rise within 0…1"),
+    ("  [1.0, 0.0]", "  [1.0, 0.1]", "gripper.width_table", "while the width falls"),
+    ("speed_table = [[0, 0.02], [255, 0.15]]", "speed_table = [[9, 0.2], [1, 1]]", "gripper.speed_table", "rise"),
+    ("speed_table = [[0, 0.02], [255, 0.15]]", "speed_table = [[0, 0.2], [300, 1]]", "gripper.speed_table", "255"),
+    ("caution = 0.6", "caution = 0.9", "levels.caution", "must be below levels.warning, 0.85"),
+    ("caution = 0.6", "caution = 0.04", "levels.hysteresis", "must be below levels.caution, 0.04"),
+    ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 9 }", "finger.left.wrench.options", "sinc length of 9"),
+    ("rate_hz = 800", "rate_hz = 800\noptions = { speed = 9 }", "finger.left.wrench.options", "speed"),
+    ("axis_scale = [0.001", "charge_tau_s = 2.0\naxis_scale = [0.001", "finger.right.pad.charge_tau_s", "no charge"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "path", "told"), MEANING)
+def test_values_that_do_not_fit_each_other_are_told(old: str, new: str, path: str, told: str) -> None:
+    text = broken(old, new)
+    found = faults(text)
+    assert [found_path for found_path, _, _ in found] == [path]
+    assert told in found[0][2]
+    at = found[0][1]
+    assert at is not None
+    key = path.rpartition(".")[2]
+    assert key in text.splitlines()[at - 1] or path.rpartition(".")[0] in text.splitlines()[at - 1]
+
+
+def test_a_pose_without_direction_is_told() -> None:
+    text = broken("rate_hz = 800", "rate_hz = 800\npad_from_sensor = { quat_xyzw = [0, 0, 0, 0] }")
+    assert faults(text) == [
+        ("finger.left.wrench.pad_from_sensor", line("rate_hz = 800") + 1, "quat_xyzw must not be all zero")
+    ]
+
+
+def test_all_faults_of_a_kind_are_told_at_once() -> None:
+    text = GOOD.replace("mu = 0.5", "mu = -1").replace("rows = 8", "rows = 0").replace("pitch_m = 0.0047", "pitch = 1")
+    told = {(path, at) for path, at, _ in faults(text)}
+    assert told == {
+        ("finger.left.mu", line("mu = 0.5")),
+        ("finger.left.pad.rows", line("rows = 8")),
+        ("finger.right.pad.pitch", line("pitch_m = 0.0047")),
+        ("finger.right.pad.pitch_m", line("[finger.right.pad]")),
+    }
+
+
+def test_all_faults_of_meaning_are_told_at_once() -> None:
+    text = GOOD
+    for old, new in [
+        ("caution = 0.6", "caution = 0.9"),
+        ('port = "/dev/left-pad"', 'port = "/dev/left-wrench"'),
+        ("[finger.right]", "[finger.right]\n"),
+        ("max_force_n = 25.0", "max_force_n = 99.0"),
+        ("axis_scale = [0.001, 0.001, -0.001]", "axis_scale = [0.001]"),
+    ]:
+        text = text.replace(old, new)
+    assert {path for path, _, _ in faults(text)} == {
+        "levels.caution",
+        "finger.left.pad.port",
+        "finger.right.pad.axis_scale",
+        "gripper.max_force_n",
+    }
+
+
+def test_the_error_is_one_line_a_fault_with_file_and_line() -> None:
+    with pytest.raises(ConfigError) as caught:
+        config.parse(GOOD.replace("mu = 0.5", "mu = -1").replace("rows = 8", "rows = 0"), "rig.toml")
+    assert str(caught.value).splitlines() == [
+        f"rig.toml:{line('mu = 0.5')}: finger.left.mu: input should be greater than 0 (got -1)",
+        f"rig.toml:{line('rows = 8')}: finger.left.pad.rows: input should be greater than 0 (got 0)",
+    ]
+
+
+@pytest.mark.parametrize("name", ["Left", "left_pad", "link\u0073\u00e9", '"left hand"'])
+def test_a_finger_has_a_plain_name(name: str) -> None:
+    quoted = name if name.startswith('"') or name.isascii() else f'"{name}"'
+    text = GOOD.replace("finger.left", f"finger.{quoted}")
+    found = faults(text)
+    assert [message for _, _, message in found] == ["a finger's name is made of a-z and 0-9"]
+    assert found[0][1] in (line("[finger.left]"), None)
+
+
+def test_no_fingers_name_begins_with_anothers() -> None:
+    """A subscription is a beginning of topics: ``slip.left`` would bring ``slip.left2`` too."""
+    found = faults(GOOD.replace("finger.right", "finger.left2"))
+    assert [(path, at) for path, at, _ in found] == [("finger.left2", line("[finger.right]"))]
+    assert "begins with the name of finger 'left'" in found[0][2]
+
+
+def test_a_finger_without_any_stream_is_told() -> None:
+    found = faults("[finger.left]\nmu = 0.5\n")
+    assert found == [("finger.left", 1, "has neither [wrench] nor [pad]: nothing to read")]
+
+
+def test_a_pad_that_measures_no_shear_needs_a_force_sensor() -> None:
+    head, _, tail = GOOD.partition("[finger.left.wrench]")
+    found = faults(head + "[finger.left.pad]" + tail.partition("[finger.left.pad]")[2])
+    assert [path for path, _, _ in found] == ["finger.left.wrench"]
+    assert "pvdf measures no shear" in found[0][2]
+
+
+def test_two_pads_of_one_server_share_its_address_by_their_sensors() -> None:
+    other = re.search(r"\[finger\.right\.pad\]\n(.*\n)+?\n", GOOD)
+    assert other is not None
+    twin = other[0].replace("finger.right", "finger.third")
+    assert config.parse(GOOD + twin.replace('"2"', '"1"'), "rig.toml").finger["third"].pad is not None
+    for same in (twin, twin.replace('sensor = "2"\n', "")):
+        found = faults(GOOD + same)
+        assert [path for path, _, _ in found] == ["finger.third.pad.port"]
+        assert "its own 'sensor'" in found[0][2]
+
+
+def test_two_pads_of_one_server_read_it_alike() -> None:
+    """The link is opened once, with the options of the first; another's would silently not be heeded."""
+    other = re.search(r"\[finger\.right\.pad\]\n(.*\n)+?\n", GOOD)
+    assert other is not None
+    twin = other[0].replace("finger.right", "finger.third").replace('"2"', '"1"')
+    found = faults(GOOD + twin.replace('sensor = "1"', 'sensor = "1"\noptions = { calibrated = true }'))
+    assert [path for path, _, _ in found] == ["finger.third.pad.options"]
+
+
+@pytest.mark.parametrize(
+    ("text", "at"),
+    [
+        ("[finger.left\nmu = 1", 1),
+        ("a = 1\nb = \n", 2),
+        ("a = 1\na = 2\n", 2),
+        ("a = " + "1" * 5000, None),
+        ("a = " + "[" * 5000, None),
+    ],
+)
+def test_what_is_no_toml_is_told(text: str, at: int | None) -> None:
+    found = faults(text)
+    assert [(path, line) for path, line, _ in found] == [("", at)]
+    assert found[0][2].startswith("not TOML: ")
+
+
+@pytest.mark.parametrize("text", ["", "[levels]\n", "finger = 3\n", "[finger]\n"])
+def test_a_config_without_a_finger_is_refused(text: str) -> None:
+    assert "finger" in [path for path, _, _ in faults(text)]
+
+
+@pytest.mark.parametrize("rate", ["1e-300", "1e300"])
+@pytest.mark.parametrize("key", ["rate_hz = 800", "caution = 0.6"])
+def test_a_rate_that_no_stream_has_is_told(rate: str, key: str) -> None:
+    if key.startswith("rate"):
+        found = faults(broken(key, f"rate_hz = {rate}"))
+        assert [path for path, _, _ in found] == ["finger.left.wrench.rate_hz"]
+    else:
+        found = faults(f"[rates]\nslip_hz = {rate}\n" + GOOD)
+        assert [path for path, _, _ in found] == ["rates.slip_hz"]
+
+
+def test_a_file_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+    for name, told in (("none.toml", "No such file"), (".", "Is a directory")):
+        with pytest.raises(ConfigError, match=told):
+            config.load(tmp_path / name)
+    (tmp_path / "latin.toml").write_bytes(b"# \xe9\n")
+    with pytest.raises(ConfigError, match=r"latin\.toml: cannot be read: it is not UTF-8 text"):
+        config.load(tmp_path / "latin.toml")
+
+
+def test_a_scanned_pads_decoder_gets_its_own_size() -> None:
+    rig = config.parse(broken("rows = 8", "options = { rows = 3 }\nrows = 8"), "rig.toml")
+    left, right = rig.finger["left"].pad, rig.finger["right"].pad
+    assert left is not None
+    assert right is not None
+    assert config.device_options(left) == {"rows": 8, "cols": 16}
+    assert config.device_options(right) == {}
