@@ -2,7 +2,8 @@
 
 A PVDF element gives charge only while its force changes. Behind a charge amplifier with leak τ the output y obeys
 y' = f' − y/τ, so f = y + (1/τ) ∫ y dt, and every offset of y integrates into drift. What keeps it honest: without
-contact the force is zero, which resets the integral and shows the offset.
+contact the force is zero, which resets the integral and shows the offset. What leaked away under a held load is missing
+when it ends: the output then lies below the offset by as much, and comes back within some τ.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class ChargeReconstruction:
         self._integral = np.zeros(taxels)
         self._last = np.zeros(taxels)
         self._last_s: float | None = None
+        self._resting = True
 
     @property
     def ready(self) -> bool:
@@ -57,6 +59,7 @@ class ChargeReconstruction:
         if known_free:
             self._rest(readings, t_s)
             return np.zeros_like(readings)
+        self._resting = False
         if self._offset is None or self._last_s is None or t_s - self._last_s > LONGEST_GAP_TAUS * self._tau_s:
             self._last_s = None
             return np.full_like(readings, math.nan)
@@ -65,11 +68,20 @@ class ChargeReconstruction:
         self._last, self._last_s = charge, t_s
         return charge + self._integral
 
+    def forget(self) -> None:
+        """Gives up the charge: time passed that was not seen. The offset stays."""
+        self._resting = False
+        self._last_s = None
+
     def _rest(self, readings: Array, t_s: float) -> None:
         if self._offset is None:
             self._offset = readings.copy()
+        elif not self._resting:
+            self._integral = self._offset - readings
         elif self._last_s is not None:
-            share = -math.expm1(-(t_s - self._last_s) / OFFSET_TAU_S)
-            self._offset = self._offset + share * (readings - self._offset)
-        self._integral[...] = 0.0
+            elapsed_s = t_s - self._last_s
+            self._integral *= math.exp(-elapsed_s / self._tau_s)
+            share = -math.expm1(-elapsed_s / OFFSET_TAU_S)
+            self._offset = self._offset + share * (readings + self._integral - self._offset)
+        self._resting = True
         self._last, self._last_s = readings - self._offset, t_s
