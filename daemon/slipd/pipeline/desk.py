@@ -147,12 +147,15 @@ class Desk:
 
     def _open(self, request: Request, t_ns: int) -> Result:
         body = request.body
-        touching = [finger.name for finger in self._fingers.values() if finger.pressed() is not False]
-        if touching and not body.get("drop", False):
-            return Refusal(
-                "in_contact", f"not known to be free: {', '.join(touching)}; drop: true opens all the same", "drop"
-            )
-        return self._command(request, t_ns, lambda gripper: gripper.open(body.get("width_m"), body.get("speed_mps")))
+
+        def command(gripper: GripperControl) -> Result:
+            touching = [finger.name for finger in self._fingers.values() if finger.pressed() is not False]
+            if touching and not body.get("drop", False):
+                message = f"not known to be free: {', '.join(touching)}; drop: true opens all the same"
+                return Refusal("in_contact", message, "drop")
+            return gripper.open(body.get("width_m"), body.get("speed_mps"))
+
+        return self._command(request, t_ns, command)
 
     def _stop(self, request: Request, t_ns: int) -> Result:
         return self._command(request, t_ns, lambda gripper: gripper.halt())

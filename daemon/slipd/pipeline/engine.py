@@ -18,7 +18,7 @@ from slipd.pipeline.finger import Finger, State
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import Outlet, Pace
-from slipd.pipeline.report import slip_body, tactile_body, verdict_body, wrench_body
+from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import (
     GRIPPER_TOPIC,
@@ -124,8 +124,8 @@ class Engine:
         if changed:
             self._told[finger.name] = level
             change = {"previous": told, "rising": SEVERITY[level] > SEVERITY[told]}
-            used = None if state.utilisation is None else state.utilisation.value
-            body = verdict_body(finger, state) | change | {"utilisation": used if used != float("inf") else None}
+            used = None if state.utilisation is None else number(state.utilisation.value)
+            body = verdict_body(finger, state) | change | {"utilisation": used}
             out.append(self._outlet.message(WARNING_TOPIC, state.t_ns, frame, body))
         for topic, make in ((slip_topic(finger.name), slip_body), (wrench_topic(finger.name), wrench_body)):
             if self._paces[topic].passes(state.t_ns, now=changed):
@@ -142,7 +142,9 @@ class Engine:
         if slept > SUSPENSION_NS and self._gripper is not None:
             self._gripper.policy.end_lease()
         for finger in self._fingers.values():
-            state = finger.lose(t_ns) if slept > SUSPENSION_NS else finger.on_time(t_ns)
+            if slept > SUSPENSION_NS:
+                finger.disconnect_image()
+            state = finger.disconnect(t_ns) if slept > SUSPENSION_NS else finger.on_time(t_ns)
             if state is not None:
                 self._publish_state(finger, state, out)
         self._write_due(t_ns, out)
@@ -154,8 +156,10 @@ class Engine:
         for meter in self._links[name].streams.values():
             owner, _, kind = meter.name.partition(".")
             finger = self._fingers.get(owner)
+            if finger is not None and kind == "pad":
+                finger.disconnect_image()
             if finger is not None and (kind == "wrench" or finger.wrench_tare is None):
-                self._publish_state(finger, finger.lose(t_ns), out)
+                self._publish_state(finger, finger.disconnect(t_ns), out)
             elif finger is None and self._gripper is not None:
                 self._gripper.lose()
                 out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, self._gripper.body(t_ns)))

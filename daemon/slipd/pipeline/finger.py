@@ -100,11 +100,18 @@ class Finger:
 
         A force sensor that was never tared reads its own bias as a contact, so until then only the image counts.
         """
-        shown = None if self.image is None else self.image.shows_contact()
-        if shown or self.state.contact is None:
-            return shown or None
-        tared = self.tare.current.id > 0 or self.wrench_tare is None
-        return self._in_contact if tared else shown
+        pad = self.config.pad
+        tared = self.tare.current.id > 0 or (self.wrench_tare is None and pad is not None and bool(pad.tare))
+        shown = self._shows_contact()
+        if shown or (tared and self._in_contact):
+            return True
+        if self.state.contact is None:
+            return None
+        return False if tared else shown
+
+    def age_s(self, t_ns: int) -> float | None:
+        """Age of the newest force reading, s; None before the first."""
+        return None if self._last_ns is None else (t_ns - self._last_ns) * 1e-9
 
     def begin_tare(self, t_ns: int, seconds: float) -> None:
         """Starts to average the unloaded readings of the force stream."""
@@ -115,14 +122,16 @@ class Finger:
         if self.wrench_tare is None or self._mounting is None:
             raise ValueError(f"finger {self.name} has no force sensor")
         torque = np.full(3, math.nan) if sample.torque_nm is None else sample.torque_nm
-        raw = self.wrench_tare.apply(np.concatenate((sample.force_n, torque)), sample.t_ns)
+        trusted = UNTRUSTED.isdisjoint(sample.status)
+        raw = self.wrench_tare.apply(np.concatenate((sample.force_n, torque)), sample.t_ns, trusted=trusted)
         force, torque = self._mounting.to_pad(raw[:3], raw[3:])
         return self._decide(sample.t_ns, force, torque, sample.status)
 
     def take_tactile(self, sample: TactileSample) -> State | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
-        if self.image is None or not self.image.take(sample, known_free=self._free):
+        if self.image is None:
             return None
+        self.image.take(sample, known_free=self._free)
         if self.wrench_tare is not None:
             return None
         wrench = self.image.wrench()
@@ -135,6 +144,16 @@ class Finger:
         if self._last_ns is not None and t_ns - self._last_ns <= self._stale_ns:
             return None
         return self.lose(t_ns)
+
+    def disconnect(self, t_ns: int) -> State:
+        """The force stream ended: a tare that is being measured would average what lies before and behind."""
+        self.tare.abort()
+        return self.lose(t_ns)
+
+    def disconnect_image(self) -> None:
+        """The image stream ended."""
+        if self.image is not None:
+            self.image.forget()
 
     def lose(self, t_ns: int) -> State:
         """Forgets what the force stream told: from now on the verdict is unknown."""
@@ -150,7 +169,7 @@ class Finger:
         contact = contact_from_wrench(
             force, torque, min_normal_n=least, force_std_n=force_std, torque_std_nm=torque_std
         )
-        state = State(t_ns, Verdict("unknown", ()), force, torque, contact, status=status)
+        state = State(t_ns, Verdict("unknown", ()), force, torque, status=status)
         self._free = False
         untrusted = sorted(UNTRUSTED.intersection(status))
         if untrusted or not np.isfinite(force).all() or not np.isfinite(torque).all():
@@ -158,11 +177,15 @@ class Finger:
         elif not contact.valid:
             self._end_contact()
             self._free = True
+            state.contact = contact
             state.verdict = Verdict("no_contact", ())
         else:
             self._in_contact = True
+            state.contact = contact
             self._judge(state, contact)
         self.state = state
+        if self.tare.busy and self.pressed():
+            self.tare.abort()
         return state
 
     def _judge(self, state: State, contact: Contact) -> None:
@@ -226,9 +249,19 @@ class Finger:
         rotates = self._rotation_slip.update(t_s, abs(contact.spin_nm), contact.normal_n, turning)
         return translates or rotates
 
+    def _shows_contact(self) -> bool | None:
+        """What a fresh image says beside the force sensor; taxels that are the force sensor say nothing beside it."""
+        image = self.image
+        if image is None or self.wrench_tare is None or not self._is_fresh(image, self.state.t_ns):
+            return None
+        return image.shows_contact()
+
+    def _is_fresh(self, image: PadImage, t_ns: int) -> bool:
+        return image.t_ns is not None and t_ns - image.t_ns <= self._image_stale_ns
+
     def _fresh_loads(self, t_ns: int, contact: Contact) -> tuple[Array, Array, Loads] | None:
         image = self.image
-        if image is None or image.t_ns is None or t_ns - image.t_ns > self._image_stale_ns:
+        if image is None or not self._is_fresh(image, t_ns):
             return None
         return image.loads(contact)
 

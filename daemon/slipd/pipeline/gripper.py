@@ -52,7 +52,7 @@ class GripperControl:
         """Why the gripper may not be activated: without a force limit nothing may be moved."""
         if self._config.max_force_n is None:
             return Refusal("no_limit", "gripper.max_force_n is not configured, so nothing may be moved")
-        if self.sample is None:
+        if self.sample is None or self._session.state == "no reply":
             return Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
         return None
 
@@ -73,14 +73,17 @@ class GripperControl:
         return {}
 
     def close(self, force_n: float, width_m: float | None, speed_mps: float | None) -> Result:
-        """Closes to a width with a force."""
+        """Closes to a width with a force; never opens."""
         position = FULL if width_m is None else self._position(width_m)
-        return self._move(position, force_n, speed_mps)
+        if self.sample is not None and position < round(FULL * self.sample.closure):
+            now_m = interpolate(self._config.width_table, self.sample.closure)
+            return Refusal("out_of_range", f"width_m must be at most the present {now_m:.4f} m: it closes", "width_m")
+        return self._check_goal(width_m, speed_mps) or self._move(position, force_n, speed_mps)
 
     def open(self, width_m: float | None, speed_mps: float | None) -> Result:
         """Opens to a width with the least force."""
         position = 0 if width_m is None else self._position(width_m)
-        return self._move(position, self._forces.newtons(0), speed_mps)
+        return self._check_goal(width_m, speed_mps) or self._move(position, self._forces.newtons(0), speed_mps)
 
     def set_force(self, force_n: float) -> Result:
         """Sets the force while holding."""
@@ -107,6 +110,22 @@ class GripperControl:
             "current_a": None if sample is None else sample.current_a,
             "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
         }
+
+    def _check_goal(self, width_m: float | None, speed_mps: float | None) -> Refusal | None:
+        """Refuses a width or speed that the gripper does not have."""
+        widths = [width for _, width in self._config.width_table]
+        if width_m is not None and not widths[-1] <= width_m <= widths[0]:
+            allowed = f"{widths[-1]:g} to {widths[0]:g} m"
+            return Refusal("out_of_range", f"width_m must be {allowed}, not {width_m:g}", "width_m")
+        if speed_mps is None:
+            return None
+        if self._config.speed_table is None:
+            return Refusal("out_of_range", "gripper.speed_table is not configured: leave the speed out", "speed_mps")
+        speeds = [speed for _, speed in self._config.speed_table]
+        if not speeds[0] <= speed_mps <= speeds[-1]:
+            allowed = f"{speeds[0]:g} to {speeds[-1]:g} m/s"
+            return Refusal("out_of_range", f"speed_mps must be {allowed}, not {speed_mps:g}", "speed_mps")
+        return None
 
     def _move(self, position: int, force_n: float, speed_mps: float | None) -> Result:
         units = self._forces.units(force_n)

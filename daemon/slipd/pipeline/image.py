@@ -42,19 +42,18 @@ class PadImage:
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
         self._known = False
+        self._assumed_free = False
         self._loads: Loads | None = None
         self._active = np.empty(0, dtype=np.int64)
 
-    def take(self, sample: TactileSample, *, known_free: bool) -> bool:
-        """Takes an image; False, and nothing changes, where it is not one of this pad.
+    def take(self, sample: TactileSample, *, known_free: bool) -> None:
+        """Takes an image.
 
         Args:
-            sample: The image.
+            sample: The image, of as many taxels as the pad has.
             known_free: The force sensor reads no contact. Where it reads nothing, that is not known, and a held load
                 must not be taken for an offset.
         """
-        if sample.values.shape != self.tare.current.value.shape:
-            return False
         values = self._scale * self.tare.apply(sample.values, sample.t_ns)
         if self._charge is not None:
             values = self._charge.update(values, sample.t_ns * 1e-9, known_free)
@@ -64,7 +63,13 @@ class PadImage:
         self.pressure = np.where(normal > self._threshold, normal, 0.0) if self._known else np.zeros_like(normal)
         self.t_ns, self.status = sample.t_ns, sample.status
         self._loads = None
-        return True
+        self._assumed_free = self._charge is not None and known_free
+
+    def forget(self) -> None:
+        """Gives up the newest image: time passed, or the pad was away, and nobody saw what happened."""
+        self._known, self.t_ns, self._loads = False, None, None
+        if self._charge is not None:
+            self._charge.forget()
 
     def wrench(self) -> tuple[Array, Array] | None:
         """Force (3,) and torque about the pad's origin (3,) of three-axis taxels; None where there are none."""
@@ -73,8 +78,11 @@ class PadImage:
         return taxel_wrench(self.x, self.y, self._forces)
 
     def shows_contact(self) -> bool | None:
-        """Whether a taxel is active; None where the image is not known."""
-        return bool(self.pressure.any()) if self._known else None
+        """Whether a taxel is active; None where the image does not say.
+
+        A charge that is zero because the force sensor reads no contact says nothing of its own.
+        """
+        return bool(self.pressure.any()) if self._known and not self._assumed_free else None
 
     def loads(self, contact: Contact) -> tuple[Array, Array, Loads] | None:
         """Positions (k,), (k,) and loads of the active taxels, for a valid contact; None without a usable image.

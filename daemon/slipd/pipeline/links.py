@@ -10,7 +10,7 @@ from slipd.devices import DEVICES, Decoder, Session
 from slipd.pipeline.events import LinkSpec
 from slipd.pipeline.finger import stale_after_ns
 from slipd.pipeline.report import number
-from slipd.samples import Sample
+from slipd.samples import Sample, TactileSample
 from slipd_client.messages import Health
 
 #: A rate that is off by more than this share of the expected one is told.
@@ -30,6 +30,8 @@ class StreamMeter:
     count: int = 0
     rate_hz: float | None = None
     damage: int = 0
+    taxels: int | None = None
+    misfit: int | None = None
     _since_ns: int | None = field(default=None, repr=False)
     _counted: int = field(default=0, repr=False)
     _bad_bytes: int = field(default=0, repr=False)
@@ -38,6 +40,7 @@ class StreamMeter:
         """Counts one sample."""
         self.last_ns = t_ns
         self.count += 1
+        self.misfit = None
 
     def measure(self, t_ns: int, bad_bytes: int) -> None:
         """Takes rate and damage of the time since they were last taken; ``bad_bytes`` is the link's running count."""
@@ -46,7 +49,7 @@ class StreamMeter:
             self.damage = bad_bytes - self._bad_bytes
             self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
         elif self._since_ns is None and self.last_ns is not None:
-            self._since_ns, self._counted = t_ns, self.count
+            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
 
 
 class Link:
@@ -83,13 +86,17 @@ class Link:
             self.session.stop()
 
     def receive(self, data: bytes, t_ns: int) -> list[tuple[str, Sample]]:
-        """Decodes bytes into samples, each with the name of its stream; samples of no stream are passed over."""
+        """Decodes bytes into samples, each with the name of its stream; what belongs to no stream is passed over."""
         found = []
         for sample in self._decoder.receive(data, t_ns):
             meter = self.streams.get(getattr(sample, "source", ""))
-            if meter is not None:
-                meter.tick(sample.t_ns)
-                found.append((meter.name, sample))
+            if meter is None:
+                continue
+            if isinstance(sample, TactileSample) and len(sample.values) != meter.taxels:
+                meter.misfit = len(sample.values)
+                continue
+            meter.tick(sample.t_ns)
+            found.append((meter.name, sample))
         return found
 
     def due(self, t_ns: int) -> bytes:
@@ -129,6 +136,8 @@ class Link:
     def _level(self, meter: StreamMeter, t_ns: int) -> tuple[Health, str]:
         if not self.up:
             return Health.ERROR, self._message
+        if meter.misfit is not None:
+            return Health.ERROR, f"images of {meter.misfit} taxels, where rows and cols say {meter.taxels}"
         if meter.last_ns is None:
             return Health.STALE, "open, but no reading yet"
         age = t_ns - meter.last_ns
@@ -151,6 +160,8 @@ def make_links(config: Config) -> dict[str, Link]:
             device = DEVICES[stream.device]
             spec = LinkSpec(name, device.transport, stream.port, stream.baud or device.baud or 0)
             link = by_address[stream.port] = Link(spec, stream)
-        source = stream.sensor if isinstance(stream, Pad) else ""
-        link.streams[source] = StreamMeter(name, stream.rate_hz, stale_after_ns(stream))
+        meter = StreamMeter(name, stream.rate_hz, stale_after_ns(stream))
+        if isinstance(stream, Pad):
+            meter.taxels = stream.rows * stream.cols
+        link.streams[stream.sensor if isinstance(stream, Pad) else ""] = meter
     return {link.spec.name: link for link in by_address.values()}

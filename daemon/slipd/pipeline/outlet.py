@@ -49,9 +49,9 @@ class Pace:
         self._due_ns = 0
 
     def passes(self, t_ns: int, *, now: bool = False) -> bool:
-        """Whether a message about ``t_ns`` is due; ``now`` lets it pass anyway."""
-        if t_ns < self._due_ns and not now:
-            return False
+        """Whether a message about ``t_ns`` is due; ``now`` lets it pass anyway, beside the others."""
+        if t_ns < self._due_ns:
+            return now
         late = t_ns - self._due_ns
         self._due_ns = self._due_ns + self._period_ns if late < self._period_ns else t_ns + self._period_ns
         return True

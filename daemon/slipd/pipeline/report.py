@@ -53,7 +53,7 @@ def slip_body(finger: Finger, t_ns: int) -> Body:
         "centroid_residual_m": None if state.loads is None else number(state.loads.centroid_residual_m),
         "model": state.model,
         "tare_id": finger.tare.current.id,
-        "age_s": (t_ns - state.t_ns) * 1e-9,
+        "age_s": finger.age_s(t_ns),
     }
 
 
@@ -101,7 +101,7 @@ def wrench_body(finger: Finger, t_ns: int) -> Body:
         "tangential_n": tangential,
         "status": list(state.status),
         "tare_id": finger.tare.current.id,
-        "age_s": (t_ns - state.t_ns) * 1e-9,
+        "age_s": finger.age_s(t_ns),
     }
 
 

@@ -67,9 +67,9 @@ class Tare:
         self.current, self._before = self._before, None
         return True
 
-    def apply(self, values: Array, t_ns: int) -> Array:
-        """Subtracts the offset in force, and takes the reading into a tare that is being measured."""
-        if self._until_ns is not None:
+    def apply(self, values: Array, t_ns: int, *, trusted: bool = True) -> Array:
+        """Subtracts the offset in force, and takes a trusted reading into a tare that is being measured."""
+        if self._until_ns is not None and trusted:
             self._measure(values, t_ns)
         return values - self.current.value
 
