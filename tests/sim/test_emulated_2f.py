@@ -130,7 +130,7 @@ def test_write_and_read_go_in_one_request():
 
 def test_half_a_request_is_forgotten_after_a_pause():
     gripper = active()
-    gripper.receive(bytes((UNIT, modbus.WRITE)), MS)
+    gripper.receive(bytes((UNIT, modbus.WRITE, 0x03, 0xE8, 0x00, 0x03, 0xFF)), MS)  # 255 bytes are to follow
     assert status(gripper, MS + FRAME_GAP_NS + 1).closure == 0.0
 
 

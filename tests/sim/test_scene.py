@@ -38,6 +38,16 @@ def test_the_fingers_close_at_the_commanded_speed_and_stop_at_the_object():
     assert all(width >= scene.object_width_m for *_, width in seen)
 
 
+@pytest.mark.parametrize("step_s", [0.0007, 0.001, 0.00125, 0.0013, 0.05])
+@pytest.mark.parametrize("speed_mps", [0.02, 0.0333, 0.05, 0.085, 0.15])
+def test_the_fingers_never_pass_through_the_object(step_s, speed_mps):
+    scene = Scene()
+    for i in range(1, math.ceil(1.6 / step_s)):
+        scene.step(i * step_s, GripCommand(0.0, speed_mps, 7.0))
+    assert scene.in_contact
+    assert scene.width_m == scene.object_width_m
+
+
 def test_the_grip_force_follows_its_command_with_the_lag():
     scene = Scene(grip_lag_s=0.06)
     play(scene, until_s=2.5)
@@ -125,7 +135,7 @@ def test_a_gripper_that_closes_too_late_leaves_the_box_behind():
     scene = Scene()
     scene.step(5.0, GripCommand(scene.open_width_m, SPEED_MPS, 7.0))
     scene.step(8.0, GripCommand(0.0, SPEED_MPS, 7.0))
-    assert times(scene, "left_behind")
+    assert [truth.event for truth in scene.truth] == ["left_behind", "pour"]
     assert scene.width_m == 0.0
     assert not scene.in_contact
     assert scene.utilisation == 0.0

@@ -174,10 +174,9 @@ class Scene:
             self.in_contact, self.normal_n = False, 0.0
             self._tell("contact_ends")
         stop_m = self.object_width_m if squeeze and self.width_m >= self.object_width_m else command.width_m
-        reach_m = command.speed_mps * dt_s
-        step_m = min(max(stop_m - self.width_m, -reach_m), reach_m)
-        self.width_m += step_m
-        self.moving = self.width_m != stop_m
+        away_m, reach_m = stop_m - self.width_m, command.speed_mps * dt_s
+        self.moving = abs(away_m) > reach_m
+        self.width_m = self.width_m + math.copysign(reach_m, away_m) if self.moving else stop_m
         if squeeze and self.width_m == self.object_width_m:
             self.in_contact, self.moving = True, False
             self._tell("contact")
