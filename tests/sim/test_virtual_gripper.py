@@ -49,9 +49,13 @@ class Process:
 @pytest.fixture
 def process(tmp_path):
     made = Process(tmp_path / "ports")
-    yield made
-    if made.popen.poll() is None:
-        made.end()
+    try:
+        yield made
+    finally:
+        made.popen.kill()  # only one that failed to end still lives here
+        made.popen.wait()
+        made.popen.stdin.close()
+        made.popen.stdout.close()
 
 
 def names(directory):
