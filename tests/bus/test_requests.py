@@ -3,6 +3,7 @@ from __future__ import annotations
 import random
 import socket
 import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -231,6 +232,19 @@ async def test_connections_that_do_not_speak_zeromq_keep_nobody_out(
         await expect_service(peer(zmq.DEALER, server.endpoint), eventually)
         for connection in raw:
             connection.close()
+
+
+async def test_a_request_whose_wake_up_was_used_by_a_reply_is_not_forgotten(
+    answering: Answering, dealer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    with answering.server as server:
+        client = dealer(ROUTING_ID=b"client")
+        await expect_service(client, eventually)
+        client.socket.send(encode(HELLO | {"id": "second"}))
+        for _ in range(50):
+            server.reply(b"client", {"id": None})
+            time.sleep(0.002)  # noqa: ASYNC251 - the loop must not look meanwhile
+        await eventually(lambda: any(reply["id"] == "second" for reply in replies(client)))
 
 
 async def test_a_fault_of_the_consumer_reaches_the_loop_and_the_next_request_is_served(

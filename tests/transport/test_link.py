@@ -101,6 +101,31 @@ async def test_a_port_that_opens_and_dies_at_once_is_not_opened_ever_faster(paus
     assert pauses[-1] >= MAX_DELAY_S * (1 - JITTER)
 
 
+@pytest.mark.usefixtures("pauses")
+async def test_nothing_is_written_to_a_connection_that_is_being_closed() -> None:
+    written: list[bytes] = []
+
+    class Recording(Connection):
+        def write(self, data: bytes) -> bool:
+            written.append(data)
+            return True
+
+        async def close(self) -> None:
+            assert not link.write(b"too late")
+
+    steps = [b"", None]
+
+    async def open_next(spec: LinkSpec, on_bytes: OnBytes) -> Connection:
+        if (step := steps.pop(0)) is None:
+            raise asyncio.CancelledError
+        return Recording(step, on_bytes)
+
+    link = Link(SPEC, open_next, lambda _: link.write(b"in time"))
+    with pytest.raises(asyncio.CancelledError):
+        await link.run()
+    assert written == [b"in time"]
+
+
 async def test_a_link_error_of_the_consumer_is_not_taken_for_one_of_the_link() -> None:
     def fail(event: Event) -> None:
         if isinstance(event, LinkUp):

@@ -39,7 +39,13 @@ async def test_each_link_has_one_task_with_its_name(serving: Serving) -> None:
     async with serving(PORT, LinkSpec("gripper", "serial", "/nowhere/either", 115200)):
         names = {task.get_name() for task in asyncio.all_tasks()}
         assert {"link left.wrench", "link gripper"} <= names
-    assert not [task for task in asyncio.all_tasks() if task.get_name().startswith("link ")]
+
+
+async def test_every_task_has_ended_when_the_links_have() -> None:
+    async with asyncio.TaskGroup() as tasks:
+        async with Links(tasks, [PORT], print):
+            await asyncio.sleep(0)
+        assert not [task for task in asyncio.all_tasks() if task.get_name().startswith("link ")]
 
 
 async def test_a_rig_without_links_is_served_too(serving: Serving) -> None:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from conftest import Device, Eventually, Serving
 
 
+HUGE = 300_000  # bytes; no pty holds as many
+
+
 def received(events: list[Event], link: str = "left.wrench") -> bytes:
     return b"".join(event.data for event in events if isinstance(event, Bytes) and event.link == link)
 
@@ -203,11 +206,14 @@ async def test_a_full_port_drops_whole_writes_and_takes_new_ones_once_it_is_read
             taken += 1
         for _ in range(100):
             assert not links.write("left.wrench", b"dropped!")
-        got += device.read()
         await eventually(lambda: got.extend(device.read()) or len(got) >= taken * 100)
+        assert links.write("left.wrench", b"y" * HUGE)
+        got += device.read()
+        assert not links.write("left.wrench", b"must not get between")
+        await eventually(lambda: got.extend(device.read()) or len(got) >= taken * 100 + HUGE)
         await eventually(lambda: links.write("left.wrench", b"and on"))
         await eventually(lambda: got.extend(device.read()) or got.endswith(b"and on"))
-    assert bytes(got) == b"".join(index.to_bytes(4, "big") * 25 for index in range(taken)) + b"and on"
+    assert bytes(got) == b"".join(index.to_bytes(4, "big") * 25 for index in range(taken)) + b"y" * HUGE + b"and on"
 
 
 async def test_a_dropped_command_is_logged_once_a_spell(
@@ -282,7 +288,7 @@ async def test_what_the_consumer_raises_ends_the_group_and_closes_the_port(
         seen.append(event)
         if type(event) is Bytes:
             raise ArithmeticError("a fault of ours")
-        asyncio.get_running_loop().call_soon(device.send, b"1")
+        asyncio.get_running_loop().call_soon(device.send, bytes(4000))  # takes several reads
 
     with pytest.raises(ExceptionGroup) as raised:
         async with serving(spec, on_event=fail):
@@ -324,9 +330,48 @@ async def test_closing_does_not_wait_for_a_device_that_never_reads(
     device.plug()
     async with serving(spec) as (links, events):
         await eventually(lambda: ups(events))
-        while links.write("left.wrench", bytes(1000)):
-            pass
+        assert links.write("left.wrench", bytes(HUGE))
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        device.send(b"next run")
+        await eventually(lambda: received(events) == b"next run")
+
+
+async def test_a_write_taken_in_part_is_completed_before_the_end(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial, "DRAIN_TIMEOUT_S", 60.0)
+    device.plug()
+    got = bytearray()
+
+    async def read_all() -> None:
+        await eventually(lambda: got.extend(device.read()) or len(got) >= HUGE)
+
+    async with asyncio.TaskGroup() as tasks, serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", b"x" * HUGE)
+        tasks.create_task(read_all())
+    assert got == b"x" * HUGE
+
+
+async def test_a_port_can_be_opened_as_soon_as_it_is_closed(device: Device, spec: LinkSpec) -> None:
+    device.plug()
+    connection = await serial.open_serial(spec, print)
+    await connection.close()
     pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_a_port_that_takes_no_more_bytes_is_lost_although_it_still_reads(device: Device, spec: LinkSpec) -> None:
+    device.plug()
+    connection = await serial.open_serial(spec, print)
+    readable, writable = os.pipe()
+    os.dup2(readable, connection._fd)
+    assert not connection.write(b"command")
+    assert "Bad file descriptor" in await connection.until_lost()
+    assert not connection.write(b"command")
+    await connection.close()
+    os.close(readable)
+    os.close(writable)
 
 
 async def test_closing_keeps_the_control_lines_as_they_are(
@@ -363,6 +408,25 @@ async def test_a_port_whose_opening_was_given_up_is_closed(
     await asyncio.sleep(0)
     assert events == []
     pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_a_port_unplugged_while_it_is_opened_is_an_ordinary_loss(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device.plug()
+    really_open = serial._open_port
+
+    def open_and_unplug(path: str, baud: int) -> pyserial.Serial:
+        port = really_open(path, baud)
+        device.unplug()
+        return port
+
+    monkeypatch.setattr(serial, "_open_port", open_and_unplug)
+    files = open_files()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: events)
+    assert "plug the device in again" in downs(events)[0]
+    await eventually(lambda: open_files() <= files)
 
 
 async def test_three_hundred_reconnections_leak_no_file_and_no_task(

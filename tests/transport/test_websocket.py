@@ -142,6 +142,20 @@ async def test_a_write_is_refused_and_counted(serving: Serving, eventually: Even
         assert links.refused_writes == {"left.pad": 1}
 
 
+async def test_the_end_of_a_link_is_a_proper_farewell(serving: Serving, eventually: Eventually) -> None:
+    codes: list[int | None] = []
+
+    async def handle(client: ServerConnection) -> None:
+        await client.wait_closed()
+        codes.append(client.close_code)
+
+    async with serve(handle, "127.0.0.1", 0) as server:
+        async with serving(link_to(next(iter(server.sockets)).getsockname()[1])) as (_, events):
+            await eventually(lambda: events)
+        await eventually(lambda: codes)
+    assert codes == [1000]
+
+
 async def test_a_link_given_up_while_it_connects_leaves_nothing_behind(
     serving: Serving, eventually: Eventually
 ) -> None:

@@ -83,31 +83,33 @@ class Publisher:
         self._socket.send_multipart((topic, payload), zmq.NOBLOCK)
 
     def _on_subscription(self, frames: list[bytes]) -> None:
-        kind, topics = frames[0][:1], frames[0][1:]
+        """Apply a subscription to whoever sent it, which ZeroMQ knows only until it hears of anyone leaving."""
+        kind, beginning = frames[0][:1], frames[0][1:]
         if kind == _UNSUBSCRIBE:
-            self._socket.setsockopt(zmq.UNSUBSCRIBE, topics)
-        elif kind == _SUBSCRIBE and self._subscriber_is_there():
-            self._socket.setsockopt(zmq.SUBSCRIBE, topics)
-            self._welcome([topic for topic in self._last if topic.startswith(topics)])
-
-    def _subscriber_is_there(self) -> bool:
-        """Tell whether the subscriber just heard is still connected; else ZeroMQ takes a word to it for one to all."""
-        before = self._socket.getsockopt(zmq.TOPICS_COUNT)
-        self._socket.setsockopt(zmq.SUBSCRIBE, _NO_TOPIC)
-        there = self._socket.getsockopt(zmq.TOPICS_COUNT) != before
-        self._socket.setsockopt(zmq.UNSUBSCRIBE, _NO_TOPIC)
-        return there
+            self._socket.setsockopt(zmq.UNSUBSCRIBE, beginning)
+        elif kind == _SUBSCRIBE and self._sender_is_known():
+            self._socket.setsockopt(zmq.SUBSCRIBE, beginning)
+            self._welcome([topic for topic in self._last if topic.startswith(beginning)])
 
     def _welcome(self, topics: list[bytes]) -> None:
-        if not topics:
-            return
-        self._socket.setsockopt(zmq.XPUB_MANUAL_LAST_VALUE, 1)  # the next message is for the last subscriber alone
-        self._send(topics[0], self._last[topics[0]])
-        self._socket.setsockopt(zmq.XPUB_MANUAL_LAST_VALUE, 0)
-        self._socket.setsockopt(zmq.XPUB_MANUAL, 1)  # the line above ended this too
-        self._owed.update(topics[1:])
+        self._socket.getsockopt(zmq.EVENTS)  # hears of those that left, so that the send below need not
+        if topics and self._sender_is_known():
+            self._socket.setsockopt(zmq.XPUB_MANUAL_LAST_VALUE, 1)  # the next message is for the sender alone
+            topic = topics.pop(0)
+            self._send(topic, self._last[topic])
+            self._socket.setsockopt(zmq.XPUB_MANUAL_LAST_VALUE, 0)
+            self._socket.setsockopt(zmq.XPUB_MANUAL, 1)  # the line above ended this too
+        self._owed.update(topics)
         if self._owed and self._repeating is None:
             self._repeating = self._loop.call_later(REPEAT_AFTER_S, self._repeat)
+
+    def _sender_is_known(self) -> bool:
+        """Whether ZeroMQ can still address the sender of the last subscription; else it takes all for it."""
+        before = self._socket.getsockopt(zmq.TOPICS_COUNT)
+        self._socket.setsockopt(zmq.SUBSCRIBE, _NO_TOPIC)
+        known = self._socket.getsockopt(zmq.TOPICS_COUNT) != before
+        self._socket.setsockopt(zmq.UNSUBSCRIBE, _NO_TOPIC)
+        return known
 
     def _repeat(self) -> None:
         self._repeating = None

@@ -53,7 +53,11 @@ async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
         raise
     except (OSError, ValueError, termios.error) as error:
         raise LinkError(why_not_opened(spec.address, error)) from error
-    return SerialConnection(port, on_bytes)
+    try:
+        return SerialConnection(port, on_bytes)
+    except (OSError, termios.error) as error:  # its transport configures the port once more; unplugged meanwhile
+        port.close()
+        raise LinkError(why_not_opened(spec.address, error)) from error
 
 
 def why_not_opened(path: str, error: Exception) -> str:
