@@ -48,6 +48,8 @@ class Mounting:
             torque_nm: Torque about the sensor's origin, shape (3,), N·m.
 
         Returns:
-            Force on the finger (3,), N, and torque about the pad's origin (3,), N·m, both in the pad frame.
+            Force on the finger (3,), N, and torque about the pad's origin (3,), N·m, both in the pad frame; what is
+            infinite makes NaN of what it enters.
         """
-        return self._force @ force_n, self._torque @ np.concatenate((force_n, torque_nm))
+        with np.errstate(invalid="ignore"):
+            return self._force @ force_n, self._torque @ np.concatenate((force_n, torque_nm))
