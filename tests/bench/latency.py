@@ -1,0 +1,99 @@
+"""Measures the daemon on this machine: from the last byte in to the message at a subscriber, beside a C program.
+
+Absolute times are this machine's, and of what else it does; what carries over is the ratio to the C program that does
+the same job in the same minutes. ``--report FILE`` writes the same as markdown.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import calls
+import chain
+import full_load
+import processes
+import zmq
+from tables import Table
+
+SECONDS, ROUNDS, WARM_UP_S, CALLS = 5.0, 4, 1.0, 5000
+QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S, QUICK_CALLS = 0.5, 1, 0.5, 200
+FULL_LOAD_TIMES = 6
+"""The full load takes as many times as long as a round, to show what builds up."""
+
+
+def main() -> int:
+    """Measure and print; returns the exit code."""
+    options = _parser().parse_args()
+    seconds = options.seconds or (QUICK_SECONDS if options.quick else SECONDS)
+    rounds = options.rounds or (QUICK_ROUNDS if options.quick else ROUNDS)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, _: sys.exit(128 + number))  # what is open is closed on the way out
+    header = _header()
+    print(f"slipd bench: {header}", flush=True)
+    pages = [f"# Measurements\n\n{header}."]
+    try:
+        for table in _sections(seconds, rounds, quick=options.quick):
+            print(table.text(), flush=True)
+            pages.append(table.markdown())
+    except processes.BenchError as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    if options.report:
+        options.report.write_text("\n".join(pages) + "\n", encoding="utf-8")
+    return 0
+
+
+def _sections(seconds: float, rounds: int, *, quick: bool) -> Iterator[Table]:
+    warm_up_s = QUICK_WARM_UP_S if quick else WARM_UP_S
+    with tempfile.TemporaryDirectory(prefix="slipd-bench-") as name:
+        folder = Path(name)
+        built = processes.build_floor(folder)
+        yield chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)
+        yield from full_load.run(folder, seconds=FULL_LOAD_TIMES * seconds, warm_up_s=warm_up_s)
+    yield calls.run(QUICK_CALLS if quick else CALLS)
+
+
+def _header() -> str:
+    load = " ".join(f"{value:.2f}" for value in os.getloadavg())
+    today = datetime.datetime.now(datetime.UTC).date()
+    return (
+        f"Python {platform.python_version()}, libzmq {zmq.zmq_version()}, {os.cpu_count()} cores, "
+        f"load average {load}, {today}"
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description="Measure the daemon on this machine.")
+    parser.add_argument("--seconds", type=_positive, metavar="S", help=f"of each round (default {SECONDS:g})")
+    parser.add_argument("--rounds", type=_count, metavar="N", help=f"of daemon and C each (default {ROUNDS})")
+    parser.add_argument("--quick", action="store_true", help="a few seconds in all, to see that it works")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
+    return parser
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.1 <= value <= 100.0:
+        raise argparse.ArgumentTypeError(f"must be 0.1 to 100, not {text}")
+    return value
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, not {text}")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,97 @@
+"""The measurement itself works: every section prints numbers, and nothing is left behind when it is interrupted.
+
+Nothing that depends on the time of day or the machine's load is asserted.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+LATENCY = Path(__file__).parent / "latency.py"
+SECTIONS = ("Chain", "Full load: two fingers", "Full load: the first", "Full load: messages", "One public call")
+START_S = 60.0
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """A short path: that of a socket has at most 107 bytes."""
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+def sections(report: str) -> dict[str, list[dict[str, str]]]:
+    """Title → rows of its table by column."""
+    found = {}
+    for part in report.split("\n## ")[1:]:
+        title, *lines = part.splitlines()
+        head, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line[:1] == "|"]
+        found[title] = [dict(zip(head, row, strict=True)) for row in rows]
+    return found
+
+
+@pytest.mark.process
+def test_every_section_prints_finite_numbers(folder: Path) -> None:
+    report = folder / "report.md"
+    run = [sys.executable, str(LATENCY), "--quick", "--report", str(report)]
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=110)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    text = report.read_text()
+    found = sections(text)
+    assert len(found) == len(SECTIONS)
+    for title, beginning in zip(found, SECTIONS, strict=True):
+        assert title.startswith(beginning)
+        assert title in done.stdout
+        assert found[title]
+        for row in found[title]:
+            numbers = [float(cell) for cell in list(row.values())[1:]]
+            assert all(map(math.isfinite, numbers)), row
+    chain, streams = list(found.values())[:2]
+    assert "The C program is not measured" in text or ("C p50" in chain[0] and "the same keys" in text)
+    assert "NOT THE SAME KEYS" not in text
+    for row in streams:
+        assert row["taken"] == row["written"] != "0"
+
+
+@pytest.mark.process
+def test_an_interrupt_leaves_no_process_and_no_file(folder: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, LATENCY, "--quick"], env=os.environ | {"TMPDIR": str(folder)}, stdout=subprocess.DEVNULL
+    )
+    try:
+        until = time.monotonic() + START_S
+        while not list(folder.glob("*/run/publish")):
+            assert process.poll() is None
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        assert still_running(folder)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(START_S) == 128 + signal.SIGINT
+    finally:
+        process.kill()
+        process.wait()
+    assert not still_running(folder)
+    assert not list(folder.iterdir())
+
+
+def still_running(folder: Path) -> list[bytes]:
+    """Command lines that name the folder."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            command = file.read_bytes()
+        except OSError:  # it ended meanwhile
+            continue
+        if os.fsencode(folder) in command:
+            found.append(command)
+    return found
