@@ -12,14 +12,14 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
 import tty
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any
 
+import child
 import listener
 import numpy as np
 import traffic
@@ -31,24 +31,14 @@ from slipd_client.errors import NoAnswer
 from slipd_client.requester import Requester
 
 HERE = Path(__file__).parent
-END_S = 5.0
-"""How long a process may take to end before it is killed."""
-
 OPEN_S = 20.0
 """How long the daemon may take to open its ports; some 100 ms are usual."""
 
 LAST_S = 0.3
 """From the last write until nobody waits for its message any more."""
 
-LAST_WORDS = 2000
-"""How much of what a failed process said is told, characters."""
-
 BOOT, CONFIG_ID = "0123456789abcdef", "0123456789ab"
 """What the floor puts for them: as long as the daemon's."""
-
-
-class BenchError(Exception):
-    """The measurement cannot be made; says why."""
 
 
 @dataclass(frozen=True)
@@ -104,81 +94,11 @@ class Lines:
             os.close(fd)
 
 
-class Child:
-    """A process that ends with its ``with`` block; in a session of its own, so that Ctrl-C reaches only us, who end it.
-
-    Args:
-        command: The program and its arguments.
-        folder: Where it runs.
-        options: As for `subprocess.Popen`.
-    """
-
-    def __init__(self, command: Sequence[str], folder: Path, **options: Any) -> None:
-        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed on exit
-        self._process = subprocess.Popen(
-            command,
-            cwd=folder,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            text=True,
-            start_new_session=True,
-            **options,
-        )
-        self._output = cast("IO[str]", self._process.stdout)
-
-    @property
-    def pid(self) -> int:
-        """Its id."""
-        return self._process.pid
-
-    def told(self, beginning: str) -> str:
-        """Wait for the next line that begins so, and return its rest.
-
-        Raises:
-            BenchError: It ends without such a line.
-        """
-        for line in self._output:
-            if line.startswith(beginning):
-                return line[len(beginning) :].strip()
-        self._process.wait(END_S)
-        raise BenchError(f"a process ended before it said {beginning!r}: {self._last_words()}")
-
-    def terminate(self) -> None:
-        """Ask it to end."""
-        self._process.terminate()
-
-    def check(self) -> None:
-        """Make sure that it still runs.
-
-        Raises:
-            BenchError: It does not.
-        """
-        if self._process.poll() is not None:
-            raise BenchError(f"a process ended by itself: {self._last_words()}")
-
-    def _last_words(self) -> str:
-        self._errors.seek(0)
-        return f"exit code {self._process.returncode}\n{self._errors.read()[-LAST_WORDS:]}"
-
-    def __enter__(self) -> Child:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._process.terminate()
-        try:
-            self._process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._output.close()
-        self._errors.close()
-
-
 @dataclass(frozen=True)
 class Served:
     """A running publisher: the daemon or the floor."""
 
-    process: Child
+    process: child.Child
     endpoint: str
     requests: str = ""
 
@@ -195,7 +115,7 @@ def daemon(folder: Path, lines: Lines, rates: dict[str, Any]) -> Iterator[Served
     config.write_text(traffic.config_text(lines.path, rates))
     command = [sys.executable, "-m", "slipd", "run", "--config", str(config)]
     environment = os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")}
-    with Child(command, folder, env=environment) as process:
+    with child.Child(command, folder, env=environment) as process:
         endpoints = process.told("publish:"), process.told("requests:")
         _wait_for_ports(endpoints[1])
         yield Served(process, *endpoints)
@@ -208,7 +128,7 @@ def _wait_for_ports(requests: str) -> None:
             if all(stream["hardware_id"] for stream in status(requests)["streams"].values()):
                 return
         time.sleep(0.02)
-    raise BenchError(f"the daemon did not open its ports within {OPEN_S} s")
+    raise child.BenchError(f"the daemon did not open its ports within {OPEN_S} s")
 
 
 def status(requests: str) -> dict[str, Any]:
@@ -224,7 +144,7 @@ def floor(folder: Path, lines: Lines, built: FloorProgram) -> Iterator[Served]:
     (path,) = lines.path.values()
     numbers = (*traffic.rotation().ravel().tolist(), *traffic.LEVER_M, *([0.0] * 6))
     command = [str(built.program), built.library, path, endpoint, BOOT, CONFIG_ID, *map(repr, numbers)]
-    with Child(command, folder) as process:
+    with child.Child(command, folder) as process:
         process.told("ready")
         yield Served(process, endpoint)
 
@@ -281,7 +201,7 @@ def measure(
     listening = _python("listener.py", json.dumps(asdict(hearing)))
     writing = _python("writer.py", writer.encode_plan(plans, round(warm_up_s * 1e9), catch_up=real_time))
     fds = (*lines.fd.values(), *lines.other_fd.values())
-    with Child(listening, folder) as ear, Child(writing, folder, pass_fds=fds) as hand:
+    with child.Child(listening, folder) as ear, child.Child(writing, folder, pass_fds=fds) as hand:
         ear.told("listening")
         hand.told("measuring")
         begin_s, cpu_s = time.monotonic(), served.cpu_s()
