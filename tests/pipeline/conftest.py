@@ -140,6 +140,7 @@ class Run:
         self._scan = 0
         self._message = 0
         self._asked = 0
+        self._unheard = b""
 
     def feed(self, event: Event) -> list[Output]:
         """Hands over an event now; checks that whatever comes out may go out."""
@@ -149,6 +150,8 @@ class Run:
             if isinstance(output, (Publish, Reply)):
                 wire = messages.encode(output.body)
                 assert messages.decode(wire, messages.MESSAGE_LIMITS) == output.body, "plain values, all finite"
+            elif isinstance(output, Write) and output.link == "gripper":
+                self._unheard += output.data
         return outputs
 
     def wait(self, ms: float) -> None:
@@ -159,6 +162,8 @@ class Run:
             self.feed(LinkUp(name, f"opened {name}"))
 
     def down(self, link: str) -> list[Output]:
+        if link == "gripper":
+            self._unheard = b""
         return self.feed(LinkDown(link, "unplugged"))
 
     def tick(self, suspended_ns: int = 0) -> list[Output]:
@@ -205,13 +210,11 @@ class Run:
         """Lets time pass in ticks of 5 ms while the gripper answers what is written to it."""
         for _ in range(round(ms / 5)):
             self.wait(5)
-            self._exchange(self.tick())
-
-    def _exchange(self, outputs: list[Output]) -> None:
-        written = b"".join(output.data for output in outputs if isinstance(output, Write) and output.link == "gripper")
-        answer = self.gripper.answer(written)
-        if answer:
-            self._exchange(self.feed(Bytes("gripper", answer)))
+            self.tick()
+            heard, self._unheard = self._unheard, b""
+            answer = self.gripper.answer(heard)
+            if answer:
+                self.feed(Bytes("gripper", answer))
 
 
 @pytest.fixture

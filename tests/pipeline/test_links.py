@@ -1,0 +1,153 @@
+"""One link an address; every stream on it is told apart, counted, and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from slipd.config import Config
+from slipd.devices import bota, pvdf, xela
+from slipd.pipeline.events import LinkSpec
+from slipd.pipeline.links import Link, make_links
+from slipd_client.messages import Health
+
+MS = 1_000_000
+T0 = 100_000_000_000
+Parse = Callable[[str], Config]
+
+
+@pytest.fixture
+def links(left: str, right: str, gripper: str, parse: Parse) -> dict[str, Link]:
+    twin = right.replace("finger.right", "finger.third").replace('"2"', '"1"')
+    return make_links(parse(left + right + twin + gripper))
+
+
+def frame(t_ns: int) -> bytes:
+    return bota.encode_frame((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), t_ns // 1000)
+
+
+def skin(number: int, taxels: int = 4, sensors: str = "12") -> bytes:
+    return xela.encode_message(number, {sensor: np.full((taxels, 3), 1000) for sensor in sensors}, 1.7e9)
+
+
+def health(link: Link, t_ns: int, source: str = "") -> tuple[Health, str]:
+    told = link.health(link.streams[source], t_ns)
+    return Health(told["health"]), told["message"]
+
+
+def test_every_address_is_opened_once_under_the_name_of_its_first_stream(links: dict[str, Link]) -> None:
+    assert {name: link.spec for name, link in links.items()} == {
+        "left.wrench": LinkSpec("left.wrench", "serial", "/dev/left-wrench", 460_800),
+        "left.pad": LinkSpec("left.pad", "serial", "/dev/left-pad", 921_600),
+        "right.pad": LinkSpec("right.pad", "websocket", "ws://127.0.0.1:5000", 0),
+        "gripper": LinkSpec("gripper", "serial", "/dev/gripper", 115_200),
+    }
+    assert [meter.name for meter in links["right.pad"].streams.values()] == ["right.pad", "third.pad"]
+
+
+def test_a_line_speed_of_the_config_goes_before_the_devices_own(left: str, parse: Parse) -> None:
+    links = make_links(parse(left.replace("rate_hz = 100.0", "rate_hz = 100.0\nbaud = 57600")))
+    assert (links["left.pad"].spec.baud, links["left.wrench"].spec.baud) == (57_600, 460_800)
+
+
+def test_the_options_of_the_config_reach_the_device(left: str, parse: Parse) -> None:
+    links = make_links(parse(left.replace("rows = 4", "rows = 2").replace("cols = 4", "cols = 3")))
+    ((name, sample),) = links["left.pad"].receive(pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0), T0)
+    assert name == "left.pad"
+    assert sample.values.shape == (6,)
+
+
+def test_samples_that_share_a_port_are_told_apart_by_their_sensor(links: dict[str, Link]) -> None:
+    found = links["right.pad"].receive(skin(1), T0)
+    assert sorted((name, sample.source) for name, sample in found) == [("right.pad", "2"), ("third.pad", "1")]
+
+
+def test_samples_of_no_stream_are_passed_over(links: dict[str, Link]) -> None:
+    assert links["right.pad"].receive(skin(1, sensors="34"), T0) == []
+
+
+def test_images_of_another_size_are_a_fault_of_the_stream(links: dict[str, Link]) -> None:
+    link = links["right.pad"]
+    link.open("server", T0)
+    assert link.receive(skin(1, taxels=16), T0) == []
+    assert health(link, T0, "2") == (Health.ERROR, "images of 16 taxels, where rows and cols say 4")
+    assert len(link.receive(skin(2), T0 + MS)) == 2
+    assert health(link, T0 + MS, "2") == (Health.OK, "")
+
+
+def test_a_link_is_judged_from_its_opening_to_its_loss(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    assert health(link, T0) == (Health.ERROR, "not opened yet")
+    link.open("/dev/ttyUSB0", T0)
+    assert health(link, T0) == (Health.STALE, "open, but no reading yet")
+    link.receive(frame(T0), T0)
+    assert health(link, T0 + 20 * MS) == (Health.OK, "")
+    assert health(link, T0 + 21 * MS) == (Health.STALE, "no reading for 0.02 s")
+    link.close("unplugged")
+    assert health(link, T0 + 21 * MS) == (Health.ERROR, "unplugged")
+    link.open("/dev/ttyUSB1", T0)
+    told = link.health(link.streams[""], T0)
+    assert (told["reconnects"], told["hardware_id"]) == (1, "/dev/ttyUSB1")
+
+
+def feed(link: Link, hz: float, seconds: float, start_ns: int) -> int:
+    count = round(hz * seconds)
+    for k in range(count):
+        t_ns = start_ns + round(k * 1e9 / hz)
+        link.receive(frame(t_ns), t_ns)
+    return start_ns + round(seconds * 1e9)
+
+
+@pytest.mark.parametrize(
+    ("hz", "well"), [(1000.0, True), (850.0, True), (1150.0, True), (750.0, False), (1300.0, False)]
+)
+def test_a_rate_that_is_off_is_told(links: dict[str, Link], hz: float, well: bool) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    now = feed(link, hz, 0.1, T0)
+    assert link.health(link.streams[""], now)["rate_hz"] is None, "a tenth of a second counts jitter"
+    now = feed(link, hz, 1.0, now)
+    told = link.health(link.streams[""], now)
+    assert told["rate_hz"] == pytest.approx(hz, rel=0.01)
+    assert (told["health"] == Health.OK) == well
+    if not well:
+        assert told["message"] == f"{hz:.0f} Hz instead of 1000 Hz"
+
+
+def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    link.receive(b"\xff" * 500, T0)  # before the first reading: a device that boots
+    now = feed(link, 1000.0, 0.1, T0)
+    assert health(link, now) == (Health.OK, "")
+    now = feed(link, 1000.0, 1.0, now)
+    assert health(link, now) == (Health.OK, "")
+    link.receive(b"\xff" * 300, now)
+    now = feed(link, 1000.0, 1.0, now)
+    level, message = health(link, now)
+    assert level == Health.WARN
+    assert message == "300 bytes of late belong to no frame"
+    now = feed(link, 1000.0, 1.0, now)
+    assert health(link, now) == (Health.OK, "")
+    assert link.health(link.streams[""], now)["bad_bytes"] == 800
+
+
+def test_a_device_that_must_be_spoken_to_is_spoken_to_while_the_link_is_up(links: dict[str, Link]) -> None:
+    link = links["gripper"]
+    assert link.due(T0) == b""
+    assert link.open("port", T0) != b""
+    assert link.health(link.streams[""], T0)["state"] == "waiting"
+    assert link.due(T0) == b"", "one transaction at a time"
+    assert link.due(T0 + 101 * MS) != b"", "the reply is overdue"
+    link.close("unplugged")
+    assert link.due(T0 + 1000 * MS) == b""
+    assert link.health(link.streams[""], T0)["state"] == "closed"
+
+
+def test_a_device_that_speaks_unasked_is_told_nothing(links: dict[str, Link]) -> None:
+    link = links["left.pad"]
+    assert link.open("port", T0) == b""
+    assert link.due(T0 + 10**12) == b""
+    assert link.health(link.streams[""], T0)["state"] is None
