@@ -45,7 +45,7 @@ def _streams(
     measured: processes.Measured, streams: Sequence[traffic.Stream], taken: dict[str, Any], seconds: float
 ) -> Table:
     head = ("stream", "written", "refused", "taken", "spoilt", "lost", "bytes each", "unread p99", "unread most")
-    table = Table(f"Full load: two fingers, {seconds:g} s: nothing lost", head)
+    table = Table(f"Full load: two fingers, {seconds:g} s: readings written and taken", head)
     for stream in streams:
         outcome, told = measured.outcomes[stream.name], taken[stream.name]
         table.rows.append(
@@ -64,7 +64,9 @@ def _streams(
     models = measured.heard.models
     exact = 100.0 * models.get("exact", 0) / max(1, sum(models.values()))
     late = max(outcome["late_p99_us"] for outcome in measured.outcomes.values())
+    missed = sum(int(row[1]) - int(row[3]) for row in table.rows)
     table.notes += [
+        f"Readings written and not taken: {missed}.",
         f"The daemon took {100 * measured.cpu_s / measured.seconds:.1f} % of a core.",
         f"{measured.heard.active} taxels of 128 in contact; {exact:.1f} % of the verdicts by the exact solver.",
         "Unread: bytes of a stream that the daemon had not read when the next reading of it was due.",
