@@ -1,0 +1,371 @@
+"""The whole daemon on real pseudo-terminals and real sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import tty
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zmq
+
+from slipd import config, service
+from slipd.devices import bota, pvdf
+from slipd.errors import LinkError, RecordingError
+from slipd.pipeline.engine import Engine
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
+from slipd.service import Endpoints
+from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
+
+PATIENCE_S = 30.0
+SLIPD = str(Path(sys.executable).with_name("slipd"))
+
+RIG = """
+[finger.left]
+mu = 0.5
+
+[finger.left.wrench]
+device = "bota"
+port = "{wrench}"
+rate_hz = 100.0
+
+[finger.left.pad]
+device = "pvdf"
+port = "{pad}"
+rate_hz = 100.0
+rows = 4
+cols = 4
+pitch_m = 0.004
+electrode_m = 0.002
+axis_scale = [0.01]
+threshold = 0.05
+
+[rates]
+status_hz = 50.0
+"""
+
+
+class Device:
+    """The far end of a serial port, under a name that stays."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._fd = -1
+        self._sent = 0
+
+    def plug(self) -> None:
+        self._fd, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self._fd, False)
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(slave))
+        os.close(slave)
+
+    def unplug(self) -> None:
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+        self.path.unlink(missing_ok=True)
+
+    def send(self, data: bytes) -> None:
+        try:
+            os.write(self._fd, data)
+            os.read(self._fd, 65536)  # what the daemon says to the device is heard, so that the line never fills
+        except OSError:  # nothing to read, or nobody has the port open
+            pass
+
+    def send_wrench(self, normal_n: float = 10.0) -> None:
+        self._sent += 1
+        self.send(bota.encode_frame((1.0, 0.0, -normal_n), (0.0, 0.0, 0.0), 10_000 * self._sent))
+
+    def send_image(self) -> None:
+        self._sent += 1
+        self.send(pvdf.encode_scan(np.full((4, 4), 100), self._sent, 10_000.0 * self._sent, 5.0))
+
+
+class Rig:
+    """Two devices on ptys, and the config of the daemon that reads them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.wrench, self.pad = Device(folder / "wrench"), Device(folder / "pad")
+        self.wrench.plug()
+        self.pad.plug()
+        self.file = folder / "rig.toml"
+        self.file.write_text(RIG.format(wrench=self.wrench.path, pad=self.pad.path), encoding="utf-8")
+
+    @property
+    def config(self) -> config.Config:
+        return config.load(self.file)
+
+    def send(self) -> None:
+        """One reading of each, the image first."""
+        self.pad.send_image()
+        self.wrench.send_wrench()
+
+
+class Client:
+    """A subscriber of everything and a requester, in a context of their own."""
+
+    def __init__(self, endpoints: Endpoints) -> None:
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._sub, self._dealer = self._context.socket(zmq.SUB), self._context.socket(zmq.DEALER)
+        self._sub.connect(endpoints.publish)
+        self._sub.setsockopt(zmq.SUBSCRIBE, b"")
+        self._dealer.connect(endpoints.requests)
+        self.heard: list[tuple[str, dict[str, Any]]] = []
+
+    def hear(self, topic: str) -> list[dict[str, Any]]:
+        """Bodies of a topic so far."""
+        while self._sub.poll(0):
+            frames = self._sub.recv_multipart()
+            assert len(frames) == 2
+            self.heard.append((frames[0].decode(), decode(frames[1], MESSAGE_LIMITS)))
+        return [body for name, body in self.heard if name == topic]
+
+    def ask(self, **body: Any) -> None:
+        self._dealer.send(encode({"v": 1, "id": 1} | body))
+
+    def answer(self) -> dict[str, Any] | None:
+        return decode(self._dealer.recv(), MESSAGE_LIMITS) if self._dealer.poll(0) else None
+
+    def close(self) -> None:
+        self._context.destroy(linger=0)
+
+
+def left_in(folder: Path) -> list[str] | None:
+    """Names of the files in a folder; None where there is no folder."""
+    return sorted(path.name for path in folder.iterdir()) if folder.exists() else None
+
+
+async def until(condition: Callable[[], Any], meanwhile: Callable[[], None] = lambda: None) -> Any:
+    """Waits until something is so, and returns it."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not (found := condition()):
+            meanwhile()
+            await asyncio.sleep(0.005)
+        return found
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    rig = Rig(tmp_path)
+    yield rig
+    rig.wrench.unplug()
+    rig.pad.unplug()
+
+
+@asynccontextmanager
+async def serving(rig: config.Config, **options: Any) -> AsyncIterator[Client]:
+    """The daemon in this loop, until the block ends; and a client of it."""
+    ready: asyncio.Future[Endpoints] = asyncio.get_running_loop().create_future()
+    stop = asyncio.Event()
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(service.serve(rig, on_ready=ready.set_result, stop=stop, **options))
+        client = Client(await asyncio.wait_for(ready, PATIENCE_S))
+        try:
+            yield client
+        finally:
+            client.close()
+            stop.set()
+
+
+async def test_a_reading_on_the_port_is_a_message_on_the_bus(rig: Rig) -> None:
+    async with serving(rig.config) as client:
+        body = (await until(lambda: client.hear("wrench.left"), rig.send))[0]
+        assert body["force_n"] == pytest.approx([1.0, 0.0, -10.0])
+        slip = (await until(lambda: [s for s in client.hear("slip.left") if s["level"] == "stable"], rig.send))[0]
+        assert slip["utilisation"] == pytest.approx(0.2, rel=1e-4)
+        assert slip["config_id"] == rig.config.config_id
+        assert client.hear("warning")
+        await until(lambda: client.hear("tactile.left"), rig.send)
+
+
+async def test_a_port_that_is_missing_is_told_and_the_others_are_read(rig: Rig) -> None:
+    rig.pad.unplug()
+    async with serving(rig.config) as client:
+        await until(lambda: client.hear("wrench.left"), rig.wrench.send_wrench)
+        streams = (await until(lambda: client.hear("status")))[-1]["streams"]
+        assert streams["left.pad"]["health"] == Health.ERROR
+        assert "no such port" in streams["left.pad"]["message"]
+        assert streams["left.wrench"]["hardware_id"]
+        await until(lambda: client.hear("status")[-1]["streams"]["left.wrench"]["samples"] > 20, rig.wrench.send_wrench)
+        assert client.hear("slip.left")[-1]["reasons"] == ["rotation_unobserved"]
+
+
+async def test_a_port_that_comes_later_is_read_from_then_on(rig: Rig) -> None:
+    rig.pad.unplug()
+    async with serving(rig.config) as client:
+        await until(lambda: client.hear("wrench.left"), rig.wrench.send_wrench)
+        rig.pad.plug()
+        await until(lambda: client.hear("tactile.left"), rig.send)
+
+
+async def test_garbage_on_a_line_is_counted_and_what_follows_is_read(rig: Rig) -> None:
+    garbage = np.random.default_rng(7).bytes(300)
+
+    def noise() -> None:
+        rig.wrench.send(garbage)
+        rig.pad.send(garbage)
+
+    def counted() -> bool:
+        streams = client.hear("status")[-1]["streams"] if client.hear("status") else {}
+        return bool(streams) and all(stream["bad_bytes"] > 1000 for stream in streams.values())
+
+    async with serving(rig.config) as client:
+        await until(counted, noise)
+        assert client.hear("wrench.left") == []
+        await until(lambda: client.hear("wrench.left"), rig.send)
+        await until(lambda: client.hear("tactile.left"), rig.send)
+
+
+async def test_a_sensor_that_is_unplugged_makes_its_finger_unknown_until_it_is_back(rig: Rig) -> None:
+    async with serving(rig.config) as client:
+        await until(lambda: [s for s in client.hear("slip.left") if s["level"] == "stable"], rig.send)
+        rig.wrench.unplug()
+        await until(lambda: client.hear("warning")[-1]["reasons"] == ["stale"])
+        rig.wrench.plug()
+        await until(lambda: client.hear("warning")[-1]["level"] == "stable", rig.send)
+        assert client.hear("status")[-1]["streams"]["left.wrench"]["reconnects"] == 1
+
+
+async def test_requests_are_answered(rig: Rig) -> None:
+    async with serving(rig.config) as client:
+        client.ask(op="hello")
+        hello = await until(client.answer)
+        assert hello["ok"]
+        assert hello["result"]["fingers"] == ["left"]
+        envelope = {"boot": hello["result"]["boot"], "deadline_ns": hello["result"]["t_ns"] + 400_000_000}
+        client.ask(op="lease.acquire", ttl_ms=100, **envelope)
+        assert (await until(client.answer))["error"]["code"] in ("no_gripper", "deadline_passed")
+        client.ask(op="lease.acquire", ttl_ms=100, **envelope | {"boot": "another"})
+        assert (await until(client.answer))["error"]["code"] == "wrong_boot"
+
+
+async def test_what_was_recorded_replays_as_it_was_published(rig: Rig, tmp_path: Path) -> None:
+    async with serving(rig.config, record=tmp_path / "run.mcap") as client:
+        await until(lambda: len(client.hear("slip.left")) > 10, rig.send)
+        rig.wrench.unplug()
+        client.ask(op="status")
+        await until(client.answer)
+        await until(lambda: client.hear("warning")[-1]["reasons"] == ["stale"])
+        live = [(topic, body) for topic, body in client.heard]
+    recording = open_recording(tmp_path / "run.mcap")
+    replayed = list(replay(recording))
+    assert recording.complete
+    assert [(topic, encode(body)) for topic, body in replayed] == list(open_recording(tmp_path / "run.mcap").messages())
+    heard = {(topic, body["seq"]): body for topic, body in live}
+    assert all(body == heard.get((topic, body["seq"]), body) for topic, body in replayed)
+    assert {(topic, body["seq"]) for topic, body in replayed} >= set(heard)
+
+
+async def test_a_recording_is_never_overwritten(rig: Rig, tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"precious")
+    with pytest.raises(RecordingError):
+        await service.serve(rig.config, record=tmp_path / "run.mcap")
+    assert (tmp_path / "run.mcap").read_bytes() == b"precious"
+
+
+async def test_two_daemons_do_not_share_a_runtime_directory(rig: Rig, runtime: Path) -> None:
+    async with serving(rig.config):
+        with pytest.raises(LinkError, match=rf"{runtime}: slipd runs here already \(process {os.getpid()}\)"):
+            await service.serve(rig.config)
+    async with serving(rig.config):
+        pass  # once the first has ended, there is room for another
+
+
+async def test_endpoints_of_the_config_need_no_runtime_directory(rig: Rig, runtime: Path) -> None:
+    bus = '[bus]\npublish = "tcp://127.0.0.1:*"\nrequests = "tcp://127.0.0.1:*"\n'
+    with_bus = config.parse(rig.file.read_text(encoding="utf-8") + bus, "rig.toml")
+    async with serving(with_bus) as client:
+        await until(lambda: client.hear("wrench.left"), rig.send)
+    assert left_in(runtime) is None
+
+
+async def test_a_failure_of_the_engine_ends_the_run_and_is_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    handle = Engine.handle
+    calls = 0
+
+    def fail(engine: Engine, event: Any, t_ns: int) -> Any:
+        nonlocal calls
+        calls += 1
+        if calls == 5:
+            raise ZeroDivisionError("what nobody thought of")
+        return handle(engine, event, t_ns)
+
+    monkeypatch.setattr(Engine, "handle", fail)
+    with pytest.raises(ZeroDivisionError, match="what nobody thought of"):
+        await asyncio.wait_for(service.serve(rig.config), PATIENCE_S)
+
+
+async def test_the_end_of_a_run_gives_the_signals_back(rig: Rig) -> None:
+    async with serving(rig.config):
+        assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def start(rig: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [SLIPD, "run", "--config", str(rig)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+async def test_a_signal_ends_the_process_well(rig: Rig, runtime: Path, number: signal.Signals) -> None:
+    with start(rig.file) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        lines = [process.stdout.readline().strip() for _ in range(2)]
+        assert lines == [f"publish: ipc://{runtime}/publish", f"requests: ipc://{runtime}/requests"]
+        client = Client(Endpoints(*(line.partition(": ")[2] for line in lines)))
+        await until(lambda: client.hear("wrench.left"), rig.send)
+        client.close()
+        process.send_signal(number)
+        assert process.wait(PATIENCE_S) == 0
+        assert process.stdout.read() == ""
+        assert "Traceback" not in process.stderr.read()
+
+
+@pytest.mark.process
+async def test_a_second_process_is_refused_in_words(rig: Rig, runtime: Path) -> None:
+    async with serving(rig.config) as client:
+        process = await asyncio.create_subprocess_exec(
+            *(SLIPD, "run", "--config", str(rig.file)),
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+        )
+        out, err = await asyncio.wait_for(process.communicate(), PATIENCE_S)
+        assert process.returncode == 1
+        assert out == b""
+        assert f"slipd: {runtime}: slipd runs here already (process {os.getpid()})" in err.decode()
+        assert b"Traceback" not in err
+        await until(lambda: client.hear("wrench.left"), rig.send)  # the first one serves on
+
+
+@pytest.mark.process
+def test_a_process_with_a_bad_config_says_where(rig: Rig) -> None:
+    text = rig.file.read_text(encoding="utf-8").replace("rows = 4", "rows = 4.5")
+    rig.file.write_text(text, encoding="utf-8")
+    line = text.splitlines().index("rows = 4.5") + 1
+    done = subprocess.run(
+        [SLIPD, "run", "--config", str(rig.file)], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"{rig.file}:{line}: finger.left.pad.rows: ")
