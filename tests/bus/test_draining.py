@@ -132,6 +132,7 @@ async def test_nothing_is_read_after_the_stop(server: zmq.Socket[bytes], client:
     assert server.poll(30_000)
     drain.start()
     drain.stop()
+    assert not asyncio.get_running_loop().remove_reader(server.getsockopt(zmq.FD))
     client.socket.send(b"later")
     for _ in range(10):
         await asyncio.sleep(0)

@@ -87,8 +87,13 @@ async def test_a_latecomer_gets_the_last_message_of_every_topic_it_subscribed_to
             publisher.publish(topic, f"last {topic}".encode())
         late = subscribe(b"slip", b"warning")
         await eventually(lambda: len(late.got) == 4)
+        assert publisher.repeated == 2  # of slip, one came to the latecomer alone
+        later = subscribe(b"warning")
+        await eventually(lambda: later.got)
+        await eventually(lambda: publisher._repeating is None)
         publisher.publish("warning", b"new")
         await eventually(lambda: len(late.got) == 5)
+        assert publisher.repeated == 2
     assert sorted(late.got[:4]) == [
         [b"slip.left", b"last slip.left"],
         [b"slip.right", b"last slip.right"],
@@ -260,6 +265,19 @@ async def test_what_a_subscriber_should_not_send_harms_nobody(
             rude.socket.send_multipart([garbage, garbage])
         early = subscribe(b"slip")
         await hear(publisher, early, "slip.left", eventually)
+
+
+async def test_a_subscriber_that_sends_no_subscription_but_a_heap_is_disconnected(
+    context: Context, endpoint: str, peer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    with Publisher(context, endpoint):
+        rude = peer(zmq.XSUB, endpoint, RECONNECT_IVL=-1)
+        monitor = rude.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+        rude.socket.send(bytes(publisher_module.MAX_SUBSCRIPTION_BYTES))
+        rude.socket.send(b"\x07" * (publisher_module.MAX_SUBSCRIPTION_BYTES + 1))
+        await eventually(lambda: monitor.poll(0))
+        rude.socket.disable_monitor()
+        monitor.close()
 
 
 async def test_a_storm_of_reconnections_leaks_nothing(

@@ -46,6 +46,7 @@ def test_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path) -
             RuntimeDirectory(path).__enter__()
         holder.kill()
         holder.wait()
+        (path / "lock").write_text("12345678901\n")
         with RuntimeDirectory(path):  # the kernel let go of it
             assert (path / "lock").read_text() == f"{os.getpid()}\n"
 
