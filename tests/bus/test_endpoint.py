@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import stat
@@ -92,6 +93,22 @@ def test_the_path_of_a_living_server_is_not_stolen(context: Context, endpoint: s
     with pytest.raises(LinkError, match="another program serves here"):
         open_server(context, zmq.ROUTER, endpoint, {})
     server.close()
+
+
+def test_a_server_that_is_too_busy_to_answer_is_not_taken_for_dead(
+    context: Context, endpoint: str, tmp_path: Path
+) -> None:
+    with contextlib.ExitStack() as stack:
+        busy = stack.enter_context(socket.socket(socket.AF_UNIX))
+        busy.bind(str(tmp_path / "s"))
+        busy.listen(0)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                visitor = stack.enter_context(socket.socket(socket.AF_UNIX))
+                visitor.setblocking(False)
+                visitor.connect(str(tmp_path / "s"))
+        with pytest.raises(LinkError, match="another program serves here"):
+            open_server(context, zmq.ROUTER, endpoint, {})
 
 
 def test_the_socket_that_a_killed_server_left_is_taken_over(context: Context, endpoint: str, tmp_path: Path) -> None:
