@@ -58,6 +58,10 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
     if device_faults:
         return faults + device_faults
     axes = DEVICES[pad.device].axes
+    served = DEVICES[pad.device].transport == "websocket"
+    if served != bool(pad.sensor):
+        right = 'give the pad\'s key on its server, e.g. "1"' if served else "leave it out: the port carries one pad"
+        faults.append((f"{path}.pad.sensor", right))
     if len(pad.axis_scale) != axes:
         faults.append((f"{path}.pad.axis_scale", f"{pad.device} measures {axes} component(s) a taxel: give {axes}"))
     if axes == 3 and pad.charge_tau_s is not None:

@@ -55,3 +55,17 @@ def test_a_bad_call_raises() -> None:
         grip_needed_n(X, Y, LOADS, MU, (0, 0), 0.0, (0, 0), safety=0.5)
     with pytest.raises(ValueError, match="growth"):
         grip_needed_n(X, Y, LOADS, MU, (0, 0), 0.0, (0, 0), growth=-1.0)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    x=st.floats(-0.01, 0.01),
+    y=st.floats(-0.01, 0.01),
+    force=st.floats(0.1, 10.0),
+    growth=st.floats(0.01, 1.0),
+    fx=st.floats(-5, 5),
+)
+def test_one_taxel_has_no_size_that_could_grow(x, y, force, growth, fx) -> None:
+    """Its centre is not quite where the taxel is, but for rounding: that must not look like a torque on a point."""
+    needed = grip_needed_n([x], [y], [force], MU, (fx, 1.0), 0.0, (x, y), growth=growth)
+    assert needed == pytest.approx(math.hypot(fx, 1.0) / MU, rel=1e-6)

@@ -80,6 +80,14 @@ def test_widths_and_speeds_are_those_of_the_tables(control: GripperControl, sess
     assert session.commands == [("move", 128, 128, 0), ("move", 0, 0, 0), ("move", 0, 255, 0)]
 
 
+def test_tables_may_have_any_number_of_points(left: str, gripper: str, parse: Parse, session: Recorded) -> None:
+    text = gripper.replace("[255, 0.15]", "[200, 0.1], [255, 0.2]").replace("[0.0, 0.085]", "[0.0, 0.085], [0.2, 0.08]")
+    control = make(left + text, parse, session)
+    assert isinstance(control.open(0.082, 0.15), dict)
+    assert isinstance(control.close(5.0, 0.02, 0.12), dict)
+    assert [command[:3] for command in session.commands] == [("move", 31, 228), ("move", 204, 211)]
+
+
 @pytest.mark.parametrize("width_m", [-0.001, 0.086, 1e300])
 def test_a_width_that_the_gripper_does_not_have_is_refused(
     control: GripperControl, session: Recorded, width_m: float

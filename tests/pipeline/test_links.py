@@ -82,7 +82,10 @@ def test_a_link_is_judged_from_its_opening_to_its_loss(links: dict[str, Link]) -
     assert health(link, T0) == (Health.ERROR, "not opened yet")
     link.open("/dev/ttyUSB0", T0)
     assert health(link, T0) == (Health.STALE, "open, but no reading yet")
+    assert link.health(link.streams[""], T0)["samples"] == 0
     link.receive(frame(T0), T0)
+    told = link.health(link.streams[""], T0)
+    assert (told["samples"], told["good"], told["reconnects"], told["age_s"]) == (1, 1, 0, 0.0)
     assert health(link, T0 + 20 * MS) == (Health.OK, "")
     assert health(link, T0 + 21 * MS) == (Health.STALE, "no reading for 0.02 s")
     link.close("unplugged")

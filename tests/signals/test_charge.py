@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from slipd.signals.charge import LONGEST_GAP_TAUS, OFFSET_TAU_S, ChargeReconstruction
+from slipd.signals.charge import OFFSET_TAU_S, ChargeReconstruction
 
 TAU_S = 2.0
 STEP_S = 0.005
@@ -142,13 +142,37 @@ def test_a_moment_in_which_nobody_knows_does_not_end_what_was_added_up() -> None
 def test_a_gap_that_loses_the_charge_makes_the_rest_of_the_contact_unknown() -> None:
     charge = ChargeReconstruction(1, TAU_S)
     charge.update(np.zeros(1), 0.0, FREE)
-    longest_s = LONGEST_GAP_TAUS * TAU_S
+    longest_s = 0.1 * TAU_S
     assert np.isfinite(charge.update(np.full(1, 9.0), 0.999 * longest_s, HELD)).all()
     assert np.isnan(charge.update(np.full(1, 9.0), 2.001 * longest_s, HELD)).all()
     assert not charge.ready
     assert np.isnan(charge.update(np.full(1, 9.0), 2.002 * longest_s, HELD)).all(), "it does not heal by itself"
     charge.update(np.zeros(1), 3.0 * longest_s, FREE)
     assert np.isfinite(charge.update(np.full(1, 9.0), 3.1 * longest_s, HELD)).all()
+
+
+def test_charge_that_was_given_up_at_rest_does_not_spoil_the_offset() -> None:
+    """The host slept just after a release: what was missing then is no longer missing when it wakes."""
+    charge = ChargeReconstruction(1, TAU_S)
+    held = np.concatenate((press(1000.0, 3.0), np.zeros(40)))
+    for k, (y, f) in enumerate(zip(amplifier(held), held, strict=True)):
+        charge.update(np.array((y,)), k * STEP_S, bool(f <= 0.0))
+    charge.forget()
+    start_s = len(held) * STEP_S
+    later = press(600.0, 3.0)
+    for k, (y, f) in enumerate(zip(amplifier(later), later, strict=True)):
+        told = charge.update(np.array((y,)), start_s + k * STEP_S, bool(f <= 0.0))[0]
+    assert told == pytest.approx(600.0, rel=0.02)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("when", [FREE, HELD])
+def test_one_reading_that_is_no_number_poisons_nothing_for_ever(bad: float, when: bool) -> None:
+    charge = ChargeReconstruction(2, TAU_S)
+    charge.update(np.zeros(2), 0.0, FREE)
+    assert np.isnan(charge.update(np.array((1.0, bad)), STEP_S, when)).all()
+    assert_array_equal(charge.update(np.zeros(2), 2 * STEP_S, FREE), np.zeros(2))
+    assert_allclose(charge.update(np.full(2, 9.0), 3 * STEP_S, HELD), (9.0, 9.0), rtol=0.01)
 
 
 def test_two_scans_at_one_instant_add_nothing_up() -> None:

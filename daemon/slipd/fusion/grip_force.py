@@ -57,6 +57,8 @@ def grip_needed_n(
     if growth == 0.0 or rigid in (0.0, math.inf) or math.isnan(rigid):
         return rigid * normal if rigid > 0.0 else rigid
     xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    if np.ptp(xs[forces > 0.0]) == np.ptp(ys[forces > 0.0]) == 0.0:  # a point has no size that could grow
+        return rigid * normal
     centre = np.array((xs @ forces, ys @ forces)) / normal
     a = np.asarray(about, dtype=np.float64)
     spin_there = safety * spin + (a[0] - centre[0]) * f[1] - (a[1] - centre[1]) * f[0]
@@ -68,9 +70,11 @@ def grip_needed_n(
 
     # A larger contact carries more of the spin and as much of the force, so the root lies between here and rigid.
     low, high = sorted((0.0, math.log(rigid)))
-    while excess(low) < 0.0:
+    while (missing := excess(low)) < 0.0:
         low -= 1.0
-    while excess(high) > 0.0:
+    while missing < math.inf and (missing := excess(high)) > 0.0:
         high += 1.0
+    if missing == math.inf:  # all but one taxel carry next to nothing, and the rounding of its place is a torque
+        return rigid * normal
     root = low if low == high else float(brentq(excess, low, high, xtol=RELATIVE_TOLERANCE))
     return normal * math.exp(root)

@@ -139,17 +139,23 @@ class Engine:
     def _tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:
         slept = 0 if self._suspended_ns is None else suspended_ns - self._suspended_ns
         self._suspended_ns = suspended_ns
-        if slept > SUSPENSION_NS and self._gripper is not None:
-            self._gripper.policy.end_lease()
+        if slept > SUSPENSION_NS:
+            self._wake(t_ns, out)
         for finger in self._fingers.values():
-            if slept > SUSPENSION_NS:
-                finger.disconnect_image()
-            state = finger.disconnect(t_ns) if slept > SUSPENSION_NS else finger.on_time(t_ns)
+            state = finger.on_time(t_ns)
             if state is not None:
                 self._publish_state(finger, state, out)
         self._write_due(t_ns, out)
         if self._status_pace.passes(t_ns):
             self._publish_status(t_ns, out)
+
+    def _wake(self, t_ns: int, out: list[Output]) -> None:
+        """The host slept, and the monotonic clock with it: what looks fresh is old, and leases are over."""
+        if self._gripper is not None:
+            self._gripper.policy.end_lease()
+        for finger in self._fingers.values():
+            finger.disconnect_image()
+            self._publish_state(finger, finger.disconnect(t_ns), out)
 
     def _lose(self, name: str, t_ns: int, out: list[Output]) -> None:
         """A link is gone: what came over it is no longer known."""

@@ -54,8 +54,11 @@ class ChargeReconstruction:
 
         Returns:
             Force on each taxel, shape (taxels,), in the unit of the readings; zeros where free; NaN where a contact
-            cannot be known because none of its beginning was seen.
+            cannot be known because none of its beginning was seen, or a reading is no number.
         """
+        if not np.isfinite(readings).all():
+            self.forget()
+            return np.full_like(readings, math.nan)
         if known_free:
             self._rest(readings, t_s)
             return np.zeros_like(readings)
