@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import tty
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
@@ -191,6 +192,8 @@ async def test_a_reading_on_the_port_is_a_message_on_the_bus(rig: Rig) -> None:
         slip = (await until(lambda: [s for s in client.hear("slip.left") if s["level"] == "stable"], rig.send))[0]
         assert slip["utilisation"] == pytest.approx(0.2, rel=1e-4)
         assert slip["config_id"] == rig.config.config_id
+        assert abs(slip["timestamp"] - time.time()) < PATIENCE_S
+        assert abs(slip["t_ns"] - time.monotonic_ns()) < PATIENCE_S * 1e9
         assert client.hear("warning")
         await until(lambda: client.hear("tactile.left"), rig.send)
 
