@@ -99,6 +99,12 @@ def test_there_are_shipped_configs_and_they_are_found_by_name() -> None:
     assert config.shipped("grips.toml").samefile(SHIPPED[0].parent / "grips.toml")
 
 
+def test_a_gripper_may_begin_at_nothing() -> None:
+    """Its softest setting may be told as 0 N and 0 m/s."""
+    text = GOOD.replace("[[0, 3.0],", "[[0, 0.0],").replace("[[0, 0.02],", "[[0, 0.0],")
+    assert config.parse(text, "rig.toml").gripper is not None
+
+
 def test_the_id_of_a_config_changes_with_its_text() -> None:
     ids = {config.parse(text, "rig.toml").config_id for text in (GOOD, GOOD + "\n", GOOD + "# note\n")}
     assert len(ids) == 3
