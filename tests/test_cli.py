@@ -97,7 +97,7 @@ def test_a_replay_is_published_for_whoever_listens(
 
     listener = threading.Thread(target=listen)
     listener.start()
-    assert main(["replay", str(recording), "--speed", "8", "--publish"]) == 0
+    assert main(["replay", str(recording), "--speed", "4", "--publish"]) == 0
     listener.join()
     context.destroy(linger=0)
     assert heard[0][0] in (b"slip.left", b"slip.right")

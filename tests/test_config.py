@@ -190,6 +190,10 @@ MEANING = [
     ("caution = 0.6", "caution = 0.9", "levels.caution", "must be below levels.warning, 0.85"),
     ("caution = 0.6", "caution = 0.04", "levels.hysteresis", "must be below levels.caution, 0.04"),
     ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 9 }", "finger.left.wrench.options", "sinc length of 9"),
+    ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 64.5 }", "finger.left.wrench.options", "64.5"),
+    ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { unit = 300 }", "gripper.options", "unit 300 is no Modbus address"),
+    ("rate_hz = 50.0", 'rate_hz = 50.0\noptions = { unit = "9" }', "gripper.options", "unit '9'"),
+    ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { poll_period_s = 1e300 }", "gripper.options", ""),
     ("rate_hz = 800", "rate_hz = 800\noptions = { speed = 9 }", "finger.left.wrench.options", "speed"),
     ("axis_scale = [0.001", "charge_tau_s = 2.0\naxis_scale = [0.001", "finger.right.pad.charge_tau_s", "no charge"),
 ]

@@ -120,12 +120,12 @@ class Session:
         temperature_compensation: Let the sensor compensate its temperature; the maker advises against it.
 
     Raises:
-        ValueError: The sinc length is out of range.
+        ValueError: The sinc length is out of range, or no integer.
     """
 
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
         shortest, longest = SINC_LENGTHS
-        if not shortest <= sinc_length <= longest:
+        if not (isinstance(sinc_length, int) and shortest <= sinc_length <= longest):
             raise ValueError(f"a sinc length of {sinc_length} is not supported: {shortest} to {longest} is")
         self.decoder = Decoder()
         self.health = self.decoder.health

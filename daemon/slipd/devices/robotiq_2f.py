@@ -27,6 +27,8 @@ from slipd.devices.robotiq_registers import (
 )
 from slipd.samples import GripperSample
 
+LAST_UNIT = 247
+"""The highest address that Modbus gives to a device."""
 COMMAND_PAUSE_NS = 5_000_000
 """The manual asks for 5 ms between commands: the registers are refreshed at 200 Hz."""
 REPLY_TIMEOUT_NS = 100_000_000
@@ -80,12 +82,14 @@ class Session:
         poll_period_s: Time from one status poll to the next, s, at least 0.005.
 
     Raises:
-        ValueError: A poll period shorter than the gripper's own pause.
+        ValueError: A poll period shorter than the gripper's own pause, or an address that none has.
     """
 
     def __init__(self, unit: int = UNIT, poll_period_s: float = 0.02) -> None:
         if not poll_period_s * 1e9 >= COMMAND_PAUSE_NS:
             raise ValueError(f"a poll period of {poll_period_s} s is too short: 0.005 s is the least")
+        if not (isinstance(unit, int) and 1 <= unit <= LAST_UNIT):
+            raise ValueError(f"unit {unit!r} is no Modbus address: an integer from 1 to {LAST_UNIT} is")
         self.health = DecoderHealth()
         self.state = "closed"
         self._unit = unit
