@@ -22,7 +22,7 @@ T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
 PROTOCOL = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 
-DESIGN = {
+CONTRACT = {
     *("finger", "level", "level_code", "reasons", "normal_n", "tangential_n", "spin_nm", "centroid_m"),
     *("friction_ratio", "mu", "mu_source", "utilisation", "utilisation_lower", "utilisation_upper"),
     *("torque_limit_nm", "pole_m", "tipping_margin_m", "grip_needed_n", "model", "tare_id", "age_s"),
@@ -57,10 +57,10 @@ def nil(body: dict[str, Any]) -> set[str]:
 def test_a_verdict_has_exactly_its_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
     for normal_n in (0.0, 10.0, math.nan):
         finger.take_wrench(wrench(T0, normal_n))
-        assert set(slip_body(finger, T0)) == DESIGN | EXTRAS
+        assert set(slip_body(finger, T0)) == CONTRACT | EXTRAS
         finger.take_tactile(image(T0, FULL))
     finger.lose(T0)
-    assert set(slip_body(finger, T0)) == DESIGN | EXTRAS
+    assert set(slip_body(finger, T0)) == CONTRACT | EXTRAS
 
 
 def test_the_protocol_document_lists_the_fields_that_are_sent(finger: Finger, image: Image) -> None:
