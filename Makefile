@@ -26,7 +26,7 @@ lint: $(READY)
 	@$(BIN)/lint-imports
 
 bench: $(READY)
-	@echo "== from the last byte to the message at a subscriber, beside a C program (about a minute)"
+	@echo "== from the last byte to the message at a subscriber, beside a C program (about two minutes)"
 	@$(BIN)/python tests/bench/latency.py
 
 # The environment is made again when the dependencies change; a stamp tells, so that a second run starts at once.

@@ -164,17 +164,21 @@ class Requester:
             As ``tare_get``, and ``verified``: whether the daemon knew that nothing touched the finger.
 
         Raises:
+            RequestRefused: Beside the daemon's own refusals: the tare was given up meanwhile.
             ValueError: ``seconds`` is no positive time.
         """
         if not 0 < seconds < math.inf:
             raise ValueError(f"seconds is {seconds}; a tare takes the mean over a positive time, e.g. {TARE_S}")
-        verified = self.request("tare", finger=finger, seconds=seconds).get("verified")
+        begun = self.request("tare", finger=finger, seconds=seconds)
         until = time.monotonic() + seconds + self.timeout_s
         while (taken := self.tare_get(finger)).get("busy"):
             if time.monotonic() > until:
                 raise NoAnswer(f"the tare of {finger} is not taken after {seconds} s: too few readings come in")
             time.sleep(TARE_LOOK_S)
-        return taken | {"verified": verified}
+        if taken.get("tare_id") == begun.get("tare_id"):
+            reason = f"the tare of {finger} was given up: something pressed meanwhile, or its stream ended"
+            raise RequestRefused("in_contact", reason, "finger")
+        return taken | {"verified": begun.get("verified")}
 
     def tare_get(self, finger: str) -> dict[str, Any]:
         """The tare in use."""

@@ -52,6 +52,9 @@ class Pad(Stream):
 
     Attributes:
         sensor: Which pad, on a port that carries several.
+        swap_xy: The scan's rows run along X; the shear axes of three-axis taxels are swapped with them.
+        flip_x: The scan runs against X; shear is turned by the sign of ``axis_scale``.
+        flip_y: Likewise against Y.
         axis_scale: Newtons (or the unit chosen) a count, one a component that a taxel measures; signs turn the axes.
         threshold: A taxel is active above this normal force, in the unit that ``axis_scale`` gives.
         tare: Counts of the unloaded pad, one a component of each taxel in scan order; empty: zero.

@@ -71,6 +71,7 @@ async def serve(
     with ExitStack() as stack:
         run = stack.enter_context(_Run(config, record, stop))
         stack.enter_context(_signals(stop))
+        asyncio.get_running_loop().set_exception_handler(run.on_loop_fault)
         gc.collect()
         gc.freeze()
         stack.callback(gc.unfreeze)
@@ -133,6 +134,12 @@ class _Run:
         except Exception as error:  # whatever it is: the run must end and say so
             self._failure = self._failure or error
             self._stop.set()
+
+    def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """A callback outside the engine failed (a socket, a task): silence would be the worst answer."""
+        loop.default_exception_handler(context)
+        self._failure = self._failure or context.get("exception") or RuntimeError(context["message"])
+        self._stop.set()
 
     def raise_failure(self) -> None:
         """Raises what ended the run, if anything did."""

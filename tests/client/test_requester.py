@@ -234,12 +234,19 @@ def test_each_call_sends_its_op_and_fields(
 
 def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
     looks = iter([{"busy": True, "tare_id": 1}, {"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
-    daemon.handlers["tare"] = lambda _: {"verified": True}
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
     daemon.handlers["tare.get"] = lambda _: next(looks)
     with Requester(daemon.endpoint) as requester:
         assert requester.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
     assert daemon.ops == ["hello", "tare", *["tare.get"] * 3]
     assert daemon.requests[1]["seconds"] == 0.4
+
+
+def test_a_tare_that_was_given_up_is_told(daemon: Daemon) -> None:
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    daemon.handlers["tare.get"] = lambda _: {"busy": False, "tare_id": 1}
+    with Requester(daemon.endpoint) as requester, pytest.raises(RequestRefused, match="given up"):
+        requester.tare("left", 0.1)
 
 
 def test_a_tare_without_readings_is_told(daemon: Daemon) -> None:

@@ -145,6 +145,18 @@ def test_three_axis_taxels_are_a_force_sensor(right: str, parse: Parse) -> None:
     assert pad.pressure == pytest.approx((0.0, 3.0, 0.0, 0.0))
 
 
+def test_a_turned_three_axis_pad_turns_its_shear_with_its_rows(right: str, parse: Parse) -> None:
+    pad = pad_image(parse(right.replace("pitch_m", "swap_xy = true\npitch_m")).finger["right"])
+    assert pad is not None
+    counts = np.full((4, 3), 1000.0)
+    counts[1] += (200.0, -100.0, 3000.0)
+    pad.take(TactileSample(T0, None, counts), known_free=False)
+    wrench = pad.wrench()
+    assert wrench is not None
+    assert wrench[0] == pytest.approx((-0.1, 0.2, -3.0))
+    assert wrench[1] == pytest.approx(np.cross((-0.002, 0.002, 0.0), wrench[0]))
+
+
 def test_the_shape_is_told_in_the_frame_of_the_pad(make: Callable[..., PadImage], image: Image) -> None:
     counts = np.zeros((4, 4))
     counts[0, :] = 100.0  # the first row of the scan

@@ -1,7 +1,7 @@
 """Who may ask for a grip force, and which: absolute limits and one lease holder.
 
-What is out of range is refused, never clamped, and a limit that is not configured means no actuation. The end of a lease
-moves nothing.
+What is out of range is refused, never clamped, and a limit that is not configured means no actuation. The end of a
+lease moves nothing.
 """
 
 from __future__ import annotations

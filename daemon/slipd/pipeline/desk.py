@@ -92,7 +92,8 @@ class Desk:
             return Refusal("in_contact", f"finger {finger.name} is in contact: a tare would erase its load", "finger")
         verified = finger.pressed() is False
         finger.begin_tare(t_ns, seconds)
-        return {"finger": finger.name, "seconds": seconds, "verified": verified}
+        in_force = finger.tare.current.id
+        return {"finger": finger.name, "seconds": seconds, "verified": verified, "tare_id": in_force}
 
     def _tare_get(self, request: Request, _: int) -> Result:
         finger = self._finger(request)

@@ -54,7 +54,10 @@ class PadImage:
             known_free: The force sensor reads no contact. Where it reads nothing, that is not known, and a held load
                 must not be taken for an offset.
         """
-        values = self._scale * self.tare.apply(sample.values, sample.t_ns)
+        values = self.tare.apply(sample.values, sample.t_ns)
+        if self.three_axis and self.geometry.swap_xy:
+            values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
+        values = self._scale * values
         if self._charge is not None:
             values = self._charge.update(values, sample.t_ns * 1e-9, known_free)
         normal = -values[:, 2] if self.three_axis else values
