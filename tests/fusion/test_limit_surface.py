@@ -156,7 +156,8 @@ def test_bounds_are_tight_over_many_contacts_of_every_family() -> None:
 @given(seed=st.integers(0, 10**6))
 def test_a_load_on_the_limit_has_utilisation_one(seed: int) -> None:
     x, y, loads, f, _ = random_contact(seed)
-    about = np.array((0.02, 0.01))
+    # A few radii of the contact from its centre: from farther off, the rounding of the lever hides a small contact.
+    about = np.array((x @ loads, y @ loads)) / loads.sum() + 3.0 * gyration(x, y, loads)
     for sense in (1, -1):
         limit = torque_limit(x, y, loads, MU, f, about, sense)
         if np.hypot(*f) < 0.999 * MU * loads.sum():

@@ -60,8 +60,8 @@ class Daemon(threading.Thread):
         usual = {
             "hello": {"boot": BOOT, "t_ns": time.monotonic_ns(), "fingers": ["left", "right"]},
             "status": {"streams": WELL},
-            "tare": {"verified": True},
-            "tare.get": {"busy": False, "readings": 400},
+            "tare": {"verified": True, "tare_id": 0},
+            "tare.get": {"busy": False, "readings": 400, "tare_id": 1},
             "grip.set": {"applied_n": body.get("force_n")},
         }
         return {"ok": True, "result": scripted or usual.get(body["op"], {})}
