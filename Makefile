@@ -32,7 +32,8 @@ bench: $(READY)
 # The environment is made again when the dependencies change; a stamp tells, so that a second run starts at once.
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
-		|| { echo "slipd needs Python 3.11 or newer; $(PYTHON) is $(VERSION). Try: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
+		|| { echo "slipd needs Python 3.11 or newer; $(PYTHON) $(if $(VERSION),is $(VERSION),cannot be run)." \
+			"Name another: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
 	@echo "== setting up $(VENV) with Python $(VERSION) (once; about a minute)"
 	@$(PYTHON) -m venv $(VENV) || { echo "venv failed; on Debian: apt install python3-venv"; exit 2; }
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
