@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -146,10 +147,26 @@ def test_bounds_are_tight_over_many_contacts_of_every_family() -> None:
         scale = MU * loads.sum() * gyration(x, y, loads)
         centre = (loads @ x / loads.sum(), loads @ y / loads.sum())
         limit = torque_limit(x, y, loads, MU, f, centre)
-        assert limit.upper_nm - limit.lower_nm <= 5e-8 * scale, seed
+        assert limit.upper_nm - limit.lower_nm <= 1e-9 * scale, seed
         used = utilisation(x, y, loads, MU, f, spin * scale, centre)
         assert used.lower <= used.value <= used.upper, seed
-        assert used.upper - used.lower <= 5e-8 * used.value, seed
+        assert used.upper - used.lower <= 1e-8 * used.value, seed
+
+
+@pytest.mark.parametrize("missing", [1e-3, 1e-6, 1e-9, 1e-12, 1e-14])
+def test_the_bounds_stay_tight_while_the_pole_runs_to_infinity(missing: float) -> None:
+    x, y, loads = disc(0.01, 12)
+    loads = 2.0 ** np.round(np.log2(loads)) * np.ones_like(loads)
+    force = MU * loads.sum() * (1.0 - missing)
+    limit = torque_limit(x, y, loads, MU, (force, 0.0), (0.0, 0.0))
+    missing = float(1 - Fraction(force) / (Fraction(MU) * sum(map(Fraction, loads))))
+    scale = MU * loads.sum() * gyration(x, y, loads)
+    sigma = math.sqrt(x @ x / len(x)) / gyration(x, y, loads)
+    assert limit.kind == "interior"
+    assert limit.upper_nm - limit.lower_nm <= 1e-12 * scale
+    assert limit.torque_nm / scale == pytest.approx(
+        sigma * math.sqrt(2.0 * missing), rel=2.0 * math.sqrt(missing) + 1e-4
+    )
 
 
 @settings(max_examples=200, deadline=None)
