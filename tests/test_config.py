@@ -211,11 +211,35 @@ def test_values_that_do_not_fit_each_other_are_told(old: str, new: str, path: st
     assert key in text.splitlines()[at - 1] or path.rpartition(".")[0] in text.splitlines()[at - 1]
 
 
-def test_a_pose_without_direction_is_told() -> None:
-    text = broken("rate_hz = 800", "rate_hz = 800\npad_from_sensor = { quat_xyzw = [0, 0, 0, 0] }")
-    assert faults(text) == [
-        ("finger.left.wrench.pad_from_sensor", line("rate_hz = 800") + 1, "quat_xyzw must not be all zero")
-    ]
+@pytest.mark.parametrize(("quaternion", "length"), [("[0, 0, 0, 0]", "0"), ("[5, 0, 0, 3]", "5.831")])
+def test_a_quaternion_that_is_no_rotation_is_told(quaternion: str, length: str) -> None:
+    text = broken("rate_hz = 800", f"rate_hz = 800\npad_from_sensor = {{ quat_xyzw = {quaternion} }}")
+    [(path, at, message)] = faults(text)
+    assert (path, at) == ("finger.left.wrench.pad_from_sensor", line("rate_hz = 800") + 1)
+    assert message.endswith(f"this one has length {length}")
+
+
+@pytest.mark.parametrize("endpoint", ["tcp://0.0.0.0:5555", "bogus", "ipc://", "ipc://relative", "tcp://127.0.0.1"])
+def test_an_endpoint_that_is_never_served_is_told(endpoint: str) -> None:
+    [(path, at, message)] = faults(f'{GOOD}\n[bus]\npublish = "{endpoint}"\n')
+    assert path == "bus.publish"
+    assert at == len(GOOD.splitlines()) + 3
+    assert "ipc:///PATH" in message
+
+
+@pytest.mark.parametrize("endpoint", ["tcp://127.0.0.1:5555", "tcp://localhost:*", "ipc:///run/slipd/publish"])
+def test_an_endpoint_that_can_be_served_is_good(endpoint: str) -> None:
+    assert config.parse(f'{GOOD}\n[bus]\nrequests = "{endpoint}"\n', "rig.toml").bus.requests == endpoint
+
+
+def test_a_port_that_no_file_can_be_is_told() -> None:
+    [(path, _, _)] = faults(GOOD.replace("/dev/left-wrench", "a\\u0000b"))
+    assert path == "finger.left.wrench.port"
+
+
+def test_faults_of_form_do_not_hide_those_of_meaning() -> None:
+    text = GOOD.replace("mu = 0.5", "mu = -0.5").replace("caution = 0.6", "caution = 0.6\nwarning = 0.6")
+    assert [path for path, _, _ in faults(text)] == ["finger.left.mu", "levels.caution"]
 
 
 def test_all_faults_of_a_kind_are_told_at_once() -> None:
@@ -344,8 +368,14 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path) -> None:
         config.load(tmp_path / "latin.toml")
 
 
+def test_the_size_of_a_pad_is_told_once() -> None:
+    [(path, _, message)] = faults(broken("rows = 8", "options = { rows = 3 }\nrows = 8"))
+    assert path == "finger.left.pad.options"
+    assert message.startswith("rows stand beside options")
+
+
 def test_a_scanned_pads_decoder_gets_its_own_size() -> None:
-    rig = config.parse(broken("rows = 8", "options = { rows = 3 }\nrows = 8"), "rig.toml")
+    rig = config.parse(GOOD, "rig.toml")
     left, right = rig.finger["left"].pad, rig.finger["right"].pad
     assert left is not None
     assert right is not None

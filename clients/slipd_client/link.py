@@ -41,7 +41,7 @@ class Link:
         except zmq.ZMQError as error:
             self.close()
             raise ValueError(
-                f"cannot connect to {endpoint!r} ({error}); an endpoint is ipc:///run/slipd/publish or tcp://robot:5555"
+                f"cannot connect to {endpoint!r} ({error}); an endpoint is ipc:///run/slipd/publish or tcp://127.0.0.1:5555"
             ) from error
 
     def wait(self, event: int, until: float | None) -> bool:

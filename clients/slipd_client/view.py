@@ -124,13 +124,15 @@ def _finger_lines(finger: str, body: dict[str, Any], silent: bool) -> list[list[
         ("needs", "grip_needed_n", "N", 1),
     )
     facts = "  ".join(f"{word} {_value(body, field, unit, digits)}" for word, field, unit, digits in quantities)
+    named: list[Span] = [(f"{_text(finger):<{NAME_CELLS}}", "1"), (f"{level.upper():<11}", colour)]
     first: list[Span] = [
-        (f"{_text(finger):<{NAME_CELLS}}", "1"),
-        (f"{level.upper():<11}", colour),
+        *named,
         (f"λ {_utilisation(body):>5} ", ""),
         (_bar(body), colour),
         (f"  {facts}", ""),
     ]
+    if "tare_busy" in body:  # what ``status`` tells of a finger holds no quantities
+        first = [*named, (f"tare {_text(body.get('tare_id'))}", "")]
     reasons = "stale" if silent else _reasons(body)
     return [first, [(" " * NAME_CELLS + reasons, colour)]] if reasons else [first]
 

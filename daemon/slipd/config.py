@@ -6,6 +6,7 @@ and all faults are told at once. A limit that is not given means no actuation, n
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import re
 import tomllib
@@ -77,11 +78,16 @@ def parse(text: str, file: str) -> Config:
     try:
         config = Config.model_validate(tree)
     except ValidationError as error:
-        found = [_told(fault["loc"], fault) for fault in error.errors(include_url=False)]
-        raise ConfigError(file, [ConfigFault(".".join(p), line_of(lines, p), m) for p, m in found]) from None
+        told = error.errors(include_url=False)
+        found = [_told(fault["loc"], fault) for fault in told]
+        for fault in told:
+            _take_out(tree, fault["loc"])
+        with contextlib.suppress(ValidationError):  # what is right may still not fit together
+            found += [(tuple(path.split(".")), m) for path, m in meaning_faults(Config.model_validate(tree))]
+        raise _config_error(file, lines, found) from None
     faults = meaning_faults(config)
     if faults:
-        raise ConfigError(file, [ConfigFault(path, line_of(lines, tuple(path.split("."))), m) for path, m in faults])
+        raise _config_error(file, lines, [(tuple(path.split(".")), message) for path, message in faults])
     return config.with_text(text)
 
 
@@ -89,6 +95,24 @@ def shipped(name: str) -> Path:
     """Finds a file of ``config/``: in the source tree, or in the installed package."""
     source_tree = Path(__file__).parents[2] / "config" / name
     return source_tree if source_tree.is_file() else Path(str(resources.files("slipd") / "shipped_config" / name))
+
+
+def _config_error(
+    file: str, lines: dict[tuple[str, ...], int], found: list[tuple[tuple[str, ...], str]]
+) -> ConfigError:
+    return ConfigError(file, [ConfigFault(".".join(path), line_of(lines, path), message) for path, message in found])
+
+
+def _take_out(tree: Any, location: tuple[int | str, ...]) -> None:
+    """Removes a faulty value, so that its default stands for it; in a list there is no default, so the list goes."""
+    for depth, key in enumerate(location):
+        if not isinstance(tree, dict) or key not in tree:
+            return
+        last = depth == len(location) - 1 or not isinstance(tree[key], dict)
+        if last:
+            del tree[key]
+            return
+        tree = tree[key]
 
 
 def _told(location: tuple[int | str, ...], fault: Any) -> tuple[tuple[str, ...], str]:

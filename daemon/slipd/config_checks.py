@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from typing import Any
 
@@ -11,13 +12,16 @@ from slipd.devices import DEVICES
 
 Fault = tuple[str, str]
 _FINGER_NAME = re.compile(r"[a-z0-9]+")
+_ENDPOINT = re.compile(r"ipc:///[^\0]+|tcp://(127(\.\d{1,3}){3}|localhost):(\d{1,5}|\*)")
+#: A quaternion written with four digits is still a unit quaternion.
+QUATERNION_TOLERANCE = 1e-3
 #: A gripper's own settings are bytes.
 MAX_UNITS = 255
 
 
 def meaning_faults(config: Config) -> list[Fault]:
     """Faults that no single value shows."""
-    faults = [*_finger_names(config), *_ports(config)]
+    faults = [*_finger_names(config), *_ports(config), *_endpoints(config)]
     for name, finger in config.finger.items():
         faults += _finger(f"finger.{name}", finger)
     if config.gripper is not None:
@@ -27,6 +31,16 @@ def meaning_faults(config: Config) -> list[Fault]:
     if config.levels.hysteresis >= config.levels.caution:
         faults.append(("levels.hysteresis", f"must be below levels.caution, {config.levels.caution}"))
     return faults
+
+
+def _endpoints(config: Config) -> list[Fault]:
+    """Endpoints that no daemon could serve; the path of an ipc endpoint is judged when it is bound."""
+    given = {"bus.publish": config.bus.publish, "bus.requests": config.bus.requests}
+    return [
+        (path, f"{endpoint!r} is no endpoint that is served: ipc:///PATH, or tcp://127.0.0.1:PORT (no encryption yet)")
+        for path, endpoint in given.items()
+        if endpoint is not None and not _ENDPOINT.fullmatch(endpoint)
+    ]
 
 
 def _finger_names(config: Config) -> list[Fault]:
@@ -49,8 +63,10 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
     faults = []
     if finger.wrench is not None:
         faults += _stream(f"{path}.wrench", finger.wrench, "wrench")
-        if not any(finger.wrench.pad_from_sensor.quat_xyzw):
-            faults.append((f"{path}.wrench.pad_from_sensor", "quat_xyzw must not be all zero"))
+        length = math.hypot(*finger.wrench.pad_from_sensor.quat_xyzw)
+        if abs(length - 1.0) > QUATERNION_TOLERANCE:
+            message = f"quat_xyzw must be a unit quaternion x, y, z, w; this one has length {length:.4g}"
+            faults.append((f"{path}.wrench.pad_from_sensor", message))
     pad = finger.pad
     if pad is None:
         return faults
@@ -80,6 +96,9 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
         return [(f"{path}.device", f"{stream.device!r} is no {kind} device; known: {', '.join(fitting)}")]
     if device.transport == "websocket" and not stream.port.startswith(("ws://", "wss://")):
         return [(f"{path}.port", f"{stream.device} is read from a WebSocket: give ws://HOST:PORT, not {stream.port!r}")]
+    own = sorted({"rows", "cols"} & stream.options.keys())
+    if own:
+        return [(f"{path}.options", f"{' and '.join(own)} stand beside options, as keys of the pad itself")]
     try:
         (device.session or device.decoder)(**device_options(stream))
     except (TypeError, ValueError, OverflowError) as error:

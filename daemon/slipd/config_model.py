@@ -25,7 +25,7 @@ class Stream(_Model):
     """What every device stream has: the device, its port, its options."""
 
     device: str
-    port: str = Field(min_length=1)
+    port: str = Field(min_length=1, pattern=r"^[^\x00-\x1f]+$")
     baud: int | None = Field(default=None, gt=0)
     rate_hz: Hertz
     options: dict[str, bool | int | float | str] = {}

@@ -91,7 +91,9 @@ def _virtual_gripper(ports: Path, seed: int) -> Iterator[list[dict[str, Any]]]:
     with _part(command) as process:
         truth: list[dict[str, Any]] = []
         stdout = _pipe(process.stdout)
-        if not stdout.readline():
+        with _patience(process):
+            ready = stdout.readline()
+        if not ready:
             raise SlipdError("the virtual gripper did not start; what it said stands above")
         reader = threading.Thread(target=lambda: truth.extend(map(json.loads, stdout)), name="truth", daemon=True)
         reader.start()
@@ -109,6 +111,17 @@ def _part(command: list[str]) -> subprocess.Popen[str]:
     )
 
 
+@contextmanager
+def _patience(process: subprocess.Popen[str]) -> Iterator[None]:
+    """Ends a part that does not get ready, so that reading what it says ends too."""
+    timer = threading.Timer(PATIENCE_S, process.kill)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
 def _end(process: subprocess.Popen[str]) -> None:
     process.terminate()
     try:
@@ -124,13 +137,10 @@ def _daemon(rig: Path, record: Path | None) -> Iterator[tuple[subprocess.Popen[s
     if record is not None:
         command += ["--record", str(record)]
     with _part(command) as process:
-        endpoints: dict[str, str] = {}
-        for line in _pipe(process.stdout):
-            name, _, endpoint = line.strip().partition(": ")
-            endpoints[name] = endpoint
-            if "requests" in endpoints:
-                break
-        else:
+        with _patience(process):
+            lines = [_pipe(process.stdout).readline() for _ in ("publish", "requests")]
+        endpoints = dict(line.strip().split(": ", 1) for line in lines if line)
+        if len(endpoints) < len(lines):
             raise SlipdError("the daemon did not start; what it said stands above")
         print(f"publish: {endpoints['publish']}\nrequests: {endpoints['requests']}", flush=True)
         try:
@@ -192,7 +202,9 @@ def _summary(tally: Tally, report: Report, truth: list[dict[str, Any]], streams:
     print(f"readings: {sum(stream['samples'] for stream in streams.values())} ({bad} bad, {lost} lost)")
     counts = ", ".join(f"{count} {kind}" for kind, count in sorted(tally.messages.items()))
     print(f"messages: {tally.messages.total()} ({counts})")
-    print(f"warnings: {sum(change.rising for change in report.changes)}")
+    alarms = sum(change.rising and change.level in ("warning", "slipping") for change in report.changes)
+    unknowns = sum(change.level == "unknown" for change in report.changes)
+    print(f"warnings: {alarms} (and {unknowns} times unknown, of {len(report.changes)} changes of level)")
     print(f"gaps: {tally.missed}")
     print(f"median latency: {latency:.2f} ms from the last byte of a reading to its message here")
     if report.error:

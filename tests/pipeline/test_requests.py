@@ -83,7 +83,15 @@ def test_every_fault_has_its_code_and_names_its_field(changes: dict[str, Any], r
 @pytest.mark.parametrize("op", ["hello", "status"])
 def test_who_only_asks_needs_no_boot_and_no_deadline(op: str) -> None:
     assert judge(op=op, boot=..., deadline_ns=..., force_n=...) is None
-    assert judge(op=op, boot="another", deadline_ns=0, force_n=...) is None
+
+
+def test_hello_is_answered_whatever_run_it_was_meant_for() -> None:
+    assert judge(op="hello", boot="another", deadline_ns=0, force_n=...) is None
+
+
+def test_a_status_that_was_meant_for_another_run_is_refused() -> None:
+    assert judge(op="status", boot="another", force_n=...) == ("wrong_boot", "boot")
+    assert judge(op="status", deadline_ns=0, force_n=...) == ("deadline_passed", "deadline_ns")
 
 
 @pytest.mark.parametrize("op", sorted(set(OPS) - {"hello", "status"}))

@@ -54,6 +54,8 @@ def grip_needed_n(
     forces = np.asarray(loads, dtype=np.float64)
     rigid = utilisation(x, y, forces, mu, f, safety * spin, about).value
     normal = float(forces.sum())
+    if normal == 0.0:
+        return rigid  # nothing presses: no load needs nothing, any load more than no contact has
     if growth == 0.0 or rigid in (0.0, math.inf) or math.isnan(rigid):
         return rigid * normal if rigid > 0.0 else rigid
     xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)

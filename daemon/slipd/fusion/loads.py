@@ -57,10 +57,10 @@ def grey_loads(pressure: ArrayLike, normal_n: float) -> Loads:
     """
     p = _pressure(pressure)
     _check_normal(normal_n)
-    total = p.sum()
-    if not total > 0.0:
+    if not p.any():
         return Loads(np.zeros(p.size), math.nan, "no_image")
-    return Loads(normal_n * (p / total), 0.0, "ok")
+    share = p / p.max()  # first, so that no sum overflows
+    return Loads(normal_n * (share / share.sum()), 0.0, "ok")
 
 
 def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:

@@ -62,13 +62,15 @@ def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
 
 
 def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> Refusal | None:
-    if op in OPEN_OPS:
-        return None
+    if op == "hello":
+        return None  # it is how a client learns of another run
     for name in ("boot", "deadline_ns"):
-        if name not in body:
+        if name not in body and op not in OPEN_OPS:
             return Refusal("missing_field", f"{name} is missing; op hello tells boot and t_ns", name)
-    if body["boot"] != boot:
+    if body.get("boot", boot) != boot:
         return Refusal("wrong_boot", f"the request is meant for run {body['boot']!r}; this is {boot!r}", "boot")
+    if "deadline_ns" not in body:
+        return None
     deadline = body["deadline_ns"]
     if not _is_integer(deadline):
         return Refusal("bad_type", "deadline_ns must be an integer", "deadline_ns")
