@@ -27,7 +27,7 @@ lint: $(READY)
 
 bench: $(READY)
 	@echo "== from the last byte to the message at a subscriber, beside a C program (about two minutes)"
-	@$(BIN)/python tests/bench/latency.py
+	@$(BIN)/python tests/bench/latency.py --report docs/bench.md
 
 # The environment is made again when the dependencies change; a stamp tells, so that a second run starts at once.
 $(READY): pyproject.toml

@@ -64,8 +64,16 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
     """
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name:
         ports = Path(name)
-        rig = _rig_file(ports)
-        with _virtual_gripper(ports, seed) as truth, _daemon(rig, record) as (daemon, publish, requests):
+        recording = () if record is None else ("--record", str(record))
+        gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
+        with (
+            _part("slipd.sim", gripper_log, "--dir", name, "--seed", str(seed)) as gripper,
+            _part("slipd", daemon_log, "run", "--config", str(_rig_file(ports)), *recording) as daemon,
+        ):
+            _say(gripper, 1, gripper_log)
+            publish, requests = (line.split(": ", 1)[1].strip() for line in _say(daemon, 2, daemon_log))
+            print(f"publish: {publish}\nrequests: {requests}", flush=True)
+            truth = _collect(gripper)
             operator = Operator(publish, requests)
             operator.start()
             tally = _watch(publish, operator, daemon, seconds, headless=headless)
@@ -73,6 +81,10 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
             operator.join(END_S)
             streams = _final_streams(requests) if daemon.poll() is None else {}
         _summary(tally, operator.report, truth, streams)
+        if daemon.returncode != 0:
+            print(
+                f"the daemon ended with {daemon.returncode}: {daemon_log.read_text(encoding='utf-8')}", file=sys.stderr
+            )
     return 1 if operator.report.error or daemon.returncode != 0 else 0
 
 
@@ -85,68 +97,48 @@ def _rig_file(ports: Path) -> Path:
 
 
 @contextmanager
-def _virtual_gripper(ports: Path, seed: int) -> Iterator[list[dict[str, Any]]]:
-    """Starts the virtual gripper and collects the truth that it tells."""
-    command = [sys.executable, "-m", "slipd.sim", "--dir", str(ports), "--seed", str(seed)]
-    with _part(command) as process:
-        truth: list[dict[str, Any]] = []
-        stdout = _pipe(process.stdout)
-        with _patience(process):
-            ready = stdout.readline()
-        if not ready:
-            raise SlipdError("the virtual gripper did not start; what it said stands above")
-        reader = threading.Thread(target=lambda: truth.extend(map(json.loads, stdout)), name="truth", daemon=True)
-        reader.start()
+def _part(name: str, log: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Starts a part out of reach of Ctrl-C, which is for the demo, and ends it whatever happens; its log goes aside."""
+    command = [sys.executable, "-m", name, *arguments]
+    with log.open("w", encoding="utf-8") as stderr:
+        process = subprocess.Popen(  # noqa: S603 - our own programs
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stderr, text=True, start_new_session=True
+        )
+    with process:
         try:
-            yield truth
+            yield process
         finally:
-            _end(process)
-            reader.join(END_S)
+            process.terminate()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
 
 
-def _part(command: list[str]) -> subprocess.Popen[str]:
-    """Starts a part out of reach of Ctrl-C, which is for the demo: it ends the parts in order."""
-    return subprocess.Popen(  # noqa: S603 - our own programs
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
+def _say(process: subprocess.Popen[str], lines: int, log: Path) -> list[str]:
+    """The first lines that a part says once it is ready.
 
-
-@contextmanager
-def _patience(process: subprocess.Popen[str]) -> Iterator[None]:
-    """Ends a part that does not get ready, so that reading what it says ends too."""
+    Raises:
+        SlipdError: It ended, or did not get ready in time; with what it logged.
+    """
     timer = threading.Timer(PATIENCE_S, process.kill)
     timer.start()
     try:
-        yield
+        said = [_pipe(process.stdout).readline() for _ in range(lines)]
     finally:
         timer.cancel()
+    if not all(said):
+        logged = log.read_text(encoding="utf-8").strip()
+        raise SlipdError(f"{log.stem} did not get ready: {logged or 'it said nothing'}")
+    return said
 
 
-def _end(process: subprocess.Popen[str]) -> None:
-    process.terminate()
-    try:
-        process.wait(END_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-
-
-@contextmanager
-def _daemon(rig: Path, record: Path | None) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
-    """Starts the daemon as a user would, and yields it with its endpoints once it serves."""
-    command = [sys.executable, "-m", "slipd", "run", "--config", str(rig)]
-    if record is not None:
-        command += ["--record", str(record)]
-    with _part(command) as process:
-        with _patience(process):
-            lines = [_pipe(process.stdout).readline() for _ in ("publish", "requests")]
-        endpoints = dict(line.strip().split(": ", 1) for line in lines if line)
-        if len(endpoints) < len(lines):
-            raise SlipdError("the daemon did not start; what it said stands above")
-        print(f"publish: {endpoints['publish']}\nrequests: {endpoints['requests']}", flush=True)
-        try:
-            yield process, endpoints["publish"], endpoints["requests"]
-        finally:
-            _end(process)
+def _collect(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
+    """The truth that the virtual gripper tells, as it goes on."""
+    truth: list[dict[str, Any]] = []
+    stdout = _pipe(process.stdout)
+    threading.Thread(target=lambda: truth.extend(map(json.loads, stdout)), name="truth", daemon=True).start()
+    return truth
 
 
 def _watch(

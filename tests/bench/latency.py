@@ -10,7 +10,9 @@ import argparse
 import datetime
 import os
 import platform
+import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -71,9 +73,19 @@ def _header() -> str:
     load = " ".join(f"{value:.2f}" for value in os.getloadavg())
     today = datetime.datetime.now(datetime.UTC).date()
     return (
-        f"Python {platform.python_version()}, libzmq {zmq.zmq_version()}, {os.cpu_count()} cores, "
+        f"Commit {_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
+        f"libzmq {zmq.zmq_version()}, {os.cpu_count()} cores, "
         f"load average {load}, {today}"
     )
+
+
+def _commit() -> str:
+    """The commit that is measured; with a + where files differ from it."""
+    git = shutil.which("git")
+    if git is None:
+        return "unknown"
+    told = subprocess.run([git, "describe", "--always", "--dirty=+"], capture_output=True, text=True, check=False)
+    return told.stdout.strip() or "unknown"
 
 
 def _parser() -> argparse.ArgumentParser:
