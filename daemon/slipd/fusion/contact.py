@@ -28,7 +28,6 @@ class Contact:
         tangential_n: f_t = (F_x, F_y) on the finger, shape (2,), N.
         spin_nm: m, the torque about the pad normal through C, N·m; NaN when not valid.
         friction_ratio: R = |f_t| / f_n; NaN when not valid.
-        friction_ratio_std: One standard deviation of R from the noise given; NaN when not valid.
         valid: The wrench is finite and presses with at least the least normal force.
     """
 
@@ -38,7 +37,6 @@ class Contact:
     tangential_n: NDArray[np.float64]
     spin_nm: float
     friction_ratio: float
-    friction_ratio_std: float
     valid: bool
 
     @property
@@ -84,7 +82,7 @@ def contact_from_wrench(
     if not (math.isfinite(fx + fy + fz + mx + my + mz) and normal >= min_normal_n):
         nan = math.nan
         unknown = np.array((nan, nan))
-        return Contact(unknown, unknown, normal, f[:2].copy(), nan, nan, nan, False)
+        return Contact(unknown, unknown, normal, f[:2].copy(), nan, nan, False)
     cx, cy = my / normal, -mx / normal  # (1): C = (−M_y, M_x) / F_z
     spin = mz - (mx * fx + my * fy) / normal  # (3), with F_x where the print has F_y
     ratio = math.hypot(fx, fy) / normal  # (4)
@@ -92,7 +90,6 @@ def contact_from_wrench(
         math.hypot(torque_std_nm, cx * force_std_n) / normal,
         math.hypot(torque_std_nm, cy * force_std_n) / normal,
     )
-    ratio_std = force_std_n * math.sqrt(1.0 + ratio * ratio) / normal
     return Contact(
         np.array((cx, cy)),
         np.array(centroid_std),
@@ -100,6 +97,5 @@ def contact_from_wrench(
         np.array((fx, fy)),
         spin,
         ratio,
-        ratio_std,
         True,
     )

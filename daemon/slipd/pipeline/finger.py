@@ -82,11 +82,6 @@ class Finger:
         self._last_ns: int | None = None
 
     @property
-    def in_contact(self) -> bool:
-        """The newest force reading pressed."""
-        return self._in_contact
-
-    @property
     def tare(self) -> Tare:
         """The tare that force readings pass."""
         if self.wrench_tare is not None:
