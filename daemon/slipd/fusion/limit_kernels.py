@@ -13,17 +13,25 @@ follow:
 a kink; so neither needs a search of its own. (6) as printed compares a torque about C with one about the pole and is
 not used anywhere.
 
-**Units.** Positions are taken about the load centroid, in radii of gyration (Σ w = 1, Σ w ρ = 0, Σ w ρ² = 1), and
-turned so that f_t points along +x. In these, with ρ = |f_t| / (μ f_n), |u| = u_x + c with c = u_y² / (|u| + u_x) ≥ 0,
-and because Σ w u_x = v_x,
+**Units.** Positions are taken about the load centroid, in mean distances from it (Σ w = 1, Σ w ρ = 0, Σ w |ρ| = 1),
+and turned so that f_t points along +x. In these, with ρ = |f_t| / (μ f_n), |u| = u_x + c with
+c = u_y² / (|u| + u_x) ≥ 0, and because Σ w u_x = v_x,
 
     D(q) − ρ v_x = Σ w c + (1 − ρ) v_x,      Σ w u/|u| = (1 − Σ w c/|u|, Σ w u_y/|u|).
 
-Every term is small where the sum is small: a pole a million radii away, where translation nears (1 − ρ → 0), costs no
-digit, given 1 − ρ itself.
+Every term is small where the sum is small: a pole a million mean distances away, where translation nears (1 − ρ → 0),
+costs no digit, given 1 − ρ itself. And D(q) ≥ max(|v|, |ω| − |v|) ≥ (|v| + |ω|)/3.
 
-**Rounding.** u = 2⁻⁵³. A sum of n terms, in whatever order, errs by at most n u Σ|terms|, and each term here by less
-than 16 u of itself; so (n + 16) u Σ|terms| bounds every sum below, and each bound is widened by it.
+**Rounding.** With u = 2⁻⁵³ a sum of n terms errs by at most n u Σ|terms| in whatever order; the terms below add less
+than 16 u to that, so σ = (n + 16) u stands for both.
+
+* The frame: weights and lengths are off by one common factor each, which the units absorb; Σ w ρ misses 0 by at most
+  σ, a torque of σ; the turn misses f_t by an angle of 2 u, and turning the whole field by it costs 2 u Σ w |ρ|.
+* D(q) − ρ v_x: u_i errs by 2 u (|v| + |ω ρ_i|), c by (c + |u_y|)/|u| times that; with g = Σ w c/|u| and
+  Σ w |u_y|/|u| ≤ √(2 g) (Cauchy) the sum errs by σ (Σ w c + |(1 − ρ) v_x| + |v| (g + √(2 g)) + |ω|) at most.
+* A friction field is what was computed, so errors of u_i do not count; only those of its sums do: σ g and σ √(2 g) for
+  the force, 2 σ for the spin, and it leaves its discs by 10 u c/|u| at most.
+* 1 − ρ carries a bound of its own (:func:`slack_of_room`).
 """
 
 from __future__ import annotations
@@ -41,9 +49,11 @@ Sweep = tuple[float, float, float, float, float, float, float, float, float, flo
 U = 2.0**-53
 KINDS = ("interior", "hinge", "translating", "none")
 INTERIOR, HINGE, TRANSLATING, NONE = range(4)
-FAR = 1e9  # a pole this many radii of gyration away is a translation for every purpose
-GOAL = 2e-13  # gap at which an answer is as good as its rounding bound
-MAX_STEPS = 60  # ordinary scenes need 3–8; a gap that stays open is told by the bounds
+FAR = 1e9  # a pole this many mean distances away is a translation for every purpose
+GOAL = 2e-13  # gap at which an answer is as good as its rounding bound,
+GOAL_SLACKS = 8.0  # which is about so many σ
+MAX_PASSES = 60  # ordinary scenes need 3–6; a gap that stays open is told by the bounds
+MAX_ROOT_STEPS = 60
 MAX_HALVINGS = 50  # 2⁻⁵⁰ of a step is below its rounding
 RESOLUTION = 1e-13  # relative change of the sum that may be rounding
 TINY = 1e-150  # added to lengths that are divided by: a taxel at the pole has no direction; squares stay finite
@@ -53,7 +63,8 @@ STIFF = 1e-12  # and is helped with so much of their sum
 LONGEST = 8.0  # a step changes the velocity by no more than so many times what it was
 KINK = 0.02  # share of the squared curvatures from which one taxel may be a kink,
 FELT = 0.25  # and share of its sliding velocity by which the step must change it to feel that
-NEAR_TRANSLATION = 1e-3  # below this, 1 − ρ is computed in double-double
+NEAR_TRANSLATION = 0.02  # below this, 1 − ρ is computed in double-double
+ASKEW = 20.0  # a twist from before whose power is less than its size by this factor tells nothing of this load
 SPLIT = 134217729.0  # 2²⁷ + 1 (Dekker)
 
 
@@ -127,7 +138,7 @@ def proximal(g1: float, g2: float, a: float, b: float, c: float, w: float) -> tu
     ct, st = math.cos(theta), math.sin(theta)
     p1, p2 = ct * g1 + st * g2, -st * g1 + ct * g2
     s = 0.0  # s = |z| solves |(s H + w)⁻¹ g| = 1; 1/norm is nearly linear in s, so Newton takes a few steps
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_ROOT_STEPS):
         d1, d2 = s * h1 + w, s * h2 + w
         square = (p1 / d1) ** 2 + (p2 / d2) ** 2
         norm = math.sqrt(square)
@@ -150,22 +161,46 @@ def plane_model(r: Sweep, h: float, ax: float, am: float) -> tuple[float, float,
 
 
 @compiled
-def smooth_step(m: tuple[float, float, float, float, float]) -> tuple[float, float, float, bool]:
-    """Newton's step, the fall of the model's linear part, and whether the model bends in every direction."""
+def smooth_step(
+    m: tuple[float, float, float, float, float], power: float, pull: float
+) -> tuple[float, float, float, bool]:
+    """The step to the minimum of √Q − pull · s₁, Q the square that meets D to second order.
+
+    D is a norm, and so is √Q; that a quadratic is not makes the plain Newton step overshoot. With e the gradient, H the
+    Hessian, b = (pull, 0) and B, E, F = bᵀH⁻¹b, bᵀH⁻¹e, eᵀH⁻¹e, each over D, the minimum is at
+    z (−H⁻¹e + s H⁻¹b), (1 − B) s² + 2 (1 + E) s = F and 1/z = 1 + E + F − (B + E) s.
+
+    Args:
+        m: Gradient and Hessian.
+        power: D here.
+        pull: Slope that is subtracted along the first direction.
+
+    Returns:
+        The step (2), the fall of its linear part, and whether the model bends in every direction.
+    """
     g1, g2, h11, h12, h22 = m
     bends = h11 * h22 - h12 * h12 > FLAT * h11 * h22
     if not bends:
         h11, h22 = h11 + STIFF * (h11 + h22), h22 + STIFF * (h11 + h22)
     det = h11 * h22 - h12 * h12
     s1, s2 = -(h22 * g1 - h12 * g2) / det, -(h11 * g2 - h12 * g1) / det
-    return s1, s2, abs(g1 * s1 + g2 * s2), bends
+    fall = abs(g1 * s1 + g2 * s2)
+    k1, k2 = h22 * pull / det, -h12 * pull / det
+    bb, be, ee = pull * k1 / power, -pull * s1 / power, fall / power
+    square = (1.0 + be) * (1.0 + be) + (1.0 - bb) * ee
+    if square > 0.0 and be > -1.0:
+        s = ee / ((1.0 + be) + math.sqrt(square))
+        inverse = 1.0 + be + ee - (bb + be) * s
+        if inverse > 0.0:
+            return (s1 + s * k1) / inverse, (s2 + s * k2) / inverse, fall, bends
+    return s1, s2, fall, bends
 
 
 @compiled
 def kink_step(
     m: tuple[float, float, float, float, float], det: float, lever: float, wj: float, ux: float, uy: float
-) -> tuple[float, float, float, bool]:
-    """The step that minimises the model plus w_j |u_j|, its first-order fall, and whether it lands on u_j = 0.
+) -> tuple[float, float, float]:
+    """The step that minimises the model plus w_j |u_j|, and its first-order fall.
 
     Args:
         m: Model without taxel j.
@@ -185,18 +220,17 @@ def kink_step(
     z1, z2 = proximal(c1, c2, a, b, h22, wj)
     s1, s2 = i * (z1 - ux), k * (z1 - ux) + (z2 - uy)
     fall = abs(g1 * s1 + g2 * s2 + wj * (math.sqrt(z1 * z1 + z2 * z2) - math.sqrt(ux * ux + uy * uy)))
-    return s1, s2, fall, z1 == 0.0 and z2 == 0.0
+    return s1, s2, fall
 
 
 @compiled
-def with_hinge(r: Sweep, xj: float, yj: float, fx: float, fy: float) -> tuple[float, float, float, bool]:
-    """Friction field with taxel j as a hinge that takes what is missing to (fx, fy) as far as its friction goes.
+def hinged(r: Sweep, xj: float, yj: float, tx: float, ty: float) -> tuple[float, float, float, bool]:
+    """The field of the sweep with (tx, ty) w_j on taxel j, shortened to w_j.
 
     Returns:
-        1 − f'_x, f'_y and the spin of the field, and whether the hinge takes all that is missing.
+        1 − f'_x, f'_y and the spin of the field, and whether it was not shortened.
     """
     out = r[11]
-    tx, ty = (fx - ((1.0 - out) - r[1])) / out, (fy - r[2]) / out
     size = math.sqrt(tx * tx + ty * ty)
     whole = size <= 1.0
     if not whole:
@@ -205,64 +239,84 @@ def with_hinge(r: Sweep, xj: float, yj: float, fx: float, fy: float) -> tuple[fl
 
 
 @compiled
-def spin_bounds(r: Sweep, xj: float, yj: float, vx: float, h: float, n: int, hinge: bool) -> tuple[float, float]:
-    """Bounds of max Σ ρ × t with Σ t = (1 − h, 0) and |t_i| ≤ w_i.
-
-    Upper: the sum at any twist. Lower: the field of the twist carries f' = (1 − g_x, g_y). The mixture
-    (1 − s) t + s w a with the translation field of a unit vector a carries f exactly for the smallest s with
-    |f − (1 − s) f'| ≤ s, and translation adds no spin about the load centroid. With e = |f − f'| and r² = 1 − |f'|²
-    that s is at most e (1 + √(1 + r²)) / r².
-    """
-    slack = (n + 16) * U
-    upper = (r[0] + h * vx) + slack * (r[0] + abs(h * vx))
-    gx, gy, gm = r[1], r[2], r[3]
-    if hinge:
-        gx, gy, gm, whole = with_hinge(r, xj, yj, 1.0 - h, 0.0)
-        upper += slack
-        if whole:
-            return gm - 4.0 * slack, upper
-    # |u_y|/|u| is at most √(2 c/|u|), so its sum errs by no more than slack √(2 g_x).
-    missing = math.sqrt((gx - h) ** 2 + gy * gy) + slack * (abs(gx) + math.sqrt(2.0 * abs(gx)) + h)
-    room = gx * (2.0 - gx) - gy * gy - 4.0 * slack * abs(gx)
-    share = min(missing * (1.0 + math.sqrt(1.0 + room)) / room, 1.0) if room > 0.0 else 1.0
-    return max((1.0 - share) * gm, 0.0) - 2.0 * slack, upper
+def spin_upper(r: Sweep, vx: float, vy: float, h: float, dh: float, slack: float) -> float:
+    """Bound of max Σ ρ × t with Σ t = (1 − h, 0) and |t_i| ≤ w_i: the sum at any twist (v, 1)."""
+    far = (abs(vx) + abs(vy)) * (r[1] + math.sqrt(2.0 * r[1]))
+    return (r[0] + h * vx) + slack * (r[0] + abs(h * vx) + far + 3.0) + dh * abs(vx)
 
 
 @compiled
-def gauge_bounds(
-    r: Sweep, xj: float, yj: float, vx: float, om: float, ax: float, am: float, n: int, reach: float, hinge: bool
-) -> tuple[float, float]:
-    """Bounds of the gauge of the unit load ℓ = (am, 0, −ax).
+def spin_lower(gx: float, gy: float, gm: float, h: float, dh: float, slack: float) -> float:
+    """Bound of the same from the friction field that carries f' = (1 − g_x, g_y) and the spin g_m.
 
-    Lower: ℓ·q / D(q) at any twist. Upper: the field of the twist carries a wrench G nearly along ℓ. The linear field
-    w_i (a + b ẑ × ρ_i) carries exactly the missing wrench (a, b), so the sum carries (G·ℓ) ℓ, and it exceeds its discs
-    by at most |a| + |b| max ρ.
+    The mixture (1 − s) t + s w a with the translation field of a unit vector a carries f exactly for the smallest s
+    with |f − (1 − s) f'| ≤ s, and translation adds no spin about the load centroid. With e = |f − f'| and
+    r² = 1 − |f'|² that s is at most e (1 + √(1 + r²)) / r².
     """
-    slack = (n + 16) * U
-    lx, lm = am, -ax
-    power = r[0] + vx
-    lower = (lx * vx + lm * om) / power * (1.0 - 2.0 * slack)
-    gx, gy, gm = 1.0 - r[1], r[2], r[3]
-    if hinge:
-        left, gy, gm, _ = with_hinge(r, xj, yj, lx * power, 0.0)
-        gx = 1.0 - left
-    along = gx * lx + gm * lm
+    missing = math.sqrt((gx - h) ** 2 + gy * gy) + slack * (gx + math.sqrt(2.0 * gx) + h) + dh
+    room = gx * (2.0 - gx) - gy * gy - 4.0 * slack * gx
+    share = min(missing * (1.0 + math.sqrt(1.0 + room)) / room, 1.0) if room > 0.0 else 1.0
+    return (1.0 - share) * gm - 5.0 * slack
+
+
+@compiled
+def gauge_lower(r: Sweep, vx: float, om: float, lx: float, lm: float, slack: float) -> float:
+    """Bound of the gauge of the unit load ℓ = (lx, 0, lm): ℓ·q / D(q) at any twist."""
+    return (lx * vx + lm * om) / (r[0] + vx) * (1.0 - 12.0 * slack)
+
+
+@compiled
+def gauge_upper(gx: float, gy: float, gm: float, lx: float, lm: float, slack: float) -> float:
+    """Bound of the same from the friction field that carries the wrench G = (g_x, g_y, g_m).
+
+    What G lacks to (G·ℓ) ℓ, a force a and a spin b, is carried by turning about the load centroid (spin 1, force 1 at
+    most) and translation: the sum leaves its discs by |a| + 2 |b| at most.
+    """
+    along = gx * lx + gm * lm - 4.0 * slack
     if not along > 0.0:
-        return lower, math.inf
+        return math.inf
     a = math.sqrt((along * lx - gx) ** 2 + gy * gy)
-    excess = 1.0 + a + abs(along * lm - gm) * reach + 4.0 * slack * (1.0 + reach)
-    return lower, excess / along * (1.0 + 8.0 * U)
+    return (1.0 + a + 2.0 * abs(along * lm - gm) + 12.0 * slack) / along * (1.0 + 8.0 * U)
+
+
+@compiled
+def bound_spin(
+    r: Sweep, rj: Sweep, xj: float, yj: float, vx: float, vy: float, h: float, dh: float, slack: float, kink: bool
+) -> tuple[float, float, bool]:
+    """Both bounds of the spin, and whether taxel j takes what is missing, as a hinge does."""
+    upper = spin_upper(r, vx, vy, h, dh, slack)
+    lower = spin_lower(r[1], r[2], r[3], h, dh, slack)
+    if not kink:
+        return lower, upper, False
+    gx, gy, gm, whole = hinged(rj, xj, yj, 1.0 + (rj[1] - h) / rj[11], -rj[2] / rj[11])
+    return max(lower, spin_lower(gx, gy, gm, h, dh, slack)), upper, whole
+
+
+@compiled
+def bound_gauge(
+    r: Sweep, rj: Sweep, xj: float, yj: float, vx: float, om: float, lx: float, lm: float, slack: float, kink: bool
+) -> tuple[float, float, bool]:
+    """Both bounds of the gauge, and whether taxel j makes the wrench one along ℓ, as a hinge does."""
+    lower = gauge_lower(r, vx, om, lx, lm, slack)
+    upper = gauge_upper(1.0 - r[1], r[2], r[3], lx, lm, slack)
+    if not kink:
+        return lower, upper, False
+    out = rj[11]
+    ox, oy, om_ = (1.0 - out) - rj[1], rj[2], rj[3] + out * yj
+    along = (om_ - xj * oy + yj * ox) / (lm + yj * lx)
+    gx, gy, gm, whole = hinged(rj, xj, yj, (along * lx - ox) / out, -oy / out)
+    return lower, min(upper, gauge_upper(1.0 - gx, gy, gm, lx, lm, slack)), whole
 
 
 @compiled
 def minimise(
-    x: Array, y: Array, w: Array, q: Array, h: float, ax: float, am: float, reach: float, gauge: bool
-) -> tuple[float, float, int, int]:
+    x: Array, y: Array, w: Array, q: Array, h: float, dh: float, ax: float, am: float, gauge: bool, passes: int
+) -> tuple[float, float, float, bool, int]:
     """Minimises Σ w c(q) + h v_x over q + span{(ax, 0, am), (0, 1, 0)} until its bounds meet.
 
     Newton's method; the taxel whose norm bends most enters each step as the norm it is, so that a step lands on a
     hinge, or leaves it, with no special case. A line search makes every step a descent, and the sum is convex: it
-    converges from anywhere. One sweep a step, a second where a kink matters.
+    converges from anywhere. One sweep a pass, a second where a kink matters.
 
     Args:
         x: Positions, shape (n,), in the units above.
@@ -270,25 +324,26 @@ def minimise(
         w: Weights, shape (n,).
         q: The twist to start from, shape (3,); holds the last one on return.
         h: 1 − ρ for the spin, 1 for the gauge.
+        dh: Bound of its error.
         ax: First direction of the plane.
         am: Likewise.
-        reach: max ρ; for the gauge.
         gauge: Bound the gauge of (am, 0, −ax), else the largest spin.
+        passes: Most passes.
 
     Returns:
-        Lower bound, upper bound, the taxel that is a hinge (−1: none), steps.
+        Lower bound, upper bound, the sum at the last twist (gauge: ℓ·q / D), whether a taxel is a hinge, passes.
     """
-    n = x.size
+    slack = (x.size + 16) * U
+    goal = max(GOAL, GOAL_SLACKS * slack)
     best_lower, best_upper = -math.inf, math.inf
-    hinge = -1
+    hinge = False
     r = sweep(x, y, w, q[0], q[1], q[2], -1)
     value = r[0] + h * q[0]
     last_fall = math.inf
-    for step in range(1, MAX_STEPS + 1):
-        smooth = r
-        model = plane_model(r, h, ax, am)
-        s1, s2, fall, bends = smooth_step(model)
-        hinge, j = -1, 0
+    done = 1
+    while True:
+        s1, s2, fall, bends = smooth_step(plane_model(r, h, ax, am), r[0] + q[0], (1.0 - h) * ax)
+        rj, j, kink, ux, uy = r, 0, False, 0.0, 0.0
         curvature = r[4] + r[7]  # Σ w/|u|
         if r[10] > KINK * curvature * curvature:
             j = sharpest(x, y, w, q[0], q[1], q[2])
@@ -296,39 +351,42 @@ def minimise(
             ux, uy = q[0] - q[2] * y[j], q[1] + q[2] * x[j]
             felt = not bends or abs(det * s1) + abs(lever * s1 + s2) > FELT * (abs(ux) + abs(uy))
             # Where no twist of this plane stops taxel j alone, its norm is as smooth as any other.
-            if felt and abs(det) > 1e-5 * (abs(ax) + abs(am * y[j])):
-                r = sweep(x, y, w, q[0], q[1], q[2], j)
-                s1, s2, fall, lands = kink_step(plane_model(r, h, ax, am), det, lever, r[11], ux, uy)
-                if lands and abs(ux) + abs(uy) <= 1e-12 * (abs(q[0]) + abs(q[1]) + abs(q[2])):
-                    hinge = j
-        bounded = r if hinge >= 0 else smooth
+            kink = felt and abs(det) > 1e-5 * (abs(ax) + abs(am * y[j]))
+            if kink:
+                rj = sweep(x, y, w, q[0], q[1], q[2], j)
+                s1, s2, fall = kink_step(plane_model(rj, h, ax, am), det, lever, rj[11], ux, uy)
         if gauge:
-            lower, upper = gauge_bounds(bounded, x[j], y[j], q[0], q[2], ax, am, n, reach, hinge >= 0)
+            lower, upper, takes = bound_gauge(r, rj, x[j], y[j], q[0], q[2], am, -ax, slack, kink)
         else:
-            lower, upper = spin_bounds(bounded, x[j], y[j], q[0], h, n, hinge >= 0)
+            lower, upper, takes = bound_spin(r, rj, x[j], y[j], q[0], q[1], h, dh, slack, kink)
+        hinge = takes and abs(ux) + abs(uy) <= 1e-12 * (abs(q[0]) + abs(q[1]) + abs(q[2]))
         best_lower, best_upper = max(best_lower, lower), min(best_upper, upper)
-        if best_upper - best_lower <= GOAL * (best_upper if gauge else 1.0):
-            return best_lower, best_upper, hinge, step
+        if best_upper - best_lower <= goal * (best_upper if gauge else 1.0) or done >= passes:
+            break
         room = LONGEST * (abs(q[0]) + abs(q[1]) + abs(q[2]))
         length = abs(s1) + abs(s2)
         if length > room:
             s1, s2 = s1 * (room / length), s2 * (room / length)
         shrink = 1.0
+        moved = False
         for _ in range(MAX_HALVINGS):
             vx, vy, om = q[0] + shrink * s1 * ax, q[1] + shrink * s2, q[2] + shrink * s1 * am
             r = sweep(x, y, w, vx, vy, om, -1)
+            done += 1
             next_value = r[0] + h * vx
-            if next_value < value:
-                break
             # Where the sum no longer resolves a descent, the gradient still does: a full step that shrinks it is good.
-            if shrink == 1.0 and next_value - value <= RESOLUTION * abs(value) and fall < 0.25 * last_fall:
+            moved = next_value < value or (
+                shrink == 1.0 and next_value - value <= RESOLUTION * abs(value) and fall < 0.25 * last_fall
+            )
+            if moved:
                 break
             shrink *= 0.5
-        else:
-            return best_lower, best_upper, hinge, step
+        if not moved:
+            break
         q[0], q[1], q[2] = vx, vy, om
         value, last_fall = next_value, fall
-    return best_lower, best_upper, hinge, MAX_STEPS
+    estimate = (am * q[0] - ax * q[2]) / (value + (1.0 - h) * q[0]) if gauge else value
+    return best_lower, best_upper, min(max(estimate, best_lower), best_upper), hinge, done
 
 
 @compiled_sum
@@ -344,65 +402,53 @@ def moments(x: Array, y: Array, loads: Array, ox: float, oy: float) -> tuple[flo
 
 
 @compiled_sum
-def turn(
-    x: Array, y: Array, loads: Array, total: float, cx: float, cy: float, ct: float, st: float, taxels: Array
-) -> tuple[float, float, float]:
-    """Writes positions about c, turned by −(ct, st), and weights into taxels (3, n).
-
-    Returns:
-        Their first moments (2) and their second.
-    """
-    mx = my = square = 0.0
+def place(
+    x: Array, y: Array, loads: Array, cx: float, cy: float, ex: float, ey: float, ct: float, st: float, scale: float,
+    taxels: Array,
+) -> float:  # fmt: skip
+    """Writes positions about c + e, turned by −(ct, st), and weights into taxels (3, n); returns Σ w |ρ|."""
+    mean = 0.0
     for i in range(x.size):
-        dx, dy = x[i] - cx, y[i] - cy
-        a, b, w = ct * dx + st * dy, ct * dy - st * dx, loads[i] / total
-        taxels[0, i], taxels[1, i], taxels[2, i] = a, b, w
-        mx += w * a
-        my += w * b
-        square += w * (a * a + b * b)
-    return mx, my, square
+        dx, dy, w = (x[i] - cx) - ex, (y[i] - cy) - ey, loads[i] * scale
+        taxels[0, i], taxels[1, i], taxels[2, i] = ct * dx + st * dy, ct * dy - st * dx, w
+        mean += w * math.sqrt(dx * dx + dy * dy)
+    return mean
 
 
 @compiled
 def normalise(
     x: Array, y: Array, loads: Array, fx: float, fy: float, taxels: Array
-) -> tuple[float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float]:
     """Brings a contact into the units above, the force (fx, fy) along +x.
 
-    The centroid is taken twice: the second time about itself, so that a small contact far from the first taxel has one
-    that is exact to its own size.
+    The centroid is told as a point and what it lacks, so that the lever of a small contact far from the origin, or of
+    one heavy taxel among light ones, is exact to the contact's own size.
 
     Returns:
-        Σ F (NaN: a value is not finite or a load is negative), centroid (2), radius of gyration (0: all load sits in
-        one point), and the largest ρ.
+        Σ F (NaN: a value is not finite or a load is negative), the point (2), what it lacks (2), and the mean distance
+        (0: all load sits in one point).
     """
-    n = x.size
     nan = math.nan
-    heaviest = 0
-    for i in range(n):
-        if loads[i] > loads[heaviest]:
-            heaviest = i
-    if n == 0:
-        return 0.0, nan, nan, 0.0, 0.0
-    ox, oy = x[heaviest], y[heaviest]
-    total, mx, my, negative = moments(x, y, loads, ox, oy)
+    if x.size == 0:
+        return 0.0, nan, nan, 0.0, 0.0, 0.0
+    total, mx, my, negative = moments(x, y, loads, x[0], y[0])
     if negative > 0.0 or not math.isfinite(total + mx + my):
-        return nan, nan, nan, 0.0, 0.0
+        return nan, nan, nan, 0.0, 0.0, 0.0
     if total == 0.0:
-        return 0.0, nan, nan, 0.0, 0.0
+        return 0.0, nan, nan, 0.0, 0.0, 0.0
     size = math.hypot(fx, fy)
     ct, st = (fx / size, fy / size) if size > 0.0 else (1.0, 0.0)
-    cx, cy = ox + mx / total, oy + my / total
-    ex, ey, square = turn(x, y, loads, total, cx, cy, ct, st, taxels)
-    radius = math.sqrt(max(square - ex * ex - ey * ey, 0.0))
-    if not radius > 4.0 * U * (abs(cx) + abs(cy)):
-        return total, ox, oy, 0.0, 0.0
-    reach = 0.0
-    for i in range(n):
-        taxels[0, i] = (taxels[0, i] - ex) / radius
-        taxels[1, i] = (taxels[1, i] - ey) / radius
-        reach = max(reach, taxels[0, i] ** 2 + taxels[1, i] ** 2)
-    return total, cx + (ct * ex - st * ey), cy + (st * ex + ct * ey), radius, math.sqrt(reach)
+    cx, cy = x[0] + mx / total, y[0] + my / total
+    _, mx, my, _ = moments(x, y, loads, cx, cy)
+    ex, ey = mx / total, my / total
+    mean = place(x, y, loads, cx, cy, ex, ey, ct, st, 1.0 / total, taxels)
+    inverse = 1.0 / mean
+    if not math.isfinite(inverse):
+        return total, cx, cy, ex, ey, 0.0
+    for i in range(x.size):
+        taxels[0, i] *= inverse
+        taxels[1, i] *= inverse
+    return total, cx, cy, ex, ey, mean
 
 
 @compiled
@@ -444,77 +490,106 @@ def one_minus_rho(loads: Array, mu: float, fx: float, fy: float) -> float:
 
 
 @compiled
+def slack_of_room(loads: Array, mu: float, fx: float, fy: float, grip: float) -> tuple[float, float]:
+    """1 − ρ and a bound of its error: in plain sums, or in double-double where it is small."""
+    h = 1.0 - math.hypot(fx, fy) / grip
+    if h >= NEAR_TRANSLATION:
+        return h, (loads.size + 4) * U
+    spread = (loads.size + 16) * U
+    h = one_minus_rho(loads, mu, fx, fy)
+    return h, 16.0 * U * abs(h) + 4.0 * spread * spread
+
+
+@compiled
 def solve_torque_limit(
-    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int
+    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int, passes: int
 ) -> tuple[int, float, float, float, float, float]:
     """Kind, torque, lower and upper bound about (ax, ay), pole (2)."""
     nan = math.nan
     taxels = np.empty((3, x.size))
-    total, cx, cy, radius, reach = normalise(x, y, loads, sense * fx, sense * fy, taxels)
+    total, cx, cy, ex, ey, mean = normalise(x, y, loads, sense * fx, sense * fy, taxels)
     if not total > 0.0 or not math.isfinite(fx + fy + ax + ay):
         return NONE, nan, nan, nan, nan, nan
     grip, force = mu * total, math.hypot(fx, fy)
-    dx, dy = ax - cx, ay - cy
+    dx, dy = (ax - cx) - ex, (ay - cy) - ey
     shift = -sense * (dx * fy - dy * fx)  # m about a = m about c − (a − c) × f
-    slack = 8.0 * U * (abs(dx) + abs(dy) + abs(cx) + abs(cy)) * force
-    h = 1.0 - force / grip
-    if h < NEAR_TRANSLATION:
-        h = one_minus_rho(loads, mu, fx, fy)
+    slack = (8.0 * U * (abs(dx) + abs(dy)) + (x.size + 16) * U * mean) * force
+    h, dh = slack_of_room(loads, mu, fx, fy, grip)
     if h < 0.0:
         return TRANSLATING, nan, nan, nan, nan, nan
     if h == 0.0:
         return TRANSLATING, shift, shift - slack, shift + slack, nan, nan
-    if radius == 0.0:
-        return HINGE, shift, shift - slack, shift + slack, cx, cy
+    if mean == 0.0:
+        return HINGE, shift, shift - slack, shift + slack, cx + ex, cy + ey
     q = np.empty(3)  # start from the pole of the ellipsoid
     q[0], q[1], q[2] = (1.0 - h) / math.sqrt(h * (2.0 - h)), 0.0, 1.0
-    lower, upper, hinge, _ = minimise(taxels[0], taxels[1], taxels[2], q, h, 1.0, 0.0, reach, False)
-    unit = grip * radius
+    lower, upper, value, hinge, _ = minimise(taxels[0], taxels[1], taxels[2], q, h, dh, 1.0, 0.0, False, passes)
+    unit = grip * mean
     ct, st = (sense * fx / force, sense * fy / force) if force > 0.0 else (1.0, 0.0)
     # Sense −1 is solved with the force reversed: the same pole.
-    px, py = cx - radius * (ct * q[1] + st * q[0]), cy + radius * (ct * q[0] - st * q[1])
+    px, py = cx + (ex - mean * (ct * q[1] + st * q[0])), cy + (ey + mean * (ct * q[0] - st * q[1]))
     lower, upper = unit * lower + shift, unit * upper + shift
     slack += 8.0 * U * (abs(lower) + abs(upper))
-    return (HINGE if hinge >= 0 else INTERIOR), 0.5 * (lower + upper), lower - slack, upper + slack, px, py
+    return (HINGE if hinge else INTERIOR), unit * value + shift, lower - slack, upper + slack, px, py
+
+
+@compiled
+def first_twist(
+    q: Array, start: tuple[float, float, float], dx: float, dy: float, ct: float, st: float, mean: float, lx: float,
+    lm: float,
+) -> None:  # fmt: skip
+    """Writes the twist to start from: that of before, scaled to ℓ·q = 1, or the outward normal of the ellipsoid."""
+    vx, vy, om = start
+    vx, vy = vx + om * dy, vy - om * dx  # of the load centroid
+    vx, vy = (ct * vx + st * vy) / mean, (ct * vy - st * vx) / mean
+    power = lx * vx + lm * om
+    if power * ASKEW >= abs(vx) + abs(vy) + abs(om):  # false where it is not a number
+        q[0], q[1], q[2] = vx / power, vy / power, om / power
+    else:
+        q[0], q[1], q[2] = lx, 0.0, lm
 
 
 @compiled
 def solve_utilisation(
-    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float
-) -> tuple[int, float, float, float, float, float]:
-    """Kind, value, lower and upper bound, pole (2)."""
+    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float,
+    start: tuple[float, float, float], passes: int,
+) -> tuple[int, float, float, float, float, float, float, float, float]:  # fmt: skip
+    """Kind, value, lower and upper bound, pole (2), twist (3) about (ax, ay)."""
     nan = math.nan
     taxels = np.empty((3, x.size))
-    total, cx, cy, radius, reach = normalise(x, y, loads, fx, fy, taxels)
+    total, cx, cy, ex, ey, mean = normalise(x, y, loads, fx, fy, taxels)
     if math.isnan(total) or not math.isfinite(fx + fy + m + ax + ay):
-        return NONE, nan, nan, nan, nan, nan
+        return NONE, nan, nan, nan, nan, nan, nan, nan, nan
     force = math.hypot(fx, fy)
     if force == 0.0 and m == 0.0:
-        return NONE, 0.0, 0.0, 0.0, nan, nan
+        return NONE, 0.0, 0.0, 0.0, nan, nan, nan, nan, nan
     if total == 0.0:
-        return NONE, math.inf, math.inf, math.inf, nan, nan
+        return NONE, math.inf, math.inf, math.inf, nan, nan, nan, nan, nan
     grip = mu * total
-    dx, dy = ax - cx, ay - cy
+    ct, st = (fx / force, fy / force) if force > 0.0 else (1.0, 0.0)
+    dx, dy = (ax - cx) - ex, (ay - cy) - ey
     spin = m + (dx * fy - dy * fx)  # about the load centroid
-    if radius == 0.0:
+    if mean == 0.0:
         if spin != 0.0:
-            return HINGE, math.inf, math.inf, math.inf, cx, cy
+            turn = math.copysign(1.0, spin)
+            return HINGE, math.inf, math.inf, math.inf, cx + ex, cy + ey, -turn * dy, turn * dx, turn
         ratio = force / grip
-        return TRANSLATING, ratio, ratio * (1.0 - 8.0 * U), ratio * (1.0 + 8.0 * U), nan, nan
-    f, s = force / grip, spin / (grip * radius)
+        return TRANSLATING, ratio, ratio * (1.0 - 8.0 * U), ratio * (1.0 + 8.0 * U), nan, nan, ct, st, 0.0
+    f, s = force / grip, spin / (grip * mean)
     size = math.hypot(f, s)
     lx, lm = f / size, s / size
-    q = np.empty(3)  # start from the outward normal of the ellipsoid, at ℓ·q = 1
-    q[0], q[1], q[2] = lx, 0.0, lm
-    lower, upper, hinge, _ = minimise(taxels[0], taxels[1], taxels[2], q, 1.0, -lm, lx, reach, True)
-    # The rounding of the spin can add no more than itself carried alone, and w_i ẑ × ρ_i / max ρ carries 1 / max ρ.
-    slack = 8.0 * U * (abs(m) + (abs(dx) + abs(dy) + abs(cx) + abs(cy)) * force) / (grip * radius) * reach
-    lower, upper = lower * size, upper * size
-    value = lower
-    lower, upper = max(lower * (1.0 - 8.0 * U) - slack, 0.0), upper * (1.0 + 8.0 * U) + slack
-    if abs(q[2]) * FAR <= math.sqrt(q[0] ** 2 + q[1] ** 2):
-        return TRANSLATING, value, lower, upper, nan, nan
-    ct, st = (fx / force, fy / force) if force > 0.0 else (1.0, 0.0)
-    px = cx - radius * (ct * q[1] + st * q[0]) / q[2]
-    py = cy + radius * (ct * q[0] - st * q[1]) / q[2]
-    return (HINGE if hinge >= 0 else INTERIOR), value, lower, upper, px, py
+    q = np.empty(3)
+    first_twist(q, start, dx, dy, ct, st, mean, lx, lm)
+    lower, upper, value, hinge, _ = minimise(taxels[0], taxels[1], taxels[2], q, 1.0, 0.0, -lm, lx, True, passes)
+    # What rounding adds to the spin, turning about the load centroid carries, with twice the friction at most.
+    slack = (
+        2.0 * ((8.0 * U * (abs(dx) + abs(dy)) + (x.size + 16) * U * mean) * force + 8.0 * U * abs(m)) / (grip * mean)
+    )
+    value = value * size
+    lower, upper = max(lower * size * (1.0 - 8.0 * U) - slack, 0.0), upper * size * (1.0 + 8.0 * U) + slack
+    vx, vy, om = mean * (ct * q[0] - st * q[1]), mean * (st * q[0] + ct * q[1]), q[2]  # of the load centroid
+    ux, uy = vx - om * dy, vy + om * dx
+    if abs(om) * FAR <= math.sqrt(q[0] ** 2 + q[1] ** 2):
+        return TRANSLATING, value, lower, upper, nan, nan, ux, uy, om
+    px, py = cx + (ex - vy / om), cy + (ey + vx / om)
+    return (HINGE if hinge else INTERIOR), value, lower, upper, px, py, ux, uy, om

@@ -16,9 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slipd.fusion.limit_kernels import KINDS, solve_torque_limit, solve_utilisation
+from slipd.fusion.limit_kernels import KINDS, MAX_PASSES, solve_torque_limit, solve_utilisation
 
 Array = NDArray[np.float64]
+Twist = tuple[float, float, float]
+_NO_TWIST = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +56,8 @@ class Utilisation:
         pole_m: Velocity pole of the motion that would begin, shape (2,), m; None when there is none.
         kind: "interior", "hinge", "translating" (the motion is a translation) or "none" (nothing to carry, or nothing
             to carry it).
+        twist: The motion that would begin: velocity of the point ``about`` (2) and angular velocity, in m/s and rad/s
+            but for a common factor; NaN when there is none.
     """
 
     value: float
@@ -61,6 +65,7 @@ class Utilisation:
     upper: float
     pole_m: Array | None
     kind: str
+    twist: Twist
 
 
 def torque_limit(
@@ -71,6 +76,8 @@ def torque_limit(
     tangential: ArrayLike,
     about: ArrayLike,
     sense: int = 1,
+    *,
+    passes: int = MAX_PASSES,
 ) -> TorqueLimit:
     """Finds the largest spin torque that friction carries beside a tangential force.
 
@@ -84,6 +91,7 @@ def torque_limit(
         tangential: f_t on the finger, shape (2,), N.
         about: The point the torque is taken about, shape (2,), m.
         sense: +1 for a torque along +Z, −1 for one along −Z.
+        passes: Most passes over the taxels; the bounds hold after any number, and meet after 3–6.
 
     Returns:
         The limit with its certified bounds. Data that is not finite, a negative load, and no load at all give kind
@@ -98,7 +106,9 @@ def torque_limit(
     f, a = _pair("tangential", tangential), _pair("about", about)
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, not {sense}")
-    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense)
+    kind, value, lower, upper, px, py = solve_torque_limit(
+        xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense, passes
+    )
     return TorqueLimit(value, lower, upper, _pole(px, py), KINDS[kind])
 
 
@@ -110,6 +120,9 @@ def utilisation(
     tangential: ArrayLike,
     spin: float,
     about: ArrayLike,
+    *,
+    start: Twist = _NO_TWIST,
+    passes: int = MAX_PASSES,
 ) -> Utilisation:
     """Finds which share of the friction limit a tangential force and a spin torque use together.
 
@@ -121,6 +134,8 @@ def utilisation(
         tangential: f_t on the finger, shape (2,), N.
         spin: Torque about the pad normal through ``about``, N·m.
         about: The point the spin is taken about, shape (2,), m.
+        start: A twist to start from, such as that of the frame before: a scene that moves little needs fewer passes.
+        passes: Most passes over the taxels; the bounds hold after any number.
 
     Returns:
         The gauge λ of the limit surface with its certified bounds; λ · Σ loads is the least normal force that holds
@@ -131,8 +146,10 @@ def utilisation(
     """
     xs, ys, fs = _taxels(x, y, loads, mu)
     f, a = _pair("tangential", tangential), _pair("about", about)
-    kind, value, lower, upper, px, py = solve_utilisation(xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1])
-    return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind])
+    kind, value, lower, upper, px, py, vx, vy, om = solve_utilisation(
+        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start, passes
+    )
+    return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind], (vx, vy, om))
 
 
 def _pole(px: float, py: float) -> Array | None:
