@@ -1,0 +1,70 @@
+"""Every row of the failure atlas is a test of ours: certified to 1e-9 of the contact's torque, and right."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from chart.failures import ROWS
+from chart.row import Row
+
+from slipd.fusion import torque_limit, utilisation
+
+GAP = 1e-9
+"""Certified, of the contact's own torque."""
+
+ROUNDED = 1e-15
+"""Of that torque, and of what the lever of f_t adds to it: what the row's own number, a double, may lack."""
+
+NUMBERS = [pytest.param(row, id=row.name) for row in ROWS if math.isfinite(row.limit_nm)]
+LIMITS = [row for row in NUMBERS if row.values[0].scene.torque_scale_nm > 0.0]
+OTHERS = [pytest.param(row, id=row.name) for row in ROWS if not math.isfinite(row.limit_nm)]
+
+
+def ours(row: Row, sense: int = 1):
+    s = row.scene
+    return torque_limit(s.x, s.y, s.loads, s.mu, s.tangential, s.about, sense)
+
+
+def rounding(row: Row) -> float:
+    return ROUNDED * (row.scale_nm + abs(row.limit_nm))
+
+
+@pytest.mark.parametrize("row", NUMBERS)
+def test_the_limit_is_certified_and_the_right_one_lies_within_the_bounds(row: Row) -> None:
+    found = ours(row)
+    assert found.lower_nm <= found.torque_nm <= found.upper_nm
+    assert found.upper_nm - found.lower_nm <= GAP * row.scale_nm
+    assert found.lower_nm - rounding(row) <= row.limit_nm <= found.upper_nm + rounding(row)
+    assert found.kind == (row.kind or found.kind)
+    assert (found.pole_m is None) == (found.kind == "translating")
+
+
+@pytest.mark.parametrize("row", NUMBERS)
+def test_the_mirrored_contact_has_the_same_limit_in_the_other_sense(row: Row) -> None:
+    s = row.scene
+    found = torque_limit(s.x, -s.y, s.loads, s.mu, s.tangential * (1, -1), s.about * (1, -1), -1)
+    assert found.upper_nm - found.lower_nm <= GAP * row.scale_nm
+    assert found.lower_nm - rounding(row) <= row.limit_nm <= found.upper_nm + rounding(row)
+
+
+@pytest.mark.parametrize("row", LIMITS)
+def test_a_load_on_the_limit_has_utilisation_one(row: Row) -> None:
+    s = row.scene
+    used = utilisation(s.x, s.y, s.loads, s.mu, s.tangential, row.limit_nm, s.about)
+    lever = float(np.abs(s.about).sum()) * math.hypot(*s.tangential)
+    assert used.upper - used.lower <= GAP
+    assert used.lower - 1e-12 <= 1.0 <= used.upper + 1e-12, lever
+
+
+@pytest.mark.parametrize("row", OTHERS)
+def test_where_there_is_no_limit_none_is_told(row: Row) -> None:
+    found = ours(row)
+    assert (found.kind, found.pole_m) == (row.kind, None)
+    assert math.isnan(found.torque_nm)
+
+
+def test_names_are_unique_and_every_row_says_why() -> None:
+    assert len({row.name for row in ROWS}) == len(ROWS)
+    assert all(row.why.endswith(".") for row in ROWS)
