@@ -42,7 +42,7 @@ NAMED = 3
 LONGEST_NAMES = 12
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False)
 class Answers:
     """What became of one question in the scenes of some seeds.
 
@@ -80,7 +80,7 @@ class Answers:
         return Answers(*(getattr(self, name)[mask] for name in self.__slots__))
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False)
 class Findings:
     """Both questions of the same scenes, and why single answers are not sound."""
 

@@ -1,0 +1,43 @@
+"""A share of the million contacts of `make bench`: every answer certified, tight, and true to 25 digits where asked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bench.million import MEDIAN_GAP, WORST_GAP, Answers, Findings, measure
+from chart.scenes import FAMILIES
+
+SCENES, CHECKED_OF_EACH_FAMILY = 20_000, 10
+
+
+@pytest.fixture(scope="module")
+def found() -> Findings:
+    return measure(range(SCENES), every=SCENES // len(FAMILIES) // CHECKED_OF_EACH_FAMILY)
+
+
+def seeds(answers: Answers, mask: np.ndarray) -> list[int]:
+    return answers.seeds[mask].tolist()
+
+
+@pytest.mark.parametrize("question", ["limit", "use"])
+def test_every_answer_is_certified(found: Findings, question: str) -> None:
+    answers: Answers = getattr(found, question)
+    assert found.reasons == {}
+    assert answers.sound.all()
+
+
+@pytest.mark.parametrize("question", ["limit", "use"])
+def test_the_bounds_meet(found: Findings, question: str) -> None:
+    answers: Answers = getattr(found, question)
+    due = ~answers.verge & ~answers.free
+    assert due.mean() > 0.99
+    assert seeds(answers, due & ~(answers.gap <= WORST_GAP)) == []
+    assert np.median(answers.gap[due]) <= MEDIAN_GAP
+
+
+@pytest.mark.parametrize("question", ["limit", "use"])
+def test_the_reference_lies_within_the_bounds(found: Findings, question: str) -> None:
+    answers: Answers = getattr(found, question)
+    assert np.bincount(answers.seeds[answers.checked] % len(FAMILIES)).min() >= CHECKED_OF_EACH_FAMILY - 1
+    assert seeds(answers, answers.checked & ~answers.inside) == []
+    assert answers.error.max() <= WORST_GAP
