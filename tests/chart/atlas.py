@@ -1,0 +1,181 @@
+"""The failure atlas: every contact that makes methods fail, asked of every method. One cell is an error, or a failure."""
+
+from __future__ import annotations
+
+import math
+import signal
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from bench.tables import Table
+from chart.failures import GROUPS, ROWS
+from chart.methods import METHODS, Method, ask, verdict
+from chart.reference import exact_limit
+from chart.row import Row
+
+RIGHT, WRONG = 1e-12, 1e-6
+"""Of the contact's own torque: below the first a cell says ✓, above the second it says on which side it errs."""
+
+FACTOR = 1.05
+"""From here on an overstated limit is told as a factor."""
+
+TIME_LIMIT_S, QUICK_TIME_LIMIT_S = 5.0, 0.5
+"""The slowest that come to an end take some tens of milliseconds."""
+
+QUICK_ROWS = 2
+"""Of each group."""
+
+OURS = "slipd"
+
+READING = """\
+Each row is one contact, each column one method, each cell what came out of it for the largest torque that friction
+carries beside the force. The limits are closed forms, or were solved to 25 digits.
+
+- **✓**: right to 1e-12 of the contact's own torque, μ Σ F |r − centroid|; where there is no limit: it says so.
+- **3e-8**: its error, in the same unit; up to 1e-6 no verdict will notice.
+- **−0.3**: it understates the limit by so much: false alarms.
+- **unsafe +0.3**, **unsafe ×5.7**: it overstates the limit by so much, or so many times: a contact that slides is
+  called safe. *unsafe ∞*: it sees no limit; *unsafe*: it calls a contact safe that slides whatever the torque.
+- *slides*: it calls a contact sliding that holds. *no answer*, *raises …*, *too slow*: it failed, and one knows.
+- *a number*: it gave a limit where the data have none, and one does not know.
+
+Where a method is a model (one radius, one torque for the whole contact), its cell is the model's error. The bounds of
+one pass give their lower bound here: what they vouch for. A verdict is left open between the bounds, never wrong."""
+
+
+class _TooSlowError(Exception):
+    """A method that took longer than the limit."""
+
+
+def run(quick: bool) -> str:
+    """The page ``docs/failure_atlas.md``, without its header; ``quick``: few rows and no reference."""
+    limit_s = QUICK_TIME_LIMIT_S if quick else TIME_LIMIT_S
+    tables, shown = [], []
+    for group, all_rows in GROUPS.items():
+        rows = all_rows[:QUICK_ROWS] if quick else all_rows
+        if not rows:
+            continue
+        table = Table(group, ["contact", *(method.short for method in METHODS)])
+        for row in rows:
+            cells = [cell(method, row, limit_s) for method in METHODS]
+            shown.append((row, cells))
+            table.rows.append([row.name, *cells])
+        table.notes += _reasons(rows)
+        tables.append(table)
+    checked = [] if quick else [_checked()]
+    pages = [READING, *checked, _ours(shown), _summary(shown).markdown(), *(table.markdown() for table in tables)]
+    return "\n".join([*("\n" + page if not page.startswith("\n") else page for page in pages), _legend()])
+
+
+def cell(method: Method, row: Row, limit_s: float = TIME_LIMIT_S) -> str:
+    """What one method makes of one contact."""
+    with warnings.catch_warnings(), _at_most(limit_s):
+        warnings.simplefilter("ignore")  # methods divide by zero on the way
+        if row.kind == "translating" and math.isnan(row.limit_nm):
+            return {True: "**unsafe**", False: "✓", None: _failure(method, row)}[verdict(method, row.scene, 0.0)]
+        found, failure = ask(method, row.scene)
+    if row.kind == "none":
+        return "✓" if failure == "no answer" else _told(failure) if failure else _nonsense(found)
+    return _told(failure) if failure else _error(found, row)
+
+
+def _error(found: float, row: Row) -> str:
+    if math.isinf(found):
+        return "**unsafe ∞**" if found > 0.0 else "slides"
+    error = (found - row.limit_nm) / row.scale_nm
+    if abs(error) <= RIGHT:
+        return "✓"
+    if abs(error) <= WRONG:
+        return f"{abs(error):.0e}"
+    size = f"{abs(error):.1e}" if abs(error) < 1e-2 or abs(error) >= 1e3 else f"{abs(error):.2g}"
+    if error < 0.0:
+        return f"−{size}"
+    if row.limit_nm > 0.0 and found >= FACTOR * row.limit_nm:
+        times = found / row.limit_nm
+        return f"**unsafe ×{times:.1e}**" if times >= 1e3 else f"**unsafe ×{times:.3g}**"
+    return f"**unsafe +{size}**"
+
+
+def _nonsense(found: float) -> str:
+    return "slides" if found == -math.inf else "**unsafe ∞**" if found == math.inf else "**a number**"
+
+
+def _failure(method: Method, row: Row) -> str:
+    return _told(ask(method, row.scene)[1] or "no answer")
+
+
+def _told(failure: str) -> str:
+    if failure == _TooSlowError.__name__:
+        return "too slow"
+    return failure if failure == "no answer" else f"raises {failure}"
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    """Raises inside whatever runs longer (in the main thread; compiled code is waited for)."""
+
+    def late(number: int, frame: FrameType | None) -> None:
+        raise _TooSlowError
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _sort(text: str) -> str:
+    """The column of the summary that a cell counts in."""
+    if "unsafe" in text or "number" in text:
+        return "unsafe"
+    if text.startswith("−") or text == "slides":
+        return "false alarm"
+    return "right" if text == "✓" or text[0].isdigit() else "failed"
+
+
+def _summary(shown: list[tuple[Row, list[str]]]) -> Table:
+    sorts = ("right", "failed", "false alarm", "unsafe")
+    table = Table(f"In short: what {len(shown)} contacts make of each method", ["method", *sorts])
+    for n, method in enumerate(METHODS):
+        count = Counter(_sort(cells[n]) for _, cells in shown)
+        table.rows.append([method.name, *(count[sort] for sort in sorts)])
+    table.notes.append(
+        "right: to 1e-6 of the torque, or no limit told where there is none. failed: no answer, and said so."
+    )
+    table.notes.append("The contacts were chosen to be hard: the shares are not those of ordinary use.")
+    return table
+
+
+def _ours(shown: list[tuple[Row, list[str]]]) -> str:
+    """Which cells of ours are not the best of their row, told whatever they are."""
+    n = next(i for i, method in enumerate(METHODS) if method.short == OURS)
+    worse = [f"{row.name} ({cells[n]})" for row, cells in shown if cells[n] != "✓"]
+    told = "; ".join(worse) if worse else "none"
+    return f"Rows where {OURS} is not right to 1e-12: {told}."
+
+
+def _checked() -> str:
+    """How far the limits in the rows are from the reference, asked again."""
+    rows = [row for row in ROWS if math.isfinite(row.limit_nm)]
+    worst = max(abs(exact_limit(row.scene) - row.limit_nm) / (row.scale_nm + abs(row.limit_nm)) for row in rows)
+    return (
+        f"The reference, asked again, is within {worst:.0e} of the {len(rows)} limits that the errors are taken from."
+    )
+
+
+def _reasons(rows: list[Row]) -> list[str]:
+    """Why each is hard; neighbours with one reason share a line."""
+    reasons: dict[str, list[str]] = {}
+    for row in rows:
+        reasons.setdefault(row.why, []).append(row.name)
+    return [f"*{'*, *'.join(names)}*: {why}" for why, names in reasons.items()]
+
+
+def _legend() -> str:
+    lines = [f"- **{method.short}**: {method.name}{'. ' + method.about if method.about else '.'}" for method in METHODS]
+    return "\n".join(["", "## Methods", "", *lines, ""])
