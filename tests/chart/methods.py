@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 
-from chart.rivals import models, ours
+from chart.rivals import general, models, ours, paper, weiszfeld
 from chart.scenes import Scene
 
 
@@ -63,13 +63,70 @@ def find(short: str) -> Method:
     return named[short]
 
 
+def _cone() -> tuple[Method, ...]:
+    """Clarabel comes with the extra ``chart``; without it there is one method less."""
+    if find_spec("clarabel") is None:
+        return ()
+    from chart.rivals import cone
+
+    told = "interior point on the second-order cone form, tolerance 1e-10, set-up of the problem included"
+    return (Method("Clarabel", "Clarabel", cone.limit, told, exact=True),)
+
+
 METHODS: tuple[Method, ...] = (
-    Method("power-law circular patch", "power law", models.power_law),
-    Method("separate translation and torsion", "separate", models.separate),
-    Method("ellipsoid, felt radius", "felt ellipsoid", models.felt_ellipsoid),
-    Method("ellipsoid", "ellipsoid", models.ellipsoid),
-    Method("translation alone", "translation", models.translation),
-    Method("bounds of one pass", "bounds", ours.bounds_limit, safe=ours.bounds_safe),
-    Method("slipd", "slipd", ours.limit, safe=ours.safe, exact=True),
-    Method("slipd, batch", "batch", ours.batch_limit, exact=True, time_s=ours.batch_seconds),
+    Method(
+        "paper, as printed",
+        "(6) printed",
+        paper.printed,
+        "hinge test (7) taxel by taxel, search from C along the residue's normal, (6) as it stands",
+    ),
+    Method("paper, (6) corrected", "(6) corrected", paper.corrected, "the same, the torque moved to C", exact=True),
+    Method("SciPy root hybr", "hybr", general.hybr, "Powell's hybrid on (5) from C", exact=True),
+    Method("SciPy root lm", "lm", general.lm, "Levenberg–Marquardt on (5) from C", exact=True),
+    Method("SciPy BFGS", "BFGS", general.bfgs, "on Φ from C with its gradient", exact=True),
+    Method("SciPy trust-exact", "trust-exact", general.trust_exact, "on Φ from C with its Hessian", exact=True),
+    Method(
+        "Weiszfeld",
+        "Weiszfeld",
+        weiszfeld.limit,
+        f"fixed point of Φ from C with the Vardi–Zhang step at taxels, {weiszfeld.MOST_SWEEPS} sweeps at most",
+        exact=True,
+    ),
+    *_cone(),
+    Method(
+        "power-law patch",
+        "power law",
+        models.power_law,
+        "limit surface of a circle with pressure (1 − (r/a)⁴)^¼, as in slipping_control, from a table; felt radius",
+    ),
+    Method(
+        "separate tests",
+        "separate",
+        models.separate,
+        "translation by (4), torsion by μ f_n times the felt radius, each as if the other were not there",
+    ),
+    Method(
+        "felt ellipsoid",
+        "felt ellipsoid",
+        models.felt_ellipsoid,
+        "|(f_t, m / r)| ≤ μ f_n with the felt radius r, which Slip-Aware-Object-Manipulation's hold comes to",
+    ),
+    Method("ellipsoid", "ellipsoid", models.ellipsoid, "m_max(0) √(1 − ρ²) with m_max(0) taken as μ Σ F |r − C|"),
+    Method("translation alone", "translation", models.translation, "(4): any spin is safe while R ≤ μ"),
+    Method(
+        "slipd, one pass",
+        "bounds",
+        ours.bounds_limit,
+        "certified bounds of one pass; the limit told is the lower one, and between them there is no verdict",
+        safe=ours.bounds_safe,
+    ),
+    Method("slipd", "slipd", ours.limit, "the public call with its result object", safe=ours.safe, exact=True),
+    Method(
+        "slipd, batch",
+        "batch",
+        ours.batch_limit,
+        f"the batch form, time per frame among {ours.FRAMES}",
+        exact=True,
+        time_s=ours.batch_seconds,
+    ),
 )

@@ -10,11 +10,11 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from chart.scenes import Scene
 from numpy.typing import NDArray
 from scipy.special import ellipe, ellipk
-from slipd.fusion import torque_limit
 
-from chart.scenes import Scene
+from slipd.fusion import torque_limit
 
 PRESSURE_EXPONENT = 4
 """Of the circular patch, p ∝ (1 − (r/a)^k)^(1/k): what slipping_control ships."""

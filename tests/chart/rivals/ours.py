@@ -6,9 +6,9 @@ import math
 from time import perf_counter_ns
 
 import numpy as np
-from slipd.fusion import limit_surface
-
 from chart.scenes import Scene
+
+from slipd.fusion import limit_surface
 
 FRAMES = 256
 """Of a batch that is timed: as many as make the one call's own cost vanish beside theirs."""
