@@ -1,4 +1,4 @@
-"""The failure atlas: every contact that makes methods fail, asked of every method. One cell is an error, or a failure."""
+"""The failure atlas: every contact that makes methods fail, asked of every method; a cell is its error or failure."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ READING = """\
 Each row is one contact, each column one method, each cell what came out of it for the largest torque that friction
 carries beside the force. The limits are closed forms, or were solved to 25 digits.
 
-- **✓**: right to 1e-12 of the contact's own torque, μ Σ F |r − centroid|; where there is no limit: it says so.
-- **3e-8**: its error, in the same unit; up to 1e-6 no verdict will notice.
-- **−0.3**: it understates the limit by so much: false alarms.
-- **unsafe +0.3**, **unsafe ×5.7**: it overstates the limit by so much, or so many times: a contact that slides is
-  called safe. *unsafe ∞*: it sees no limit; *unsafe*: it calls a contact safe that slides whatever the torque.
-- *slides*: it calls a contact sliding that holds. *no answer*, *raises …*, *too slow*: it failed, and one knows.
-- *a number*: it gave a limit where the data have none, and one does not know.
+- ✓: right to 1e-12 of the contact's own torque, μ Σ F |r − centroid|; where there is no limit: it says so.
+- 3e-8: its error, in the same unit; up to 1e-6 no verdict will notice.
+- −0.3: it understates the limit by so much: false alarms. *slides*: it calls a contact sliding that holds.
+- **bold is unsafe**: a contact that slides is called safe. **+0.03**: it overstates the limit by so much;
+  **×5.7**: so many times; **∞**: it sees no limit; **holds**: it calls a contact safe that slides whatever the torque;
+  **number**: it gave a limit where the data have none, and one does not know.
+- *none*: it gave no answer. *late*: it did not come to an end. *ValueError* and the like: it raised. One knows.
 
 Where a method is a model (one radius, one torque for the whole contact), its cell is the model's error. The bounds of
 one pass give their lower bound here: what they vouch for. A verdict is left open between the bounds, never wrong."""
@@ -75,7 +75,7 @@ def cell(method: Method, row: Row, limit_s: float = TIME_LIMIT_S) -> str:
     with warnings.catch_warnings(), _at_most(limit_s):
         warnings.simplefilter("ignore")  # methods divide by zero on the way
         if row.kind == "translating" and math.isnan(row.limit_nm):
-            return {True: "**unsafe**", False: "✓", None: _failure(method, row)}[verdict(method, row.scene, 0.0)]
+            return {True: "**holds**", False: "✓", None: _failure(method, row)}[verdict(method, row.scene, 0.0)]
         found, failure = ask(method, row.scene)
     if row.kind == "none":
         return "✓" if failure == "no answer" else _told(failure) if failure else _nonsense(found)
@@ -84,7 +84,7 @@ def cell(method: Method, row: Row, limit_s: float = TIME_LIMIT_S) -> str:
 
 def _error(found: float, row: Row) -> str:
     if math.isinf(found):
-        return "**unsafe ∞**" if found > 0.0 else "slides"
+        return "**∞**" if found > 0.0 else "*slides*"
     error = (found - row.limit_nm) / row.scale_nm
     if abs(error) <= RIGHT:
         return "✓"
@@ -95,12 +95,12 @@ def _error(found: float, row: Row) -> str:
         return f"−{size}"
     if row.limit_nm > 0.0 and found >= FACTOR * row.limit_nm:
         times = found / row.limit_nm
-        return f"**unsafe ×{times:.1e}**" if times >= 1e3 else f"**unsafe ×{times:.3g}**"
-    return f"**unsafe +{size}**"
+        return f"**×{times:.1e}**" if times >= 1e3 else f"**×{times:.3g}**"
+    return f"**+{size}**"
 
 
 def _nonsense(found: float) -> str:
-    return "slides" if found == -math.inf else "**unsafe ∞**" if found == math.inf else "**a number**"
+    return "*slides*" if found == -math.inf else "**∞**" if found == math.inf else "**number**"
 
 
 def _failure(method: Method, row: Row) -> str:
@@ -109,8 +109,8 @@ def _failure(method: Method, row: Row) -> str:
 
 def _told(failure: str) -> str:
     if failure == _TooSlowError.__name__:
-        return "too slow"
-    return failure if failure == "no answer" else f"raises {failure}"
+        return "*late*"
+    return "*none*" if failure == "no answer" else f"*{failure}*"
 
 
 @contextmanager
@@ -131,9 +131,9 @@ def _at_most(seconds: float) -> Iterator[None]:
 
 def _sort(text: str) -> str:
     """The column of the summary that a cell counts in."""
-    if "unsafe" in text or "number" in text:
+    if text.startswith("**"):
         return "unsafe"
-    if text.startswith("−") or text == "slides":
+    if text.startswith("−") or text == "*slides*":
         return "false alarm"
     return "right" if text == "✓" or text[0].isdigit() else "failed"
 

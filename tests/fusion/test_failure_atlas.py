@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from chart.failures import ROWS
 from chart.row import Row
@@ -53,9 +52,22 @@ def test_the_mirrored_contact_has_the_same_limit_in_the_other_sense(row: Row) ->
 def test_a_load_on_the_limit_has_utilisation_one(row: Row) -> None:
     s = row.scene
     used = utilisation(s.x, s.y, s.loads, s.mu, s.tangential, row.limit_nm, s.about)
-    lever = float(np.abs(s.about).sum()) * math.hypot(*s.tangential)
     assert used.upper - used.lower <= GAP
-    assert used.lower - 1e-12 <= 1.0 <= used.upper + 1e-12, lever
+    assert used.lower - 1e-12 <= 1.0 <= used.upper + 1e-12
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("row", LIMITS)
+def test_utilisation_is_certified_inside_and_outside_the_limit(row: Row, share: float) -> None:
+    s = row.scene
+    used = utilisation(s.x, s.y, s.loads, s.mu, s.tangential, share * row.limit_nm, s.about)
+    assert used.lower <= used.value <= used.upper
+    assert used.upper - used.lower <= GAP * max(used.value, 1.0)
+    inside = -torque_limit(s.x, s.y, s.loads, s.mu, s.tangential, s.about, -1).upper_nm
+    if share * row.limit_nm > row.limit_nm + rounding(row):
+        assert used.upper >= 1.0
+    elif inside + rounding(row) < share * row.limit_nm < row.limit_nm - rounding(row):
+        assert used.lower <= 1.0
 
 
 @pytest.mark.parametrize("row", OTHERS)
