@@ -26,7 +26,9 @@ from scipy.optimize import differential_evolution
 from slipd.fusion import torque_limit, utilisation
 
 TAXELS = 4
-"""Few are enough for every failure known, and can be read."""
+"""Unless said otherwise: few are enough for every failure known, and can be read."""
+
+FORCE_GENES = 3
 
 POPULATION, GENERATIONS = 4, 30
 """Scenes a gene, and generations: about two thousand scenes a search."""
@@ -46,7 +48,7 @@ Badness = Callable[[Scene], float]
 
 def _taxels(genes: Genes, decades: float) -> tuple[Array, Array, Array]:
     """Positions within ±3 pitches, loads over so many decades; the genes left over are the force's."""
-    x, y, load = genes[: 3 * TAXELS].reshape(3, TAXELS)
+    x, y, load = genes[:-FORCE_GENES].reshape(3, -1)
     return 6.0 * PITCH_M * (x - 0.5), 6.0 * PITCH_M * (y - 0.5), 10.0 ** (decades * (load - 1.0))
 
 
@@ -64,7 +66,7 @@ def plain(genes: Genes) -> Scene:
 
 def whole(genes: Genes) -> Scene:
     """Small whole numbers: where coincidences are."""
-    x, y, load = np.floor(genes[: 3 * TAXELS].reshape(3, TAXELS) * 5.0).clip(0.0, 4.0)
+    x, y, load = np.floor(genes[:-FORCE_GENES].reshape(3, -1) * 5.0).clip(0.0, 4.0)
     fx, fy = np.round(genes[-2:] * 8.0 - 4.0) / 4.0
     loads = 1.0 + load
     about = np.array((loads @ x, loads @ y)) / loads.sum()
@@ -99,14 +101,13 @@ def thin(genes: Genes) -> Scene:
 
 
 def apart(genes: Genes) -> Scene:
-    """Clusters in clusters: the distances halve their exponent from taxel to taxel, down to 1e-12."""
+    """Clusters in clusters: from taxel to taxel nearer to the origin by the same factor, down to 1e-12 in all."""
     x, y, loads = _taxels(genes, 3.0)
-    near = 10.0 ** (-12.0 * genes[-3] * np.arange(TAXELS) / (TAXELS - 1))
+    near = 10.0 ** (-12.0 * genes[-3] * np.linspace(0.0, 1.0, x.size))
     return _forced("apart", x * near, y * near, loads, missing=10.0 ** (-6.0 * genes[-1]), turn=genes[-2])
 
 
 WORLDS: dict[str, World] = {w.__name__: w for w in (plain, whole, pole, far, decades, thin, apart)}
-GENES = 3 * TAXELS + 3
 
 
 def error_of(method: Method) -> Badness:
@@ -173,15 +174,18 @@ def possible(scene: Scene) -> bool:
     return inside and scene.torque_scale_nm > 1e-15 * scene.mu * math.fsum(scene.loads) * PITCH_M
 
 
-def search(badness: Badness, world: World, seed: int, generations: int = GENERATIONS) -> tuple[float, Scene]:
+def search(
+    badness: Badness, world: World, seed: int, generations: int = GENERATIONS, taxels: int = TAXELS
+) -> tuple[float, Scene]:
     """The worst contact found, in as few digits as leave it within a factor 2 as bad, and how bad that is."""
 
     def cost(genes: Genes) -> float:
         scene = world(genes)
         return -math.log10(badness(scene) + UNLIKELY) if possible(scene) else -math.log10(UNLIKELY)
 
+    genes = [(0.0, 1.0)] * (3 * taxels + FORCE_GENES)
     found = differential_evolution(
-        cost, [(0.0, 1.0)] * GENES, maxiter=generations, popsize=POPULATION, tol=0.0, polish=False, seed=seed
+        cost, genes, maxiter=generations, popsize=POPULATION, tol=0.0, polish=False, seed=seed
     )
     return shortened(badness, world(found.x))
 
@@ -220,11 +224,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--world", action="append", choices=list(WORLDS), help="default: all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--generations", type=int, default=GENERATIONS)
+    parser.add_argument("--taxels", type=int, default=TAXELS)
     options = parser.parse_args(arguments)
     for what in options.what:
         for world in options.world or WORLDS:
             badness = OURS[what] if what in OURS else methods[what]
-            bad, scene = search(badness, WORLDS[world], options.seed, options.generations)
+            bad, scene = search(badness, WORLDS[world], options.seed, options.generations, options.taxels)
             print(as_row(what, bad, scene) if bad > 0.0 else f"# {what}: {world}: nothing", flush=True)
 
 
