@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from chart.methods import METHODS, Method, ask
+from chart.methods import METHODS, Method, ask, find
 from chart.reference import exact_limit
 from chart.scenes import MU, PITCH_M, Array, Scene, turning_about
 from scipy.optimize import differential_evolution
@@ -126,6 +126,17 @@ def error_of(method: Method) -> Badness:
     return badness
 
 
+def refusal_of(method: Method) -> Badness:
+    """1 where it gives no answer, or raises."""
+
+    def badness(scene: Scene) -> float:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return float(ask(method, scene)[1] != "")
+
+    return badness
+
+
 def gap(scene: Scene) -> float:
     """Distance of ours' bounds, of the torque scale."""
     found = _ours(scene)
@@ -218,17 +229,18 @@ def as_row(what: str, bad: float, scene: Scene) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Search and print."""
-    methods = {method.short: error_of(method) for method in METHODS}
+    names = [method.short for method in METHODS]
     parser = argparse.ArgumentParser(description="Search for contacts that make a method fail.")
-    parser.add_argument("what", nargs="*", default=list(methods), help=f"of {', '.join((*methods, *OURS))}")
+    parser.add_argument("what", nargs="*", default=names, help=f"of {', '.join((*names, *OURS))}")
     parser.add_argument("--world", action="append", choices=list(WORLDS), help="default: all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--generations", type=int, default=GENERATIONS)
     parser.add_argument("--taxels", type=int, default=TAXELS)
+    parser.add_argument("--refused", action="store_true", help="contacts without an answer, not with a wrong one")
     options = parser.parse_args(arguments)
     for what in options.what:
         for world in options.world or WORLDS:
-            badness = OURS[what] if what in OURS else methods[what]
+            badness = OURS[what] if what in OURS else (refusal_of if options.refused else error_of)(find(what))
             bad, scene = search(badness, WORLDS[world], options.seed, options.generations, options.taxels)
             print(as_row(what, bad, scene) if bad > 0.0 else f"# {what}: {world}: nothing", flush=True)
 

@@ -25,7 +25,7 @@ FACTOR = 1.05
 TIME_LIMIT_S, QUICK_TIME_LIMIT_S = 5.0, 0.5
 """Processor time; the slowest that come to an end take some tens of milliseconds."""
 
-QUICK_ROWS = 2
+QUICK_ROWS = 1
 """Of each group."""
 
 OURS = "slipd"

@@ -1,0 +1,81 @@
+"""The atlas tells every way in which a method can fail, and the search finds one where there is one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from chart.adversarial import WORLDS, error_of, possible, refusal_of, search
+from chart.atlas import cell, run
+from chart.failures import GROUPS, ROWS
+from chart.methods import METHODS, Method, find
+from chart.scenes import Scene
+
+BY_NAME = {row.name: row for row in ROWS}
+PAIR = BY_NAME["two, no force"]
+SLIDES = BY_NAME["R = 1.5 μ"]
+LOST = BY_NAME["NaN load"]
+
+
+def answering(limit: float) -> Method:
+    return Method("it", "it", lambda scene: limit)
+
+
+def test_a_cell_tells_the_error_and_its_side() -> None:
+    right, scale = PAIR.limit_nm, PAIR.scale_nm
+    assert cell(answering(right), PAIR) == "✓"
+    assert cell(answering(right + 3e-8 * scale), PAIR) == "3e-08"
+    assert cell(answering(right - 0.25 * scale), PAIR) == "−0.25"
+    assert cell(answering(right + 0.03 * scale), PAIR) == "**+0.03**"
+    assert cell(answering(3.0 * right), PAIR) == "**×3**"
+    assert cell(answering(math.inf), PAIR) == "**∞**"
+    assert cell(answering(-math.inf), PAIR) == "*slides*"
+
+
+def test_a_cell_tells_how_a_method_failed() -> None:
+    def raising(scene: Scene) -> float:
+        raise ZeroDivisionError
+
+    def endless(scene: Scene) -> float:
+        while True:
+            pass
+
+    assert cell(answering(math.nan), PAIR) == "*none*"
+    assert cell(Method("it", "it", raising), PAIR) == "*ZeroDivisionError*"
+    assert cell(Method("it", "it", endless), PAIR, limit_s=0.01) == "*late*"
+
+
+def test_where_there_is_no_limit_a_cell_tells_what_came_out() -> None:
+    assert cell(answering(-math.inf), SLIDES) == "✓"
+    assert cell(answering(1.0), SLIDES) == "**holds**"
+    assert cell(answering(math.nan), SLIDES) == "*none*"
+    assert cell(answering(math.nan), LOST) == "✓"
+    assert cell(answering(0.1), LOST) == "**number**"
+
+
+def test_the_page_has_a_column_for_every_method_and_a_table_for_every_group() -> None:
+    page = run(quick=True)
+    heads = [line for line in page.splitlines() if line.startswith("| contact ")]
+    assert len(heads) == len(GROUPS)
+    assert all(f"## {group}\n" in page for group in GROUPS)
+    assert heads[0].split(" | ")[1:] == [*(m.short for m in METHODS[:-1]), METHODS[-1].short + " |"]
+
+
+def test_the_search_finds_where_a_model_is_wrong_and_finds_it_again() -> None:
+    badness = error_of(find("ellipsoid"))
+    first, again = (search(badness, WORLDS["plain"], seed=3, generations=2) for _ in range(2))
+    assert first[0] == badness(first[1]) > 0.1
+    assert np.array_equal(first[1].loads, again[1].loads)
+
+
+def test_the_search_finds_no_refusal_of_a_method_that_always_answers() -> None:
+    assert search(refusal_of(answering(1.0)), WORLDS["plain"], seed=1, generations=1)[0] == 0.0
+
+
+@pytest.mark.parametrize("world", WORLDS.values(), ids=list(WORLDS))
+def test_most_contacts_of_every_world_have_a_limit(world) -> None:
+    rng = np.random.default_rng(1)
+    drawn = [world(genes) for genes in rng.random((200, 15))]
+    assert sum(map(possible, drawn)) > 100
+    assert all(scene.x.shape == (4,) and (scene.loads > 0.0).all() for scene in drawn)
