@@ -22,6 +22,7 @@ class Method:
             limit; −inf: it calls the contact sliding whatever the spin. An exception: it failed.
         about: What it is, in a sentence.
         safe: The verdict for a measured spin, None where it says nothing; without it, ``spin <= limit``.
+        group: "ours", "paper", "solver" or "model": what the picture colours by.
         exact: It claims the limit of the taxels, not of a simpler contact.
         time_s: Its own clock, where a call is not one decision (a batch): time per decision, s.
     """
@@ -31,6 +32,7 @@ class Method:
     limit: Callable[[Scene], float]
     about: str = ""
     safe: Callable[[Scene, float], bool | None] | None = None
+    group: str = "solver"
     exact: bool = False
     time_s: Callable[[Scene], float] | None = None
 
@@ -69,7 +71,7 @@ def _cone() -> tuple[Method, ...]:
         return ()
     from chart.rivals import cone
 
-    told = "interior point on the second-order cone form, tolerance 1e-10, set-up of the problem included"
+    told = "interior point on the second-order cone form, tolerance 1e-9, set-up of the problem included"
     return (Method("Clarabel", "Clarabel", cone.limit, told, exact=True),)
 
 
@@ -79,8 +81,16 @@ METHODS: tuple[Method, ...] = (
         "(6) printed",
         paper.printed,
         "hinge test (7) taxel by taxel, search from C along the residue's normal, (6) as it stands",
+        group="paper",
     ),
-    Method("paper, (6) corrected", "(6) corrected", paper.corrected, "the same, the torque moved to C", exact=True),
+    Method(
+        "paper, (6) corrected",
+        "(6) corrected",
+        paper.corrected,
+        "the same, the torque moved to C",
+        group="paper",
+        exact=True,
+    ),
     Method("SciPy root hybr", "hybr", general.hybr, "Powell's hybrid on (5) from C", exact=True),
     Method("SciPy root lm", "lm", general.lm, "Levenberg–Marquardt on (5) from C", exact=True),
     Method("SciPy BFGS", "BFGS", general.bfgs, "on Φ from C with its gradient", exact=True),
@@ -98,34 +108,47 @@ METHODS: tuple[Method, ...] = (
         "power law",
         models.power_law,
         "limit surface of a circle with pressure (1 − (r/a)⁴)^¼, as in slipping_control, from a table; felt radius",
+        group="model",
     ),
     Method(
         "separate tests",
         "separate",
         models.separate,
         "translation by (4), torsion by μ f_n times the felt radius, each as if the other were not there",
+        group="model",
     ),
     Method(
         "felt ellipsoid",
         "felt ellipsoid",
         models.felt_ellipsoid,
         "|(f_t, m / r)| ≤ μ f_n with the felt radius r, which Slip-Aware-Object-Manipulation's hold comes to",
+        group="model",
     ),
-    Method("ellipsoid", "ellipsoid", models.ellipsoid, "m_max(0) √(1 − ρ²) with m_max(0) taken as μ Σ F |r − C|"),
-    Method("translation alone", "translation", models.translation, "(4): any spin is safe while R ≤ μ"),
+    Method(
+        "ellipsoid",
+        "ellipsoid",
+        models.ellipsoid,
+        "m_max(0) √(1 − ρ²) with m_max(0) taken as μ Σ F |r − C|",
+        group="model",
+    ),
+    Method("translation alone", "translation", models.translation, "(4): any spin is safe while R ≤ μ", group="model"),
     Method(
         "slipd, one pass",
         "bounds",
         ours.bounds_limit,
         "certified bounds of one pass; the limit told is the lower one, and between them there is no verdict",
         safe=ours.bounds_safe,
+        group="ours",
     ),
-    Method("slipd", "slipd", ours.limit, "the public call with its result object", safe=ours.safe, exact=True),
+    Method(
+        "slipd", "slipd", ours.limit, "the public call with its result object", safe=ours.safe, group="ours", exact=True
+    ),
     Method(
         "slipd, batch",
         "batch",
         ours.batch_limit,
         f"the batch form, time per frame among {ours.FRAMES}",
+        group="ours",
         exact=True,
         time_s=ours.batch_seconds,
     ),

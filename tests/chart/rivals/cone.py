@@ -11,17 +11,17 @@ from chart.rivals.scaled import Scaled
 from chart.scenes import Scene
 from scipy import sparse
 
-TOLERANCE = 1e-10
-"""Asked of gap and feasibility; Clarabel's own 1e-8 gives answers that are wrong by more than 1e-6 more often."""
+TOLERANCE = 1e-9
+"""Asked of gap and feasibility: of 1e-8 (its own) to 1e-12 the one that fails least on the scenes."""
 
 
 def limit(scene: Scene) -> float:
-    """Set-up and solve; NaN unless it says that it solved, or almost."""
+    """Set-up and solve; NaN unless it says that it solved: "almost" is mostly wrong by more than 1e-6."""
     problem = Scaled.of(scene)
     if problem.ratio() >= 1.0:
         return -math.inf
     found = _solver(problem).solve()
-    if str(found.status) not in ("Solved", "AlmostSolved"):
+    if str(found.status) != "Solved":
         return math.nan
     x, y = problem.about
     return (found.obj_val - (x * problem.tangential[1] - y * problem.tangential[0])) * problem.torque_nm

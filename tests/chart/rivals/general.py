@@ -10,14 +10,17 @@ from chart.scenes import Scene
 from scipy.optimize import OptimizeResult, minimize, root
 
 TOLERANCE = 1e-10
-"""Of the pole for a root, of the slope for a minimum, without units; the torque's error goes with its square."""
+"""Of the slope for a minimum, without units: the torque's error goes with its square. Roots keep SciPy's own 1.5e-8."""
+
+ORIGIN = np.array((1.0, 1.0))
+"""Where the start is put: MINPACK takes its first step bound from the length of the start, which must not vanish."""
 
 OUT_OF_STEPS = 1
 """Status of ``minimize``; the others mean that it came as far as doubles let it."""
 
 
 def hybr(scene: Scene) -> float:
-    """MINPACK's Powell hybrid with the Jacobian (differences fail: the start is an origin that is one to rounding)."""
+    """MINPACK's Powell hybrid with the Jacobian."""
     return _root(scene, "hybr")
 
 
@@ -56,9 +59,13 @@ def _root(scene: Scene, method: str) -> float:
     problem = Scaled.of(scene)
     if problem.ratio() >= 1.0:
         return -math.inf
-    start = np.array(problem.about)
-    found = root(problem.residue, start, jac=problem.residue_slope, method=method, tol=TOLERANCE)
-    return problem.potential(found.x) * problem.torque_nm if found.success else math.nan
+    found = root(
+        lambda at: problem.residue(at - ORIGIN),
+        ORIGIN + problem.about,
+        jac=lambda at: problem.residue_slope(at - ORIGIN),
+        method=method,
+    )
+    return problem.potential(found.x - ORIGIN) * problem.torque_nm if found.success else math.nan
 
 
 def _value(problem: Scaled, found: OptimizeResult) -> float:
