@@ -45,63 +45,70 @@ from slipd.fusion.compiled import compiled, compiled_sum
 
 Array = NDArray[np.float64]
 Sweep = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+Model = tuple[float, float, float, float, float]
+Frame = tuple[float, float, float]
+Plane = tuple[float, float, float, float, bool]
 
 U = 2.0**-53
 KINDS = ("interior", "hinge", "translating", "none")
 INTERIOR, HINGE, TRANSLATING, NONE = range(4)
 FAR = 1e9  # a pole this many mean distances away is a translation for every purpose
 GOAL = 2e-13  # gap at which an answer is as good as its rounding bound,
-GOAL_SLACKS = 8.0  # which is about so many σ
-MAX_PASSES = 60  # ordinary scenes need 3–6; a gap that stays open is told by the bounds
-MAX_ROOT_STEPS = 60
-MAX_HALVINGS = 50  # 2⁻⁵⁰ of a step is below its rounding
+GOAL_SLACKS = 30.0  # which is less than so many σ
+MAX_PASSES = 120  # ordinary scenes need 3–7, hinges some 20; a gap that stays open is told by the bounds
 RESOLUTION = 1e-13  # relative change of the sum that may be rounding
 TINY = 1e-150  # added to lengths that are divided by: a taxel at the pole has no direction; squares stay finite
 RIDGE = 1e-28  # least curvature of any direction, relative to the largest: a far pole leaves one with very little
 FLAT = 1e-9  # a determinant this small, relative to the product of the curvatures, is rounding (collinear taxels),
 STIFF = 1e-12  # and is helped with so much of their sum
 LONGEST = 8.0  # a step changes the velocity by no more than so many times what it was
-KINK = 0.02  # share of the squared curvatures from which one taxel may be a kink,
-FELT = 0.25  # and share of its sliding velocity by which the step must change it to feel that
+OVERSHOOT = 0.5  # a step that climbs again this steeply, relative to its start, went too far
+KINK = 0.1  # share of the squared curvatures from which a taxel may be a kink,
+FELT = 0.25  # share of its sliding velocity by which a step must change it to feel that,
+UNSURE = 4e-3  # and share of the twist below which rounding of its sliding velocity shows in its direction
+PATIENCE = 14  # passes after which a kink of many taxels together is assumed
+SOFTEST = 0.1  # ε begins at this share of the twist,
+FOLLOW = 0.1  # and shrinks by this factor, though not below this share of the gap
+ARMIJO = 1e-4  # share of the foretold descent that a step must reach
+STANDS = 1e-6  # share of itself by which a gap must change to be still closing
+BESIDE = 1e-9  # a pole this near to a taxel, relative to the twist, may be a hinge
+RULING = 0.5  # share of the squared curvatures from which one taxel is tried as the hinge
 NEAR_TRANSLATION = 0.02  # below this, 1 − ρ is computed in double-double
 ASKEW = 20.0  # a twist from before whose power is less than its size by this factor tells nothing of this load
 SPLIT = 134217729.0  # 2²⁷ + 1 (Dekker)
 
 
 @compiled_sum
-def sweep(x: Array, y: Array, w: Array, vx: float, vy: float, om: float, skip: int) -> Sweep:
+def sweep(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> Sweep:
     """One pass over the taxels: everything a step and both bounds need.
 
     Args:
         x: Positions, shape (n,), in the units above.
         y: Likewise.
         w: Weights, shape (n,).
-        vx: Twist.
-        vy: Likewise.
-        om: Likewise.
-        skip: Taxels that lie where this one lies are left out; −1: none is.
+        vx: Twist: velocity of the origin,
+        vy: likewise,
+        om: and angular velocity.
 
     Returns:
-        Σ w c, Σ w c/|u|, Σ w u_y/|u|, spin of the friction field (with Σ w y of the taxels left out missing); Hessian
-        xx, xy, xω, yy, yω, ωω; Σ (w/|u|)²; the weight left out.
+        Σ w c, Σ w c/|u|, Σ w u_y/|u|, spin of the friction field about the origin, plus Σ w y; Hessian
+        xx, xy, xω, yy, yω, ωω; Σ (w/|u|)²; Σ w |u_y|/|u|.
     """
     value = gx = gy = gm = 0.0
-    hxx = hxy = hxm = hyy = hym = hmm = bend = out = 0.0
-    xj = x[skip] if skip >= 0 else math.nan
-    yj = y[skip] if skip >= 0 else math.nan
+    hxx = hxy = hxm = hyy = hym = hmm = bend = gross = 0.0
     for i in range(x.size):
-        wi = 0.0 if (x[i] == xj and y[i] == yj) else w[i]
-        out += w[i] - wi
         ux, uy = vx - om * y[i], vy + om * x[i]
         d = math.sqrt(ux * ux + uy * uy)
         inverse = 1.0 / (d + TINY)
         beside = uy * uy / (d + abs(ux) + TINY)
         c = beside if ux > 0.0 else d - ux
-        nx, ny, k, share = ux * inverse, uy * inverse, wi * inverse, c * inverse
-        value += wi * c
-        gx += wi * share
-        gy += wi * ny
-        gm += wi * (x[i] * ny + y[i] * share)
+        nx, ny, k = ux * inverse, uy * inverse, w[i] * inverse
+        share = c * inverse if d > 0.0 else 1.0
+        value += w[i] * c
+        gx += w[i] * share
+        gy += w[i] * ny
+        gross += abs(w[i] * ny)
+        gm += w[i] * (x[i] * ny + y[i] * share)
         arm = x[i] * nx + y[i] * ny  # ρ × t with t = ẑ × n
         hxx += k * ny * ny
         hxy -= k * nx * ny
@@ -110,7 +117,109 @@ def sweep(x: Array, y: Array, w: Array, vx: float, vy: float, om: float, skip: i
         hym += k * nx * arm
         hmm += k * arm * arm
         bend += k * k
-    return value, gx, gy, gm, hxx, hxy, hxm, hyy, hym, hmm, bend, out
+    return value, gx, gy, gm, hxx, hxy, hxm, hyy, hym, hmm, bend, gross
+
+
+@compiled_sum
+def path_sweep(
+    x: Array, y: Array, w: Array, field: Array, vx: float, vy: float, om: float, soft: float
+) -> tuple[Sweep, float, float, float]:
+    """The same of the smoothed sum, with |u| = √(|u|² + ε²), beside a friction field that is kept apart.
+
+    The primal and dual Newton step: of w u = |u| t, linear in both, comes a curvature (w I − t uᵀ/|u|)/|u| in which the
+    field t stands where the plain step has w u/|u| again; that keeps it from overshooting a kink.
+
+    Args:
+        x: As in :func:`sweep`.
+        y: Likewise.
+        w: Likewise.
+        field: 1 − t_x/w and t_y/w, shape (2, n).
+        vx: As in :func:`sweep`.
+        vy: Likewise.
+        om: Likewise.
+        soft: ε².
+
+    Returns:
+        As :func:`sweep`, but Σ |t_y| of the field; and of the field 1 − Σ t_x, Σ t_y and its spin.
+    """
+    value = gx = gy = gm = fx = fy = fm = 0.0
+    hxx = hxy = hxm = hyy = hym = hmm = bend = gross = 0.0
+    for i in range(x.size):
+        ux, uy = vx - om * y[i], vy + om * x[i]
+        less, ty = field[0, i], field[1, i]
+        side = uy * uy + soft
+        d = math.sqrt(ux * ux + side)
+        inverse = 1.0 / d
+        beside = side / (d + abs(ux))
+        c = beside if ux > 0.0 else d - ux
+        nx, ny, k, share = ux * inverse, uy * inverse, w[i] * inverse, c * inverse
+        value += w[i] * c
+        gx += w[i] * share
+        gy += w[i] * ny
+        gm += w[i] * (x[i] * ny + y[i] * share)
+        fx += w[i] * less
+        fy += w[i] * ty
+        gross += abs(w[i] * ty)
+        fm += w[i] * (x[i] * ty + y[i] * less)
+        tx = 1.0 - less
+        a, b, c = k * (less + tx * share), -0.5 * k * (tx * ny + ty * nx), k * (1.0 - ty * ny)
+        hxx += a
+        hxy += b
+        hyy += c
+        hxm += x[i] * b - y[i] * a
+        hym += x[i] * c - y[i] * b
+        hmm += x[i] * x[i] * c - 2.0 * x[i] * y[i] * b + y[i] * y[i] * a
+        bend += k * k
+    return (value, gx, gy, gm, hxx, hxy, hxm, hyy, hym, hmm, bend, gross), fx, fy, fm
+
+
+@compiled
+def update_field(
+    x: Array, y: Array, field: Array, vx: float, vy: float, om: float, soft: float, sx: float, sy: float, sm: float
+) -> None:
+    """The field's part of that step, of the twist (sx, sy, sm), cut to its discs."""
+    for i in range(x.size):
+        ux, uy = vx - om * y[i], vy + om * x[i]
+        side = uy * uy + soft
+        d = math.sqrt(ux * ux + side)
+        nx, ny = ux / d, uy / d
+        share = (side / (d + abs(ux)) if ux > 0.0 else d - ux) / d
+        dx, dy = sx - sm * y[i], sy + sm * x[i]
+        along = nx * dx + ny * dy
+        less = share - (dx - (1.0 - field[0, i]) * along) / d
+        ty = ny + (dy - field[1, i] * along) / d
+        field[0, i], field[1, i] = cut(less, ty)
+
+
+@compiled_sum
+def soft_sum(x: Array, y: Array, w: Array, vx: float, vy: float, om: float, soft: float) -> float:
+    """Σ w c of the smoothed sum."""
+    value = 0.0
+    for i in range(x.size):
+        ux, uy = vx - om * y[i], vy + om * x[i]
+        side = uy * uy + soft
+        d = math.sqrt(ux * ux + side)
+        value += w[i] * (side / (d + abs(ux)) if ux > 0.0 else d - ux)
+    return value
+
+
+@compiled
+def cut(less: float, ty: float) -> tuple[float, float]:
+    """(1 − less, ty) shortened to length 1, as 1 − its first part and its second."""
+    over = ty * ty + less * less - 2.0 * less  # |t|² − 1
+    if not over > 0.0:
+        return less, ty
+    size = math.sqrt(1.0 + over)
+    return (over / (1.0 + size) + less) / size, ty / size
+
+
+@compiled
+def about_centroid(r: Sweep, cx: float, cy: float) -> Sweep:
+    """A sweep whose spin and derivatives are taken about the load centroid, which lies at (cx, cy)."""
+    value, gx, gy, gm, hxx, hxy, hxm, hyy, hym, hmm, bend, gross = r
+    gm -= cx * gy + cy * gx
+    hmm += 2.0 * (cy * hxm - cx * hym) + cy * cy * hxx - 2.0 * cx * cy * hxy + cx * cx * hyy
+    return value, gx, gy, gm, hxx, hxy, hxm + cy * hxx - cx * hxy, hyy, hym + cy * hxy - cx * hyy, hmm, bend, gross
 
 
 @compiled
@@ -126,33 +235,7 @@ def sharpest(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> i
 
 
 @compiled
-def proximal(g1: float, g2: float, a: float, b: float, c: float, w: float) -> tuple[float, float]:
-    """Minimises w|z| + g·z + ½ zᵀ[[a, b], [b, c]]z over the plane: zero exactly when |g| ≤ w (the hinge)."""
-    if g1 * g1 + g2 * g2 <= w * w:
-        return 0.0, 0.0
-    half, diff = 0.5 * (a + c), 0.5 * (a - c)
-    radius = math.sqrt(diff * diff + b * b)
-    h1 = half + radius
-    h2 = max((a * c - b * b) / h1, RIDGE * h1)
-    theta = 0.5 * math.atan2(b, diff)
-    ct, st = math.cos(theta), math.sin(theta)
-    p1, p2 = ct * g1 + st * g2, -st * g1 + ct * g2
-    s = 0.0  # s = |z| solves |(s H + w)⁻¹ g| = 1; 1/norm is nearly linear in s, so Newton takes a few steps
-    for _ in range(MAX_ROOT_STEPS):
-        d1, d2 = s * h1 + w, s * h2 + w
-        square = (p1 / d1) ** 2 + (p2 / d2) ** 2
-        norm = math.sqrt(square)
-        fall = (p1 / d1) ** 2 * h1 / d1 + (p2 / d2) ** 2 * h2 / d2
-        step = (norm - 1.0) * square / fall
-        s += step
-        if not abs(step) > 1e-15 * s:
-            break
-    z1, z2 = -s * p1 / (s * h1 + w), -s * p2 / (s * h2 + w)
-    return ct * z1 - st * z2, st * z1 + ct * z2
-
-
-@compiled
-def plane_model(r: Sweep, h: float, ax: float, am: float) -> tuple[float, float, float, float, float]:
+def plane_model(r: Sweep, h: float, ax: float, am: float) -> Model:
     """Gradient (2) and Hessian (11, 12, 22) along the plane's directions (ax, 0, am) and (0, 1, 0)."""
     h11 = ax * ax * r[4] + 2.0 * ax * am * r[6] + am * am * r[9]
     h22 = r[7]
@@ -161,9 +244,18 @@ def plane_model(r: Sweep, h: float, ax: float, am: float) -> tuple[float, float,
 
 
 @compiled
-def smooth_step(
-    m: tuple[float, float, float, float, float], power: float, pull: float
-) -> tuple[float, float, float, bool]:
+def newton_step(m: Model) -> tuple[float, float, float, bool]:
+    """−H⁻¹ of the gradient, 1/det, and whether the model bends in every direction (it is helped where it does not)."""
+    g1, g2, h11, h12, h22 = m
+    bends = h11 * h22 - h12 * h12 > FLAT * h11 * h22
+    if not bends:
+        h11, h22 = h11 + STIFF * (h11 + h22), h22 + STIFF * (h11 + h22)
+    inverse = 1.0 / (h11 * h22 - h12 * h12)
+    return (h12 * g2 - h22 * g1) * inverse, (h12 * g1 - h11 * g2) * inverse, inverse, bends
+
+
+@compiled
+def norm_step(m: Model, power: float, pull: float) -> tuple[float, float, bool]:
     """The step to the minimum of √Q − pull · s₁, Q the square that meets D to second order.
 
     D is a norm, and so is √Q; that a quadratic is not makes the plain Newton step overshoot. With e the gradient, H the
@@ -176,217 +268,298 @@ def smooth_step(
         pull: Slope that is subtracted along the first direction.
 
     Returns:
-        The step (2), the fall of its linear part, and whether the model bends in every direction.
+        The step (2), and whether the model bends in every direction.
     """
-    g1, g2, h11, h12, h22 = m
-    bends = h11 * h22 - h12 * h12 > FLAT * h11 * h22
-    if not bends:
-        h11, h22 = h11 + STIFF * (h11 + h22), h22 + STIFF * (h11 + h22)
-    det = h11 * h22 - h12 * h12
-    s1, s2 = -(h22 * g1 - h12 * g2) / det, -(h11 * g2 - h12 * g1) / det
-    fall = abs(g1 * s1 + g2 * s2)
-    k1, k2 = h22 * pull / det, -h12 * pull / det
-    bb, be, ee = pull * k1 / power, -pull * s1 / power, fall / power
+    s1, s2, inverse, bends = newton_step(m)
+    k1, k2 = m[4] * pull * inverse, -m[3] * pull * inverse
+    bb, be, ee = pull * k1 / power, -pull * s1 / power, -(m[0] * s1 + m[1] * s2) / power
     square = (1.0 + be) * (1.0 + be) + (1.0 - bb) * ee
     if square > 0.0 and be > -1.0:
         s = ee / ((1.0 + be) + math.sqrt(square))
-        inverse = 1.0 + be + ee - (bb + be) * s
-        if inverse > 0.0:
-            return (s1 + s * k1) / inverse, (s2 + s * k2) / inverse, fall, bends
-    return s1, s2, fall, bends
+        shorten = 1.0 + be + ee - (bb + be) * s
+        if shorten > 0.0:
+            return (s1 + s * k1) / shorten, (s2 + s * k2) / shorten, bends
+    return s1, s2, bends
 
 
 @compiled
-def kink_step(
-    m: tuple[float, float, float, float, float], det: float, lever: float, wj: float, ux: float, uy: float
-) -> tuple[float, float, float]:
-    """The step that minimises the model plus w_j |u_j|, and its first-order fall.
-
-    Args:
-        m: Model without taxel j.
-        det: Change of u_jx along the first direction; u_jy changes by ``lever`` along it, and by 1 along the second.
-        lever: Likewise.
-        wj: Weight of taxel j.
-        ux: u_j here.
-        uy: Likewise.
-    """
-    g1, g2, h11, h12, h22 = m
-    g1 -= wj * det  # the sum counts |u| less u_x
-    i, k = 1.0 / det, -lever / det  # step = (i dz_x, k dz_x + dz_y)
-    a = i * (h11 * i + h12 * k) + k * (h12 * i + h22 * k)
-    b = i * h12 + k * h22
-    c1 = i * g1 + k * g2 - (a * ux + b * uy)
-    c2 = g2 - (b * ux + h22 * uy)
-    z1, z2 = proximal(c1, c2, a, b, h22, wj)
-    s1, s2 = i * (z1 - ux), k * (z1 - ux) + (z2 - uy)
-    fall = abs(g1 * s1 + g2 * s2 + wj * (math.sqrt(z1 * z1 + z2 * z2) - math.sqrt(ux * ux + uy * uy)))
-    return s1, s2, fall
-
-
-@compiled
-def hinged(r: Sweep, xj: float, yj: float, tx: float, ty: float) -> tuple[float, float, float, bool]:
-    """The field of the sweep with (tx, ty) w_j on taxel j, shortened to w_j.
-
-    Returns:
-        1 − f'_x, f'_y and the spin of the field, and whether it was not shortened.
-    """
-    out = r[11]
-    size = math.sqrt(tx * tx + ty * ty)
-    whole = size <= 1.0
-    if not whole:
-        tx, ty = tx / size, ty / size
-    return r[1] + out * (1.0 - tx), r[2] + out * ty, r[3] + out * (yj + xj * ty - yj * tx), whole
-
-
-@compiled
-def spin_upper(r: Sweep, vx: float, vy: float, h: float, dh: float, slack: float) -> float:
-    """Bound of max Σ ρ × t with Σ t = (1 − h, 0) and |t_i| ≤ w_i: the sum at any twist (v, 1)."""
+def rounding(r: Sweep, h: float, vx: float, vy: float, om: float, slack: float) -> float:
+    """Bound of the rounding of a sweep's Σ w c + h v_x."""
     far = (abs(vx) + abs(vy)) * (r[1] + math.sqrt(2.0 * r[1]))
-    return (r[0] + h * vx) + slack * (r[0] + abs(h * vx) + far + 3.0) + dh * abs(vx)
+    return slack * (r[0] + abs(h * vx) + abs(om)) + 16.0 * U * (far + abs(om))
 
 
 @compiled
-def spin_lower(gx: float, gy: float, gm: float, h: float, dh: float, slack: float) -> float:
+def spin_lower(gx: float, gy: float, gm: float, gross: float, h: float, dh: float, slack: float) -> float:
     """Bound of the same from the friction field that carries f' = (1 − g_x, g_y) and the spin g_m.
 
     The mixture (1 − s) t + s w a with the translation field of a unit vector a carries f exactly for the smallest s
     with |f − (1 − s) f'| ≤ s, and translation adds no spin about the load centroid. With e = |f − f'| and
     r² = 1 − |f'|² that s is at most e (1 + √(1 + r²)) / r².
     """
-    missing = math.sqrt((gx - h) ** 2 + gy * gy) + slack * (gx + math.sqrt(2.0 * gx) + h) + dh
+    missing = math.sqrt((gx - h) ** 2 + gy * gy) + slack * (gx + gross + h) + dh
     room = gx * (2.0 - gx) - gy * gy - 4.0 * slack * gx
     share = min(missing * (1.0 + math.sqrt(1.0 + room)) / room, 1.0) if room > 0.0 else 1.0
-    return (1.0 - share) * gm - 5.0 * slack
+    return (1.0 - share) * gm - 3.0 * slack - 16.0 * U
 
 
 @compiled
-def gauge_lower(r: Sweep, vx: float, om: float, lx: float, lm: float, slack: float) -> float:
-    """Bound of the gauge of the unit load ℓ = (lx, 0, lm): ℓ·q / D(q) at any twist."""
-    return (lx * vx + lm * om) / (r[0] + vx) * (1.0 - 12.0 * slack)
+def gauge_upper(gx: float, gy: float, gm: float, gross: float, lx: float, lm: float, slack: float) -> float:
+    """Bound of the gauge of the unit load ℓ = (lx, 0, lm) from the field that carries f' = (1 − g_x, g_y) and g_m.
 
-
-@compiled
-def gauge_upper(gx: float, gy: float, gm: float, lx: float, lm: float, slack: float) -> float:
-    """Bound of the same from the friction field that carries the wrench G = (g_x, g_y, g_m).
-
-    What G lacks to (G·ℓ) ℓ, a force a and a spin b, is carried by turning about the load centroid (spin 1, force 1 at
-    most) and translation: the sum leaves its discs by |a| + 2 |b| at most.
+    What the wrench lacks to k ℓ, a force a and a spin b, is carried by turning about the load centroid (spin 1, force 1
+    at most) and translation: the sum leaves its discs by |a| + 2 |b| at most, and any k serves.
     """
-    along = gx * lx + gm * lm - 4.0 * slack
+    fx = 1.0 - gx
+    along = fx * lx + gm * lm
     if not along > 0.0:
         return math.inf
-    a = math.sqrt((along * lx - gx) ** 2 + gy * gy)
-    return (1.0 + a + 2.0 * abs(along * lm - gm) + 12.0 * slack) / along * (1.0 + 8.0 * U)
+    a = math.sqrt((along * lx - fx) ** 2 + gy * gy) + slack * (gx + gross)
+    return (1.0 + a + 2.0 * (abs(along * lm - gm) + 3.0 * slack)) / along * (1.0 + 16.0 * U)
 
 
 @compiled
-def bound_spin(
-    r: Sweep, rj: Sweep, xj: float, yj: float, vx: float, vy: float, h: float, dh: float, slack: float, kink: bool
-) -> tuple[float, float, bool]:
-    """Both bounds of the spin, and whether taxel j takes what is missing, as a hinge does."""
-    upper = spin_upper(r, vx, vy, h, dh, slack)
-    lower = spin_lower(r[1], r[2], r[3], h, dh, slack)
-    if not kink:
-        return lower, upper, False
-    gx, gy, gm, whole = hinged(rj, xj, yj, 1.0 + (rj[1] - h) / rj[11], -rj[2] / rj[11])
-    return max(lower, spin_lower(gx, gy, gm, h, dh, slack)), upper, whole
+def bounds(
+    r: Sweep, fx: float, fy: float, fm: float, gross: float, vx: float, vy: float, om: float, plane: Plane, slack: float
+) -> tuple[float, float, float]:
+    """Lower and upper bound from a sweep's twist and a friction field (1 − force, spin), and the value of the twist."""
+    h, dh, ax, am, gauge = plane
+    value = r[0] + h * vx
+    error = rounding(r, h, vx, vy, om, slack)
+    if gauge:
+        along = am * vx - ax * om
+        return along / (value + error) * (1.0 - 8.0 * U), gauge_upper(fx, fy, fm, gross, am, -ax, slack), along / value
+    return spin_lower(fx, fy, fm, gross, h, dh, slack), value + error + dh * abs(vx), value
 
 
 @compiled
-def bound_gauge(
-    r: Sweep, rj: Sweep, xj: float, yj: float, vx: float, om: float, lx: float, lm: float, slack: float, kink: bool
-) -> tuple[float, float, bool]:
-    """Both bounds of the gauge, and whether taxel j makes the wrench one along ℓ, as a hinge does."""
-    lower = gauge_lower(r, vx, om, lx, lm, slack)
-    upper = gauge_upper(1.0 - r[1], r[2], r[3], lx, lm, slack)
-    if not kink:
-        return lower, upper, False
-    out = rj[11]
-    ox, oy, om_ = (1.0 - out) - rj[1], rj[2], rj[3] + out * yj
-    along = (om_ - xj * oy + yj * ox) / (lm + yj * lx)
-    gx, gy, gm, whole = hinged(rj, xj, yj, (along * lx - ox) / out, -oy / out)
-    return lower, min(upper, gauge_upper(1.0 - gx, gy, gm, lx, lm, slack)), whole
+def descend(
+    x: Array, y: Array, w: Array, q: Array, plane: Plane, goal: float, passes: int
+) -> tuple[float, float, float, bool, int]:
+    """Newton's method with a line search, from q, until the bounds meet or a kink comes into play.
+
+    Returns:
+        Lower bound, upper bound, the value of the last twist, whether the bounds may still come closer, passes.
+    """
+    h, _, ax, am, gauge = plane
+    slack = (x.size + 16) * U
+    lower, upper = -math.inf, math.inf
+    r = sweep(x, y, w, q[0], q[1], q[2])
+    last_fall, done = math.inf, 1
+    while True:
+        low, high, estimate = bounds(r, r[1], r[2], r[3], r[11], q[0], q[1], q[2], plane, slack)
+        lower, upper = max(lower, low), min(upper, high)
+        if upper - lower <= goal * (upper if gauge else 1.0):
+            return lower, upper, estimate, False, done
+        if done >= passes:
+            return lower, upper, estimate, True, done
+        m = plane_model(r, h, ax, am)
+        s1, s2, bends = norm_step(m, r[0] + q[0], (1.0 - h) * ax)
+        size = abs(q[0]) + abs(q[1]) + abs(q[2])
+        curvature = r[4] + r[7]  # Σ w/|u|
+        if not bends or r[10] > KINK * curvature * curvature:
+            j = sharpest(x, y, w, q[0], q[1], q[2])
+            near = abs(q[0] - q[2] * y[j]) + abs(q[1] + q[2] * x[j])
+            change = abs((ax - am * y[j]) * s1) + abs(am * x[j] * s1 + s2)
+            if not bends or change > FELT * near or near < UNSURE * w[j] * size:
+                return lower, upper, estimate, True, done
+        length = abs(s1) + abs(s2)
+        if length > LONGEST * size:
+            s1, s2 = s1 * (LONGEST * size / length), s2 * (LONGEST * size / length)
+        value, slope, shrink = r[0] + h * q[0], m[0] * s1 + m[1] * s2, 1.0
+        resolved = -slope > RESOLUTION * abs(value)
+        while True:
+            if done >= passes:
+                return lower, upper, estimate, True, done
+            vx, vy, om = q[0] + shrink * s1 * ax, q[1] + shrink * s2, q[2] + shrink * s1 * am
+            r = sweep(x, y, w, vx, vy, om)
+            done += 1
+            end = (ax * (h - r[1]) + am * r[3]) * s1 + r[2] * s2
+            # Where the sum no longer tells a descent, the gradient does: full steps while it shrinks.
+            if resolved and r[0] + h * vx < value and end <= -OVERSHOOT * slope:
+                break
+            if not resolved and -slope < 0.25 * last_fall:
+                break
+            if not resolved or done > PATIENCE:
+                return lower, upper, estimate, True, done
+            shrink *= min(max(slope / (slope - end), 0.1), 0.7) if end > 0.0 else 0.5
+        q[0], q[1], q[2] = vx, vy, om
+        last_fall = -slope
+
+
+@compiled
+def move_origin(x: Array, y: Array, frame: Frame, taxels: Array, j: int) -> None:
+    """Writes the positions about taxel j, each exact to its own size."""
+    ct, st, mean = frame
+    for i in range(x.size):
+        dx, dy = (x[i] - x[j]) / mean, (y[i] - y[j]) / mean
+        taxels[0, i], taxels[1, i] = ct * dx + st * dy, ct * dy - st * dx
+
+
+@compiled
+def hinge_bounds(
+    x: Array, y: Array, w: Array, cx: float, cy: float, plane: Plane, slack: float
+) -> tuple[float, float, float, float]:
+    """Bounds with the taxels at the origin as a hinge, which takes what is missing as far as its friction goes.
+
+    Args:
+        x: Positions about the hinge, shape (n,).
+        y: Likewise.
+        w: Weights, shape (n,); the same on return.
+        cx: The load centroid.
+        cy: Likewise.
+        plane: As in :func:`bounds`.
+        slack: σ.
+
+    Returns:
+        Lower bound, upper bound, value, and the angular velocity of the twist; NaN where no twist of the plane is that.
+    """
+    h, _, ax, am, gauge = plane
+    om = 1.0
+    if gauge:
+        power = -ax - am * cy
+        if abs(power) < 1e-6:
+            return math.nan, math.nan, math.nan, math.nan
+        om = 1.0 / power
+    out = 0.0
+    for i in range(x.size):
+        if x[i] == 0.0 and y[i] == 0.0:
+            out += w[i]
+            w[i] = -w[i]
+    held = np.maximum(w, 0.0)
+    for i in range(x.size):
+        w[i] = abs(w[i])
+    r = about_centroid(sweep(x, y, held, 0.0, 0.0, om), cx, cy)
+    if gauge:
+        fx, fy, fm = (1.0 - out) - r[1], r[2], r[3]
+        # Spin about the hinge, where its own force has no arm: what ℓ has there, along times.
+        along = (fm + cx * fy + cy * (r[1] - 1.0)) / (-ax - am * cy)
+        less, ty = 1.0 - (along * am - fx) / out, -fy / out
+    else:
+        less, ty = (h - r[1]) / out, -r[2] / out
+    less, ty = cut(less, ty)
+    fx, fy, fm = r[1] + out * less, r[2] + out * ty, r[3] - out * (cx * ty + cy * less)
+    return *bounds(r, fx, fy, fm, r[11] + abs(out * ty), -om * cy, om * cx, om, plane, slack), om
+
+
+@compiled
+def follow_path(
+    x: Array, y: Array, frame: Frame, taxels: Array, q: Array, plane: Plane, goal: float, lower: float, upper: float,
+    steps: int,
+) -> tuple[float, float, float, int, int]:  # fmt: skip
+    """Follows the minimum of the smoothed sum, |u| = √(|u|² + ε²), as ε → 0: a primal and dual path past every kink.
+
+    The origin lies in the taxel with the sharpest kink, so that its sliding velocity is exact to its own size.
+
+    Args:
+        x: Positions as given, shape (n,), m.
+        y: Likewise.
+        frame: Direction of f_t (2), and mean distance, m.
+        taxels: Positions and weights in the units above, shape (3, n); the positions move with the origin.
+        q: The twist to start from, shape (3,), and on return the last one; its velocity is that of the load centroid.
+        plane: As in :func:`bounds`.
+        goal: Gap at which to stop.
+        lower: Bound so far.
+        upper: Likewise.
+        steps: Most steps.
+
+    Returns:
+        Lower bound, upper bound, value of the last twist, the taxel that is a hinge (−1: none), and steps.
+    """
+    h, _, ax, am, gauge = plane
+    xs, ys, w = taxels[0], taxels[1], taxels[2]
+    slack = (x.size + 16) * U
+    field = np.zeros((2, x.size))
+    origin, cx, cy = -1, 0.0, 0.0
+    ox, oy, om = q[0], q[1], q[2]
+    soft = SOFTEST * (abs(ox) + abs(oy) + abs(om))
+    estimate, last_gap = math.nan, math.inf
+    for step in range(steps):
+        j = sharpest(xs, ys, w, ox, oy, om)
+        if j != origin:
+            ox, oy, cx, cy, origin = ox - om * ys[j], oy + om * xs[j], cx - xs[j], cy - ys[j], j
+            move_origin(x, y, frame, taxels, j)
+        if step == 0:
+            update_field(xs, ys, field, ox, oy, om, soft * soft, 0.0, 0.0, 0.0)
+        r, fx, fy, fm = path_sweep(xs, ys, w, field, ox, oy, om, soft * soft)
+        fm -= cx * fy + cy * fx
+        r = about_centroid(r, cx, cy)
+        vx, vy = ox - om * cy, oy + om * cx
+        low, high, estimate = bounds(r, fx, fy, fm, r[11], vx, vy, om, plane, slack)
+        lower, upper = max(lower, low), min(upper, high)
+        gap = (high - low) / (low * high) if gauge else high - low
+        scale = upper if gauge else 1.0
+        if upper - lower <= goal * scale:
+            break
+        curvature = r[4] + r[7]
+        if r[10] > RULING * curvature * curvature:
+            low, high, value, turn = hinge_bounds(xs, ys, w, cx, cy, plane, slack)
+            lower, upper = max(lower, low), min(upper, high)
+            if upper - lower <= goal * scale:
+                q[0], q[1], q[2] = -turn * cy, turn * cx, turn
+                return lower, upper, value, origin, step + 1
+        m = plane_model(r, h, ax, am)
+        s1, s2, _, _ = newton_step(m)
+        d1, d2 = ax + am * cy, -am * cx
+        update_field(xs, ys, field, ox, oy, om, soft * soft, d1 * s1, d2 * s1 + s2, am * s1)
+        value, slope, shrink = r[0] + h * vx, m[0] * s1 + m[1] * s2, 1.0
+        while True:
+            nx, ny, nm = ox + shrink * d1 * s1, oy + shrink * (d2 * s1 + s2), om + shrink * am * s1
+            next_value = soft_sum(xs, ys, w, nx, ny, nm, soft * soft) + h * (nx - nm * cy)
+            if next_value <= value + ARMIJO * shrink * slope + RESOLUTION * abs(value) or shrink < RESOLUTION:
+                break
+            shrink *= 0.3
+        ox, oy, om = nx, ny, nm
+        if shrink == 1.0:
+            next_soft = min(soft, max(FOLLOW * soft, FOLLOW * gap))
+            if next_soft == soft and abs(gap - last_gap) <= STANDS * gap:  # the bounds' own rounding
+                break
+            soft = next_soft
+        last_gap = gap
+    q[0], q[1], q[2] = ox - om * cy, oy + om * cx, om
+    if abs(ox) + abs(oy) <= BESIDE * (abs(ox) + abs(oy) + abs(om)):
+        low, high, value, _ = hinge_bounds(xs, ys, w, cx, cy, plane, slack)
+        if upper - low <= goal * scale and high - lower <= goal * scale:
+            return max(lower, low), min(upper, high), value, origin, step + 1
+    return lower, upper, estimate, -1, step + 1
 
 
 @compiled
 def minimise(
-    x: Array, y: Array, w: Array, q: Array, h: float, dh: float, ax: float, am: float, gauge: bool, passes: int
-) -> tuple[float, float, float, bool, int]:
+    x: Array, y: Array, frame: Frame, taxels: Array, q: Array, plane: Plane, passes: int
+) -> tuple[float, float, float, int, int]:
     """Minimises Σ w c(q) + h v_x over q + span{(ax, 0, am), (0, 1, 0)} until its bounds meet.
 
-    Newton's method; the taxel whose norm bends most enters each step as the norm it is, so that a step lands on a
-    hinge, or leaves it, with no special case. A line search makes every step a descent, and the sum is convex: it
-    converges from anywhere. One sweep a pass, a second where a kink matters.
+    Newton's method where the sum is smooth, the central path where a taxel's kink comes into play: the sum is convex,
+    and both descend, so it converges from anywhere.
 
     Args:
-        x: Positions, shape (n,), in the units above.
+        x: Positions as given, shape (n,), m.
         y: Likewise.
-        w: Weights, shape (n,).
-        q: The twist to start from, shape (3,); holds the last one on return.
-        h: 1 − ρ for the spin, 1 for the gauge.
-        dh: Bound of its error.
-        ax: First direction of the plane.
-        am: Likewise.
-        gauge: Bound the gauge of (am, 0, −ax), else the largest spin.
-        passes: Most passes.
+        frame: Direction of f_t (2), and mean distance, m.
+        taxels: Positions and weights in the units above, shape (3, n); spoilt on return.
+        q: The twist to start from, shape (3,), and on return the last one.
+        plane: h (1 − ρ for the spin, 1 for the gauge), the bound of its error, ax, am, and whether it is the gauge of
+            the unit load (am, 0, −ax).
+        passes: Most passes of the first part, and steps of both.
 
     Returns:
-        Lower bound, upper bound, the sum at the last twist (gauge: ℓ·q / D), whether a taxel is a hinge, passes.
+        Lower bound, upper bound, value of the last twist, the taxel that is a hinge (−1: none), passes and steps.
     """
-    slack = (x.size + 16) * U
-    goal = max(GOAL, GOAL_SLACKS * slack)
-    best_lower, best_upper = -math.inf, math.inf
-    hinge = False
-    r = sweep(x, y, w, q[0], q[1], q[2], -1)
-    value = r[0] + h * q[0]
-    last_fall = math.inf
-    done = 1
-    while True:
-        s1, s2, fall, bends = smooth_step(plane_model(r, h, ax, am), r[0] + q[0], (1.0 - h) * ax)
-        rj, j, kink, ux, uy = r, 0, False, 0.0, 0.0
-        curvature = r[4] + r[7]  # Σ w/|u|
-        if r[10] > KINK * curvature * curvature:
-            j = sharpest(x, y, w, q[0], q[1], q[2])
-            det, lever = ax - am * y[j], am * x[j]
-            ux, uy = q[0] - q[2] * y[j], q[1] + q[2] * x[j]
-            felt = not bends or abs(det * s1) + abs(lever * s1 + s2) > FELT * (abs(ux) + abs(uy))
-            # Where no twist of this plane stops taxel j alone, its norm is as smooth as any other.
-            kink = felt and abs(det) > 1e-5 * (abs(ax) + abs(am * y[j]))
-            if kink:
-                rj = sweep(x, y, w, q[0], q[1], q[2], j)
-                s1, s2, fall = kink_step(plane_model(rj, h, ax, am), det, lever, rj[11], ux, uy)
-        if gauge:
-            lower, upper, takes = bound_gauge(r, rj, x[j], y[j], q[0], q[2], am, -ax, slack, kink)
-        else:
-            lower, upper, takes = bound_spin(r, rj, x[j], y[j], q[0], q[1], h, dh, slack, kink)
-        hinge = takes and abs(ux) + abs(uy) <= 1e-12 * (abs(q[0]) + abs(q[1]) + abs(q[2]))
-        best_lower, best_upper = max(best_lower, lower), min(best_upper, upper)
-        if best_upper - best_lower <= goal * (best_upper if gauge else 1.0) or done >= passes:
-            break
-        room = LONGEST * (abs(q[0]) + abs(q[1]) + abs(q[2]))
-        length = abs(s1) + abs(s2)
-        if length > room:
-            s1, s2 = s1 * (room / length), s2 * (room / length)
-        shrink = 1.0
-        moved = False
-        for _ in range(MAX_HALVINGS):
-            vx, vy, om = q[0] + shrink * s1 * ax, q[1] + shrink * s2, q[2] + shrink * s1 * am
-            r = sweep(x, y, w, vx, vy, om, -1)
-            done += 1
-            next_value = r[0] + h * vx
-            # Where the sum no longer resolves a descent, the gradient still does: a full step that shrinks it is good.
-            moved = next_value < value or (
-                shrink == 1.0 and next_value - value <= RESOLUTION * abs(value) and fall < 0.25 * last_fall
-            )
-            if moved:
-                break
-            shrink *= 0.5
-        if not moved:
-            break
-        q[0], q[1], q[2] = vx, vy, om
-        value, last_fall = next_value, fall
-    estimate = (am * q[0] - ax * q[2]) / (value + (1.0 - h) * q[0]) if gauge else value
-    return best_lower, best_upper, min(max(estimate, best_lower), best_upper), hinge, done
+    goal = max(GOAL, GOAL_SLACKS * (x.size + 16) * U)
+    lower, upper, value, open_, done = descend(taxels[0], taxels[1], taxels[2], q, plane, goal, passes)
+    hinge = -1
+    if not open_:
+        j = sharpest(taxels[0], taxels[1], taxels[2], q[0], q[1], q[2])
+        cx, cy = -taxels[0, j], -taxels[1, j]
+        if abs(q[0] + q[2] * cy) + abs(q[1] - q[2] * cx) <= BESIDE * (abs(q[0]) + abs(q[1]) + abs(q[2])):
+            hinge = j
+    elif done < passes:
+        lower, upper, value, hinge, steps = follow_path(
+            x, y, frame, taxels, q, plane, goal, lower, upper, passes - done
+        )
+        done += steps
+    return lower, upper, min(max(value, lower), upper), hinge, done
 
 
 @compiled_sum
@@ -523,14 +696,16 @@ def solve_torque_limit(
         return HINGE, shift, shift - slack, shift + slack, cx + ex, cy + ey
     q = np.empty(3)  # start from the pole of the ellipsoid
     q[0], q[1], q[2] = (1.0 - h) / math.sqrt(h * (2.0 - h)), 0.0, 1.0
-    lower, upper, value, hinge, _ = minimise(taxels[0], taxels[1], taxels[2], q, h, dh, 1.0, 0.0, False, passes)
-    unit = grip * mean
     ct, st = (sense * fx / force, sense * fy / force) if force > 0.0 else (1.0, 0.0)
+    lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (h, dh, 1.0, 0.0, False), passes)
+    unit = grip * mean
     # Sense −1 is solved with the force reversed: the same pole.
     px, py = cx + (ex - mean * (ct * q[1] + st * q[0])), cy + (ey + mean * (ct * q[0] - st * q[1]))
     lower, upper = unit * lower + shift, unit * upper + shift
     slack += 8.0 * U * (abs(lower) + abs(upper))
-    return (HINGE if hinge else INTERIOR), unit * value + shift, lower - slack, upper + slack, px, py
+    if hinge >= 0:
+        return HINGE, unit * value + shift, lower - slack, upper + slack, x[hinge], y[hinge]
+    return INTERIOR, unit * value + shift, lower - slack, upper + slack, px, py
 
 
 @compiled
@@ -580,7 +755,7 @@ def solve_utilisation(
     lx, lm = f / size, s / size
     q = np.empty(3)
     first_twist(q, start, dx, dy, ct, st, mean, lx, lm)
-    lower, upper, value, hinge, _ = minimise(taxels[0], taxels[1], taxels[2], q, 1.0, 0.0, -lm, lx, True, passes)
+    lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (1.0, 0.0, -lm, lx, True), passes)
     # What rounding adds to the spin, turning about the load centroid carries, with twice the friction at most.
     slack = (
         2.0 * ((8.0 * U * (abs(dx) + abs(dy)) + (x.size + 16) * U * mean) * force + 8.0 * U * abs(m)) / (grip * mean)
@@ -591,5 +766,7 @@ def solve_utilisation(
     ux, uy = vx - om * dy, vy + om * dx
     if abs(om) * FAR <= math.sqrt(q[0] ** 2 + q[1] ** 2):
         return TRANSLATING, value, lower, upper, nan, nan, ux, uy, om
+    if hinge >= 0:
+        return HINGE, value, lower, upper, x[hinge], y[hinge], ux, uy, om
     px, py = cx + (ex - vy / om), cy + (ey + vx / om)
-    return (HINGE if hinge else INTERIOR), value, lower, upper, px, py, ux, uy, om
+    return INTERIOR, value, lower, upper, px, py, ux, uy, om

@@ -106,9 +106,7 @@ def torque_limit(
     f, a = _pair("tangential", tangential), _pair("about", about)
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, not {sense}")
-    kind, value, lower, upper, px, py = solve_torque_limit(
-        xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense, passes
-    )
+    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense, passes)
     return TorqueLimit(value, lower, upper, _pole(px, py), KINDS[kind])
 
 
