@@ -28,7 +28,7 @@ than 16 u to that, so σ = (n + 16) u stands for both.
 * The frame: weights and lengths are off by one common factor each, which the units absorb; Σ w ρ misses 0 by at most
   σ, a torque of σ; the turn misses f_t by an angle of 2 u, and turning the whole field by it costs 2 u Σ w |ρ|.
 * D(q) − ρ v_x: u_i errs by 2 u (|v| + |ω ρ_i|), c by (c + |u_y|)/|u| times that; with g = Σ w c/|u| and
-  Σ w |u_y|/|u| ≤ √(2 g) (Cauchy) the sum errs by σ (Σ w c + |(1 − ρ) v_x| + |v| (g + √(2 g)) + |ω|) at most.
+  k = Σ w |u_y|/|u| the sum errs by σ (Σ w c + |(1 − ρ) v_x| + |ω|) + 16 u (|v| (g + k) + |ω|) at most.
 * A friction field is what was computed, so errors of u_i do not count; only those of its sums do: σ g and σ √(2 g) for
   the force, 2 σ for the spin, and it leaves its discs by 10 u c/|u| at most.
 * 1 − ρ carries a bound of its own (:func:`slack_of_room`).
@@ -70,7 +70,8 @@ PATIENCE = 14  # passes after which a kink of many taxels together is assumed
 SOFTEST = 0.1  # ε begins at this share of the twist,
 FOLLOW = 0.1  # and shrinks by this factor, though not below this share of the gap
 ARMIJO = 1e-4  # share of the foretold descent that a step must reach
-STANDS = 1e-6  # share of itself by which a gap must change to be still closing
+STANDS = 1e-12  # a step this small, relative to the velocity of the sharpest taxel, is none,
+MAX_STOOD = 3  # and so many of them in a row, the gap no longer falling, are the end
 BESIDE = 1e-9  # a pole this near to a taxel, relative to the twist, may be a hinge
 RULING = 0.5  # share of the squared curvatures from which one taxel is tried as the hinge
 NEAR_TRANSLATION = 0.02  # below this, 1 − ρ is computed in double-double
@@ -123,7 +124,7 @@ def sweep(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> Swee
 @compiled_sum
 def path_sweep(
     x: Array, y: Array, w: Array, field: Array, vx: float, vy: float, om: float, soft: float
-) -> tuple[Sweep, float, float, float]:
+) -> tuple[Sweep, float, float, float, float]:
     """The same of the smoothed sum, with |u| = √(|u|² + ε²), beside a friction field that is kept apart.
 
     The primal and dual Newton step: of w u = |u| t, linear in both, comes a curvature (w I − t uᵀ/|u|)/|u| in which the
@@ -140,9 +141,9 @@ def path_sweep(
         soft: ε².
 
     Returns:
-        As :func:`sweep`, but Σ |t_y| of the field; and of the field 1 − Σ t_x, Σ t_y and its spin.
+        As :func:`sweep`; and of the field 1 − Σ t_x, Σ t_y, its spin and Σ |t_y|.
     """
-    value = gx = gy = gm = fx = fy = fm = 0.0
+    value = gx = gy = gm = fx = fy = fm = field_gross = 0.0
     hxx = hxy = hxm = hyy = hym = hmm = bend = gross = 0.0
     for i in range(x.size):
         ux, uy = vx - om * y[i], vy + om * x[i]
@@ -156,10 +157,11 @@ def path_sweep(
         value += w[i] * c
         gx += w[i] * share
         gy += w[i] * ny
+        gross += abs(w[i] * ny)
         gm += w[i] * (x[i] * ny + y[i] * share)
         fx += w[i] * less
         fy += w[i] * ty
-        gross += abs(w[i] * ty)
+        field_gross += abs(w[i] * ty)
         fm += w[i] * (x[i] * ty + y[i] * less)
         tx = 1.0 - less
         a, b, c = k * (less + tx * share), -0.5 * k * (tx * ny + ty * nx), k * (1.0 - ty * ny)
@@ -170,7 +172,7 @@ def path_sweep(
         hym += x[i] * c - y[i] * b
         hmm += x[i] * x[i] * c - 2.0 * x[i] * y[i] * b + y[i] * y[i] * a
         bend += k * k
-    return (value, gx, gy, gm, hxx, hxy, hxm, hyy, hym, hmm, bend, gross), fx, fy, fm
+    return (value, gx, gy, gm, hxx, hxy, hxm, hyy, hym, hmm, bend, gross), fx, fy, fm, field_gross
 
 
 @compiled
@@ -285,7 +287,7 @@ def norm_step(m: Model, power: float, pull: float) -> tuple[float, float, bool]:
 @compiled
 def rounding(r: Sweep, h: float, vx: float, vy: float, om: float, slack: float) -> float:
     """Bound of the rounding of a sweep's Σ w c + h v_x."""
-    far = (abs(vx) + abs(vy)) * (r[1] + math.sqrt(2.0 * r[1]))
+    far = (abs(vx) + abs(vy)) * (r[1] + r[11])
     return slack * (r[0] + abs(h * vx) + abs(om)) + 16.0 * U * (far + abs(om))
 
 
@@ -473,7 +475,7 @@ def follow_path(
     origin, cx, cy = -1, 0.0, 0.0
     ox, oy, om = q[0], q[1], q[2]
     soft = SOFTEST * (abs(ox) + abs(oy) + abs(om))
-    estimate, last_gap = math.nan, math.inf
+    estimate, last_gap, stood = math.nan, math.inf, 0
     for step in range(steps):
         j = sharpest(xs, ys, w, ox, oy, om)
         if j != origin:
@@ -481,11 +483,11 @@ def follow_path(
             move_origin(x, y, frame, taxels, j)
         if step == 0:
             update_field(xs, ys, field, ox, oy, om, soft * soft, 0.0, 0.0, 0.0)
-        r, fx, fy, fm = path_sweep(xs, ys, w, field, ox, oy, om, soft * soft)
+        r, fx, fy, fm, gross = path_sweep(xs, ys, w, field, ox, oy, om, soft * soft)
         fm -= cx * fy + cy * fx
         r = about_centroid(r, cx, cy)
         vx, vy = ox - om * cy, oy + om * cx
-        low, high, estimate = bounds(r, fx, fy, fm, r[11], vx, vy, om, plane, slack)
+        low, high, estimate = bounds(r, fx, fy, fm, gross, vx, vy, om, plane, slack)
         lower, upper = max(lower, low), min(upper, high)
         gap = (high - low) / (low * high) if gauge else high - low
         scale = upper if gauge else 1.0
@@ -512,7 +514,10 @@ def follow_path(
         ox, oy, om = nx, ny, nm
         if shrink == 1.0:
             next_soft = min(soft, max(FOLLOW * soft, FOLLOW * gap))
-            if next_soft == soft and abs(gap - last_gap) <= STANDS * gap:  # the bounds' own rounding
+            moved = abs(d1 * s1) + abs(d2 * s1 + s2) + abs(am * s1)
+            still = next_soft == soft and moved <= STANDS * (abs(ox) + abs(oy) + soft) and gap >= 0.5 * last_gap
+            stood = stood + 1 if still else 0
+            if stood == MAX_STOOD:  # what is left is rounding
                 break
             soft = next_soft
         last_gap = gap
