@@ -80,25 +80,28 @@ SPLIT = 134217729.0  # 2²⁷ + 1 (Dekker)
 
 
 @compiled_sum
-def sweep(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> Sweep:
+def sweep(x: Array, y: Array, w: Array, px: Array, py: Array, vx: float, vy: float, om: float) -> Sweep:
     """One pass over the taxels: everything a step and both bounds need.
 
     Args:
-        x: Positions, shape (n,), in the units above.
+        x: Positions about the load centroid, shape (n,), in the units above: the arms of the forces.
         y: Likewise.
         w: Weights, shape (n,).
-        vx: Twist: velocity of the origin,
+        px: The same positions seen from the point whose velocity is told: near it, the velocities are exact to their
+            own size.
+        py: Likewise.
+        vx: Twist: velocity of that point,
         vy: likewise,
         om: and angular velocity.
 
     Returns:
-        Σ w c, Σ w c/|u|, Σ w u_y/|u|, spin of the friction field about the origin, plus Σ w y; Hessian
-        xx, xy, xω, yy, yω, ωω; Σ (w/|u|)²; Σ w |u_y|/|u|.
+        Σ w c, Σ w c/|u|, Σ w u_y/|u|, spin of the friction field; Hessian xx, xy, xω, yy, yω, ωω; Σ (w/|u|)²;
+        Σ w |u_y|/|u|.
     """
     value = gx = gy = gm = 0.0
     hxx = hxy = hxm = hyy = hym = hmm = bend = gross = 0.0
     for i in range(x.size):
-        ux, uy = vx - om * y[i], vy + om * x[i]
+        ux, uy = vx - om * py[i], vy + om * px[i]
         d = math.sqrt(ux * ux + uy * uy)
         inverse = 1.0 / (d + TINY)
         beside = uy * uy / (d + abs(ux) + TINY)
@@ -123,7 +126,7 @@ def sweep(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> Swee
 
 @compiled_sum
 def path_sweep(
-    x: Array, y: Array, w: Array, field: Array, vx: float, vy: float, om: float, soft: float
+    x: Array, y: Array, w: Array, px: Array, py: Array, field: Array, vx: float, vy: float, om: float, soft: float
 ) -> tuple[Sweep, float, float, float, float]:
     """The same of the smoothed sum, with |u| = √(|u|² + ε²), beside a friction field that is kept apart.
 
@@ -134,6 +137,8 @@ def path_sweep(
         x: As in :func:`sweep`.
         y: Likewise.
         w: Likewise.
+        px: Likewise.
+        py: Likewise.
         field: 1 − t_x/w and t_y/w, shape (2, n).
         vx: As in :func:`sweep`.
         vy: Likewise.
@@ -146,7 +151,7 @@ def path_sweep(
     value = gx = gy = gm = fx = fy = fm = field_gross = 0.0
     hxx = hxy = hxm = hyy = hym = hmm = bend = gross = 0.0
     for i in range(x.size):
-        ux, uy = vx - om * y[i], vy + om * x[i]
+        ux, uy = vx - om * py[i], vy + om * px[i]
         less, ty = field[0, i], field[1, i]
         side = uy * uy + soft
         d = math.sqrt(ux * ux + side)
@@ -177,16 +182,16 @@ def path_sweep(
 
 @compiled
 def update_field(
-    x: Array, y: Array, field: Array, vx: float, vy: float, om: float, soft: float, sx: float, sy: float, sm: float
+    px: Array, py: Array, field: Array, vx: float, vy: float, om: float, soft: float, sx: float, sy: float, sm: float
 ) -> None:
     """The field's part of that step, of the twist (sx, sy, sm), cut to its discs."""
-    for i in range(x.size):
-        ux, uy = vx - om * y[i], vy + om * x[i]
+    for i in range(px.size):
+        ux, uy = vx - om * py[i], vy + om * px[i]
         side = uy * uy + soft
         d = math.sqrt(ux * ux + side)
         nx, ny = ux / d, uy / d
         share = (side / (d + abs(ux)) if ux > 0.0 else d - ux) / d
-        dx, dy = sx - sm * y[i], sy + sm * x[i]
+        dx, dy = sx - sm * py[i], sy + sm * px[i]
         along = nx * dx + ny * dy
         less = share - (dx - (1.0 - field[0, i]) * along) / d
         ty = ny + (dy - field[1, i] * along) / d
@@ -213,15 +218,6 @@ def cut(less: float, ty: float) -> tuple[float, float]:
         return less, ty
     size = math.sqrt(1.0 + over)
     return (over / (1.0 + size) + less) / size, ty / size
-
-
-@compiled
-def about_centroid(r: Sweep, cx: float, cy: float) -> Sweep:
-    """A sweep whose spin and derivatives are taken about the load centroid, which lies at (cx, cy)."""
-    value, gx, gy, gm, hxx, hxy, hxm, hyy, hym, hmm, bend, gross = r
-    gm -= cx * gy + cy * gx
-    hmm += 2.0 * (cy * hxm - cx * hym) + cy * cy * hxx - 2.0 * cx * cy * hxy + cx * cx * hyy
-    return value, gx, gy, gm, hxx, hxy, hxm + cy * hxx - cx * hxy, hyy, hym + cy * hxy - cx * hyy, hmm, bend, gross
 
 
 @compiled
@@ -285,10 +281,9 @@ def norm_step(m: Model, power: float, pull: float) -> tuple[float, float, bool]:
 
 
 @compiled
-def rounding(r: Sweep, h: float, vx: float, vy: float, om: float, slack: float) -> float:
-    """Bound of the rounding of a sweep's Σ w c + h v_x."""
-    far = (abs(vx) + abs(vy)) * (r[1] + r[11])
-    return slack * (r[0] + abs(h * vx) + abs(om)) + 16.0 * U * (far + abs(om))
+def rounding(r: Sweep, h: float, vx: float, speed: float, om: float, slack: float) -> float:
+    """Bound of the rounding of a sweep's Σ w c + h v_x; speed: |v| of the centroid and of the point told."""
+    return slack * (r[0] + abs(h * vx) + abs(om)) + 16.0 * U * (speed * (r[1] + r[11]) + abs(om))
 
 
 @compiled
@@ -322,12 +317,13 @@ def gauge_upper(gx: float, gy: float, gm: float, gross: float, lx: float, lm: fl
 
 @compiled
 def bounds(
-    r: Sweep, fx: float, fy: float, fm: float, gross: float, vx: float, vy: float, om: float, plane: Plane, slack: float
-) -> tuple[float, float, float]:
+    r: Sweep, fx: float, fy: float, fm: float, gross: float, vx: float, speed: float, om: float, plane: Plane,
+    slack: float,
+) -> tuple[float, float, float]:  # fmt: skip
     """Lower and upper bound from a sweep's twist and a friction field (1 − force, spin), and the value of the twist."""
     h, dh, ax, am, gauge = plane
     value = r[0] + h * vx
-    error = rounding(r, h, vx, vy, om, slack)
+    error = rounding(r, h, vx, speed, om, slack)
     if gauge:
         along = am * vx - ax * om
         return along / (value + error) * (1.0 - 8.0 * U), gauge_upper(fx, fy, fm, gross, am, -ax, slack), along / value
@@ -346,10 +342,10 @@ def descend(
     h, _, ax, am, gauge = plane
     slack = (x.size + 16) * U
     lower, upper = -math.inf, math.inf
-    r = sweep(x, y, w, q[0], q[1], q[2])
+    r = sweep(x, y, w, x, y, q[0], q[1], q[2])
     last_fall, done = math.inf, 1
     while True:
-        low, high, estimate = bounds(r, r[1], r[2], r[3], r[11], q[0], q[1], q[2], plane, slack)
+        low, high, estimate = bounds(r, r[1], r[2], r[3], r[11], q[0], abs(q[0]) + abs(q[1]), q[2], plane, slack)
         lower, upper = max(lower, low), min(upper, high)
         if upper - lower <= goal * (upper if gauge else 1.0):
             return lower, upper, estimate, False, done
@@ -374,7 +370,7 @@ def descend(
             if done >= passes:
                 return lower, upper, estimate, True, done
             vx, vy, om = q[0] + shrink * s1 * ax, q[1] + shrink * s2, q[2] + shrink * s1 * am
-            r = sweep(x, y, w, vx, vy, om)
+            r = sweep(x, y, w, x, y, vx, vy, om)
             done += 1
             end = (ax * (h - r[1]) + am * r[3]) * s1 + r[2] * s2
             # Where the sum no longer tells a descent, the gradient does: full steps while it shrinks.
@@ -390,25 +386,25 @@ def descend(
 
 
 @compiled
-def move_origin(x: Array, y: Array, frame: Frame, taxels: Array, j: int) -> None:
-    """Writes the positions about taxel j, each exact to its own size."""
+def place_about(x: Array, y: Array, frame: Frame, places: Array, j: int) -> None:
+    """Writes the positions seen from taxel j, each exact to its own size, into places (2, n)."""
     ct, st, mean = frame
     for i in range(x.size):
         dx, dy = (x[i] - x[j]) / mean, (y[i] - y[j]) / mean
-        taxels[0, i], taxels[1, i] = ct * dx + st * dy, ct * dy - st * dx
+        places[0, i], places[1, i] = ct * dx + st * dy, ct * dy - st * dx
 
 
 @compiled
 def hinge_bounds(
-    x: Array, y: Array, w: Array, cx: float, cy: float, plane: Plane, slack: float
+    taxels: Array, px: Array, py: Array, cx: float, cy: float, plane: Plane, slack: float
 ) -> tuple[float, float, float, float]:
-    """Bounds with the taxels at the origin as a hinge, which takes what is missing as far as its friction goes.
+    """Bounds with the taxels at the point told as a hinge, which takes what is missing as far as its friction goes.
 
     Args:
-        x: Positions about the hinge, shape (n,).
-        y: Likewise.
-        w: Weights, shape (n,); the same on return.
-        cx: The load centroid.
+        taxels: Positions and weights, shape (3, n).
+        px: Positions seen from the hinge, shape (n,).
+        py: Likewise.
+        cx: The load centroid seen from the hinge.
         cy: Likewise.
         plane: As in :func:`bounds`.
         slack: σ.
@@ -417,31 +413,31 @@ def hinge_bounds(
         Lower bound, upper bound, value, and the angular velocity of the twist; NaN where no twist of the plane is that.
     """
     h, _, ax, am, gauge = plane
-    om = 1.0
-    if gauge:
-        power = -ax - am * cy
-        if abs(power) < 1e-6:
-            return math.nan, math.nan, math.nan, math.nan
-        om = 1.0 / power
+    arm = -ax - am * cy if gauge else 1.0  # spin of ℓ about the hinge
+    if abs(arm) < 1e-6:
+        return math.nan, math.nan, math.nan, math.nan
+    om = 1.0 / arm
+    others = taxels[2].copy()
     out = 0.0
-    for i in range(x.size):
-        if x[i] == 0.0 and y[i] == 0.0:
-            out += w[i]
-            w[i] = -w[i]
-    held = np.maximum(w, 0.0)
-    for i in range(x.size):
-        w[i] = abs(w[i])
-    r = about_centroid(sweep(x, y, held, 0.0, 0.0, om), cx, cy)
+    for i in range(px.size):
+        if px[i] == 0.0 and py[i] == 0.0:
+            out += others[i]
+            others[i] = 0.0
+    r = sweep(taxels[0], taxels[1], others, px, py, 0.0, 0.0, om)
+    # The hinge stands at −c: the spin of a field without it lacks Σ w y there.
+    gm = r[3] - out * cy
     if gauge:
-        fx, fy, fm = (1.0 - out) - r[1], r[2], r[3]
-        # Spin about the hinge, where its own force has no arm: what ℓ has there, along times.
-        along = (fm + cx * fy + cy * (r[1] - 1.0)) / (-ax - am * cy)
+        fx, fy = (1.0 - out) - r[1], r[2]
+        along = (gm + cx * fy - cy * fx) / arm  # spin about the hinge, where its own force has no arm
         less, ty = 1.0 - (along * am - fx) / out, -fy / out
     else:
         less, ty = (h - r[1]) / out, -r[2] / out
     less, ty = cut(less, ty)
-    fx, fy, fm = r[1] + out * less, r[2] + out * ty, r[3] - out * (cx * ty + cy * less)
-    return *bounds(r, fx, fy, fm, r[11] + abs(out * ty), -om * cy, om * cx, om, plane, slack), om
+    fx, fy, fm = r[1] + out * less, r[2] + out * ty, gm + out * (cy * (1.0 - less) - cx * ty)
+    low, high, value = bounds(
+        r, fx, fy, fm, r[11] + abs(out * ty), -om * cy, abs(om * cx) + abs(om * cy), om, plane, slack
+    )
+    return low, high, value, om
 
 
 @compiled
@@ -457,7 +453,7 @@ def follow_path(
         x: Positions as given, shape (n,), m.
         y: Likewise.
         frame: Direction of f_t (2), and mean distance, m.
-        taxels: Positions and weights in the units above, shape (3, n); the positions move with the origin.
+        taxels: Positions and weights in the units above, shape (3, n).
         q: The twist to start from, shape (3,), and on return the last one; its velocity is that of the load centroid.
         plane: As in :func:`bounds`.
         goal: Gap at which to stop.
@@ -471,23 +467,22 @@ def follow_path(
     h, _, ax, am, gauge = plane
     xs, ys, w = taxels[0], taxels[1], taxels[2]
     slack = (x.size + 16) * U
-    field = np.zeros((2, x.size))
-    origin, cx, cy = -1, 0.0, 0.0
+    field, places = np.zeros((2, x.size)), taxels[:2].copy()
+    px, py = places[0], places[1]
+    origin, cx, cy = -1, 0.0, 0.0  # the taxel whose velocity is told, and the load centroid seen from it
     ox, oy, om = q[0], q[1], q[2]
     soft = SOFTEST * (abs(ox) + abs(oy) + abs(om))
     estimate, last_gap, stood = math.nan, math.inf, 0
     for step in range(steps):
-        j = sharpest(xs, ys, w, ox, oy, om)
+        j = sharpest(px, py, w, ox, oy, om)
         if j != origin:
-            ox, oy, cx, cy, origin = ox - om * ys[j], oy + om * xs[j], cx - xs[j], cy - ys[j], j
-            move_origin(x, y, frame, taxels, j)
+            ox, oy, cx, cy, origin = ox - om * py[j], oy + om * px[j], -xs[j], -ys[j], j
+            place_about(x, y, frame, places, j)
         if step == 0:
-            update_field(xs, ys, field, ox, oy, om, soft * soft, 0.0, 0.0, 0.0)
-        r, fx, fy, fm, gross = path_sweep(xs, ys, w, field, ox, oy, om, soft * soft)
-        fm -= cx * fy + cy * fx
-        r = about_centroid(r, cx, cy)
+            update_field(px, py, field, ox, oy, om, soft * soft, 0.0, 0.0, 0.0)
+        r, fx, fy, fm, gross = path_sweep(xs, ys, w, px, py, field, ox, oy, om, soft * soft)
         vx, vy = ox - om * cy, oy + om * cx
-        low, high, estimate = bounds(r, fx, fy, fm, gross, vx, vy, om, plane, slack)
+        low, high, estimate = bounds(r, fx, fy, fm, gross, vx, abs(vx) + abs(vy) + abs(ox) + abs(oy), om, plane, slack)
         lower, upper = max(lower, low), min(upper, high)
         gap = (high - low) / (low * high) if gauge else high - low
         scale = upper if gauge else 1.0
@@ -495,7 +490,7 @@ def follow_path(
             break
         curvature = r[4] + r[7]
         if r[10] > RULING * curvature * curvature:
-            low, high, value, turn = hinge_bounds(xs, ys, w, cx, cy, plane, slack)
+            low, high, value, turn = hinge_bounds(taxels, px, py, cx, cy, plane, slack)
             lower, upper = max(lower, low), min(upper, high)
             if upper - lower <= goal * scale:
                 q[0], q[1], q[2] = -turn * cy, turn * cx, turn
@@ -503,11 +498,11 @@ def follow_path(
         m = plane_model(r, h, ax, am)
         s1, s2, _, _ = newton_step(m)
         d1, d2 = ax + am * cy, -am * cx
-        update_field(xs, ys, field, ox, oy, om, soft * soft, d1 * s1, d2 * s1 + s2, am * s1)
+        update_field(px, py, field, ox, oy, om, soft * soft, d1 * s1, d2 * s1 + s2, am * s1)
         value, slope, shrink = r[0] + h * vx, m[0] * s1 + m[1] * s2, 1.0
         while True:
             nx, ny, nm = ox + shrink * d1 * s1, oy + shrink * (d2 * s1 + s2), om + shrink * am * s1
-            next_value = soft_sum(xs, ys, w, nx, ny, nm, soft * soft) + h * (nx - nm * cy)
+            next_value = soft_sum(px, py, w, nx, ny, nm, soft * soft) + h * (nx - nm * cy)
             if next_value <= value + ARMIJO * shrink * slope + RESOLUTION * abs(value) or shrink < RESOLUTION:
                 break
             shrink *= 0.3
@@ -523,7 +518,7 @@ def follow_path(
         last_gap = gap
     q[0], q[1], q[2] = ox - om * cy, oy + om * cx, om
     if abs(ox) + abs(oy) <= BESIDE * (abs(ox) + abs(oy) + abs(om)):
-        low, high, value, _ = hinge_bounds(xs, ys, w, cx, cy, plane, slack)
+        low, high, value, _ = hinge_bounds(taxels, px, py, cx, cy, plane, slack)
         if upper - low <= goal * scale and high - lower <= goal * scale:
             return max(lower, low), min(upper, high), value, origin, step + 1
     return lower, upper, estimate, -1, step + 1
@@ -542,7 +537,7 @@ def minimise(
         x: Positions as given, shape (n,), m.
         y: Likewise.
         frame: Direction of f_t (2), and mean distance, m.
-        taxels: Positions and weights in the units above, shape (3, n); spoilt on return.
+        taxels: Positions and weights in the units above, shape (3, n).
         q: The twist to start from, shape (3,), and on return the last one.
         plane: h (1 − ρ for the spin, 1 for the gauge), the bound of its error, ax, am, and whether it is the gauge of
             the unit load (am, 0, −ax).
