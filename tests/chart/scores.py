@@ -107,7 +107,7 @@ def scores(asked: Sequence[Question], methods: Sequence[Method] = METHODS) -> li
         for column, question in enumerate(asked):
             for row, method in enumerate(methods):
                 at = row, column
-                limit, seconds[at], failure[at] = _timed(method, question.scene)
+                limit, seconds[at], failure[at] = timed(method, question.scene)
                 error[at] = _error(limit, question)
                 safe = _verdict(method, question, limit)
                 judged[(slice(None), *at)] = (
@@ -137,7 +137,7 @@ def _question(seed: int, limit: float) -> Question | None:
     return Question(scene, limit, limit + away, is_safe)
 
 
-def _timed(method: Method, scene: Scene) -> tuple[float, float, str]:
+def timed(method: Method, scene: Scene) -> tuple[float, float, str]:
     """The limit, the time of a decision in s, and how it failed."""
     seconds = math.inf
     for _ in range(3):

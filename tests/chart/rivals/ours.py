@@ -38,8 +38,14 @@ def bounds_safe(scene: Scene, spin: float) -> bool | None:
 
 
 def batch_limit(scene: Scene) -> float:
-    """A batch of one frame."""
+    """A batch of one frame; NaN for one that slides whatever the spin is."""
     return float(_batch(scene, scene.tangential[None, :])[0])
+
+
+def batch_safe(scene: Scene, spin: float) -> bool | None:
+    """By (4) and the limit, as one does with arrays."""
+    ratio = math.hypot(*scene.tangential) / (scene.mu * math.fsum(scene.loads))
+    return False if ratio >= 1.0 else None if math.isnan(limit := batch_limit(scene)) else spin <= limit
 
 
 def batch_seconds(scene: Scene) -> float:

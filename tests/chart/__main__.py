@@ -1,0 +1,96 @@
+"""Runs all methods and writes ``speed_accuracy.png``, ``speed_accuracy.md`` and ``failure_atlas.md``."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+SCENES, QUICK_SCENES = 3000, 45
+SOLVER_SCENES = 200
+"""On which the cone solver is timed without its set-up."""
+
+DOCS = Path(__file__).parents[2] / "docs"
+PACKAGES = ("numpy", "scipy", "numba", "clarabel")
+
+
+def main() -> int:
+    """Runs and writes; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="make chart", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="few scenes, to see that it works")
+    parser.add_argument("--scenes", type=int, metavar="N", help=f"default {SCENES}")
+    parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="default docs")
+    options = parser.parse_args()
+    if missing := [name for name in ("matplotlib", "clarabel") if not _is_installed(name)]:
+        print(f"chart: needs {' and '.join(missing)}: pip install -e '.[chart,dev]'", file=sys.stderr)
+        return 1
+    _write(options.into, options.scenes or (QUICK_SCENES if options.quick else SCENES), quick=options.quick)
+    return 0
+
+
+def _write(folder: Path, count: int, *, quick: bool) -> None:
+    from chart import atlas, model_error, picture, pushes, scaling
+    from chart.rivals import cone
+    from chart.scores import questions, scores
+    from chart.speed_accuracy import Report
+
+    header = _header()
+    _say(f"slipd chart: {header}")
+    _say(f"right answers of {count} contacts, to 25 digits")
+    asked = questions(count)
+    _say("every method on each of them")
+    report = Report(asked, scores(asked))
+    solver_s = float(np.median([cone.solver_seconds(question.scene) for question in asked[:SOLVER_SCENES]]))
+    _say("cost against taxels")
+    cost = scaling.run(quick)
+    _say("model error")
+    model = model_error.run(quick)
+    pages = [f"# Speed against accuracy\n\n{header}.", report.text(solver_s)]
+    for table in (*report.tables(cost), *model.tables(), *pushes.tables()):
+        _say(table.text())
+        pages.append(table.markdown())
+    (folder / "speed_accuracy.md").write_text("\n\n".join(pages) + "\n", encoding="utf-8")
+    picture.save(folder / "speed_accuracy.png", report.scores, solver_s, cost, model)
+    _say("failure atlas")
+    page = f"# Failure atlas\n\n{header}.\n\n{atlas.run(quick)}"
+    (folder / "failure_atlas.md").write_text(page.rstrip() + "\n", encoding="utf-8")
+
+
+def _header() -> str:
+    load = " ".join(f"{value:.2f}" for value in os.getloadavg())
+    told = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return (
+        f"Commit {_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, {told}, "
+        f"{os.cpu_count()} cores, load average {load}, {datetime.datetime.now(datetime.UTC).date()}"
+    )
+
+
+def _commit() -> str:
+    """The commit that is measured; with a + where files differ from it."""
+    git = shutil.which("git")
+    if git is None:
+        return "unknown"
+    told = subprocess.run([git, "describe", "--always", "--dirty=+"], capture_output=True, text=True, check=False)
+    return told.stdout.strip() or "unknown"
+
+
+def _is_installed(name: str) -> bool:
+    from importlib.util import find_spec
+
+    return find_spec(name) is not None
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

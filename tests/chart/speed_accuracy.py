@@ -1,0 +1,198 @@
+"""The tables and the text of ``docs/speed_accuracy.md``: every figure in it comes from the run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from bench.tables import Table
+from chart.rivals import paper
+from chart.scaling import Scaling
+from chart.scores import NEAREST_SPIN, QUICK_S, WRONG, Question, Score
+
+ORDINARY = ("ordinary", "off centre", "few taxels")
+FLOOR = 1e-16
+"""Errors below are those of the last digit."""
+
+
+class Report:
+    """The scores of one run, and what is to be said of them."""
+
+    def __init__(self, asked: Sequence[Question], found: Sequence[Score]) -> None:
+        self.families = np.array([question.scene.family for question in asked])
+        self.scores = list(found)
+        self.ordinary = np.isin(self.families, ORDINARY)
+        self._named = {score.method.short: score for score in found}
+
+    def of(self, short: str) -> Score:
+        """The score of the method of that short name."""
+        return self._named[short]
+
+    def tables(self, scaling: Scaling) -> list[Table]:
+        """All scenes; the ordinary ones; by family; cost against taxels."""
+        everything = np.ones(self.families.size, dtype=bool)
+        return [
+            self._table(f"All families: {self.families.size} contacts", everything),
+            self._table(f"Ordinary contacts alone: {int(self.ordinary.sum())}", self.ordinary),
+            self._by_family(),
+            _cost(scaling),
+        ]
+
+    def text(self, solver_s: float) -> str:
+        """What the picture shows, what failed, and where slipd is not the best choice."""
+        return "\n\n".join((_READING.strip(), self._failures(), self._not_best(solver_s), self._methods()))
+
+    def _table(self, title: str, some: np.ndarray) -> Table:
+        head = ("method", "time p50 µs", "p99 µs", "error p50", "p99", "worst", f"wrong > {WRONG:.0e} %", "no answer %",
+                "called safe, slides %", "false alarm %", "no verdict %")  # fmt: skip
+        table = Table(title, head)
+        for score in (score.of(some) for score in self.scores):
+            times = (1e6 * float(np.quantile(score.seconds, q)) for q in (0.5, 0.99))
+            errors = (shown(score.quantile(q)) for q in (0.5, 0.99, 1.0))
+            shares = (score.wrong, score.no_answer, score.unsafe, score.alarm, score.silent)
+            table.rows.append((score.method.name, *times, *errors, *(_percent(share) for share in shares)))
+        table.notes.append("Errors relative to μ Σ F |r − centroid|, of the contacts that got an answer.")
+        table.notes.append("Shares of all contacts; half of the spins that get a verdict are safe.")
+        return table
+
+    def _by_family(self) -> Table:
+        table = Table(
+            f"Where they fail: wrong by more than {WRONG:.0e} or no answer, % of each family",
+            ("family", *(score.method.short for score in self.scores if score.method.exact)),
+        )
+        for family in dict.fromkeys(self.families):
+            some = self.families == family
+            bad = [(s.wrong | s.no_answer)[some] for s in self.scores if s.method.exact]
+            table.rows.append((str(family), *(_percent(share) for share in bad)))
+        table.notes.append("The methods that claim the limit of the taxels; the models are wrong nearly everywhere.")
+        return table
+
+    def _failures(self) -> str:
+        lines = ["## What failed", ""]
+        for score in self.scores:
+            bad = score.wrong | score.no_answer
+            if not score.method.exact or not bad.any():
+                continue
+            families, counts = np.unique(self.families[bad], return_counts=True)
+            most = ", ".join(str(families[k]) for k in np.argsort(-counts)[:3])
+            told = [f"no answer on {_percent(score.no_answer)} %", f"wrong on {_percent(score.wrong)} %"]
+            raised = sorted(set(score.failure) - {"", "no answer"})
+            if raised:
+                told.append(f"raised {', '.join(raised)}")
+            lines.append(f"- {score.method.name}: {', '.join(told)}; most often: {most}.")
+        good = [s.method.name for s in self.scores if s.method.exact and not (s.wrong | s.no_answer).any()]
+        if good:
+            lines.append(f"- Right to {WRONG:.0e} on every contact: {', '.join(good)}.")
+        printed, right = self.of("(6) printed"), self.of("(6) corrected")
+        lines.append(
+            f"- (6) as printed takes a torque about the pole for one about C: it calls {_percent(printed.unsafe)} % of "
+            f"all contacts safe that slide; with the torque moved to C, {_percent(right.unsafe)} %."
+        )
+        return "\n".join(lines)
+
+    def _not_best(self, solver_s: float) -> str:
+        """Each sentence holds whichever way the figures fall."""
+        ours, cheap = (self.of(short).of(self.ordinary) for short in ("slipd", "ellipsoid"))
+        felt, law = (self.of(short).of(self.ordinary) for short in ("felt ellipsoid", "power law"))
+        lines = ["## Where slipd is not the best choice", ""]
+        lines.append(
+            f"- Speed alone: {self._cheaper()}. On ordinary contacts the ellipsoid takes {_us(cheap)} µs in NumPy, "
+            f"slipd {_us(ours)} µs by the public call{self._in_a_batch()}. "
+            f"For that the ellipsoid misses by {shown(cheap.quantile(0.5))} in the median and "
+            f"{shown(cheap.quantile(0.99))} at p99, and calls {_percent(cheap.unsafe)} % safe that slide."
+        )
+        lines.append(
+            f"- A radius felt beforehand by turning the object makes the ellipsoid's error {shown(felt.quantile(0.5))} "
+            f"and the circular patch's {shown(law.quantile(0.5))} (medians, ordinary contacts): without a tactile "
+            "image, that is what there is. slipd needs the image. Whether an image is good enough to tell the "
+            "difference is the question of the model errors below."
+        )
+        lines += [self._equals(short) for short in ("Clarabel", "BFGS", "hybr") if short in self._named]
+        lines.append(
+            "- Translation alone is enough where no torque acts about C; it sees none. "
+            "Who has a conic program to solve anyway, with more in it than this limit, had better use a conic solver"
+            + (f" (Clarabel without its set-up: {1e6 * solver_s:.0f} µs)." if math.isfinite(solver_s) else ".")
+        )
+        return "\n".join(lines)
+
+    def _in_a_batch(self) -> str:
+        return f" and {_us(self.of('batch').of(self.ordinary))} µs in a batch" if "batch" in self._named else ""
+
+    def _cheaper(self) -> str:
+        limit = np.median(self.of("slipd").seconds)
+        faster = [
+            s.method.name for s in self.scores if s.method.group != "ours" and float(np.median(s.seconds)) < limit
+        ]
+        return f"faster than the public call: {', '.join(faster)}" if faster else "nothing here is faster"
+
+    def _equals(self, short: str) -> str:
+        score = self.of(short).of(self.ordinary)
+        good = ~(score.wrong | score.no_answer)
+        times = float(np.median(score.seconds) / np.median(self.of("slipd").of(self.ordinary).seconds))
+        return (
+            f"- {score.method.name} is right to {WRONG:.0e} on {_percent(good)} % of the ordinary contacts (median "
+            f"error {shown(score.quantile(0.5))}), as slipd is, in {times:.0f} times its time and without bounds."
+        )
+
+    def _methods(self) -> str:
+        lines = ["## The methods", ""]
+        lines += [f"- **{score.method.name}**: {score.method.about}." for score in self.scores]
+        lines.append("")
+        lines.append(
+            "The general solvers, Weiszfeld's and the paper's search get the contact without units (lengths over its "
+            "spread, forces over μ f_n) and start at C. The paper's search ends at a residue of "
+            f"{paper.TOLERANCE:.0e} or after {paper.MOST_STEPS} steps; its rates and tolerance are the best of those "
+            "tried, as is Clarabel's tolerance. What reports no success has given no answer. The others are NumPy and "
+            "SciPy as a user would write them; slipd is compiled. A felt radius is the one that turning the object "
+            "without force would measure; finding it is not in the times."
+        )
+        return "\n".join(lines)
+
+
+def shown(error: float) -> str:
+    """An error as a cell."""
+    if math.isnan(error):
+        return "–"
+    return "∞" if math.isinf(error) else "0" if error == 0.0 else f"{error:.0e}"
+
+
+def _cost(scaling: Scaling) -> Table:
+    table = Table("Cost against taxels, µs", ("taxels", *scaling.seconds))
+    for k, count in enumerate(scaling.taxels):
+        cells = (1e6 * seconds[k] for seconds in scaling.seconds.values())
+        table.rows.append((str(count), *("–" if math.isnan(cell) else float(cell) for cell in cells)))
+    slopes = ", ".join(f"{short} {scaling.slope(short):.2f}" for short in scaling.seconds)
+    table.notes.append(f"Exponent of the cost in the taxels, fitted over the large contacts (1 is linear): {slopes}.")
+    return table
+
+
+def _percent(share: np.ndarray) -> str:
+    """With digits enough to tell one scene from none."""
+    part = 100.0 * float(np.mean(share))
+    return "0" if part == 0.0 else f"{part:.2g}" if part < 1.0 else f"{part:.1f}"
+
+
+def _us(score: Score) -> str:
+    return f"{1e6 * float(np.median(score.seconds)):.1f}"
+
+
+_READING = f"""
+![Time against error, failures, verdicts, cost against taxels, error of the models](speed_accuracy.png)
+
+What it costs to know how much spin torque a contact still holds, and how wrong the answer is. Every method is asked
+about the same contacts in the same run, contact after contact, so that whatever else the machine does meets all alike.
+The right answers are solved for to 25 digits by another road, which shares nothing with slipd.
+
+- **Top left**: time of one decision against the error of the limit, relative to the contact's own torque. The mark is
+  the median, the line goes to the 99th percentile, no answer counted as the worst. Left and low is good; what is at the
+  bottom is right to the last digit.
+- **Top right**: the share of the contacts where the limit is right, wrong by more than {WRONG:.0e}, or missing.
+- **Middle**: wrong verdicts, false alarms to the left, sliding contacts called safe to the right; and what an answer
+  costs as the taxels grow. Dotted: cost proportional to taxels.
+- **Bottom**: what no solver can win back, the error of image and model against the continuous contact.
+
+Times below {QUICK_S * 1e6:.0f} µs are the best of three calls, longer ones are taken once. The spins that get a verdict
+lie between {NEAREST_SPIN:.0e} and 1 of the contact's own torque from the limit, or in the middle of what is safe where
+that is nearer: verdicts far from the limit would flatter everyone.
+"""
