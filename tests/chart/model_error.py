@@ -47,8 +47,7 @@ class ModelError:
     Attributes:
         errors: By rule and model, shape (shapes, contacts, ratios): limit less the true one, both about the measured
             centroid, as a share of the contact's own torque; > 0 overstates. Rule "continuous": the model on the true
-            pressure.
-            NaN where no electrode is touched.
+            pressure. NaN where no electrode is touched.
         readings: By rule and model, likewise: the utilisation read where the truth is 1.
         stages: By rule and stage of noise, shape (shapes, contacts): errors of the exact model at the last ratio.
         taxels: Taxels in contact, shape (shapes, contacts).
@@ -103,31 +102,35 @@ def _ask(found: ModelError, at: tuple[int, ...]) -> None:
     angles = rng.uniform(0.0, 2.0 * math.pi, ratios.size)
     forces = MU * NORMAL_N * ratios[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
     own = whole.arm(centre)
-    for k, (ratio, force) in enumerate(zip(ratios.tolist(), forces, strict=True)):
-        here = (*at, k)
-        true = whole.limit(force, centre)
-        circle = math.sqrt(1.0 - ratio * ratio)
-        found.errors[OWN][here] = circle - true / own
-        true -= _moment(measured - centre, force)
-        for rule, pressed in rules.items():
-            arm = pressed.arm(measured)
-            used = utilisation(pressed.x, pressed.y, pressed.loads, MU, force, true, measured).value
-            limits = (pressed.limit(force, measured), arm * circle, math.inf)
-            readings = (used, math.hypot(ratio, true / arm) if arm > 0.0 else math.inf, ratio)
-            for model, limit, reads in zip(MODELS, limits, readings, strict=True):
-                found.errors[rule, model][here] = (limit - true) / own
-                found.readings[rule, model][here] = reads
-    if rules:
-        true = whole.limit(forces[-1], centre)
-        for stage, (pressure, about) in zip(STAGES, ((clean, centre), (noisy, centre), (noisy, measured)), strict=True):
-            for rule, pressed in _loads(x, y, pressure, about).items():
-                error = pressed.limit(forces[-1], about) - true + _moment(about - centre, forces[-1])
-                found.stages[rule, stage][at] = error / own
+    true = np.array([whole.limit(force, centre) for force in forces])
+    found.errors[OWN][at] = np.sqrt(1.0 - ratios**2) - true / own
+    felt = [limit - moment(measured - centre, force) for limit, force in zip(true.tolist(), forces, strict=True)]
+    for rule, pressed in rules.items():
+        for k, (ratio, force) in enumerate(zip(ratios.tolist(), forces, strict=True)):
+            answers = _answers(pressed, ratio, force, felt[k], measured)
+            for model, (limit, reads) in zip(MODELS, answers, strict=True):
+                found.errors[rule, model][(*at, k)] = (limit - felt[k]) / own
+                found.readings[rule, model][(*at, k)] = reads
+    for stage, pressure, about in zip(STAGES, (clean, noisy, noisy), (centre, centre, measured), strict=True):
+        for rule, pressed in (_loads(x, y, pressure, about) if rules else {}).items():
+            error = pressed.limit(forces[-1], about) - true[-1] + moment(about - centre, forces[-1])
+            found.stages[rule, stage][at] = error / own
 
 
-def _moment(arm: Array, force: Array) -> float:
-    """arm × force: what a torque gains, taken about a point that lies by ``arm`` further back."""
+def moment(arm: Array, force: Array) -> float:
+    """arm × force, N·m: by so much a torque is smaller when taken about a point that lies further on by ``arm``."""
     return float(arm[0] * force[1] - arm[1] * force[0])
+
+
+def _answers(pressed: _Pressed, ratio: float, force: Array, true: float, about: Array) -> list[tuple[float, float]]:
+    """Limit and reading of the true limit, of each of ``MODELS``."""
+    arm = pressed.arm(about)
+    used = utilisation(pressed.x, pressed.y, pressed.loads, MU, force, true, about).value
+    return [
+        (pressed.limit(force, about), used),
+        (arm * math.sqrt(1.0 - ratio * ratio), math.hypot(ratio, true / arm) if arm > 0.0 else math.inf),
+        (math.inf, ratio),
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -61,7 +61,7 @@ def draw(found: ModelError, figure: Figure | SubFigure) -> None:
 def _until(ratio: float) -> str:
     if ratio < 0.0:
         return "at no ρ"
-    return "at every ρ" if ratio == RATIOS[-1] else f"up to ρ = {ratio:g}, and no further"
+    return "at every ρ" if ratio == RATIOS[-1] else f"up to ρ = {ratio:g}"
 
 
 def _errors(axis: Axes, errors: dict[tuple[str, str], NDArray[np.float64]], top: float) -> None:
@@ -83,7 +83,6 @@ def _errors(axis: Axes, errors: dict[tuple[str, str], NDArray[np.float64]], top:
 def _names(axis: Axes, errors: dict[tuple[str, str], NDArray[np.float64]]) -> None:
     """Writes what they are at the curves themselves, where they lie apart."""
     at = (
-        (EXACT, 0.2, "exact", BLUE),
         (CHEAP, 0.7, "ellipsoid", ORANGE),
         (("binary", "exact"), 0.0, "binary", PURPLE),
     )

@@ -7,7 +7,19 @@ import math
 import numpy as np
 import pytest
 from chart.continuous import LEAST_M, PAD_X_M, PAD_Y_M, SHAPES, Patch, image
-from chart.model_error import CHEAP, EXACT, OWN, PASSES, RANDOM, RATIOS, ModelError, largest_ratio_enough, quantile, run
+from chart.model_error import (
+    CHEAP,
+    EXACT,
+    OWN,
+    PASSES,
+    RANDOM,
+    RATIOS,
+    ModelError,
+    largest_ratio_enough,
+    moment,
+    quantile,
+    run,
+)
 
 from slipd.fusion import grey_loads, torque_limit
 
@@ -96,6 +108,13 @@ def test_a_fine_image_without_noise_tends_to_the_continuous_limit(name: str) -> 
             errors.append(abs(found.torque_nm - true) / own)
         assert errors[1] < 5e-3, (ratio, errors)
         assert errors[1] < errors[0] + 1e-3, (ratio, errors)
+
+
+def test_a_limit_moves_with_the_point_it_is_taken_about() -> None:
+    x, y, loads = SHAPES["tilted"](np.random.default_rng(0)).points()
+    force, here, arm = np.array((0.4, -0.3)), np.zeros(2), np.array((2e-3, 5e-3))
+    first, second = (torque_limit(x, y, loads, 1.0, force, a, passes=PASSES).torque_nm for a in (here, here + arm))
+    assert second == pytest.approx(first - moment(arm, force), rel=1e-6)
 
 
 def test_an_electrode_reads_the_mean_pressure_over_itself() -> None:
