@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from chart.methods import find
 from chart.scaling import Scaling
-from chart.scores import WRONG, Score
+from chart.scores import WRONG_TOLD, Score
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
@@ -50,7 +50,7 @@ def outcomes(axes: Axes, scores: Sequence[Score]) -> None:
         if 0.0 < (bad := 100.0 * float(np.mean(~good))) <= LABELLED:
             axes.text(101.0, row, f"{_percent(bad)} bad", va="center", color=WRONG_ONE, fontsize=10.5)
     axes.set(xlim=(0.0, 100.0), xlabel="% of the contacts")
-    _heading(axes, "The limit", (("right", RIGHT), (f"wrong by > {WRONG:.0e}", WRONG_ONE), ("no answer", MISSING)))
+    _heading(axes, "The limit", (("right", RIGHT), (f"wrong by > {WRONG_TOLD}", WRONG_ONE), ("no answer", MISSING)))
 
 
 def verdicts(axes: Axes, scores: Sequence[Score]) -> None:

@@ -27,6 +27,9 @@ WIDTH_IN, HEIGHT_IN, DPI = 16.0, 23.0, 110
 TOP = 30.0
 """Errors are drawn up to here; what is beyond, or has no answer, ends in the strip above."""
 
+NOWHERE, STRIP = 6.0 * TOP, 200.0 * TOP
+"""Where in the strip, and its upper edge."""
+
 
 def save(path: Path, scores: Sequence[Score], solver_s: float, scaling: Scaling, model: ModelError) -> None:
     """Draws all panels and writes the PNG."""
@@ -48,9 +51,9 @@ def save(path: Path, scores: Sequence[Score], solver_s: float, scaling: Scaling,
 
 
 def _speed_accuracy(axes: Axes, scores: Sequence[Score], solver_s: float, renderer: RendererBase) -> None:
-    axes.set(xscale="log", yscale="log", xlim=(1e-7, 3e-2), ylim=(FLOOR / 1e4, TOP * 30.0))
-    axes.axhspan(TOP, TOP * 30.0, color="#F0F0F0", lw=0.0)
-    axes.text(1.15e-7, TOP * 14.0, "no limit or no answer", color=FAINT, va="center")
+    axes.set(xscale="log", yscale="log", xlim=(1e-7, 3e-2), ylim=(FLOOR / 1e4, STRIP))
+    axes.axhspan(TOP, STRIP, color="#F0F0F0", lw=0.0)
+    axes.text(1.15e-7, STRIP / 2.0, "no limit, or no answer", color=FAINT, va="top")
     axes.axhline(FLOOR, color="#E6E6E6", lw=0.8, zorder=0)
     axes.axhline(WRONG, color=FAINT, lw=0.8, ls=(0, (4, 4)))
     axes.text(1.15e-7, WRONG * 1.5, "wrong above", color=FAINT)
@@ -58,7 +61,7 @@ def _speed_accuracy(axes: Axes, scores: Sequence[Score], solver_s: float, render
     for score in sorted(scores, key=lambda s: float(np.median(s.seconds))):
         if score.no_answer.all():
             continue
-        colour, x = COLOURS[score.method.group], float(np.median(score.seconds))
+        name, colour, x = score.method.name, COLOURS[score.method.group], float(np.median(score.seconds))
         middle, high = _drawn(score.quantile(0.5)), _drawn(score.quantile(0.99, failures=True))
         axes.plot([x, x], [middle, high], color=colour, lw=1.6, alpha=0.75, solid_capstyle="butt")
         axes.plot(x, high, "_", color=colour, ms=8, mew=1.6)
@@ -66,13 +69,14 @@ def _speed_accuracy(axes: Axes, scores: Sequence[Score], solver_s: float, render
         if score.method.short == "Clarabel" and math.isfinite(solver_s):
             axes.plot([solver_s, x], [middle, middle], color=colour, lw=0.8, ls=":")
             axes.plot(solver_s, middle, "o", color="white", ms=6.5, mec=colour, zorder=4)
-        marks.append((score.method.name, x, middle, high, colour))
+            name += " (○ without set-up)"
+        marks.append((name, x, middle, high, colour))
     axes.set_xlabel("time of one decision", labelpad=6)
     axes.xaxis.set_major_formatter(FuncFormatter(written))
     axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-6, 1e-4, 1e-2, 1.0])
     axes.set_ylabel("error of the limit, relative to the contact's own torque")
-    axes.set_title(f"Speed against accuracy, {scores[0].seconds.size} contacts of all families: median, and up to p99",
-                   loc="left", fontweight="bold", pad=10)  # fmt: skip
+    count = scores[0].seconds.size
+    axes.set_title(f"Speed against accuracy: median and p99 of {count} contacts", loc="left", fontweight="bold", pad=10)
     for k, (group, name) in enumerate(GROUPS.items()):
         axes.text(0.015, 0.42 - 0.042 * k, f"● {name}", color=COLOURS[group], transform=axes.transAxes, fontsize=12)
     _label(axes, marks, renderer)
@@ -93,7 +97,7 @@ def _label(axes: Axes, marks: list[tuple[str, float, float, float, str]], render
                 arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.7, "shrinkB": 5.0} if far else None,
             )  # fmt: skip
             text.update_positions(renderer)
-            box = Text.get_window_extent(text, renderer).padded(1.5)
+            box = Text.get_window_extent(text, renderer).padded(6.0, 1.5)
             inside = frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
             if inside and not any(box.overlaps(other) for other in taken):
                 taken.append(box)
@@ -111,4 +115,4 @@ _PLACES = [
 
 def _drawn(error: float) -> float:
     """Where an error is drawn: within the axes, what has no size in the strip above."""
-    return min(max(error, FLOOR), TOP * 5.0) if not math.isnan(error) else TOP * 5.0
+    return min(max(error, FLOOR), NOWHERE) if not math.isnan(error) else NOWHERE

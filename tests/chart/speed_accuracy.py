@@ -9,7 +9,7 @@ import numpy as np
 from bench.tables import Table
 from chart.rivals import paper
 from chart.scaling import Scaling
-from chart.scores import NEAREST_SPIN, QUICK_S, WRONG, Question, Score
+from chart.scores import CALLS, LONGEST_S, NEAREST_SPIN, WRONG_TOLD, Question, Score
 
 ORDINARY = ("ordinary", "off centre", "few taxels")
 FLOOR = 1e-16
@@ -44,8 +44,8 @@ class Report:
         return "\n\n".join((_READING.strip(), self._failures(), self._not_best(solver_s), self._methods()))
 
     def _table(self, title: str, some: np.ndarray) -> Table:
-        head = ("method", "time p50 µs", "p99 µs", "error p50", "p99", "worst", f"wrong > {WRONG:.0e} %", "no answer %",
-                "called safe, slides %", "false alarm %", "no verdict %")  # fmt: skip
+        head = ("method", "time p50 µs", "p99 µs", "error p50", "p99", "worst", f"wrong > {WRONG_TOLD} %",
+                "no answer %", "called safe, slides %", "false alarm %", "no verdict %")  # fmt: skip
         table = Table(title, head)
         for score in (score.of(some) for score in self.scores):
             times = (1e6 * float(np.quantile(score.seconds, q)) for q in (0.5, 0.99))
@@ -58,7 +58,7 @@ class Report:
 
     def _by_family(self) -> Table:
         table = Table(
-            f"Where they fail: wrong by more than {WRONG:.0e} or no answer, % of each family",
+            f"Where they fail: wrong by more than {WRONG_TOLD} or no answer, % of each family",
             ("family", *(score.method.short for score in self.scores if score.method.exact)),
         )
         for family in dict.fromkeys(self.families):
@@ -76,14 +76,15 @@ class Report:
                 continue
             families, counts = np.unique(self.families[bad], return_counts=True)
             most = ", ".join(str(families[k]) for k in np.argsort(-counts)[:3])
-            told = [f"no answer on {_percent(score.no_answer)} %", f"wrong on {_percent(score.wrong)} %"]
+            ways = (("no answer", score.no_answer), ("wrong", score.wrong))
+            told = [f"{way} on {_percent(share)} %" for way, share in ways if share.any()]
             raised = sorted(set(score.failure) - {"", "no answer"})
             if raised:
                 told.append(f"raised {', '.join(raised)}")
             lines.append(f"- {score.method.name}: {', '.join(told)}; most often: {most}.")
         good = [s.method.name for s in self.scores if s.method.exact and not (s.wrong | s.no_answer).any()]
         if good:
-            lines.append(f"- Right to {WRONG:.0e} on every contact: {', '.join(good)}.")
+            lines.append(f"- Right to {WRONG_TOLD} on every contact: {', '.join(good)}.")
         printed, right = self.of("(6) printed"), self.of("(6) corrected")
         lines.append(
             f"- (6) as printed takes a torque about the pole for one about C: it calls {_percent(printed.unsafe)} % of "
@@ -131,7 +132,7 @@ class Report:
         good = ~(score.wrong | score.no_answer)
         times = float(np.median(score.seconds) / np.median(self.of("slipd").of(self.ordinary).seconds))
         return (
-            f"- {score.method.name} is right to {WRONG:.0e} on {_percent(good)} % of the ordinary contacts (median "
+            f"- {score.method.name} is right to {WRONG_TOLD} on {_percent(good)} % of the ordinary contacts (median "
             f"error {shown(score.quantile(0.5))}), as slipd is, in {times:.0f} times its time and without bounds."
         )
 
@@ -142,10 +143,10 @@ class Report:
         lines.append(
             "The general solvers, Weiszfeld's and the paper's search get the contact without units (lengths over its "
             "spread, forces over μ f_n) and start at C. The paper's search ends at a residue of "
-            f"{paper.TOLERANCE:.0e} or after {paper.MOST_STEPS} steps; its rates and tolerance are the best of those "
-            "tried, as is Clarabel's tolerance. What reports no success has given no answer. The others are NumPy and "
-            "SciPy as a user would write them; slipd is compiled. A felt radius is the one that turning the object "
-            "without force would measure; finding it is not in the times."
+            f"{shown(paper.TOLERANCE)} or after {paper.MOST_STEPS} steps; its rates and tolerance are the best of "
+            "those tried, as is Clarabel's tolerance. What reports no success has given no answer. The others are "
+            "NumPy and SciPy as a user would write them; slipd is compiled. A felt radius is the one that turning the "
+            "object without force would measure; finding it is not in the times."
         )
         return "\n".join(lines)
 
@@ -154,7 +155,9 @@ def shown(error: float) -> str:
     """An error as a cell."""
     if math.isnan(error):
         return "–"
-    return "∞" if math.isinf(error) else "0" if error == 0.0 else f"{error:.0e}"
+    if math.isinf(error) or error == 0.0:
+        return "∞" if error else "0"
+    return f"{error:.0e}".replace("e+00", "").replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
 
 
 def _cost(scaling: Scaling) -> Table:
@@ -187,12 +190,12 @@ The right answers are solved for to 25 digits by another road, which shares noth
 - **Top left**: time of one decision against the error of the limit, relative to the contact's own torque. The mark is
   the median, the line goes to the 99th percentile, no answer counted as the worst. Left and low is good; what is at the
   bottom is right to the last digit.
-- **Top right**: the share of the contacts where the limit is right, wrong by more than {WRONG:.0e}, or missing.
+- **Top right**: the share of the contacts where the limit is right, wrong by more than {WRONG_TOLD}, or missing.
 - **Middle**: wrong verdicts, false alarms to the left, sliding contacts called safe to the right; and what an answer
   costs as the taxels grow. Dotted: cost proportional to taxels.
 - **Bottom**: what no solver can win back, the error of image and model against the continuous contact.
 
-Times below {QUICK_S * 1e6:.0f} µs are the best of three calls, longer ones are taken once. The spins that get a verdict
-lie between {NEAREST_SPIN:.0e} and 1 of the contact's own torque from the limit, or in the middle of what is safe where
+Times are the best of {CALLS} calls, or of as many as fit in {LONGEST_S * 1e3:.0f} ms. The spins that get a verdict lie
+between {shown(NEAREST_SPIN)} and 1 of the contact's own torque from the limit, or in the middle of what is safe where
 that is nearer: verdicts far from the limit would flatter everyone.
 """
