@@ -41,6 +41,14 @@ def test_the_limit_is_certified_and_the_right_one_lies_within_the_bounds(row: Ro
 
 
 @pytest.mark.parametrize("row", NUMBERS)
+def test_the_bounds_hold_after_any_number_of_passes(row: Row) -> None:
+    s = row.scene
+    for passes in (1, 2, 3, 6):
+        found = torque_limit(s.x, s.y, s.loads, s.mu, s.tangential, s.about, passes=passes)
+        assert found.lower_nm - rounding(row) <= row.limit_nm <= found.upper_nm + rounding(row)
+
+
+@pytest.mark.parametrize("row", NUMBERS)
 def test_the_mirrored_contact_has_the_same_limit_in_the_other_sense(row: Row) -> None:
     s = row.scene
     found = torque_limit(s.x, -s.y, s.loads, s.mu, s.tangential * (1, -1), s.about * (1, -1), -1)
@@ -52,6 +60,15 @@ def test_the_mirrored_contact_has_the_same_limit_in_the_other_sense(row: Row) ->
 def test_a_load_on_the_limit_has_utilisation_one(row: Row) -> None:
     s = row.scene
     used = utilisation(s.x, s.y, s.loads, s.mu, s.tangential, row.limit_nm, s.about)
+    assert used.upper - used.lower <= GAP
+    assert used.lower - 1e-12 <= 1.0 <= used.upper + 1e-12
+
+
+@pytest.mark.parametrize("start", [(1.0, 0.0, 0.0), (-3e8, 2e8, 1.0), (0.0, 0.0, -1e-6)])
+@pytest.mark.parametrize("row", LIMITS)
+def test_a_start_that_is_far_off_changes_no_answer(row: Row, start: tuple[float, float, float]) -> None:
+    s = row.scene
+    used = utilisation(s.x, s.y, s.loads, s.mu, s.tangential, row.limit_nm, s.about, start=start)
     assert used.upper - used.lower <= GAP
     assert used.lower - 1e-12 <= 1.0 <= used.upper + 1e-12
 
