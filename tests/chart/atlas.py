@@ -45,10 +45,11 @@ carries beside the force. The limits are closed forms, or were solved to 25 digi
 Where a method is a model (one radius, one torque for the whole contact), its cell is the model's error. The bounds of
 one pass give their lower bound here: what they vouch for; between them they leave the verdict open.
 
-What is fair to know: the contacts were chosen for being hard, and those found by search for being hard on one method
-each. slipd was mended until it passed every row, the other methods are as they come. Bad data go to each as they are; a
-caller who checks them first spares the others most of that group. Only slipd and, to its tolerance, Clarabel tell how
-good their own answer is."""
+What is fair to know: where nothing is special, the general solvers are as right as slipd; they differ in the other
+groups, and in time, which is not told here. The contacts were chosen for being hard, and those found by search for
+being hard on one method each. slipd was mended until it passed every row, the other methods are as they come. Bad data
+go to each as they are; a caller who checks them first spares the others most of that group. Only slipd and, to its
+tolerance, Clarabel tell how good their own answer is."""
 
 
 class _TooSlowError(Exception):
