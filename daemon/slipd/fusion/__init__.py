@@ -7,6 +7,7 @@ the pad's centre, Z out of the pad towards the object, X along its longer side);
 from slipd.fusion.contact import Contact, contact_from_wrench
 from slipd.fusion.grip_force import grip_needed_n
 from slipd.fusion.hull import tipping_margin
+from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, utilisations
 from slipd.fusion.limit_surface import TorqueLimit, Utilisation, torque_limit, utilisation
 from slipd.fusion.loads import Loads, binary_loads, grey_loads, matched_loads
 from slipd.fusion.shape import ContactShape, contact_shape
@@ -19,7 +20,9 @@ __all__ = [
     "SlipDetector",
     "SlipSettings",
     "TorqueLimit",
+    "TorqueLimits",
     "Utilisation",
+    "Utilisations",
     "binary_loads",
     "contact_from_wrench",
     "contact_shape",
@@ -28,5 +31,7 @@ __all__ = [
     "matched_loads",
     "tipping_margin",
     "torque_limit",
+    "torque_limits",
     "utilisation",
+    "utilisations",
 ]

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
-from slipd.fusion.limit_surface import utilisation
-
-#: A grip force is not needed to more digits than any gripper has.
-RELATIVE_TOLERANCE = 1e-6
+from slipd.fusion.limit_kernels import solve_grip_factor
+from slipd.fusion.limit_surface import checked_pair, checked_taxels
 
 
 def grip_needed_n(
@@ -43,40 +39,15 @@ def grip_needed_n(
         safety: Factor ≥ 1 on the load.
 
     Returns:
-        The normal force, N; inf when no force holds the load, NaN when the data is not finite.
+        The normal force, N, from the certified upper bound of λ; inf when no force holds the load, NaN when the data is
+        not finite.
 
     Raises:
         ValueError: Wrong shapes, μ not positive and finite, a negative growth, a safety below 1.
     """
     if not (0.0 <= growth < math.inf and 1.0 <= safety < math.inf):
         raise ValueError(f"growth must be ≥ 0 and safety ≥ 1, not {growth} and {safety}")
-    f = safety * np.asarray(tangential, dtype=np.float64)
-    forces = np.asarray(loads, dtype=np.float64)
-    rigid = utilisation(x, y, forces, mu, f, safety * spin, about).value
-    normal = float(forces.sum())
-    if normal == 0.0:
-        return rigid  # nothing presses: no load needs nothing, any load more than no contact has
-    if growth == 0.0 or rigid in (0.0, math.inf) or math.isnan(rigid):
-        return rigid * normal if rigid > 0.0 else rigid
-    xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    if np.ptp(xs[forces > 0.0]) == np.ptp(ys[forces > 0.0]) == 0.0:  # a point has no size that could grow
-        return rigid * normal
-    centre = np.array((xs @ forces, ys @ forces)) / normal
-    a = np.asarray(about, dtype=np.float64)
-    spin_there = safety * spin + (a[0] - centre[0]) * f[1] - (a[1] - centre[1]) * f[0]
-
-    def excess(log_factor: float) -> float:
-        """Log of the factor still missing when the contact has grown by exp(growth · log_factor)."""
-        shrunk = spin_there * math.exp(-growth * log_factor)
-        return math.log(utilisation(xs, ys, forces, mu, f, shrunk, centre).value) - log_factor
-
-    # A larger contact carries more of the spin and as much of the force, so the root lies between here and rigid.
-    low, high = sorted((0.0, math.log(rigid)))
-    while (missing := excess(low)) < 0.0:
-        low -= 1.0
-    while missing < math.inf and (missing := excess(high)) > 0.0:
-        high += 1.0
-    if missing == math.inf:  # all but one taxel carry next to nothing, and the rounding of its place is a torque
-        return rigid * normal
-    root = low if low == high else float(brentq(excess, low, high, xtol=RELATIVE_TOLERANCE))
-    return normal * math.exp(root)
+    xs, ys, fs = checked_taxels(x, y, loads, mu)
+    f, a = checked_pair("tangential", tangential), checked_pair("about", about)
+    factor = solve_grip_factor(xs, ys, fs, mu, safety * f[0], safety * f[1], safety * float(spin), a[0], a[1], growth)
+    return factor * float(fs.sum()) if math.isfinite(factor) else factor

@@ -44,10 +44,13 @@ from numpy.typing import NDArray
 from slipd.fusion.compiled import compiled, compiled_sum
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 Sweep = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 Model = tuple[float, float, float, float, float]
 Frame = tuple[float, float, float]
+Twist = tuple[float, float, float]
 Plane = tuple[float, float, float, float, bool]
+Stop = tuple[float, int]
 
 U = 2.0**-53
 KINDS = ("interior", "hinge", "translating", "none")
@@ -56,6 +59,8 @@ FAR = 1e9  # a pole this many mean distances away is a translation for every pur
 GOAL = 2e-13  # gap at which an answer is as good as its rounding bound,
 GOAL_SLACKS = 30.0  # which is less than so many σ
 MAX_PASSES = 120  # ordinary scenes need 3–7, hinges some 20; a gap that stays open is told by the bounds
+MAX_ROOT_STEPS = 60  # of a bracketed Newton that takes 3–5,
+ROOT = 1e-12  # to this precision of log k
 RESOLUTION = 1e-13  # relative change of the sum that may be rounding
 TINY = 1e-150  # added to lengths that are divided by: a taxel at the pole has no direction; squares stay finite
 RIDGE = 1e-28  # least curvature of any direction, relative to the largest: a far pole leaves one with very little
@@ -291,13 +296,13 @@ def spin_lower(gx: float, gy: float, gm: float, gross: float, h: float, dh: floa
     """Bound of the same from the friction field that carries f' = (1 − g_x, g_y) and the spin g_m.
 
     The mixture (1 − s) t + s w a with the translation field of a unit vector a carries f exactly for the smallest s
-    with |f − (1 − s) f'| ≤ s, and translation adds no spin about the load centroid. With e = |f − f'| and
-    r² = 1 − |f'|² that s is at most e (1 + √(1 + r²)) / r².
+    with |f − (1 − s) f'| ≤ s, and translation adds no spin about the load centroid; s = 1 is translation alone. With
+    e = |f − f'| and r² = 1 − |f'|² that s is at most e (1 + √(1 + r²)) / r².
     """
     missing = math.sqrt((gx - h) ** 2 + gy * gy) + slack * (gx + gross + h) + dh
     room = gx * (2.0 - gx) - gy * gy - 4.0 * slack * gx
     share = min(missing * (1.0 + math.sqrt(1.0 + room)) / room, 1.0) if room > 0.0 else 1.0
-    return (1.0 - share) * gm - 3.0 * slack - 16.0 * U
+    return max((1.0 - share) * gm, 0.0) - 3.0 * slack - 16.0 * U
 
 
 @compiled
@@ -309,10 +314,11 @@ def gauge_upper(gx: float, gy: float, gm: float, gross: float, lx: float, lm: fl
     """
     fx = 1.0 - gx
     along = fx * lx + gm * lm
+    apart = abs(lx) + 2.0 * abs(lm)  # ℓ carried by translation and by turning, each alone
     if not along > 0.0:
-        return math.inf
+        return apart
     a = math.sqrt((along * lx - fx) ** 2 + gy * gy) + slack * (gx + gross)
-    return (1.0 + a + 2.0 * (abs(along * lm - gm) + 3.0 * slack)) / along * (1.0 + 16.0 * U)
+    return min((1.0 + a + 2.0 * (abs(along * lm - gm) + 3.0 * slack)) / along, apart) * (1.0 + 16.0 * U)
 
 
 @compiled
@@ -526,7 +532,7 @@ def follow_path(
 
 @compiled
 def minimise(
-    x: Array, y: Array, frame: Frame, taxels: Array, q: Array, plane: Plane, passes: int
+    x: Array, y: Array, frame: Frame, taxels: Array, q: Array, plane: Plane, stop: Stop
 ) -> tuple[float, float, float, int, int]:
     """Minimises Σ w c(q) + h v_x over q + span{(ax, 0, am), (0, 1, 0)} until its bounds meet.
 
@@ -541,12 +547,13 @@ def minimise(
         q: The twist to start from, shape (3,), and on return the last one.
         plane: h (1 − ρ for the spin, 1 for the gauge), the bound of its error, ax, am, and whether it is the gauge of
             the unit load (am, 0, −ax).
-        passes: Most passes of the first part, and steps of both.
+        stop: Gap of the bounds at which to stop, and most passes (of the first part, and steps of both).
 
     Returns:
         Lower bound, upper bound, value of the last twist, the taxel that is a hinge (−1: none), passes and steps.
     """
-    goal = max(GOAL, GOAL_SLACKS * (x.size + 16) * U)
+    gap, passes = stop
+    goal = max(gap, GOAL_SLACKS * (x.size + 16) * U)
     lower, upper, value, open_, done = descend(taxels[0], taxels[1], taxels[2], q, plane, goal, passes)
     hinge = -1
     if not open_:
@@ -675,11 +682,19 @@ def slack_of_room(loads: Array, mu: float, fx: float, fy: float, grip: float) ->
 
 @compiled
 def solve_torque_limit(
-    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int, passes: int
+    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int, stop: Stop
 ) -> tuple[int, float, float, float, float, float]:
     """Kind, torque, lower and upper bound about (ax, ay), pole (2)."""
+    return torque_limit_in(np.empty((3, x.size)), x, y, loads, mu, fx, fy, ax, ay, sense, stop)
+
+
+@compiled
+def torque_limit_in(
+    taxels: Array, x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int,
+    stop: Stop,
+) -> tuple[int, float, float, float, float, float]:  # fmt: skip
+    """The same with working memory (3, n)."""
     nan = math.nan
-    taxels = np.empty((3, x.size))
     total, cx, cy, ex, ey, mean = normalise(x, y, loads, sense * fx, sense * fy, taxels)
     if not total > 0.0 or not math.isfinite(fx + fy + ax + ay):
         return NONE, nan, nan, nan, nan, nan
@@ -697,41 +712,63 @@ def solve_torque_limit(
     q = np.empty(3)  # start from the pole of the ellipsoid
     q[0], q[1], q[2] = (1.0 - h) / math.sqrt(h * (2.0 - h)), 0.0, 1.0
     ct, st = (sense * fx / force, sense * fy / force) if force > 0.0 else (1.0, 0.0)
-    lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (h, dh, 1.0, 0.0, False), passes)
+    lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (h, dh, 1.0, 0.0, False), stop)
     unit = grip * mean
-    # Sense −1 is solved with the force reversed: the same pole.
-    px, py = cx + (ex - mean * (ct * q[1] + st * q[0])), cy + (ey + mean * (ct * q[0] - st * q[1]))
     lower, upper = unit * lower + shift, unit * upper + shift
     slack += 8.0 * U * (abs(lower) + abs(upper))
     if hinge >= 0:
         return HINGE, unit * value + shift, lower - slack, upper + slack, x[hinge], y[hinge]
+    # Sense −1 is solved with the force reversed: the same pole.
+    px, py = cx + (ex - mean * (ct * q[1] + st * q[0])), cy + (ey + mean * (ct * q[0] - st * q[1]))
     return INTERIOR, unit * value + shift, lower - slack, upper + slack, px, py
 
 
 @compiled
-def first_twist(
-    q: Array, start: tuple[float, float, float], dx: float, dy: float, ct: float, st: float, mean: float, lx: float,
-    lm: float,
-) -> None:  # fmt: skip
-    """Writes the twist to start from: that of before, scaled to ℓ·q = 1, or the outward normal of the ellipsoid."""
-    vx, vy, om = start
-    vx, vy = vx + om * dy, vy - om * dx  # of the load centroid
-    vx, vy = (ct * vx + st * vy) / mean, (ct * vy - st * vx) / mean
-    power = lx * vx + lm * om
-    if power * ASKEW >= abs(vx) + abs(vy) + abs(om):  # false where it is not a number
-        q[0], q[1], q[2] = vx / power, vy / power, om / power
+def unit_gauge(
+    taxels: Array, x: Array, y: Array, frame: Frame, q: Array, f: float, s: float, stop: Stop
+) -> tuple[float, float, float, int]:
+    """Gauge of the load (f, 0, s) in the units above.
+
+    Args:
+        taxels: As in :func:`minimise`.
+        x: Likewise.
+        y: Likewise.
+        frame: Likewise.
+        q: A twist to start from, shape (3,), not a number where there is none; on return the optimal one.
+        f: Force.
+        s: Spin.
+        stop: As in :func:`minimise`.
+
+    Returns:
+        Lower bound, upper bound, value, the taxel that is a hinge (−1: none).
+    """
+    size = math.hypot(f, s)
+    lx, lm = f / size, s / size
+    power = lx * q[0] + lm * q[2]
+    if power * ASKEW >= abs(q[0]) + abs(q[1]) + abs(q[2]):  # false where it is not a number
+        q[0], q[1], q[2] = q[0] / power, q[1] / power, q[2] / power
     else:
-        q[0], q[1], q[2] = lx, 0.0, lm
+        q[0], q[1], q[2] = lx, 0.0, lm  # the outward normal of the ellipsoid
+    lower, upper, value, hinge, _ = minimise(x, y, frame, taxels, q, (1.0, 0.0, -lm, lx, True), stop)
+    return size * lower * (1.0 - 8.0 * U), size * upper * (1.0 + 8.0 * U), size * value, hinge
 
 
 @compiled
 def solve_utilisation(
-    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float,
-    start: tuple[float, float, float], passes: int,
+    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float, start: Twist,
+    stop: Stop,
 ) -> tuple[int, float, float, float, float, float, float, float, float]:  # fmt: skip
     """Kind, value, lower and upper bound, pole (2), twist (3) about (ax, ay)."""
+    return utilisation_in(np.empty((3, x.size)), x, y, loads, mu, fx, fy, m, ax, ay, start, stop)
+
+
+@compiled
+def utilisation_in(
+    taxels: Array, x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float,
+    start: Twist, stop: Stop,
+) -> tuple[int, float, float, float, float, float, float, float, float]:  # fmt: skip
+    """The same with working memory (3, n)."""
     nan = math.nan
-    taxels = np.empty((3, x.size))
     total, cx, cy, ex, ey, mean = normalise(x, y, loads, fx, fy, taxels)
     if math.isnan(total) or not math.isfinite(fx + fy + m + ax + ay):
         return NONE, nan, nan, nan, nan, nan, nan, nan, nan
@@ -750,23 +787,124 @@ def solve_utilisation(
             return HINGE, math.inf, math.inf, math.inf, cx + ex, cy + ey, -turn * dy, turn * dx, turn
         ratio = force / grip
         return TRANSLATING, ratio, ratio * (1.0 - 8.0 * U), ratio * (1.0 + 8.0 * U), nan, nan, ct, st, 0.0
-    f, s = force / grip, spin / (grip * mean)
-    size = math.hypot(f, s)
-    lx, lm = f / size, s / size
     q = np.empty(3)
-    first_twist(q, start, dx, dy, ct, st, mean, lx, lm)
-    lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (1.0, 0.0, -lm, lx, True), passes)
+    vx, vy = (start[0] + start[2] * dy) / mean, (start[1] - start[2] * dx) / mean  # of the load centroid
+    q[0], q[1], q[2] = ct * vx + st * vy, ct * vy - st * vx, start[2]
+    lower, upper, value, hinge = unit_gauge(taxels, x, y, (ct, st, mean), q, force / grip, spin / (grip * mean), stop)
     # What rounding adds to the spin, turning about the load centroid carries, with twice the friction at most.
-    slack = (
-        2.0 * ((8.0 * U * (abs(dx) + abs(dy)) + (x.size + 16) * U * mean) * force + 8.0 * U * abs(m)) / (grip * mean)
-    )
-    value = value * size
-    lower, upper = max(lower * size * (1.0 - 8.0 * U) - slack, 0.0), upper * size * (1.0 + 8.0 * U) + slack
+    slack = 16.0 * U * ((abs(dx) + abs(dy)) * force + abs(m)) / (grip * mean) + 2.0 * (x.size + 16) * U * force / grip
+    lower, upper = max(lower - slack, 0.0), upper + slack
     vx, vy, om = mean * (ct * q[0] - st * q[1]), mean * (st * q[0] + ct * q[1]), q[2]  # of the load centroid
     ux, uy = vx - om * dy, vy + om * dx
     if abs(om) * FAR <= math.sqrt(q[0] ** 2 + q[1] ** 2):
         return TRANSLATING, value, lower, upper, nan, nan, ux, uy, om
     if hinge >= 0:
         return HINGE, value, lower, upper, x[hinge], y[hinge], ux, uy, om
-    px, py = cx + (ex - vy / om), cy + (ey + vx / om)
-    return INTERIOR, value, lower, upper, px, py, ux, uy, om
+    return INTERIOR, value, lower, upper, cx + (ex - vy / om), cy + (ey + vx / om), ux, uy, om
+
+
+@compiled
+def grown_gauge(taxels: Array, x: Array, y: Array, frame: Frame, f: float, s: float, growth: float) -> float:
+    """The k with which gauge(f, s / k^growth) = k: Newton on log k, bracketed, each solve from the twist of the last.
+
+    The slope of log gauge is the share of the power that the spin takes, times −growth.
+    """
+    q = np.full(3, math.nan)
+    low, high, log_k, upper = -math.inf, math.inf, 0.0, 0.0
+    for _ in range(MAX_ROOT_STEPS):
+        spin = s * math.exp(-growth * log_k)
+        _, upper, value, _ = unit_gauge(taxels, x, y, frame, q, f, spin, (GOAL, MAX_PASSES))
+        missing = math.log(value) - log_k
+        if abs(missing) <= ROOT or not high - low > ROOT:
+            break
+        if missing > 0.0:
+            low = log_k
+        else:
+            high = log_k
+        share = spin * q[2] / math.hypot(f, spin)  # ℓ·q = 1
+        step = log_k + missing / (1.0 + growth * share)
+        if not low < step < high:
+            step = 0.5 * (low + high) if math.isfinite(high - low) else log_k + math.copysign(1.0, missing)
+        log_k = step
+    return max(upper, math.exp(log_k))
+
+
+@compiled
+def solve_grip_factor(
+    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float, growth: float
+) -> float:
+    """The least factor k on all loads that holds the load where the contact grows by k^growth about its centroid."""
+    taxels = np.empty((3, x.size))
+    total, cx, cy, ex, ey, mean = normalise(x, y, loads, fx, fy, taxels)
+    if math.isnan(total) or not math.isfinite(fx + fy + m + ax + ay):
+        return math.nan
+    force = math.hypot(fx, fy)
+    if force == 0.0 and m == 0.0:
+        return 0.0
+    if total == 0.0:
+        return math.inf
+    grip = mu * total
+    spin = m + (((ax - cx) - ex) * fy - ((ay - cy) - ey) * fx)
+    if mean == 0.0:  # a point has no size that could grow
+        return force / grip if spin == 0.0 else math.inf
+    ct, st = (fx / force, fy / force) if force > 0.0 else (1.0, 0.0)
+    return grown_gauge(taxels, x, y, (ct, st, mean), force / grip, spin / (grip * mean), growth)
+
+
+@compiled
+def solve_torque_limits(
+    x: Array, y: Array, loads: Array, mu: float, tangential: Array, about: Array, sense: int, stop: Stop,
+    kinds: Indices, out: Array,
+) -> None:  # fmt: skip
+    """Writes :func:`solve_torque_limit` of every frame into kinds (frames,) and out (frames, 5).
+
+    Args:
+        x: Shape (frames, n), or (1, n) for all.
+        y: Likewise.
+        loads: Shape (frames, n).
+        mu: Coefficient of friction.
+        tangential: Shape (frames, 2).
+        about: Shape (frames, 2), or (1, 2) for all.
+        sense: ±1.
+        stop: As in :func:`minimise`.
+        kinds: Indices of KINDS, shape (frames,).
+        out: Torque, lower and upper bound, pole (2).
+    """
+    memory, active = np.empty(3 * x.shape[1]), np.empty((3, x.shape[1]))
+    for i in range(loads.shape[0]):
+        k, a = min(i, x.shape[0] - 1), min(i, about.shape[0] - 1)
+        n = gather(x[k], y[k], loads[i], active)
+        kinds[i], out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = torque_limit_in(
+            memory[: 3 * n].reshape((3, n)), active[0][:n], active[1][:n], active[2][:n], mu, tangential[i, 0],
+            tangential[i, 1], about[a, 0], about[a, 1], sense, stop,
+        )  # fmt: skip
+
+
+@compiled
+def solve_utilisations(
+    x: Array, y: Array, loads: Array, mu: float, tangential: Array, spin: Array, about: Array, stop: Stop,
+    kinds: Indices, out: Array,
+) -> None:  # fmt: skip
+    """Writes :func:`solve_utilisation` of every frame, started from the one before, into kinds and out (frames, 8)."""
+    memory, active = np.empty(3 * x.shape[1]), np.empty((3, x.shape[1]))
+    start = (math.nan, math.nan, math.nan)
+    for i in range(loads.shape[0]):
+        k, a = min(i, x.shape[0] - 1), min(i, about.shape[0] - 1)
+        n = gather(x[k], y[k], loads[i], active)
+        found = utilisation_in(
+            memory[: 3 * n].reshape((3, n)), active[0][:n], active[1][:n], active[2][:n], mu, tangential[i, 0],
+            tangential[i, 1], spin[i], about[a, 0], about[a, 1], start, stop,
+        )  # fmt: skip
+        start = found[6], found[7], found[8]
+        kinds[i], out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[0], found[1], found[2], found[3], found[4]
+        out[i, 4], out[i, 5], out[i, 6], out[i, 7] = found[5], found[6], found[7], found[8]
+
+
+@compiled
+def gather(x: Array, y: Array, loads: Array, active: Array) -> int:
+    """Writes the taxels whose load is not zero into active (3, n); returns how many: the rest is not in contact."""
+    n = 0
+    for i in range(x.size):
+        active[0, n], active[1, n], active[2, n] = x[i], y[i], loads[i]
+        n += loads[i] != 0.0
+    return n

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slipd.fusion.limit_kernels import KINDS, MAX_PASSES, solve_torque_limit, solve_utilisation
+from slipd.fusion.limit_kernels import GOAL, KINDS, MAX_PASSES, Twist, solve_torque_limit, solve_utilisation
 
 Array = NDArray[np.float64]
-Twist = tuple[float, float, float]
 _NO_TWIST = (math.nan, math.nan, math.nan)
 
 
@@ -77,6 +76,7 @@ def torque_limit(
     about: ArrayLike,
     sense: int = 1,
     *,
+    gap: float = GOAL,
     passes: int = MAX_PASSES,
 ) -> TorqueLimit:
     """Finds the largest spin torque that friction carries beside a tangential force.
@@ -91,7 +91,8 @@ def torque_limit(
         tangential: f_t on the finger, shape (2,), N.
         about: The point the torque is taken about, shape (2,), m.
         sense: +1 for a torque along +Z, −1 for one along −Z.
-        passes: Most passes over the taxels; the bounds hold after any number, and meet after 3–6.
+        gap: Gap of the bounds at which to stop, relative to the contact's torque without force.
+        passes: Most passes over the taxels; the bounds hold after any number, and meet after 3–7, at a hinge some 20.
 
     Returns:
         The limit with its certified bounds. Data that is not finite, a negative load, and no load at all give kind
@@ -102,11 +103,11 @@ def torque_limit(
 
     Source: paper eqs. (5) and (7) as the minimum of Φ; its (6) with the torque taken about the pole.
     """
-    xs, ys, fs = _taxels(x, y, loads, mu)
-    f, a = _pair("tangential", tangential), _pair("about", about)
+    xs, ys, fs = checked_taxels(x, y, loads, mu)
+    f, a = checked_pair("tangential", tangential), checked_pair("about", about)
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, not {sense}")
-    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense, passes)
+    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense, (gap, passes))
     return TorqueLimit(value, lower, upper, _pole(px, py), KINDS[kind])
 
 
@@ -120,6 +121,7 @@ def utilisation(
     about: ArrayLike,
     *,
     start: Twist = _NO_TWIST,
+    gap: float = GOAL,
     passes: int = MAX_PASSES,
 ) -> Utilisation:
     """Finds which share of the friction limit a tangential force and a spin torque use together.
@@ -133,6 +135,7 @@ def utilisation(
         spin: Torque about the pad normal through ``about``, N·m.
         about: The point the spin is taken about, shape (2,), m.
         start: A twist to start from, such as that of the frame before: a scene that moves little needs fewer passes.
+        gap: Relative gap of the bounds at which to stop.
         passes: Most passes over the taxels; the bounds hold after any number.
 
     Returns:
@@ -142,10 +145,10 @@ def utilisation(
     Raises:
         ValueError: Wrong shapes, or μ not positive and finite.
     """
-    xs, ys, fs = _taxels(x, y, loads, mu)
-    f, a = _pair("tangential", tangential), _pair("about", about)
+    xs, ys, fs = checked_taxels(x, y, loads, mu)
+    f, a = checked_pair("tangential", tangential), checked_pair("about", about)
     kind, value, lower, upper, px, py, vx, vy, om = solve_utilisation(
-        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start, passes
+        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start, (gap, passes)
     )
     return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind], (vx, vy, om))
 
@@ -154,14 +157,16 @@ def _pole(px: float, py: float) -> Array | None:
     return None if math.isnan(px) else np.array((px, py))
 
 
-def _pair(name: str, value: ArrayLike) -> tuple[float, float]:
+def checked_pair(name: str, value: ArrayLike) -> tuple[float, float]:
+    """Two numbers of an array-like of shape (2,)."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape != (2,):
         raise ValueError(f"{name} must have shape (2,), not {array.shape}")
     return float(array[0]), float(array[1])
 
 
-def _taxels(x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float) -> tuple[Array, Array, Array]:
+def checked_taxels(x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float) -> tuple[Array, Array, Array]:
+    """Positions and loads as arrays of one shape (n,)."""
     arrays = tuple(np.ascontiguousarray(a, dtype=np.float64) for a in (x, y, loads))
     shapes = [a.shape for a in arrays]
     if arrays[0].ndim != 1 or any(shape != shapes[0] for shape in shapes):
