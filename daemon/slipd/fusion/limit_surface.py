@@ -120,7 +120,7 @@ def utilisation(
     spin: float,
     about: ArrayLike,
     *,
-    start: Twist = _NO_TWIST,
+    start: Twist | None = None,
     gap: float = GOAL,
     passes: int = MAX_PASSES,
 ) -> Utilisation:
@@ -148,7 +148,7 @@ def utilisation(
     xs, ys, fs = checked_taxels(x, y, loads, mu)
     f, a = checked_pair("tangential", tangential), checked_pair("about", about)
     kind, value, lower, upper, px, py, vx, vy, om = solve_utilisation(
-        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start, (gap, passes)
+        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start or _NO_TWIST, (gap, passes)
     )
     return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind], (vx, vy, om))
 

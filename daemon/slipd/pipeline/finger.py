@@ -31,6 +31,8 @@ STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
 #: The spin is most of the load where translation alone explains less than this share of the utilisation.
 ROTATION_SHARE = 0.7
+#: Relative gap of the bounds of utilisation: far below what a threshold, or a message, can tell apart.
+DECISION_GAP = 1e-6
 #: Status words that make a reading's value untrustworthy.
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
 
@@ -201,8 +203,17 @@ class Finger:
             return
         x, y, loads = found
         state.model = "exact"
+        before = self.state.utilisation
         state.utilisation = used = utilisation(
-            x, y, loads.loads, mu, contact.tangential_n, contact.spin_nm, contact.centroid_m
+            x,
+            y,
+            loads.loads,
+            mu,
+            contact.tangential_n,
+            contact.spin_nm,
+            contact.centroid_m,
+            start=None if before is None else before.twist,
+            gap=DECISION_GAP,
         )
         slips = self._slips(state.t_ns, contact, used.value, translation)
         state.verdict = self._with_image(state, used, translation, slips)
