@@ -6,15 +6,15 @@ import math
 from time import perf_counter_ns
 
 import numpy as np
-from chart.scenes import Scene
+from chart.scenes import Array, Scene
 
-from slipd.fusion import limit_surface
+from slipd.fusion import TorqueLimit, TorqueLimits, torque_limit, torque_limits
 
 FRAMES = 256
 """Of a batch that is timed: as many as make the one call's own cost vanish beside theirs."""
 
 FORCE_STEP = 1e-3
-"""By how much f_t differs between neighbouring frames, of itself: no frame of the batch is the one before."""
+"""By how much f_t differs over the frames of a batch, of itself: none is the one before."""
 
 
 def limit(scene: Scene) -> float:
@@ -38,38 +38,45 @@ def bounds_safe(scene: Scene, spin: float) -> bool | None:
 
 
 def batch_limit(scene: Scene) -> float:
-    """A batch of one frame; NaN for one that slides whatever the spin is."""
-    return float(_batch(scene, scene.tangential[None, :])[0])
+    """A batch of one frame."""
+    return float(_batch(*_frames(scene, 1)).torque_nm[0])
 
 
 def batch_safe(scene: Scene, spin: float) -> bool | None:
-    """By (4) and the limit, as one does with arrays."""
-    ratio = math.hypot(*scene.tangential) / (scene.mu * math.fsum(scene.loads))
-    return False if ratio >= 1.0 else None if math.isnan(limit := batch_limit(scene)) else spin <= limit
+    """As in the public call."""
+    found = _batch(*_frames(scene, 1))
+    if found.kind[0] == "translating":
+        return False
+    return None if math.isnan(found.torque_nm[0]) else bool(spin <= found.torque_nm[0])
 
 
 def batch_seconds(scene: Scene) -> float:
     """Time of one frame among many, s."""
-    tangential = scene.tangential * np.linspace(1.0 - FORCE_STEP, 1.0, FRAMES)[:, None]
+    frames = _frames(scene, FRAMES)
     start = perf_counter_ns()
-    _batch(scene, tangential)
+    _batch(*frames)
     return (perf_counter_ns() - start) / 1e9 / FRAMES
 
 
-def _limit(scene: Scene) -> limit_surface.TorqueLimit:
-    return limit_surface.torque_limit(scene.x, scene.y, scene.loads, scene.mu, scene.tangential, scene.about)
+def _limit(scene: Scene) -> TorqueLimit:
+    return torque_limit(scene.x, scene.y, scene.loads, scene.mu, scene.tangential, scene.about)
 
 
-def _one_pass(scene: Scene) -> limit_surface.TorqueLimit:
-    return limit_surface.torque_limit(scene.x, scene.y, scene.loads, scene.mu, scene.tangential, scene.about, passes=1)
+def _one_pass(scene: Scene) -> TorqueLimit:
+    return torque_limit(scene.x, scene.y, scene.loads, scene.mu, scene.tangential, scene.about, passes=1)
 
 
-def _batch(scene: Scene, tangential: np.ndarray) -> np.ndarray:
-    loads = np.ascontiguousarray(np.broadcast_to(scene.loads, (len(tangential), scene.loads.size)))
-    return limit_surface.torque_limits(scene.x, scene.y, loads, scene.mu, tangential, scene.about).torque_nm
+def _frames(scene: Scene, count: int) -> tuple[Scene, Array, Array]:
+    """The scene, and loads and forces of so many frames of it; the last is the scene itself."""
+    loads = np.ascontiguousarray(np.broadcast_to(scene.loads, (count, scene.loads.size)))
+    return scene, loads, scene.tangential * (1.0 - FORCE_STEP * np.arange(count)[::-1, None] / FRAMES)
 
 
-def _verdict(found: limit_surface.TorqueLimit, spin: float, *, bounds: bool) -> bool | None:
+def _batch(scene: Scene, loads: Array, tangential: Array) -> TorqueLimits:
+    return torque_limits(scene.x, scene.y, loads, scene.mu, tangential, scene.about)
+
+
+def _verdict(found: TorqueLimit, spin: float, *, bounds: bool) -> bool | None:
     if found.kind == "translating":
         return False
     if math.isnan(found.torque_nm):
