@@ -27,6 +27,8 @@ Real = Any
 """An mpf: mpmath has no types."""
 
 Vector = Sequence[Real]
+_Newton = tuple[list[Real], Real, list[Real]]
+"""A step, its length, and the direction of the path."""
 
 DIGITS = 110
 """Poles 10¹⁶ radii away, loads and widths over 24 decades and 25 certified digits take 90 at the worst."""
@@ -37,8 +39,8 @@ GAP = "1e-25"
 LAST_EPSILON = "1e-28"
 """Of the scaled problem, whose terms sum to about 1: leaves n · 1e-28 to GAP."""
 
-NEAR, THERE = "0.01", "1e-30"
-"""Newton's decrement where ε falls on, and at the end; it is squared by every full step."""
+NEAR, THERE = "0.1", "1e-15"
+"""Newton's decrement at the last step where ε falls on, and at the end; every full step squares it."""
 
 FULL_STEPS, TOO_FAR = 0.25, 3.0
 """Decrements: below the first full steps converge quadratically, above the second ε fell too fast."""
@@ -131,18 +133,19 @@ def exact_utilisation(scene: Scene, spin: float) -> float:
 def _least(contact: _Contact, plane: _Plane, start: Vector) -> tuple[list[Real], list[Real]]:
     """Down the central path: the twist, and the wrench of an admissible field that balances it in the plane."""
     epsilon, last = mpf(1), mpf(LAST_EPSILON)
-    z, tangent, passes = _centred(contact, plane, start, epsilon, mpf(NEAR))
+    z, tangent, passes = _centred(contact, plane, start, epsilon, _newton(contact, plane, start, epsilon), mpf(NEAR))
     fall, slowest = mpf("0.01"), mpf("0.1")
     while epsilon > last:
         lower = max(epsilon * fall, last)
         guess = [a + (epsilon - lower) * b for a, b in zip(z, tangent, strict=True)]
-        if _newton(contact, plane, guess, lower)[1] > TOO_FAR:
+        newton = _newton(contact, plane, guess, lower)
+        if newton[1] > TOO_FAR:
             passes += 1
             if fall < slowest:
                 fall = min(mp.sqrt(fall), slowest)
                 continue
-            guess = z
-        z, tangent, steps = _centred(contact, plane, guess, lower, mpf(NEAR) if lower > last else mpf(THERE))
+            guess, newton = z, _newton(contact, plane, z, lower)
+        z, tangent, steps = _centred(contact, plane, guess, lower, newton, mpf(NEAR) if lower > last else mpf(THERE))
         epsilon, passes = lower, passes + steps
         if passes > MOST_PASSES:
             raise ArithmeticError(f"not down the central path after {passes} passes")
@@ -150,18 +153,21 @@ def _least(contact: _Contact, plane: _Plane, start: Vector) -> tuple[list[Real],
     return plane.at(z), _balanced(contact, plane, z, epsilon)
 
 
-def _centred(contact: _Contact, plane: _Plane, z: Vector, epsilon: Real, until: Real) -> tuple[Vector, list[Real], int]:
+def _centred(
+    contact: _Contact, plane: _Plane, z: Vector, epsilon: Real, newton: _Newton, until: Real
+) -> tuple[Vector, list[Real], int]:
     """Damped Newton to the point of the path at ε; there, the path's direction (as ε falls), and the steps it took."""
     for steps in range(1, MOST_PASSES):
-        step, decrement, tangent = _newton(contact, plane, z, epsilon)
+        step, decrement, tangent = newton
         damped = 1 + decrement if decrement > FULL_STEPS else 1
         z = [a - b / damped for a, b in zip(z, step, strict=True)]
         if decrement < until:
             return z, tangent, steps
+        newton = _newton(contact, plane, z, epsilon)
     raise ArithmeticError(f"not on the central path after {MOST_PASSES} passes")
 
 
-def _newton(contact: _Contact, plane: _Plane, z: Vector, epsilon: Real) -> tuple[list[Real], Real, list[Real]]:
+def _newton(contact: _Contact, plane: _Plane, z: Vector, epsilon: Real) -> _Newton:
     """Newton's step, its length in the metric of the Hessian, and the direction of the path."""
     gradient, hessian, slope = _smoothed(contact, plane, z, epsilon)
     step = _solved(hessian, gradient)
