@@ -63,6 +63,7 @@ MAX_ROOT_STEPS = 60  # of a bracketed Newton that takes 3–5,
 ROOT = 1e-12  # to this precision of log k
 RESOLUTION = 1e-13  # relative change of the sum that may be rounding
 TINY = 1e-150  # added to lengths that are divided by: a taxel at the pole has no direction; squares stay finite
+SMALLEST, LARGEST = 1e-130, 1e130  # lengths and forces whose squares and products are finite, and are not 0
 RIDGE = 1e-28  # least curvature of any direction, relative to the largest: a far pole leaves one with very little
 FLAT = 1e-9  # a determinant this small, relative to the product of the curvatures, is rounding (collinear taxels),
 STIFF = 1e-12  # and is helped with so much of their sum
@@ -585,14 +586,19 @@ def moments(x: Array, y: Array, loads: Array, ox: float, oy: float) -> tuple[flo
 def place(
     x: Array, y: Array, loads: Array, cx: float, cy: float, ex: float, ey: float, ct: float, st: float, scale: float,
     taxels: Array,
-) -> float:  # fmt: skip
-    """Writes positions about c + e, turned by −(ct, st), and weights into taxels (3, n); returns Σ w |ρ|."""
-    mean = 0.0
+) -> tuple[float, float]:  # fmt: skip
+    """Writes positions about c + e, turned by −(ct, st), and weights into taxels (3, n).
+
+    Returns:
+        Σ w |ρ|, and Σ w (|ρ_x| + |ρ_y|), which does not underflow.
+    """
+    mean = blocks = 0.0
     for i in range(x.size):
         dx, dy, w = (x[i] - cx) - ex, (y[i] - cy) - ey, loads[i] * scale
         taxels[0, i], taxels[1, i], taxels[2, i] = ct * dx + st * dy, ct * dy - st * dx, w
         mean += w * math.sqrt(dx * dx + dy * dy)
-    return mean
+        blocks += w * (abs(dx) + abs(dy))
+    return mean, blocks
 
 
 @compiled
@@ -605,14 +611,14 @@ def normalise(
     one heavy taxel among light ones, is exact to the contact's own size.
 
     Returns:
-        Σ F (NaN: a value is not finite or a load is negative), the point (2), what it lacks (2), and the mean distance
-        (0: all load sits in one point).
+        Σ F (NaN: a value is not finite, a load is negative, or squares would not be finite), the point (2), what it
+        lacks (2), and the mean distance (0: all load sits in one point).
     """
     nan = math.nan
     if x.size == 0:
         return 0.0, nan, nan, 0.0, 0.0, 0.0
     total, mx, my, negative = moments(x, y, loads, x[0], y[0])
-    if negative > 0.0 or not math.isfinite(total + mx + my):
+    if negative > 0.0 or not math.isfinite(total + mx + my) or total > LARGEST or 0.0 < total < SMALLEST:
         return nan, nan, nan, 0.0, 0.0, 0.0
     if total == 0.0:
         return 0.0, nan, nan, 0.0, 0.0, 0.0
@@ -621,10 +627,12 @@ def normalise(
     cx, cy = x[0] + mx / total, y[0] + my / total
     _, mx, my, _ = moments(x, y, loads, cx, cy)
     ex, ey = mx / total, my / total
-    mean = place(x, y, loads, cx, cy, ex, ey, ct, st, 1.0 / total, taxels)
-    inverse = 1.0 / mean
-    if not math.isfinite(inverse):
+    mean, blocks = place(x, y, loads, cx, cy, ex, ey, ct, st, 1.0 / total, taxels)
+    if blocks == 0.0:
         return total, cx, cy, ex, ey, 0.0
+    if not SMALLEST < mean < LARGEST:
+        return nan, nan, nan, 0.0, 0.0, 0.0
+    inverse = 1.0 / mean
     for i in range(x.size):
         taxels[0, i] *= inverse
         taxels[1, i] *= inverse
@@ -744,8 +752,8 @@ def unit_gauge(
     """
     size = math.hypot(f, s)
     lx, lm = f / size, s / size
-    power = lx * q[0] + lm * q[2]
-    if power * ASKEW >= abs(q[0]) + abs(q[1]) + abs(q[2]):  # false where it is not a number
+    power, length = lx * q[0] + lm * q[2], abs(q[0]) + abs(q[1]) + abs(q[2])
+    if 0.0 < length <= ASKEW * power < math.inf:  # false where there is no number
         q[0], q[1], q[2] = q[0] / power, q[1] / power, q[2] / power
     else:
         q[0], q[1], q[2] = lx, 0.0, lm  # the outward normal of the ellipsoid
