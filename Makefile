@@ -7,8 +7,9 @@ VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2
 VENV := $(if $(filter python3,$(PYTHON)),.venv,.venv-$(VERSION))
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+MEASURES := $(VENV)/.measures
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench chart clean
 
 demo: $(READY)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -25,9 +26,18 @@ lint: $(READY)
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
-bench: $(READY)
-	@echo "== from the last byte to the message at a subscriber, beside a C program (about two minutes)"
+bench: $(MEASURES)
+	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 25 minutes)"
 	@$(BIN)/python tests/bench/latency.py --report docs/bench.md
+
+chart: $(MEASURES)
+	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 20 minutes)"
+	@PYTHONPATH=tests $(BIN)/python -m chart $(CHART)
+
+# What only the measurements need: rival solvers and a plotting library.
+$(MEASURES): $(READY)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,chart]'
+	@touch $@
 
 # The environment is made again when the dependencies change; a stamp tells, so that a second run starts at once.
 $(READY): pyproject.toml
