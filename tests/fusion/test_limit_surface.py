@@ -298,13 +298,15 @@ def test_the_start_changes_no_answer(seed: int) -> None:
 
 def test_a_scene_that_moves_little_needs_fewer_passes_from_the_twist_before() -> None:
     x, y, loads = disc(0.01, 12)
+    colds, warms = [], []
     for step in range(20):
         f, spin, about = (0.1 + 1e-3 * step, 0.05), 1e-3, (0.001, 0.0)
         before = utilisation(x, y, loads, MU, (f[0] - 1e-3, f[1]), spin, about)
         cold = utilisation(x, y, loads, MU, f, spin, about, passes=2)
         warm = utilisation(x, y, loads, MU, f, spin, about, passes=2, start=before.twist)
-        assert warm.upper - warm.lower < 0.2 * (cold.upper - cold.lower)
-        assert warm.upper - warm.lower < 1e-3 * warm.upper
+        colds.append(cold.upper - cold.lower)
+        warms.append(warm.upper - warm.lower)
+    assert np.median(warms) < 0.05 * np.median(colds)
 
 
 @pytest.mark.parametrize(
