@@ -1,7 +1,7 @@
-"""Measures the daemon on this machine: from the last byte in to the message at a subscriber, beside a C program.
+"""Measures on this machine: the daemon from the last byte in to the message at a subscriber, and the friction limit.
 
-Absolute times are this machine's, and of what else it does; what carries over is the ratio to the C program that does
-the same job in the same minutes. ``--report FILE`` writes the same as markdown.
+Absolute times are this machine's, and of what else it does; what carries over is the ratio to what does the same job in
+the same minutes, such as a C program. ``--report FILE`` writes the same as markdown.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import calls
 import chain
 import child
 import full_load
@@ -26,10 +25,16 @@ import processes
 import zmq
 from tables import Table
 
-SECONDS, ROUNDS, WARM_UP_S, CALLS = 5.0, 4, 1.0, 5000
-QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S, QUICK_CALLS = 0.5, 1, 0.5, 200
+sys.path.append(str(Path(__file__).parents[1]))  # the scenes of the chart are measured, too
+
+from bench import first_call, million, ratios, scaling
+
+SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 1.0
+QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
 SHORTEST_S, LONGEST_S = 0.1, 20.0
 """Less has no percentiles; the readings carry their number as a pull, which grows too large for the grip in more."""
+
+PARTS = ("chain", "load", "ratios", "first", "units", "million")
 
 FULL_LOAD_TIMES = 6
 """The full load takes as many times as long as a round, to show what builds up."""
@@ -46,7 +51,7 @@ def main() -> int:
     print(f"slipd bench: {header}", flush=True)
     pages = [f"# Measurements\n\n{header}."]
     try:
-        for table in _sections(seconds, rounds, quick=options.quick):
+        for table in _sections(options.only or PARTS, seconds, rounds, quick=options.quick):
             print(table.text(), flush=True)
             pages.append(table.markdown())
     except child.BenchError as error:
@@ -59,14 +64,23 @@ def main() -> int:
     return 0
 
 
-def _sections(seconds: float, rounds: int, *, quick: bool) -> Iterator[Table]:
+def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool) -> Iterator[Table]:
     warm_up_s = QUICK_WARM_UP_S if quick else WARM_UP_S
     with tempfile.TemporaryDirectory(prefix="slipd-bench-") as name:
         folder = Path(name)
-        built = processes.build_floor(folder)
-        yield chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)
-        yield from full_load.run(folder, seconds=FULL_LOAD_TIMES * seconds, warm_up_s=warm_up_s)
-    yield calls.run(QUICK_CALLS if quick else CALLS)
+        if "chain" in parts:
+            built = processes.build_floor(folder)
+            yield chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)
+        if "load" in parts:
+            yield from full_load.run(folder, seconds=FULL_LOAD_TIMES * seconds, warm_up_s=warm_up_s)
+        if "ratios" in parts:
+            yield from ratios.run(folder, quick=quick)
+    if "first" in parts:
+        yield first_call.run(quick=quick)
+    if "units" in parts:
+        yield scaling.run(quick=quick)
+    if "million" in parts:
+        yield from million.run(*((million.QUICK_SCENES, million.QUICK_CHECKED) if quick else ()))
 
 
 def _header() -> str:
@@ -89,10 +103,11 @@ def _commit() -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description="Measure the daemon on this machine.")
+    parser = argparse.ArgumentParser(description="Measure the daemon and the friction limit on this machine.")
+    parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be given again (default: all)")
     parser.add_argument("--seconds", type=_seconds, metavar="S", help=f"of each round (default {SECONDS:g})")
     parser.add_argument("--rounds", type=_count, metavar="N", help=f"of daemon and C each (default {ROUNDS})")
-    parser.add_argument("--quick", action="store_true", help="a few seconds in all, to see that it works")
+    parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
     return parser
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from slipd.fusion import torque_limit, utilisation
 
 SCENES, CHECKED = 1_000_000, 2_100
-QUICK_SCENES, QUICK_CHECKED = 3_000, 30
+QUICK_SCENES, QUICK_CHECKED = 1_500, 15
 CHUNK = 1_500
 """Scenes handed to a process at a time: a second or so."""
 
