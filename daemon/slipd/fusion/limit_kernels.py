@@ -61,6 +61,7 @@ Stop = tuple[float, int]
 U = 2.0**-53
 KINDS = ("interior", "hinge", "translating", "none")
 INTERIOR, HINGE, TRANSLATING, NONE = range(4)
+OPEN, MET, MET_AT_KINK = range(3)
 FAR = 1e9  # a pole this many mean distances away is a translation for every purpose
 GOAL = 2e-13  # gap at which an answer is as good as its rounding bound,
 GOAL_SLACKS = 30.0  # which is less than so many σ
@@ -235,12 +236,12 @@ def cut(less: float, ty: float) -> tuple[float, float]:
 @compiled
 def sharpest(x: Array, y: Array, w: Array, vx: float, vy: float, om: float) -> int:
     """The taxel with the largest w / |u|, whose norm bends most."""
-    best, j = -1.0, 0
+    j, weight, square = 0, 0.0, 1.0
     for i in range(x.size):
         ux, uy = vx - om * y[i], vy + om * x[i]
-        bend = w[i] / (math.sqrt(ux * ux + uy * uy) + TINY)
-        if bend > best:
-            best, j = bend, i
+        wi, ui = w[i] * w[i], ux * ux + uy * uy
+        if wi * square > weight * ui:  # fractions compared without dividing; a taxel at the pole stays the sharpest
+            j, weight, square = i, wi, ui
     return j
 
 
@@ -346,11 +347,11 @@ def bounds(
 @compiled
 def descend(
     x: Array, y: Array, w: Array, q: Array, plane: Plane, goal: float, passes: int
-) -> tuple[float, float, float, bool, int]:
+) -> tuple[float, float, float, int, int]:
     """Newton's method with a line search, from q, until the bounds meet or a kink comes into play.
 
     Returns:
-        Lower bound, upper bound, the value of the last twist, whether the bounds may still come closer, passes.
+        Lower bound, upper bound, the value of the last twist, OPEN, MET or MET_AT_KINK, passes.
     """
     h, _, ax, am, gauge = plane
     slack = (x.size + 16) * U
@@ -360,20 +361,20 @@ def descend(
     while True:
         low, high, estimate = bounds(r, r[1], r[2], r[3], r[11], q[0], abs(q[0]) + abs(q[1]), q[2], plane, slack)
         lower, upper = max(lower, low), min(upper, high)
+        curvature = r[4] + r[7]  # Σ w/|u|
         if upper - lower <= goal * (upper if gauge else 1.0):
-            return lower, upper, estimate, False, done
+            return lower, upper, estimate, MET_AT_KINK if r[10] > RULING * curvature * curvature else MET, done
         if done >= passes:
-            return lower, upper, estimate, True, done
+            return lower, upper, estimate, OPEN, done
         m = plane_model(r, h, ax, am)
         s1, s2, bends = norm_step(m, r[0] + q[0], (1.0 - h) * ax)
         size = abs(q[0]) + abs(q[1]) + abs(q[2])
-        curvature = r[4] + r[7]  # Σ w/|u|
         if not bends or r[10] > KINK * curvature * curvature:
             j = sharpest(x, y, w, q[0], q[1], q[2])
             near = abs(q[0] - q[2] * y[j]) + abs(q[1] + q[2] * x[j])
             change = abs((ax - am * y[j]) * s1) + abs(am * x[j] * s1 + s2)
             if not bends or change > FELT * near or near < UNSURE * w[j] * size:
-                return lower, upper, estimate, True, done
+                return lower, upper, estimate, OPEN, done
         length = abs(s1) + abs(s2)
         if length > LONGEST * size:
             s1, s2 = s1 * (LONGEST * size / length), s2 * (LONGEST * size / length)
@@ -381,7 +382,7 @@ def descend(
         resolved = -slope > RESOLUTION * abs(value)
         while True:
             if done >= passes:
-                return lower, upper, estimate, True, done
+                return lower, upper, estimate, OPEN, done
             vx, vy, om = q[0] + shrink * s1 * ax, q[1] + shrink * s2, q[2] + shrink * s1 * am
             r = sweep(x, y, w, x, y, vx, vy, om)
             done += 1
@@ -392,7 +393,7 @@ def descend(
             if not resolved and -slope < 0.25 * last_fall:
                 break
             if not resolved or done > PATIENCE:
-                return lower, upper, estimate, True, done
+                return lower, upper, estimate, OPEN, done
             shrink *= min(max(slope / (slope - end), 0.1), 0.7) if end > 0.0 else 0.5
         q[0], q[1], q[2] = vx, vy, om
         last_fall = -slope
@@ -561,14 +562,14 @@ def minimise(
     """
     gap, passes = stop
     goal = max(gap, GOAL_SLACKS * (x.size + 16) * U)
-    lower, upper, value, open_, done = descend(taxels[0], taxels[1], taxels[2], q, plane, goal, passes)
+    lower, upper, value, state, done = descend(taxels[0], taxels[1], taxels[2], q, plane, goal, passes)
     hinge = -1
-    if not open_:
+    if state == MET_AT_KINK:
         j = sharpest(taxels[0], taxels[1], taxels[2], q[0], q[1], q[2])
-        cx, cy = -taxels[0, j], -taxels[1, j]
-        if abs(q[0] + q[2] * cy) + abs(q[1] - q[2] * cx) <= BESIDE * (abs(q[0]) + abs(q[1]) + abs(q[2])):
+        ux, uy = q[0] - q[2] * taxels[1, j], q[1] + q[2] * taxels[0, j]
+        if abs(ux) + abs(uy) <= BESIDE * (abs(q[0]) + abs(q[1]) + abs(q[2])):
             hinge = j
-    elif done < passes:
+    elif state == OPEN and done < passes:
         lower, upper, value, hinge, steps = follow_path(
             x, y, frame, taxels, q, plane, goal, lower, upper, passes - done
         )
