@@ -115,12 +115,13 @@ def sweep(x: Array, y: Array, w: Array, px: Array, py: Array, vx: float, vy: flo
     hxx = hxy = hxm = hyy = hym = hmm = bend = gross = 0.0
     for i in range(x.size):
         ux, uy = vx - om * py[i], vy + om * px[i]
-        d = math.sqrt(ux * ux + uy * uy)
-        inverse = 1.0 / (d + TINY)
-        beside = uy * uy / (d + abs(ux) + TINY)
-        c = beside if ux > 0.0 else d - ux
+        d = math.sqrt(ux * ux + uy * uy) + TINY
+        both = d + abs(ux)
+        under = 1.0 / (d * both)
+        inverse = both * under
+        c = uy * uy * (d * under) if ux > 0.0 else d - ux
         nx, ny, k = ux * inverse, uy * inverse, w[i] * inverse
-        share = c * inverse if d > 0.0 else 1.0
+        share = c * inverse if d > TINY else 1.0
         value += w[i] * c
         gx += w[i] * share
         gy += w[i] * ny
@@ -696,6 +697,15 @@ def slack_of_room(loads: Array, mu: float, fx: float, fy: float, grip: float) ->
 
 
 @compiled
+def disc_lean(rho: float) -> float:
+    """How much farther than that of the ellipsoid, ρ/√(1 − ρ²), the pole of a uniform disc lies: 3/2 at 0, 3/4 at 1.
+
+    A start within some 15 % for most contacts.
+    """
+    return 1.5 - 0.75 * rho * rho
+
+
+@compiled
 def solve_torque_limit(
     x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int, stop: Stop
 ) -> tuple[int, float, float, float, float, float]:
@@ -724,8 +734,8 @@ def torque_limit_in(
         return TRANSLATING, shift, shift - slack, shift + slack, nan, nan
     if mean == 0.0:
         return HINGE, shift, shift - slack, shift + slack, cx + ex, cy + ey
-    q = np.empty(3)  # start from the pole of the ellipsoid
-    q[0], q[1], q[2] = (1.0 - h) / math.sqrt(h * (2.0 - h)), 0.0, 1.0
+    q = np.empty(3)
+    q[0], q[1], q[2] = disc_lean(1.0 - h) * (1.0 - h) / math.sqrt(h * (2.0 - h)), 0.0, 1.0
     ct, st = (sense * fx / force, sense * fy / force) if force > 0.0 else (1.0, 0.0)
     lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (h, dh, 1.0, 0.0, False), stop)
     unit = grip * mean
@@ -763,7 +773,9 @@ def unit_gauge(
     if 0.0 < length <= ASKEW * power < math.inf:  # false where there is no number
         q[0], q[1], q[2] = q[0] / power, q[1] / power, q[2] / power
     else:
-        q[0], q[1], q[2] = lx, 0.0, lm  # the outward normal of the ellipsoid
+        lean = disc_lean(lx)
+        power = lean * lx * lx + lm * lm
+        q[0], q[1], q[2] = lean * lx / power, 0.0, lm / power
     lower, upper, value, hinge, _ = minimise(x, y, frame, taxels, q, (1.0, 0.0, -lm, lx, True), stop)
     return size * lower * (1.0 - 8.0 * U), size * upper * (1.0 + 8.0 * U), size * value, hinge
 
