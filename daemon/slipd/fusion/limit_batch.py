@@ -90,7 +90,7 @@ def torque_limits(
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, not {sense}")
     kinds, out = np.empty(len(fs), np.int64), np.empty((len(fs), 5))
-    solve_torque_limits(xs, ys, fs, mu, f, a, sense, (gap, passes), kinds, out)
+    solve_torque_limits(xs, ys, fs, mu, f, a, sense, gap, passes, kinds, out)
     return TorqueLimits(out[:, 0], out[:, 1], out[:, 2], out[:, 3:5], _NAMES[kinds])
 
 
@@ -127,7 +127,7 @@ def utilisations(
     if m.shape != (len(fs),):
         raise ValueError(f"spin must have shape ({len(fs)},), not {m.shape}")
     kinds, out = np.empty(len(fs), np.int64), np.empty((len(fs), 8))
-    solve_utilisations(xs, ys, fs, mu, f, m, a, (gap, passes), kinds, out)
+    solve_utilisations(xs, ys, fs, mu, f, m, a, gap, passes, kinds, out)
     return Utilisations(out[:, 0], out[:, 1], out[:, 2], out[:, 3:5], _NAMES[kinds], out[:, 5:8])
 
 

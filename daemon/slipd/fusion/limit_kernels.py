@@ -56,7 +56,6 @@ Model = tuple[float, float, float, float, float]
 Frame = tuple[float, float, float]
 Twist = tuple[float, float, float]
 Plane = tuple[float, float, float, float, bool]
-Stop = tuple[float, int]
 
 U = 2.0**-53
 KINDS = ("interior", "hinge", "translating", "none")
@@ -541,7 +540,7 @@ def follow_path(
 
 @compiled
 def minimise(
-    x: Array, y: Array, frame: Frame, taxels: Array, q: Array, plane: Plane, stop: Stop
+    x: Array, y: Array, frame: Frame, taxels: Array, q: Array, plane: Plane, gap: float, passes: int
 ) -> tuple[float, float, float, int, int]:
     """Minimises Σ w c(q) + h v_x over q + span{(ax, 0, am), (0, 1, 0)} until its bounds meet.
 
@@ -556,12 +555,12 @@ def minimise(
         q: The twist to start from, shape (3,), and on return the last one.
         plane: h (1 − ρ for the spin, 1 for the gauge), the bound of its error, ax, am, and whether it is the gauge of
             the unit load (am, 0, −ax).
-        stop: Gap of the bounds at which to stop, and most passes (of the first part, and steps of both).
+        gap: Gap of the bounds at which to stop.
+        passes: Most passes of the first part, and steps of both.
 
     Returns:
         Lower bound, upper bound, value of the last twist, the taxel that is a hinge (−1: none), passes and steps.
     """
-    gap, passes = stop
     goal = max(gap, GOAL_SLACKS * (x.size + 16) * U)
     lower, upper, value, state, done = descend(taxels[0], taxels[1], taxels[2], q, plane, goal, passes)
     hinge = -1
@@ -707,16 +706,17 @@ def disc_lean(rho: float) -> float:
 
 @compiled
 def solve_torque_limit(
-    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int, stop: Stop
-) -> tuple[int, float, float, float, float, float]:
+    x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int, gap: float,
+    passes: int,
+) -> tuple[int, float, float, float, float, float]:  # fmt: skip
     """Kind, torque, lower and upper bound about (ax, ay), pole (2)."""
-    return torque_limit_in(np.empty((3, x.size)), x, y, loads, mu, fx, fy, ax, ay, sense, stop)
+    return torque_limit_in(np.empty((3, x.size)), x, y, loads, mu, fx, fy, ax, ay, sense, gap, passes)
 
 
 @compiled
 def torque_limit_in(
     taxels: Array, x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, ax: float, ay: float, sense: int,
-    stop: Stop,
+    gap: float, passes: int,
 ) -> tuple[int, float, float, float, float, float]:  # fmt: skip
     """The same with working memory (3, n)."""
     nan = math.nan
@@ -737,7 +737,7 @@ def torque_limit_in(
     q = np.empty(3)
     q[0], q[1], q[2] = disc_lean(1.0 - h) * (1.0 - h) / math.sqrt(h * (2.0 - h)), 0.0, 1.0
     ct, st = (sense * fx / force, sense * fy / force) if force > 0.0 else (1.0, 0.0)
-    lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (h, dh, 1.0, 0.0, False), stop)
+    lower, upper, value, hinge, _ = minimise(x, y, (ct, st, mean), taxels, q, (h, dh, 1.0, 0.0, False), gap, passes)
     unit = grip * mean
     lower, upper = unit * lower + shift, unit * upper + shift
     slack += 8.0 * U * (abs(lower) + abs(upper))
@@ -750,7 +750,7 @@ def torque_limit_in(
 
 @compiled
 def unit_gauge(
-    taxels: Array, x: Array, y: Array, frame: Frame, q: Array, f: float, s: float, stop: Stop
+    taxels: Array, x: Array, y: Array, frame: Frame, q: Array, f: float, s: float, gap: float, passes: int
 ) -> tuple[float, float, float, int]:
     """Gauge of the load (f, 0, s) in the units above.
 
@@ -762,7 +762,8 @@ def unit_gauge(
         q: A twist to start from, shape (3,), not a number where there is none; on return the optimal one.
         f: Force.
         s: Spin.
-        stop: As in :func:`minimise`.
+        gap: As in :func:`minimise`.
+        passes: Likewise.
 
     Returns:
         Lower bound, upper bound, value, the taxel that is a hinge (−1: none).
@@ -776,23 +777,23 @@ def unit_gauge(
         lean = disc_lean(lx)
         power = lean * lx * lx + lm * lm
         q[0], q[1], q[2] = lean * lx / power, 0.0, lm / power
-    lower, upper, value, hinge, _ = minimise(x, y, frame, taxels, q, (1.0, 0.0, -lm, lx, True), stop)
+    lower, upper, value, hinge, _ = minimise(x, y, frame, taxels, q, (1.0, 0.0, -lm, lx, True), gap, passes)
     return size * lower * (1.0 - 8.0 * U), size * upper * (1.0 + 8.0 * U), size * value, hinge
 
 
 @compiled
 def solve_utilisation(
     x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float, start: Twist,
-    stop: Stop,
+    gap: float, passes: int,
 ) -> tuple[int, float, float, float, float, float, float, float, float]:  # fmt: skip
     """Kind, value, lower and upper bound, pole (2), twist (3) about (ax, ay)."""
-    return utilisation_in(np.empty((3, x.size)), x, y, loads, mu, fx, fy, m, ax, ay, start, stop)
+    return utilisation_in(np.empty((3, x.size)), x, y, loads, mu, fx, fy, m, ax, ay, start, gap, passes)
 
 
 @compiled
 def utilisation_in(
     taxels: Array, x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, m: float, ax: float, ay: float,
-    start: Twist, stop: Stop,
+    start: Twist, gap: float, passes: int,
 ) -> tuple[int, float, float, float, float, float, float, float, float]:  # fmt: skip
     """The same with working memory (3, n)."""
     nan = math.nan
@@ -817,7 +818,9 @@ def utilisation_in(
     q = np.empty(3)
     vx, vy = (start[0] + start[2] * dy) / mean, (start[1] - start[2] * dx) / mean  # of the load centroid
     q[0], q[1], q[2] = ct * vx + st * vy, ct * vy - st * vx, start[2]
-    lower, upper, value, hinge = unit_gauge(taxels, x, y, (ct, st, mean), q, force / grip, spin / (grip * mean), stop)
+    lower, upper, value, hinge = unit_gauge(
+        taxels, x, y, (ct, st, mean), q, force / grip, spin / (grip * mean), gap, passes
+    )
     # What rounding adds to the spin, turning about the load centroid carries, with twice the friction at most.
     slack = 16.0 * U * ((abs(dx) + abs(dy)) * force + abs(m)) / (grip * mean) + 2.0 * (x.size + 16) * U * force / grip
     lower, upper = max(lower - slack, 0.0), upper + slack
@@ -840,7 +843,7 @@ def grown_gauge(taxels: Array, x: Array, y: Array, frame: Frame, f: float, s: fl
     low, high, log_k, upper = -math.inf, math.inf, 0.0, 0.0
     for _ in range(MAX_ROOT_STEPS):
         spin = s * math.exp(-growth * log_k)
-        _, upper, value, _ = unit_gauge(taxels, x, y, frame, q, f, spin, (GOAL, MAX_PASSES))
+        _, upper, value, _ = unit_gauge(taxels, x, y, frame, q, f, spin, GOAL, MAX_PASSES)
         missing = math.log(value) - log_k
         if abs(missing) <= ROOT or not high - low > ROOT:
             break
@@ -880,7 +883,7 @@ def solve_grip_factor(
 
 @compiled
 def solve_torque_limits(
-    x: Array, y: Array, loads: Array, mu: float, tangential: Array, about: Array, sense: int, stop: Stop,
+    x: Array, y: Array, loads: Array, mu: float, tangential: Array, about: Array, sense: int, gap: float, passes: int,
     kinds: Indices, out: Array,
 ) -> None:  # fmt: skip
     """Writes :func:`solve_torque_limit` of every frame into kinds (frames,) and out (frames, 5).
@@ -893,7 +896,8 @@ def solve_torque_limits(
         tangential: Shape (frames, 2).
         about: Shape (frames, 2), or (1, 2) for all.
         sense: ±1.
-        stop: As in :func:`minimise`.
+        gap: As in :func:`minimise`.
+        passes: Likewise.
         kinds: Indices of KINDS, shape (frames,).
         out: Torque, lower and upper bound, pole (2).
     """
@@ -903,13 +907,13 @@ def solve_torque_limits(
         n = gather(x[k], y[k], loads[i], active)
         kinds[i], out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = torque_limit_in(
             memory[: 3 * n].reshape((3, n)), active[0][:n], active[1][:n], active[2][:n], mu, tangential[i, 0],
-            tangential[i, 1], about[a, 0], about[a, 1], sense, stop,
+            tangential[i, 1], about[a, 0], about[a, 1], sense, gap, passes,
         )  # fmt: skip
 
 
 @compiled
 def solve_utilisations(
-    x: Array, y: Array, loads: Array, mu: float, tangential: Array, spin: Array, about: Array, stop: Stop,
+    x: Array, y: Array, loads: Array, mu: float, tangential: Array, spin: Array, about: Array, gap: float, passes: int,
     kinds: Indices, out: Array,
 ) -> None:  # fmt: skip
     """Writes :func:`solve_utilisation` of every frame, started from the one before, into kinds and out (frames, 8)."""
@@ -920,7 +924,7 @@ def solve_utilisations(
         n = gather(x[k], y[k], loads[i], active)
         found = utilisation_in(
             memory[: 3 * n].reshape((3, n)), active[0][:n], active[1][:n], active[2][:n], mu, tangential[i, 0],
-            tangential[i, 1], spin[i], about[a, 0], about[a, 1], start, stop,
+            tangential[i, 1], spin[i], about[a, 0], about[a, 1], start, gap, passes,
         )  # fmt: skip
         start = found[6], found[7], found[8]
         kinds[i], out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[0], found[1], found[2], found[3], found[4]

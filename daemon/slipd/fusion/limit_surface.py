@@ -11,7 +11,7 @@ Every answer is bracketed: any pole gives an upper bound of what friction can ca
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +22,7 @@ Array = NDArray[np.float64]
 _NO_TWIST = (math.nan, math.nan, math.nan)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TorqueLimit:
+class TorqueLimit(NamedTuple):
     """The largest spin torque that friction carries beside a tangential force.
 
     Attributes:
@@ -43,8 +42,7 @@ class TorqueLimit:
     kind: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Utilisation:
+class Utilisation(NamedTuple):
     """How much of the friction limit a load uses.
 
     Attributes:
@@ -107,7 +105,7 @@ def torque_limit(
     f, a = checked_pair("tangential", tangential), checked_pair("about", about)
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, not {sense}")
-    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense, (gap, passes))
+    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, f[0], f[1], a[0], a[1], sense, gap, passes)
     return TorqueLimit(value, lower, upper, _pole(px, py), KINDS[kind])
 
 
@@ -148,7 +146,7 @@ def utilisation(
     xs, ys, fs = checked_taxels(x, y, loads, mu)
     f, a = checked_pair("tangential", tangential), checked_pair("about", about)
     kind, value, lower, upper, px, py, vx, vy, om = solve_utilisation(
-        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start or _NO_TWIST, (gap, passes)
+        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start or _NO_TWIST, gap, passes
     )
     return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind], (vx, vy, om))
 
@@ -162,15 +160,17 @@ def checked_pair(name: str, value: ArrayLike) -> tuple[float, float]:
     array = np.asarray(value, dtype=np.float64)
     if array.shape != (2,):
         raise ValueError(f"{name} must have shape (2,), not {array.shape}")
-    return float(array[0]), float(array[1])
+    first, second = array.tolist()
+    return first, second
 
 
 def checked_taxels(x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float) -> tuple[Array, Array, Array]:
     """Positions and loads as arrays of one shape (n,)."""
-    arrays = tuple(np.ascontiguousarray(a, dtype=np.float64) for a in (x, y, loads))
-    shapes = [a.shape for a in arrays]
-    if arrays[0].ndim != 1 or any(shape != shapes[0] for shape in shapes):
-        raise ValueError(f"x, y and loads must share one shape (n,), not {shapes[0]}, {shapes[1]}, {shapes[2]}")
+    xs = np.ascontiguousarray(x, dtype=np.float64)
+    ys = np.ascontiguousarray(y, dtype=np.float64)
+    fs = np.ascontiguousarray(loads, dtype=np.float64)
+    if xs.ndim != 1 or not xs.shape == ys.shape == fs.shape:
+        raise ValueError(f"x, y and loads must share one shape (n,), not {xs.shape}, {ys.shape}, {fs.shape}")
     if not 0.0 < mu < math.inf:
         raise ValueError(f"mu must be positive and finite, not {mu}")
-    return arrays[0], arrays[1], arrays[2]
+    return xs, ys, fs
