@@ -126,9 +126,9 @@ def beside_a_taxel(rng: Random) -> Scene:
 
 
 def near_translation(rng: Random) -> Scene:
-    """1 − ρ from 10⁻¹ down to 10⁻¹⁴."""
+    """1 − ρ from 10⁻¹ down to 10⁻¹⁶·⁵, where rounding decides on which side of R = μ the force lies."""
     contact = image(rng) if rng.random() < 0.5 else sparse(rng)
-    return scene("near translation", rng, *contact, ratio=1.0 - 10.0 ** rng.uniform(-14.0, -1.0))
+    return scene("near translation", rng, *contact, ratio=1.0 - 10.0 ** rng.uniform(-16.5, -1.0))
 
 
 def decades(rng: Random) -> Scene:
