@@ -7,7 +7,7 @@ import pytest
 from bench.million import MEDIAN_GAP, WORST_GAP, Answers, Findings, measure
 from chart.scenes import FAMILIES
 
-SCENES, CHECKED_OF_EACH_FAMILY = 20_000, 10
+SCENES, CHECKED_OF_EACH_FAMILY = 15_000, 5
 
 
 @pytest.fixture(scope="module")
