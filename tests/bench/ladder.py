@@ -11,12 +11,12 @@ import gc
 import math
 import statistics
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, partial
-from typing import Any
+from typing import Any, TypeVar
 from unittest.mock import patch
 
 import numba
@@ -31,7 +31,7 @@ from slipd.fusion.limit_surface import checked_pair, checked_taxels
 from slipd.pipeline import engine as engine_module
 from slipd.pipeline import finger
 from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Output
+from slipd.pipeline.events import Event, Output
 from slipd.pipeline.finger import DECISION_GAP, ROTATION_SHARE, Finger, State
 from slipd.pipeline.report import slip_body
 from slipd.pipeline.warm_up import warm_up
@@ -40,10 +40,10 @@ ROUNDS, QUICK_ROUNDS = 7, 1
 WORTH = 5.0
 """A ladder that saves less of the processor time goes, %."""
 
-COUNTED = 2000
+COUNTED, QUICK_COUNTED = 2000, 100
 """Decisions of a run whose passes are counted."""
 
-LEAST_READINGS = 4000
+LEAST_READINGS = 2000
 """A shorter run is replayed again within a round."""
 
 TRANSLATION, ONE_PASS, EXACT = range(3)
@@ -52,13 +52,28 @@ HEAD = ("run", "readings", "without contact", "decisions", *RUNGS, "levels diffe
 PASSES_HEAD = ("run", "counted", "mean", "median", "p99", "mean unstarted", "median unstarted", "p99 unstarted")
 COST_HEAD = ("run", "µs a reading", "saved %", "least", "most")
 
-AS_IT_IS, AGAIN, LADDER, PUBLISHED = "as it is", "the same again", "ladder", "ladder, published exact"
-ONE_PASS_ONLY, NO_SOLVER = "one pass for all", "no solver"
-VARIANTS = (AS_IT_IS, AGAIN, LADDER, PUBLISHED, ONE_PASS_ONLY, NO_SOLVER)
+VARIANTS = ("as it is", "the same again", "ladder", "one pass for all", "no solver")
+AS_IT_IS, AGAIN, LADDER, ONE_PASS_ONLY, NO_SOLVER = VARIANTS
+TURN = 200
+"""Events, some 10 ms of work: what else the machine does falls on all variants alike."""
+
+RUNGS_TOLD = (
+    "Without contact: readings that need no friction limit, %. A rung: decisions in contact that it settles, %.",
+    "Settled is the level, with its hysteresis and what a slip needs to be told. Reasons are then from bounds.",
+    f"The loads of the walks use {NEAR:g} ± {SPREAD:g} of the friction; caution is at 0.70, warning at 0.85.",
+)
+PASSES_TOLD = f"To a gap of {DECISION_GAP:g}; as in the daemon, from the twist of the reading before, and unstarted."
+COST_TOLD = (
+    "The engine alone on the same events, without pace, recording and sockets. The same again: no difference at all.",
+    "Ladder: what is published is exact. One pass for all: the most that bounds of one pass could save.",
+    "No solver: the share of all utilisation, and the most that anything in its place could save.",
+)
 
 NO_START = (math.nan, math.nan, math.nan)
 
 Solver = Callable[..., Utilisation]
+Chosen = TypeVar("Chosen", bound=Solver)
+Body = Callable[[Finger, int], dict[str, Any]]
 Told = tuple[str, tuple[str, ...]]
 
 
@@ -66,22 +81,22 @@ Told = tuple[str, tuple[str, ...]]
 def _kernel() -> Callable[..., Any]:
     """The whole ladder, compiled as the solver is; it starts again where one pass does not do."""
 
-    @numba.njit(error_model="numpy")  # type: ignore[misc]
-    def climb(x, y, loads, mu, fx, fy, m, ax, ay, start, gap, unsafe, levels, turning):  # type: ignore[no-untyped-def]
+    @numba.njit(error_model="numpy")
+    def climb(x, y, loads, mu, fx, fy, m, ax, ay, start, gap, unsafe, levels, turning):
         total = 0.0
         for load in loads:
             total += load
         translation = math.hypot(fx, fy) / (mu * total)
         if translation >= unsafe:
             return 0, (2, translation, translation, math.inf, math.nan, math.nan, fx, fy, 0.0)
-        found = solve_utilisation(x, y, loads, mu, fx, fy, m, ax, ay, start, (gap, 1))
+        found = solve_utilisation(x, y, loads, mu, fx, fy, m, ax, ay, start, gap, 1)
         lower, upper = found[2], found[3]
         settled = lower * turning >= translation or upper * turning < translation
         for level in levels:
             settled = settled and (lower >= level or upper < level)
         if settled:
             return 1, found
-        return 2, solve_utilisation(x, y, loads, mu, fx, fy, m, ax, ay, start, (gap, MAX_PASSES))
+        return 2, solve_utilisation(x, y, loads, mu, fx, fy, m, ax, ay, start, gap, MAX_PASSES)
 
     return climb
 
@@ -109,7 +124,7 @@ class Ladder:
         self.rungs: Counter[int] = Counter()
         self.newest = EXACT
 
-    def __call__(self, x, y, loads, mu, tangential, spin, about, *, start=None, gap=DECISION_GAP):  # type: ignore[no-untyped-def]
+    def __call__(self, x, y, loads, mu, tangential, spin, about, *, start=None, gap=DECISION_GAP):
         xs, ys, fs = checked_taxels(x, y, loads, mu)
         f, a = checked_pair("tangential", tangential), checked_pair("about", about)
         self.newest, found = self._climb(
@@ -174,29 +189,17 @@ def run(*, quick: bool = False) -> Iterator[Table]:
         plain, _ = witnessed(one, solved)
         told, ladder = witnessed(one, Ladder(one.settings))
         rungs.rows.append((one.name, *_shares(plain, told, ladder)))
-        passes.rows.append((one.name, *_passes(solved)))
+        passes.rows.append((one.name, *_passes(solved, QUICK_COUNTED if quick else COUNTED)))
         cost.rows += [(f"{one.name}: {name}", *cells) for name, cells in _costs(one, solved, rounds, len(plain))]
-    rungs.notes += [
-        "Without contact: readings that need no friction limit, %. A rung: decisions in contact that it settles, %.",
-        "What settles a verdict settles its level, with the hysteresis and what a slip needs to be told; of the reasons,",
-        "those that compare the utilisation with translation alone are then from bounds, and may differ.",
-        f"The loads of the walks use {NEAR:g} ± {SPREAD:g} of the friction; caution is at 0.70, warning at 0.85.",
-    ]
-    passes.notes += [
-        f"To a gap of {DECISION_GAP:g}: from the twist of the reading before, as the daemon does it, and from nothing.",
-    ]
-    cost.notes += [
-        f"The engine on the same events, {rounds} rounds of all in turn, without pace, recording and sockets.",
-        "Published exact: what the daemon would have to do; ladder: the same with bounds in what is published.",
-        "One pass for all: the most that a ladder saves whose verdicts need a pass; no solver: the most at all.",
-        _judgement(cost),
-    ]
+    rungs.notes += RUNGS_TOLD
+    passes.notes.append(PASSES_TOLD)
+    cost.notes += [*COST_TOLD, f"{rounds} rounds, in which all take turns every {TURN} events.", _judgement(cost)]
     yield rungs
     yield passes
     yield cost
 
 
-def witnessed(one: Run, solver: Solver) -> tuple[list[Told], Solver]:
+def witnessed(one: Run, solver: Chosen) -> tuple[list[Told], Chosen]:
     """The verdict on every reading of a run with a solver in place, and the solver."""
     engine = one.engine(Witness)
     with patch.object(finger, "utilisation", solver):
@@ -219,9 +222,9 @@ def _shares(plain: list[Told], told: list[Told], ladder: Ladder) -> list[Cell]:
     ]
 
 
-def _passes(solved: Solved) -> list[Cell]:
+def _passes(solved: Solved, most: int) -> list[Cell]:
     """Median, 99th percentile and mean of the passes, started from the reading before and from nothing."""
-    chosen = solved.calls[:: max(1, len(solved.calls) // COUNTED)]
+    chosen = solved.calls[:: max(1, len(solved.calls) // most)]
     counted = [[_count(arguments, start) for arguments, start in chosen], [_count(a, None) for a, _ in chosen]]
     return [len(chosen), *(cell for n in counted for cell in (float(np.mean(n)), *np.percentile(n, (50, 99)).tolist()))]
 
@@ -242,46 +245,61 @@ def _costs(one: Run, solved: Solved, rounds: int, readings: int) -> Iterator[tup
     repeats = -(-LEAST_READINGS // readings) if rounds > 1 else 1
     took_s: dict[str, list[float]] = {name: [] for name in VARIANTS}
     for _ in range(rounds):
-        for name in VARIANTS:
-            took_s[name].append(sum(_replayed_s(one, name, solved) for _ in range(repeats)))
+        replays = [_replayed_s(one, solved) for _ in range(repeats)]
+        for name, times in took_s.items():
+            times.append(sum(replay[name] for replay in replays))
     for name, times in took_s.items():
         saved = [100.0 * (1.0 - b / a) for a, b in zip(took_s[AS_IT_IS], times, strict=True)]
         each_us = 1e6 * statistics.median(times) / (readings * repeats)
         yield name, (each_us, statistics.median(saved), min(saved), max(saved))
 
 
-def _replayed_s(one: Run, name: str, solved: Solved) -> float:
-    """Processor time of the whole run with a variant in place, s."""
-    engine = one.engine()
+def _replayed_s(one: Run, solved: Solved) -> dict[str, float]:
+    """Processor time of the whole run by variant, s: all take turns every few events, and the first turn goes round."""
+    engines = {name: one.engine() for name in VARIANTS}
+    places = _places(one, solved)
+    took_s, turn = dict.fromkeys(VARIANTS, 0.0), deque(VARIANTS)
     gc.collect()
     gc.disable()
     try:
-        with _variant(name, one, solved):
-            begin_s = time.process_time()
-            for t_ns, event in one.events:
-                engine.handle(event, t_ns)
-            return time.process_time() - begin_s
+        for begin in range(0, len(one.events), TURN):
+            events = one.events[begin : begin + TURN]
+            for name in turn:
+                with _in_place(*places[name]):
+                    took_s[name] += _handled_s(engines[name], events)
+            turn.rotate()
     finally:
         gc.enable()
+    return took_s
+
+
+def _places(one: Run, solved: Solved) -> dict[str, tuple[Solver, Body]]:
+    ladder = Ladder(one.settings)
+    return {
+        AS_IT_IS: (utilisation, slip_body),
+        AGAIN: (utilisation, slip_body),
+        LADDER: (ladder, ladder.slip_body),
+        ONE_PASS_ONLY: (partial(utilisation, passes=1), slip_body),
+        NO_SOLVER: (solved.again(), slip_body),
+    }
 
 
 @contextmanager
-def _variant(name: str, one: Run, solved: Solved) -> Iterator[None]:
-    ladder = Ladder(one.settings)
-    solver = {
-        LADDER: ladder,
-        PUBLISHED: ladder,
-        ONE_PASS_ONLY: partial(utilisation, passes=1),
-        NO_SOLVER: solved.again(),
-    }.get(name, utilisation)
-    body = ladder.slip_body if name == PUBLISHED else slip_body
+def _in_place(solver: Solver, body: Body) -> Iterator[None]:
     with patch.object(finger, "utilisation", solver), patch.object(engine_module, "slip_body", body):
         yield
 
 
+def _handled_s(engine: Engine, events: list[tuple[int, Event]]) -> float:
+    begin_s = time.process_time()
+    for t_ns, event in events:
+        engine.handle(event, t_ns)
+    return time.process_time() - begin_s
+
+
 def _judgement(cost: Table) -> str:
     """Whether the ladder is worth its place."""
-    saved = {str(row[0]): float(row[2]) for row in cost.rows if str(row[0]).endswith(PUBLISHED)}
-    most = max(saved.values())
+    saved = [float(row[2]) for row in cost.rows if str(row[0]).endswith(LADDER)]
+    least, most = min(saved), max(saved)
     outcome = "it stays out" if most < WORTH else "IT SHOULD STAND IN THE DAEMON"
-    return f"A ladder must save {WORTH:g} %; the one whose messages are exact saves at most {most:.1f} %: {outcome}."
+    return f"A ladder must save {WORTH:g} %; this one saves {least:.1f} to {most:.1f} %: {outcome}."

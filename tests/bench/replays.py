@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import traffic
+from bench import traffic
 from numpy.typing import NDArray
 from sim.test_story import BEGIN_S, READY_S, TARE_S, Story
 
@@ -31,8 +31,8 @@ from slipd.sim.scene import Scene
 Array = NDArray[np.float64]
 
 TRIALS = Path(__file__).parents[1] / "data" / "grips"
-DEMO_S, QUICK_DEMO_S = 17.0, 4.0
-WALK_S, QUICK_WALK_S = 4.0, 0.7
+DEMO_S, QUICK_DEMO_S = 16.0, 3.0
+WALK_S, QUICK_WALK_S = 2.5, 0.7
 FREE_S = 0.4
 """The walks begin without contact: a pad of charge needs to know its zero."""
 
