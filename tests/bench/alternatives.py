@@ -7,7 +7,9 @@ import math
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from chart.rivals.scaled import Scaled
@@ -16,14 +18,25 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 SOURCE = Path(__file__).with_name("limit.c")
-OUT = 6
-"""Numbers the C program writes for each frame: torque, lower, upper, pole (2), kind."""
+FLAGS = ("-std=c99", "-O3", "-ffp-contract=off")
+NATIVE = ("-march=native", "-fno-math-errno")
+"""Without errno a square root needs no call, and GCC uses vector instructions for it; no result changes."""
+
+LIMIT_OUT, USE_OUT = 6, 9
+"""Numbers the C program writes for each frame: torque or value, lower, upper, pole (2), twist (3, of a use), kind."""
 
 NEAREST_M = 1e-15
 """Distances are at least so much: at a taxel (5) divides by nothing."""
 
 Array = NDArray[np.float64]
-Batch = Callable[[Array, Array, Array, float, Array, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class InC:
+    """The C program's ``torque_limits`` and ``utilisations`` of all frames: arguments as of ours, all shaped alike."""
+
+    limits: Callable[[Array, Array, Array, float, Array, Array, int], Array]
+    uses: Callable[[Array, Array, Array, float, Array, Array, Array], Array]
 
 
 def plain_hybr(scene: Scene) -> float:
@@ -50,8 +63,8 @@ def hybr(scene: Scene) -> float:
     return problem.potential(pole) * problem.torque_nm
 
 
-def compiled_c(folder: Path) -> dict[str, Batch]:
-    """The same algorithm in C, with the compiler's ordinary settings and for this processor.
+def compiled_c(folder: Path) -> dict[str, InC]:
+    """The same algorithm in C, with the compiler's ordinary settings, and for this processor as fast as exact C gets.
 
     Returns:
         Nothing where there is no C compiler.
@@ -61,29 +74,27 @@ def compiled_c(folder: Path) -> dict[str, Batch]:
         return {}
     return {
         "C": _built(compiler, folder / "limit.so"),
-        "C, -march=native": _built(compiler, folder / "limit-native.so", "-march=native"),
+        "C, native": _built(compiler, folder / "limit-native.so", *NATIVE),
     }
 
 
-def _built(compiler: str, library: Path, *more: str) -> Batch:
-    subprocess.run([compiler, "-O3", *more, "-shared", "-fPIC", "-o", library, SOURCE, "-lm"], check=True)
-    limits = ctypes.CDLL(str(library)).torque_limits
-    limits.restype = None
+def _built(compiler: str, library: Path, *more: str) -> InC:
+    subprocess.run([compiler, *FLAGS, *more, "-shared", "-fPIC", "-o", library, SOURCE, "-lm"], check=True)
+    found = ctypes.CDLL(str(library))
     doubles = [np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")]
-    limits.argtypes = [
-        ctypes.c_long,
-        ctypes.c_long,
-        *doubles * 3,
-        ctypes.c_double,
-        *doubles * 2,
-        ctypes.c_int,
-        *doubles,
-    ]
+    problem: list[Any] = [ctypes.c_long, ctypes.c_long, *doubles * 3, ctypes.c_double, *doubles]
+    found.torque_limits.argtypes = [*problem, *doubles, ctypes.c_int, *doubles]
+    found.utilisations.argtypes = [*problem, *doubles * 3]
+    found.torque_limits.restype = found.utilisations.restype = None
 
-    def batch(x: Array, y: Array, loads: Array, mu: float, tangential: Array, about: Array) -> Array:
-        frames, taxels = loads.shape
-        out = np.full((frames, OUT), math.nan)
-        limits(frames, taxels, x, y, loads, mu, tangential, about, 1, out)
+    def limits(x: Array, y: Array, loads: Array, mu: float, tangential: Array, about: Array, sense: int) -> Array:
+        out = np.full((len(loads), LIMIT_OUT), math.nan)
+        found.torque_limits(*loads.shape, x, y, loads, mu, tangential, about, sense, out)
         return out
 
-    return batch
+    def uses(x: Array, y: Array, loads: Array, mu: float, tangential: Array, spin: Array, about: Array) -> Array:
+        out = np.full((len(loads), USE_OUT), math.nan)
+        found.utilisations(*loads.shape, x, y, loads, mu, tangential, spin, about, out)
+        return out
+
+    return InC(limits, uses)

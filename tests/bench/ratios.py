@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from bench.alternatives import Batch, compiled_c, hybr, plain_hybr
+from bench.alternatives import FLAGS, NATIVE, InC, compiled_c, hybr, plain_hybr
 from bench.tables import Table
 from chart.scenes import COLS, MU, PITCH_M, ROWS, Scene, grid, ordinary, scene
 from numpy.typing import NDArray
@@ -89,6 +89,7 @@ def run(folder: Path, *, quick: bool = False) -> Iterator[Table]:
         "Clarabel: the cone form over pole and distances, in the contact's units; its solve alone, and with set-up.",
         "torque_limits and utilisations: one call on whole images, with their zeros; others get active taxels only.",
     ]
+    ratios.notes += [f"C: cc {' '.join(FLAGS)}; for this processor: {' '.join(NATIVE)}, too."] if in_c else []
     ratios.notes += [] if in_c else ["C is not measured: no C compiler named cc is here."]
     ratios.notes += [] if with_clarabel else ["Clarabel is not measured: it is not installed (pip install '.[chart]')."]
     times.notes.append("For each contact; compiled before, as in the daemon.")
@@ -136,18 +137,19 @@ def _timed(calls: list[Call], rounds: int) -> Times:
     return timed
 
 
-def _calls(contacts: Contacts, repeats: int, in_c: dict[str, Batch], *, with_clarabel: bool) -> list[Call]:
+def _calls(contacts: Contacts, repeats: int, in_c: dict[str, InC], *, with_clarabel: bool) -> list[Call]:
     """Each runs all contacts and tells µs for one."""
     x, y = contacts.x, contacts.y
     loads, tangential, about = (np.tile(a, (repeats, 1)) for a in (contacts.loads, contacts.tangential, contacts.about))
     images = x, y, loads, MU, tangential, about
-    spins = np.tile(np.array(contacts.spins), repeats)
+    spun = x, y, loads, MU, tangential, np.tile(np.array(contacts.spins), repeats), about
     once = list(zip(contacts.scenes, contacts.spins, strict=True))
     again = once * repeats
     calls = [
         _clock("torque_limits", len(loads), partial(torque_limits, *images)),
-        *(_clock(name, len(loads), partial(work, *images)) for name, work in in_c.items()),
-        _clock("utilisations", len(loads), lambda: utilisations(x, y, loads, MU, tangential, spins, about)),
+        *(_clock(name, len(loads), partial(work.limits, *images, 1)) for name, work in in_c.items()),
+        _clock("utilisations", len(loads), partial(utilisations, *spun)),
+        *(_clock(f"{name}, utilisations", len(loads), partial(work.uses, *spun)) for name, work in in_c.items()),
         _clock("torque_limits, one pass", len(loads), partial(torque_limits, *images, passes=1)),
         _clock("torque_limit", len(again), lambda: _each(_limit, again)),
         _clock("utilisation", len(again), lambda: _each(_use, again)),
@@ -228,7 +230,9 @@ FIGURES = (
     ("Clarabel's solve / torque_limits", "Clarabel, solve", "torque_limits", "at least", 100.0),
     ("Clarabel with set-up / torque_limits", "Clarabel, with set-up", "torque_limits", "", 0.0),
     ("torque_limits / C", "torque_limits", "C", "at most", 1.3),
-    ("torque_limits / C for this processor", "torque_limits", "C, -march=native", "", 0.0),
+    ("utilisations / C", "utilisations", "C, utilisations", "at most", 1.3),
+    ("torque_limits / C for this processor", "torque_limits", "C, native", "", 0.0),
+    ("utilisations / C for this processor", "utilisations", "C, native, utilisations", "", 0.0),
     ("hybr / torque_limit", "hybr", "torque_limit", "at least", 30.0),
     ("hybr with Jacobian / torque_limit", "hybr with Jacobian", "torque_limit", "at least", 30.0),
     ("utilisations / torque_limits", "utilisations", "torque_limits", "at most", 2.0),
@@ -265,13 +269,13 @@ def _spread(values: list[float]) -> tuple[float, float, float]:
     return float(np.median(values)), min(values), max(values)
 
 
-def _told(contacts: Contacts, in_c: dict[str, Batch]) -> str:
+def _told(contacts: Contacts, in_c: dict[str, InC]) -> str:
     """How many taxels there were, whether the batch and C say the same, and how often hybr is right."""
     scale = np.array([one.torque_scale_nm for one in contacts.scenes])
     right = np.array([_limit(one, 0.0).torque_nm for one in contacts.scenes])
     problem = contacts.x, contacts.y, contacts.loads, MU, contacts.tangential, contacts.about
     others = {"torque_limits": torque_limits(*problem).torque_nm}
-    others |= {name: work(*problem)[:, 0] for name, work in in_c.items()}
+    others |= {name: work.limits(*problem, 1)[:, 0] for name, work in in_c.items()}
     agree = ", ".join(f"{name} to {np.max(np.abs(found - right) / scale):.0e}" for name, found in others.items())
     wrong = [
         int((~(np.abs(np.array([find(one) for one in contacts.scenes]) - right) <= WRONG * scale)).sum())
