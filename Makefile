@@ -27,11 +27,11 @@ lint: $(READY)
 	@$(BIN)/lint-imports
 
 bench: $(MEASURES)
-	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 25 minutes)"
+	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 12 minutes)"
 	@$(BIN)/python tests/bench/latency.py --report docs/bench.md
 
 chart: $(MEASURES)
-	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 20 minutes)"
+	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
 	@PYTHONPATH=tests $(BIN)/python -m chart $(CHART)
 
 # What only the measurements need: rival solvers and a plotting library.

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-SCENES, QUICK_SCENES = 3000, 45
+SCENES, QUICK_SCENES = 1500, 45
 SOLVER_SCENES = 200
 """On which the cone solver is timed without its set-up."""
 
