@@ -48,7 +48,7 @@ def outcomes(axes: Axes, scores: Sequence[Score]) -> None:
                 axes.text(left + share / 2.0, row, f"{share:.0f}", ha="center", va="center", color=ink, fontsize=10.5)
             left += share
         if 0.0 < (bad := 100.0 * float(np.mean(~good))) <= LABELLED:
-            axes.text(101.0, row, f"{_percent(bad)} bad", va="center", color=WRONG_ONE, fontsize=10.5)
+            axes.text(99.0 - bad, row, _percent(bad), va="center", ha="right", color=WRONG_ONE, fontsize=10.5)
     axes.set(xlim=(0.0, 100.0), xlabel="% of the contacts")
     _heading(axes, "The limit", (("right", RIGHT), (f"wrong by > {WRONG_TOLD}", WRONG_ONE), ("no answer", MISSING)))
 

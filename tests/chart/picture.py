@@ -57,7 +57,7 @@ def _speed_accuracy(axes: Axes, scores: Sequence[Score], solver_s: float, render
     axes.axhline(FLOOR, color="#E6E6E6", lw=0.8, zorder=0)
     axes.axhline(WRONG, color=FAINT, lw=0.8, ls=(0, (4, 4)))
     axes.text(1.15e-7, WRONG * 1.5, "wrong above", color=FAINT)
-    marks = []
+    marks, unnamed = [], []
     for score in sorted(scores, key=lambda s: float(np.median(s.seconds))):
         if score.no_answer.all():
             continue
@@ -69,6 +69,7 @@ def _speed_accuracy(axes: Axes, scores: Sequence[Score], solver_s: float, render
         if score.method.short == "Clarabel" and math.isfinite(solver_s):
             axes.plot([solver_s, x], [middle, middle], color=colour, lw=0.8, ls=":")
             axes.plot(solver_s, middle, "o", color="white", ms=6.5, mec=colour, zorder=4)
+            unnamed.append((solver_s, middle))
             name += " (○ without set-up)"
         marks.append((name, x, middle, high, colour))
     axes.set_xlabel("time of one decision", labelpad=6)
@@ -79,13 +80,18 @@ def _speed_accuracy(axes: Axes, scores: Sequence[Score], solver_s: float, render
     axes.set_title(f"Speed against accuracy: median and p99 of {count} contacts", loc="left", fontweight="bold", pad=10)
     for k, (group, name) in enumerate(GROUPS.items()):
         axes.text(0.015, 0.42 - 0.042 * k, f"● {name}", color=COLOURS[group], transform=axes.transAxes, fontsize=12)
-    _label(axes, marks, renderer)
+    _label(axes, marks, unnamed, renderer)
 
 
-def _label(axes: Axes, marks: list[tuple[str, float, float, float, str]], renderer: RendererBase) -> None:
+def _label(
+    axes: Axes,
+    marks: list[tuple[str, float, float, float, str]],
+    unnamed: list[tuple[float, float]],
+    renderer: RendererBase,
+) -> None:
     """Names beside the marks, each at the first of many places where it hides nothing."""
     frame, taken = axes.get_window_extent(renderer), []
-    for _, x, middle, high, _ in marks:
+    for x, middle, high in [*((x, y, y) for x, y in unnamed), *((x, y, top) for _, x, y, top, _ in marks)]:
         (px, low), (_, up) = axes.transData.transform([(x, middle), (x, high)])
         taken += [Bbox.from_extents(px - 9, low - 9, px + 9, low + 9), Bbox.from_extents(px - 3, low, px + 3, up)]
     for name, x, middle, _, colour in marks:
