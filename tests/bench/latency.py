@@ -10,9 +10,7 @@ import argparse
 import datetime
 import os
 import platform
-import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -27,7 +25,8 @@ from tables import Table
 
 sys.path.append(str(Path(__file__).parents[1]))  # the scenes of the chart are measured, too
 
-from bench import first_call, ladder, million, ratios, scaling
+from bench import first_call, ladder, million, ratios, units
+from bench.commit import measured_commit
 
 SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 1.0
 QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
@@ -78,7 +77,7 @@ def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool)
     if "first" in parts:
         yield first_call.run(quick=quick)
     if "units" in parts:
-        yield scaling.run(quick=quick)
+        yield units.run(quick=quick)
     if "ladder" in parts:
         yield from ladder.run(quick=quick)
     if "million" in parts:
@@ -89,19 +88,10 @@ def _header() -> str:
     load = " ".join(f"{value:.2f}" for value in os.getloadavg())
     today = datetime.datetime.now(datetime.UTC).date()
     return (
-        f"Commit {_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
+        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
         f"libzmq {zmq.zmq_version()}, {os.cpu_count()} cores, "
         f"load average {load}, {today}"
     )
-
-
-def _commit() -> str:
-    """The commit that is measured; with a + where files differ from it."""
-    git = shutil.which("git")
-    if git is None:
-        return "unknown"
-    told = subprocess.run([git, "describe", "--always", "--dirty=+"], capture_output=True, text=True, check=False)
-    return told.stdout.strip() or "unknown"
 
 
 def _parser() -> argparse.ArgumentParser:

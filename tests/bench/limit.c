@@ -17,7 +17,7 @@
 
 enum { INTERIOR, HINGE, TRANSLATING, NONE };
 enum { OPEN, MET, MET_AT_KINK };
-enum { MAX_PASSES = 120, PATIENCE = 14, MAX_STOOD = 3, ROWS = 11 }; /* rows: of working memory, see `contact_in` */
+enum { MAX_PASSES = 120, PATIENCE = 14, MAX_STOOD = 8, ROWS = 11 }; /* rows: of working memory, see `contact_in` */
 
 static const double U = 0x1p-53, FAR = 1e9, GOAL = 2e-13, GOAL_SLACKS = 30.0, RESOLUTION = 1e-13, TINY = 1e-150;
 static const double SMALLEST = 1e-130, LARGEST = 1e130, RIDGE = 1e-28, FLAT = 1e-9, STIFF = 1e-12, LONGEST = 8.0;

@@ -6,13 +6,12 @@ import argparse
 import datetime
 import os
 import platform
-import shutil
-import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from bench.commit import measured_commit
 
 SCENES, QUICK_SCENES = 1500, 45
 SOLVER_SCENES = 200
@@ -68,18 +67,9 @@ def _header() -> str:
     load = " ".join(f"{value:.2f}" for value in os.getloadavg())
     told = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return (
-        f"Commit {_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, {told}, "
+        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, {told}, "
         f"{os.cpu_count()} cores, load average {load}, {datetime.datetime.now(datetime.UTC).date()}"
     )
-
-
-def _commit() -> str:
-    """The commit that is measured; with a + where files differ from it."""
-    git = shutil.which("git")
-    if git is None:
-        return "unknown"
-    told = subprocess.run([git, "describe", "--always", "--dirty=+"], capture_output=True, text=True, check=False)
-    return told.stdout.strip() or "unknown"
 
 
 def _is_installed(name: str) -> bool:

@@ -11,7 +11,7 @@ follow:
 
 (5) is the stationarity of that sum and (7), the perfect hinge, its optimality condition at a taxel, where the norm has
 a kink; so neither needs a search of its own. (6) as printed compares a torque about C with one about the pole and is
-not used anywhere.
+not used.
 
 **The way down.** :func:`descend` is Newton's method with a line search, a pass over the taxels a step; in most contacts
 the bounds meet after 3–7. Where a kink comes into play (a pole on a taxel or just beside one, one load that dominates,
@@ -35,8 +35,8 @@ than 16 u to that, so σ = (n + 16) u stands for both.
   σ, a torque of σ; the turn misses f_t by an angle of 2 u, and turning the whole field by it costs 2 u Σ w |ρ|.
 * D(q) − ρ v_x: u_i errs by 2 u (|v| + |ω ρ_i|), c by (c + |u_y|)/|u| times that; with g = Σ w c/|u| and
   k = Σ w |u_y|/|u| the sum errs by σ (Σ w c + |(1 − ρ) v_x| + |ω|) + 16 u (|v| (g + k) + |ω|) at most.
-* A friction field is what was computed, so errors of u_i do not count; only those of its sums do: σ g and σ √(2 g) for
-  the force, 2 σ for the spin, and it leaves its discs by 10 u c/|u| at most.
+* A friction field is what was computed, so errors of u_i do not count; only those of its sums do: σ g and σ k for the
+  force, 2 σ for the spin, and it leaves its discs by 10 u c/|u| at most.
 * 1 − ρ carries a bound of its own (:func:`slack_of_room`).
 """
 
@@ -844,6 +844,8 @@ def grown_gauge(taxels: Array, x: Array, y: Array, frame: Frame, f: float, s: fl
     for _ in range(MAX_ROOT_STEPS):
         spin = s * math.exp(-growth * log_k)
         _, upper, value, _ = unit_gauge(taxels, x, y, frame, q, f, spin, GOAL, MAX_PASSES)
+        if growth == 0.0:
+            return upper
         missing = math.log(value) - log_k
         if abs(missing) <= ROOT or not high - low > ROOT:
             break
