@@ -67,8 +67,8 @@ def _header() -> str:
     load = " ".join(f"{value:.2f}" for value in os.getloadavg())
     told = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return (
-        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, {told}, "
-        f"{os.cpu_count()} cores, load average {load}, {datetime.datetime.now(datetime.UTC).date()}"
+        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
+        f"{told}, {os.cpu_count()} cores, load average {load}, {datetime.datetime.now(datetime.UTC).date()}"
     )
 
 
