@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from slipd.config_checks import device_options, meaning_faults
+from slipd.config_checks import axes_of, device_options, meaning_faults, transport_of
 from slipd.config_model import Bus, Config, Finger, Gripper, Levels, Pad, Pose, Rates, Slip, Stream, Wrench
 from slipd.errors import ConfigError, ConfigFault
 from slipd.toml_lines import key_lines, line_of
@@ -30,10 +30,12 @@ __all__ = [
     "Rates",
     "Stream",
     "Wrench",
+    "axes_of",
     "device_options",
     "load",
     "parse",
     "shipped",
+    "transport_of",
 ]
 
 #: The table that each key opens; a finger's own name stands between ``finger`` and its keys.

@@ -13,6 +13,15 @@ from slipd.devices import DEVICES
 Fault = tuple[str, str]
 _FINGER_NAME = re.compile(r"[a-z0-9]+")
 _ENDPOINT = re.compile(r"ipc:///[^\0]+|tcp://(127(\.\d{1,3}){3}|localhost):(\d{1,5}|\*)")
+_KINDS = {"wrench": ("wrench",), "tactile": ("tactile",), "gripper": ("gripper",), "any": ("wrench", "tactile")}
+_TRANSPORTS = {"ws": "websocket", "wss": "websocket", "tcp": "tcp", "udp": "udp", "ipc": "external"}
+_ADDRESSES = {
+    "serial": "the path of a serial port",
+    "tcp": "tcp://HOST:PORT",
+    "udp": "udp://HOST:PORT",
+    "websocket": "ws://HOST:PORT",
+    "external": "ipc:///PATH",
+}
 #: A quaternion written with four digits is still a unit quaternion.
 QUATERNION_TOLERANCE = 1e-3
 #: A gripper's own settings are bytes.
@@ -73,11 +82,7 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
     device_faults = _stream(f"{path}.pad", pad, "tactile")
     if device_faults:
         return faults + device_faults
-    axes = DEVICES[pad.device].axes
-    served = DEVICES[pad.device].transport == "websocket"
-    if served != bool(pad.sensor):
-        right = 'give the pad\'s key on its server, e.g. "1"' if served else "leave it out: the port carries one pad"
-        faults.append((f"{path}.pad.sensor", right))
+    axes = axes_of(pad)
     if len(pad.axis_scale) != axes:
         faults.append((f"{path}.pad.axis_scale", f"{pad.device} measures {axes} component(s) a taxel: give {axes}"))
     if axes == 3 and pad.charge_tau_s is not None:
@@ -91,11 +96,17 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
 
 def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
     device = DEVICES.get(stream.device)
-    fitting = sorted(name for name, known in DEVICES.items() if known.kind == kind)
-    if device is None or device.kind != kind:
-        return [(f"{path}.device", f"{stream.device!r} is no {kind} device; known: {', '.join(fitting)}")]
-    if device.transport == "websocket" and not stream.port.startswith(("ws://", "wss://")):
-        return [(f"{path}.port", f"{stream.device} is read from a WebSocket: give ws://HOST:PORT, not {stream.port!r}")]
+    fitting = {name: known for name, known in DEVICES.items() if kind in _KINDS[known.kind]}
+    if device is None or stream.device not in fitting:
+        return [(f"{path}.device", f"{stream.device!r} is no {kind} device; known: {', '.join(sorted(fitting))}")]
+    if transport_of(stream.port) not in device.transports:
+        right = " or ".join(_ADDRESSES[transport] for transport in device.transports)
+        return [(f"{path}.port", f"{stream.device} is not read at {stream.port!r}: give {right}")]
+    if device.shared != bool(stream.sensor):
+        right = (
+            'say which sensor of the port, e.g. "1"' if device.shared else "leave it out: the port carries one sensor"
+        )
+        return [(f"{path}.sensor", right)]
     own = sorted({"rows", "cols"} & stream.options.keys())
     if own:
         return [(f"{path}.options", f"{' and '.join(own)} stand beside options, as keys of the pad itself")]
@@ -106,10 +117,21 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
     return []
 
 
+def transport_of(port: str) -> str:
+    """How the bytes of a port travel, told by its address."""
+    scheme, separator, _ = port.partition("://")
+    return _TRANSPORTS.get(scheme, "serial") if separator else "serial"
+
+
+def axes_of(pad: Pad) -> int:
+    """Components that a taxel of the pad measures; where the device leaves it open, as many as have a scale."""
+    return DEVICES[pad.device].axes or len(pad.axis_scale)
+
+
 def device_options(stream: Stream) -> dict[str, Any]:
     """Options for the device's decoder or session: those of the file, and a scanned pad's own rows and columns."""
     options: dict[str, Any] = dict(stream.options)
-    if isinstance(stream, Pad) and DEVICES[stream.device].axes == 1:
+    if isinstance(stream, Pad) and DEVICES[stream.device].sized:
         options |= {"rows": stream.rows, "cols": stream.cols}
     return options
 
@@ -120,7 +142,7 @@ def _ports(config: Config) -> list[Fault]:
     for name, stream in config.streams().items():
         seen.setdefault(stream.port, []).append((name, stream))
     for port, users in seen.items():
-        sensors = [(stream.device, getattr(stream, "sensor", "")) for _, stream in users]
+        sensors = [(stream.device, stream.sensor) for _, stream in users]
         shared = len({device for device, _ in sensors}) == 1 and all(sensor for _, sensor in sensors)
         if len(users) > 1 and not (shared and len(set(sensors)) == len(sensors)):
             name = users[1][0]

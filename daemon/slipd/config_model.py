@@ -14,6 +14,7 @@ Hertz = Annotated[float, Field(ge=1e-3, le=1e6)]
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 Point = Annotated[tuple[float, float], Strict(False)]  # TOML has no tuples
+Option = bool | int | float | str | list[float] | list[list[float]]
 Table = Annotated[list[Point], Field(min_length=2)]
 
 
@@ -22,13 +23,29 @@ class _Model(BaseModel):
 
 
 class Stream(_Model):
-    """What every device stream has: the device, its port, its options."""
+    """What every device stream has.
+
+    Attributes:
+        device: Its name in the list of devices.
+        port: Path of a serial port, ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``ws://HOST:PORT``, or the endpoint to
+            which other processes push.
+        sensor: Which sensor, on a port that carries several; "" where it carries one.
+        hardware_id: What the device says it is (`status` shows it); another device is refused. "": whichever answers
+            first in a run.
+        baud: Line speed of a serial port, bit/s; None: the device's own default.
+        rate_hz: Readings a second that are expected.
+        delay_s: Known time from the acquisition of a reading to its earliest receipt, s, such as a filter's delay.
+        options: Of the device's decoder or session.
+    """
 
     device: str
     port: str = Field(min_length=1, pattern=r"^[^\x00-\x1f]+$")
+    sensor: str = ""
+    hardware_id: str = ""
     baud: int | None = Field(default=None, gt=0)
     rate_hz: Hertz
-    options: dict[str, bool | int | float | str] = {}
+    delay_s: float = Field(default=0.0, ge=0.0, le=1.0)
+    options: dict[str, Option] = {}
 
 
 class Pose(_Model):
@@ -51,7 +68,6 @@ class Pad(Stream):
     """``[finger.X.pad]``: a tactile pad.
 
     Attributes:
-        sensor: Which pad, on a port that carries several.
         swap_xy: The scan's rows run along X; the shear axes of three-axis taxels are swapped with them.
         flip_x: The scan runs against X; shear is turned by the sign of ``axis_scale``.
         flip_y: Likewise against Y.
@@ -61,7 +77,6 @@ class Pad(Stream):
         charge_tau_s: Leak time constant of charge amplifiers, s; None for pads that read force itself.
     """
 
-    sensor: str = ""
     rows: int = Field(gt=0, le=64)
     cols: int = Field(gt=0, le=64)
     pitch_m: Positive

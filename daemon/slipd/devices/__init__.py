@@ -36,6 +36,8 @@ class Session(Protocol):
 
     health: DecoderHealth
     state: str
+    identity: str
+    """What the device says it is, e.g. its serial number; "" where it does not, or has not yet."""
 
     def start(self, now_ns: int) -> bytes:
         """Begin, on a freshly opened link."""
@@ -58,6 +60,21 @@ class Session(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Inquiry:
+    """A question that is put to a device over TCP before its stream is opened.
+
+    Attributes:
+        port: TCP port of the device's host.
+        request: Bytes to send.
+        reply_bytes: Length of the answer; 0 where it ends with the connection.
+    """
+
+    port: int
+    request: bytes
+    reply_bytes: int
+
+
 @dataclass(frozen=True)
 class Device:
     """A supported device.
@@ -65,20 +82,31 @@ class Device:
     Attributes:
         name: Its name in a config, and of its module.
         kind: What its samples are.
-        transport: How its bytes travel.
-        baud: Default line speed of a serial port, bit/s; None for others. All lines are 8N1.
+        transports: How its bytes may travel: "serial", "tcp", "udp", "websocket" or "external".
+        baud: Default line speed of a serial port, bit/s; None for devices that have none. All lines are 8N1.
         axes: Components a taxel measures: 1 or 3; 0 for devices without taxels.
+        sized: The decoder must be told the pad's ``rows`` and ``cols``.
+        shared: One port carries several sensors, told apart by the ``source`` of their samples.
+        clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
+        host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
         decoder: Makes a decoder from the device's options.
         session: Makes a session from the device's options; None where the device speaks unasked.
+        inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
+            nothing is ever asked.
     """
 
     name: str
-    kind: Literal["wrench", "tactile", "gripper"]
-    transport: Literal["serial", "websocket"]
+    kind: Literal["wrench", "tactile", "gripper", "any"]
+    transports: tuple[str, ...]
     baud: int | None
     axes: int
+    sized: bool
+    shared: bool
+    clock_span_ns: int | None
+    host_clock: bool
     decoder: Callable[..., Decoder]
     session: Callable[..., Session] | None
+    inquiry: Callable[..., Inquiry | None] | None
 
 
 def _make(module: str, what: str, **options: Any) -> Any:
@@ -87,29 +115,61 @@ def _make(module: str, what: str, **options: Any) -> Any:
 
 def _device(
     name: str,
-    kind: Literal["wrench", "tactile", "gripper"],
-    *,
-    baud: int | None,
+    kind: Literal["wrench", "tactile", "gripper", "any"],
+    *transports: str,
+    baud: int | None = None,
     axes: int = 0,
+    sized: bool = False,
+    shared: bool = False,
+    clock_span_ns: int | None = None,
+    host_clock: bool = False,
     session: bool = False,
+    inquiry: bool = False,
 ) -> Device:
     return Device(
         name=name,
         kind=kind,
-        transport="websocket" if baud is None else "serial",
+        transports=transports,
         baud=baud,
         axes=axes,
+        sized=sized,
+        shared=shared,
+        clock_span_ns=clock_span_ns,
+        host_clock=host_clock,
         decoder=partial(_make, name, "Decoder"),
         session=partial(_make, name, "Session") if session else None,
+        inquiry=partial(_make, name, "inquiry") if inquiry else None,
     )
 
+
+_US_32 = (1 << 32) * 1_000
+_MS_32 = (1 << 32) * 1_000_000
 
 DEVICES: dict[str, Device] = {
     device.name: device
     for device in (
-        _device("bota", "wrench", baud=460_800, session=True),
-        _device("pvdf", "tactile", baud=921_600, axes=1),
-        _device("xela", "tactile", baud=None, axes=3),
-        _device("robotiq_2f", "gripper", baud=115_200, session=True),
+        _device("bota", "wrench", "serial", baud=460_800, clock_span_ns=_US_32, session=True),
+        _device("netft", "wrench", "udp", session=True, inquiry=True),
+        _device("optoforce", "wrench", "serial", "udp", baud=1_000_000, session=True),
+        _device("robotous", "wrench", "serial", baud=115_200, session=True),
+        _device("gauges", "wrench", "serial", baud=921_600, clock_span_ns=_US_32),
+        _device("pvdf", "tactile", "serial", baud=921_600, axes=1, sized=True, clock_span_ns=_US_32),
+        _device(
+            "dsacon32",
+            "tactile",
+            "serial",
+            "tcp",
+            baud=115_200,
+            axes=1,
+            shared=True,
+            clock_span_ns=_MS_32,
+            session=True,
+        ),
+        _device("wts", "tactile", "serial", baud=115_200, axes=1, clock_span_ns=_MS_32, session=True),
+        _device("tsf85", "tactile", "serial", baud=115_200, axes=1, shared=True, session=True),
+        _device("xela", "tactile", "websocket", axes=3, shared=True),
+        _device("papillarray", "tactile", "serial", baud=115_200, axes=3, shared=True, session=True),
+        _device("external", "any", "external", shared=True, host_clock=True),
+        _device("robotiq_2f", "gripper", "serial", baud=115_200, session=True),
     )
 }

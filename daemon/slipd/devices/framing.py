@@ -1,4 +1,4 @@
-"""Finds frames of one fixed length in a byte stream that may start anywhere, tear, and carry noise.
+"""Finds frames in a byte stream that may start anywhere, tear, and carry noise.
 
 The search slides by one byte after a candidate that fails, so that a header byte inside a float cannot hold it
 on a false grid, and a good frame behind a damaged one is not lost.
@@ -11,31 +11,33 @@ from collections.abc import Callable
 from slipd.devices.health import DecoderHealth
 
 
-class FixedFrames:
-    """The scanner shared by all devices whose frames have one length.
+class Frames:
+    """The scanner shared by all devices whose frames begin with a sync.
 
-    It keeps less than one frame between two calls, and finds the same frames however the stream is split.
+    It keeps less than the longest frame between two calls, and finds the same frames however the stream is split.
 
     Args:
         sync: Bytes every frame begins with.
-        length: Length of a whole frame, bytes.
-        check: ``check(buffer, at)`` says whether the ``length`` bytes from ``at`` are a valid frame.
-        health: Receives ``bad`` and ``bad_bytes``; ``good`` and ``lost`` are the decoder's.
+        measure: ``measure(buffer, at)`` returns the length of the valid frame at ``at``, 0 while the buffer holds too
+            little of it to tell, or -1 where there is none. What it answers must not depend on what lies behind the
+            frame, and it must not ask for more bytes than the longest frame has.
+        typical: Length of an ordinary frame, bytes: damage is counted in frames of it.
+        health: Receives ``bad`` and ``bad_bytes``; the other counters are the decoder's.
         text: Bytes that are no damage when they stand between frames, such as acknowledgements.
     """
 
     def __init__(
         self,
         sync: bytes,
-        length: int,
-        check: Callable[[bytes, int], bool],
+        measure: Callable[[bytes, int], int],
+        typical: int,
         health: DecoderHealth,
         *,
         text: bytes = b"",
     ) -> None:
         self._sync = sync
-        self._length = length
-        self._check = check
+        self._measure = measure
+        self._length = typical
         self._health = health
         self._text = text
         self._tail = b""
@@ -49,13 +51,15 @@ class FixedFrames:
             true when nothing but text lies between it and the frame before.
         """
         buffer = self._tail + data if self._tail else data
-        sync, length, check = self._sync, self._length, self._check
+        sync, measure = self._sync, self._measure
         found: list[tuple[int, bool]] = []
-        last = len(buffer) - length
         done = 0
         at = buffer.find(sync)
-        while 0 <= at <= last:
-            if check(buffer, at):
+        while at >= 0:
+            length = measure(buffer, at)
+            if length == 0:
+                break
+            if length > 0:
                 if at > done:
                     self._skip(buffer[done:at])
                 found.append((at, self._damage == 0))
@@ -69,6 +73,11 @@ class FixedFrames:
             self._skip(buffer[done:keep])
         self._tail = buffer[keep:]
         return buffer, found
+
+    def forget(self) -> None:
+        """Drop a begun frame: the line was closed, or has been silent too long for the rest of it to come."""
+        self._skip(self._tail)
+        self._tail = b""
 
     def _begun_sync(self, buffer: bytes, done: int) -> int:
         """Return where a sync starts that the end of the buffer cuts, or the end of the buffer."""
@@ -94,3 +103,31 @@ class FixedFrames:
         if self._damage == 0:
             return 0
         return max(1, (self._damage + self._length // 2) // self._length)
+
+
+class FixedFrames(Frames):
+    """Frames of one length.
+
+    Args:
+        sync: Bytes every frame begins with.
+        length: Length of a whole frame, bytes.
+        check: ``check(buffer, at)`` says whether the ``length`` bytes from ``at`` are a valid frame.
+        health: As of `Frames`.
+        text: Likewise.
+    """
+
+    def __init__(
+        self,
+        sync: bytes,
+        length: int,
+        check: Callable[[bytes, int], bool],
+        health: DecoderHealth,
+        *,
+        text: bytes = b"",
+    ) -> None:
+        def measure(buffer: bytes, at: int) -> int:
+            if at + length > len(buffer):
+                return 0
+            return length if check(buffer, at) else -1
+
+        super().__init__(sync, measure, length, health, text=text)

@@ -14,9 +14,13 @@ class DecoderHealth:
         bad: Frames' worth of stream that was no valid frame.
         lost: Readings that the device's own numbering shows to be missing.
         bad_bytes: Bytes that belong to no valid frame.
+        duplicates: Readings that came again, or after a newer one; they are not handed on.
+        restarts: Times that the device's own numbering began anew.
     """
 
     good: int = 0
     bad: int = 0
     lost: int = 0
     bad_bytes: int = 0
+    duplicates: int = 0
+    restarts: int = 0

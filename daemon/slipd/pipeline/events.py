@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from slipd.devices import Inquiry
+
 
 @dataclass(slots=True, frozen=True)
 class LinkSpec:
@@ -16,15 +18,18 @@ class LinkSpec:
 
     Attributes:
         name: Name of the link, e.g. ``left.wrench``.
-        transport: "serial" or "websocket".
-        address: Path of a serial port, or URL of a server.
+        transport: "serial", "tcp", "udp", "websocket" or "external".
+        address: Path of a serial port; ``tcp://HOST:PORT``, ``udp://HOST:PORT`` or URL of a server; endpoint of the
+            socket to which other processes push.
         baud: Line speed of a serial port, bit/s; 0 for others.
+        inquiry: What is asked over TCP before the link is up; the answer is the link's first Bytes.
     """
 
     name: str
     transport: str
     address: str
     baud: int = 0
+    inquiry: Inquiry | None = None
 
 
 @dataclass(slots=True, frozen=True)

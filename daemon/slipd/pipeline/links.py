@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from slipd.config import Config, Pad, Stream, device_options
+from slipd.config import Config, Pad, Stream, device_options, transport_of
 from slipd.devices import DEVICES, Decoder, Session
 from slipd.pipeline.events import LinkSpec
 from slipd.pipeline.finger import stale_after_ns
@@ -158,10 +158,11 @@ def make_links(config: Config) -> dict[str, Link]:
         link = by_address.get(stream.port)
         if link is None:
             device = DEVICES[stream.device]
-            spec = LinkSpec(name, device.transport, stream.port, stream.baud or device.baud or 0)
+            inquiry = device.inquiry(**device_options(stream)) if device.inquiry is not None else None
+            spec = LinkSpec(name, transport_of(stream.port), stream.port, stream.baud or device.baud or 0, inquiry)
             link = by_address[stream.port] = Link(spec, stream)
         meter = StreamMeter(name, stream.rate_hz, stale_after_ns(stream))
         if isinstance(stream, Pad):
             meter.taxels = stream.rows * stream.cols
-        link.streams[stream.sensor if isinstance(stream, Pad) else ""] = meter
+        link.streams[stream.sensor] = meter
     return {link.spec.name: link for link in by_address.values()}

@@ -1,0 +1,44 @@
+"""Tells a gap, a duplicate and a restart apart by a device's running number."""
+
+from __future__ import annotations
+
+from slipd.devices.health import DecoderHealth
+
+#: A number so little behind the newest is a reading that came late or twice; one further behind is a restart.
+LATE_WITHIN = 32
+
+
+class Numbering:
+    """Watches the running number of one stream.
+
+    Args:
+        span: The number is sent modulo this.
+        health: Receives ``lost``, ``duplicates`` and ``restarts``.
+        first: Number with which the device begins after a restart; a jump back to it is a restart however near.
+    """
+
+    def __init__(self, span: int, health: DecoderHealth, *, first: int = 0) -> None:
+        self._span = span
+        self._health = health
+        self._first = first
+        self._newest: int | None = None
+
+    def take(self, number: int) -> bool:
+        """Take the number of a reading; False where the reading is old and must not be handed on."""
+        newest = self._newest
+        if newest is not None:
+            ahead = (number - newest) % self._span
+            behind = self._span - ahead
+            if ahead == 0 or (behind <= LATE_WITHIN and number != self._first):
+                self._health.duplicates += 1
+                return False
+            if ahead <= self._span // 2:
+                self._health.lost += ahead - 1
+            else:
+                self._health.restarts += 1
+        self._newest = number
+        return True
+
+    def forget(self) -> None:
+        """Begin anew: what comes next follows nothing."""
+        self._newest = None
