@@ -5,8 +5,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any, Protocol
 
-from slipd.samples import Array
-
 
 class Emulator(Protocol):
     """A device seen from its line. It knows no line: what it says comes in the pieces in which it would be sent.
