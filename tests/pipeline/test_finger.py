@@ -11,7 +11,8 @@ import pytest
 from slipd.config import Config
 from slipd.config import Levels as LevelsConfig
 from slipd.fusion import torque_limit
-from slipd.pipeline.finger import Finger, State, stale_after_ns
+from slipd.pipeline.finger import Finger, stale_after_ns
+from slipd.pipeline.judge import State
 from slipd.samples import TactileSample, WrenchSample
 
 MS = 1_000_000
@@ -263,9 +264,14 @@ def test_a_reading_that_is_no_number_is_unknown_and_poisons_nothing(
     assert after.utilisation.value == pytest.approx(before.utilisation.value)
 
 
-def test_a_sensor_without_torque_cannot_tell(finger: Finger) -> None:
-    sample = WrenchSample(T0, None, np.array((0.0, 0.0, -10.0)), None)
-    assert verdict(finger.take_wrench(sample)) == ("unknown", ("not_finite",))
+def test_a_sensor_without_torque_proves_a_grip_unsafe_at_most(finger: Finger, image: Image) -> None:
+    for pulled_n, level in ((1.0, ("unknown", ("rotation_unobserved",))), (4.8, ("warning", ("translation",)))):
+        finger.take_tactile(image(T0, FULL))
+        state = finger.take_wrench(WrenchSample(T0, None, np.array((pulled_n, 0.0, -10.0)), None))
+        assert verdict(state) == level
+        assert state.model == "translation"
+        assert math.isnan(state.tipping_margin_m)
+    assert verdict(finger.take_wrench(WrenchSample(T0, None, np.zeros(3), None))) == ("no_contact", ())
 
 
 def test_a_level_is_left_a_hysteresis_below_its_threshold(judge: Judge) -> None:

@@ -4,11 +4,11 @@ Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for t
 the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
 """
 
-from slipd.fusion.contact import Contact, contact_from_wrench
+from slipd.fusion.contact import Contact, contact_from_wrench, contact_of
 from slipd.fusion.grip_force import grip_needed_n
-from slipd.fusion.hull import tipping_margin
+from slipd.fusion.hull import Outline, tipping_margin
 from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, utilisations
-from slipd.fusion.limit_surface import TorqueLimit, Utilisation, torque_limit, utilisation
+from slipd.fusion.limit_surface import TorqueLimit, Utilisation, torque_limit, utilisation, utilisation_of
 from slipd.fusion.loads import Loads, binary_loads, grey_loads, matched_loads
 from slipd.fusion.shape import ContactShape, contact_shape
 from slipd.fusion.slip import SlipDetector, SlipSettings
@@ -17,6 +17,7 @@ __all__ = [
     "Contact",
     "ContactShape",
     "Loads",
+    "Outline",
     "SlipDetector",
     "SlipSettings",
     "TorqueLimit",
@@ -25,6 +26,7 @@ __all__ = [
     "Utilisations",
     "binary_loads",
     "contact_from_wrench",
+    "contact_of",
     "contact_shape",
     "grey_loads",
     "grip_needed_n",
@@ -33,5 +35,6 @@ __all__ = [
     "torque_limit",
     "torque_limits",
     "utilisation",
+    "utilisation_of",
     "utilisations",
 ]

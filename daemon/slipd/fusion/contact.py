@@ -7,42 +7,66 @@ is what stands here.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Array = NDArray[np.float64]
+
 #: Below this normal force the centroid's error (torque noise / normal force) exceeds the size of a fingertip.
 DEFAULT_MIN_NORMAL_N = 0.2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Contact:
     """A contact in the pad frame.
 
     Attributes:
-        centroid_m: C, shape (2,), m; NaN when not valid.
-        centroid_std_m: One standard deviation of each coordinate of C, shape (2,), m, from the noise given; it grows
-            like torque noise / normal force towards lift-off. NaN when not valid.
+        cx_m: C along X, m; NaN when not valid.
+        cy_m: C along Y, m; likewise.
+        cx_std_m: One standard deviation of ``cx_m``, m, from the noise given; it grows like torque noise / normal force
+            towards lift-off. NaN when not valid.
+        cy_std_m: Likewise of ``cy_m``.
         normal_n: f_n = −F_z, N, positive when pressed.
-        tangential_n: f_t = (F_x, F_y) on the finger, shape (2,), N.
+        fx_n: f_t along X on the finger, N.
+        fy_n: f_t along Y on the finger, N.
         spin_nm: m, the torque about the pad normal through C, N·m; NaN when not valid.
         friction_ratio: R = |f_t| / f_n; NaN when not valid.
         valid: The wrench is finite and presses with at least the least normal force.
     """
 
-    centroid_m: NDArray[np.float64]
-    centroid_std_m: NDArray[np.float64]
+    cx_m: float
+    cy_m: float
+    cx_std_m: float
+    cy_std_m: float
     normal_n: float
-    tangential_n: NDArray[np.float64]
+    fx_n: float
+    fy_n: float
     spin_nm: float
     friction_ratio: float
     valid: bool
 
     @property
+    def centroid_m(self) -> Array:
+        """C, shape (2,), m."""
+        return np.array((self.cx_m, self.cy_m))
+
+    @property
+    def centroid_std_m(self) -> Array:
+        """One standard deviation of each coordinate of C, shape (2,), m."""
+        return np.array((self.cx_std_m, self.cy_std_m))
+
+    @property
+    def tangential_n(self) -> Array:
+        """f_t = (F_x, F_y) on the finger, shape (2,), N."""
+        return np.array((self.fx_n, self.fy_n))
+
+    @property
     def tangential_norm_n(self) -> float:
         """|f_t|, N."""
-        return math.hypot(self.tangential_n[0], self.tangential_n[1])
+        return math.hypot(self.fx_n, self.fy_n)
 
 
 def contact_from_wrench(
@@ -76,26 +100,28 @@ def contact_from_wrench(
         raise ValueError(f"force and torque must have shape (3,), not {f.shape} and {t.shape}")
     if not 0.0 < min_normal_n < math.inf:
         raise ValueError(f"min_normal_n must be positive and finite, not {min_normal_n}")
-    fx, fy, fz = f.tolist()
-    mx, my, mz = t.tolist()
+    return contact_of((*f.tolist(), *t.tolist()), min_normal_n, force_std_n, torque_std_nm)
+
+
+def contact_of(
+    wrench: Sequence[float], min_normal_n: float, force_std_n: float = 0.0, torque_std_nm: float = 0.0
+) -> Contact:
+    """`contact_from_wrench` for six numbers that need no checking: F in N, then M in N·m."""
+    fx, fy, fz, mx, my, mz = wrench
     normal = -fz
-    if not (math.isfinite(fx + fy + fz + mx + my + mz) and normal >= min_normal_n):
+    if not (normal >= min_normal_n and math.isfinite(fx + fy + fz + mx + my + mz)):
         nan = math.nan
-        unknown = np.array((nan, nan))
-        return Contact(unknown, unknown, normal, f[:2].copy(), nan, nan, False)
+        return Contact(nan, nan, nan, nan, normal, fx, fy, nan, nan, False)
     cx, cy = my / normal, -mx / normal  # (1): C = (−M_y, M_x) / F_z
-    spin = mz - (mx * fx + my * fy) / normal  # (3), with F_x where the print has F_y
-    ratio = math.hypot(fx, fy) / normal  # (4)
-    centroid_std = (
+    return Contact(
+        cx,
+        cy,
         math.hypot(torque_std_nm, cx * force_std_n) / normal,
         math.hypot(torque_std_nm, cy * force_std_n) / normal,
-    )
-    return Contact(
-        np.array((cx, cy)),
-        np.array(centroid_std),
         normal,
-        np.array((fx, fy)),
-        spin,
-        ratio,
+        fx,
+        fy,
+        mz - (mx * fx + my * fy) / normal,  # (3), with F_x where the print has F_y
+        math.hypot(fx, fy) / normal,  # (4)
         True,
     )

@@ -42,14 +42,16 @@ def convex_hull(x: Array, y: Array) -> NDArray[np.int64]:
 
 
 @compiled
-def nearest_on_hull(x: Array, y: Array, px: float, py: float) -> tuple[float, float, float, int, int]:
-    """Signed distance of a point to the hull (positive inside), the nearest boundary point, and its edge's taxels."""
-    hull = convex_hull(x, y)
-    size = hull.size
-    best, qx, qy, ea, eb = math.inf, x[hull[0]], y[hull[0]], hull[0], hull[0]
+def nearest_on_outline(x: Array, y: Array, px: float, py: float) -> tuple[float, float, float, int, int]:
+    """Signed distance of a point to a convex outline (positive inside), the nearest point on it, and its edge's ends.
+
+    The corners x, y run counter-clockwise; fewer than three have no inside.
+    """
+    size = x.size
+    best, qx, qy, ea, eb = math.inf, x[0], y[0], 0, 0
     inside = size > 2
-    for k in range(size):
-        a, b = hull[k], hull[(k + 1) % size]
+    for a in range(size):
+        b = (a + 1) % size
         ex, ey = x[b] - x[a], y[b] - y[a]
         length2 = ex * ex + ey * ey
         share = ((px - x[a]) * ex + (py - y[a]) * ey) / length2 if length2 > 0.0 else 0.0
@@ -61,6 +63,28 @@ def nearest_on_hull(x: Array, y: Array, px: float, py: float) -> tuple[float, fl
         if ex * (py - y[a]) - ey * (px - x[a]) < 0.0:
             inside = False
     return (best if inside else 0.0 - best), qx, qy, ea, eb
+
+
+class Outline:
+    """The convex outline through the centres of the active taxels, found once an image.
+
+    Args:
+        x: Centres of the active taxels, shape (n,), n ≥ 1, finite, m.
+        y: Likewise, shape (n,), m.
+    """
+
+    def __init__(self, x: Array, y: Array) -> None:
+        self.taxels = convex_hull(x, y)
+        self._x, self._y = x[self.taxels], y[self.taxels]
+
+    def margin_m(self, px: float, py: float) -> float:
+        """Signed distance of a point to the outline, m, positive inside; NaN for a point that is not finite."""
+        return nearest_on_outline(self._x, self._y, px, py)[0] if math.isfinite(px + py) else math.nan
+
+    def nearest(self, px: float, py: float) -> tuple[float, float, float, int, int]:
+        """Signed distance of a point, the nearest point on the outline, and the taxels at the ends of its edge."""
+        margin, qx, qy, a, b = nearest_on_outline(self._x, self._y, px, py)
+        return margin, qx, qy, int(self.taxels[a]), int(self.taxels[b])
 
 
 def tipping_margin(x: ArrayLike, y: ArrayLike, point: ArrayLike) -> float:
@@ -88,4 +112,4 @@ def tipping_margin(x: ArrayLike, y: ArrayLike, point: ArrayLike) -> float:
         raise ValueError(f"x and y must share one shape (n,) and point be (2,), not {xs.shape}, {ys.shape}, {p.shape}")
     if xs.size == 0 or not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(p).all()):
         return math.nan
-    return nearest_on_hull(xs, ys, float(p[0]), float(p[1]))[0]
+    return Outline(xs, ys).margin_m(float(p[0]), float(p[1]))

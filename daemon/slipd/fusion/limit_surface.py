@@ -145,8 +145,25 @@ def utilisation(
     """
     xs, ys, fs = checked_taxels(x, y, loads, mu)
     f, a = checked_pair("tangential", tangential), checked_pair("about", about)
+    return utilisation_of(xs, ys, fs, mu, f, float(spin), a, start=start, gap=gap, passes=passes)
+
+
+def utilisation_of(
+    x: Array,
+    y: Array,
+    loads: Array,
+    mu: float,
+    tangential: tuple[float, float],
+    spin: float,
+    about: tuple[float, float],
+    *,
+    start: Twist | None = None,
+    gap: float = GOAL,
+    passes: int = MAX_PASSES,
+) -> Utilisation:
+    """`utilisation` for what needs no checking: contiguous float64 arrays of one shape, floats, a positive μ."""
     kind, value, lower, upper, px, py, vx, vy, om = solve_utilisation(
-        xs, ys, fs, mu, f[0], f[1], float(spin), a[0], a[1], start or _NO_TWIST, gap, passes
+        x, y, loads, mu, tangential[0], tangential[1], spin, about[0], about[1], start or _NO_TWIST, gap, passes
     )
     return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind], (vx, vy, om))
 

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slipd.fusion.hull import nearest_on_hull
+from slipd.fusion.compiled import compiled
+from slipd.fusion.hull import Outline
 
 Array = NDArray[np.float64]
 _Rule = Callable[[Array, Array], Array]
@@ -111,12 +112,12 @@ def _balance(x: Array, y: Array, p: Array, normal_n: float, c: Array, rule: _Rul
         return Loads(loads, math.nan, "no_image")
     ax, ay, ap = x[active], y[active], p[active]
     extent = max(float(np.ptp(ax)), float(np.ptp(ay)))
-    margin, qx, qy, a, b = nearest_on_hull(ax, ay, float(c[0]), float(c[1]))
+    margin, qx, qy, a, b = Outline(ax, ay).nearest(float(c[0]), float(c[1]))
     if margin > ON_HULL * extent:
         face = np.arange(active.size)
         position = np.column_stack((ax - c[0], ay - c[1])) / extent
     else:
-        face, position = _edge(ax, ay, qx, qy, int(a), int(b), extent)
+        face, position = _edge(ax, ay, qx, qy, a, b, extent)
     share = rule(position, ap[face])
     loads[active[face]] = normal_n * share
     outside = -margin > ON_HULL * extent or (extent == 0.0 and margin < 0.0)
@@ -169,34 +170,69 @@ def _clipped_linear(position: Array, _: Array) -> Array:
 
 
 def _tilted(position: Array, p: Array) -> Array:
-    """Shares p exp(b·r) / Σ with Σ share r = 0, by Newton on the convex log Σ p exp(b·r)."""
+    """Shares p exp(b·r) / Σ with Σ share r = 0."""
+    along = np.zeros((2, len(p)))  # a face of the hull has fewer directions, and nothing tilts the others
+    along[: position.shape[1]] = position.T
+    return tilt(along[0], along[1], p)
+
+
+@compiled
+def tilt(x: Array, y: Array, p: Array) -> Array:
+    """Shares p exp(b·r) / Σ with Σ share r = 0, by Newton on the convex log Σ p exp(b·r).
+
+    Args:
+        x: Positions from the centroid in units of the contact's extent, shape (n,).
+        y: Likewise, shape (n,).
+        p: Pressures, all positive, shape (n,).
+    """
+    n = p.size
     logs = np.log(p / p.max())
-    b = np.zeros(position.shape[1])
-
-    def shares(tilt: Array) -> tuple[float, Array]:
-        exponent = logs + position @ tilt
-        top = float(exponent.max())
-        weight = np.exp(exponent - top)
-        total = float(weight.sum())
-        return top + math.log(total), weight / total
-
-    value, share = shares(b)
-    for _step in range(MAX_NEWTON_STEPS if b.size else 0):
-        mean = share @ position
-        if np.abs(mean).max() <= 1e-13:
+    share, trial = np.empty(n), np.empty(n)
+    bx, by = 0.0, 0.0
+    value = _tilt_to(x, y, logs, bx, by, share)
+    for _step in range(MAX_NEWTON_STEPS):
+        mx, my = 0.0, 0.0
+        for i in range(n):
+            mx += share[i] * x[i]
+            my += share[i] * y[i]
+        if max(abs(mx), abs(my)) <= 1e-13:
             break
-        spread = position - mean
-        curvature = spread.T @ (share[:, None] * spread)
-        curvature[np.diag_indices_from(curvature)] += 1e-14 * float(np.trace(curvature)) + 1e-300
-        step = np.linalg.solve(curvature, mean)
+        cxx, cxy, cyy = 0.0, 0.0, 0.0
+        for i in range(n):
+            dx, dy = x[i] - mx, y[i] - my
+            cxx += share[i] * dx * dx
+            cxy += share[i] * dx * dy
+            cyy += share[i] * dy * dy
+        floor = 1e-14 * (cxx + cyy) + 1e-300
+        cxx += floor
+        cyy += floor
+        det = cxx * cyy - cxy * cxy
+        sx, sy = (cyy * mx - cxy * my) / det, (cxx * my - cxy * mx) / det
         size = 1.0
         while size > 1e-12:
-            next_value, next_share = shares(b - size * step)
-            if next_value <= value - 1e-4 * size * float(mean @ step) + 1e-15:
+            next_value = _tilt_to(x, y, logs, bx - size * sx, by - size * sy, trial)
+            if next_value <= value - 1e-4 * size * (mx * sx + my * sy) + 1e-15:
                 break
             size *= 0.5
-        b, value, share = b - size * step, next_value, next_share
+        bx, by, value = bx - size * sx, by - size * sy, next_value
+        share, trial = trial, share
     return share
+
+
+@compiled
+def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array) -> float:
+    """Fills in the shares of a tilt and returns log Σ p exp(b·r)."""
+    top = -np.inf
+    for i in range(logs.size):
+        share[i] = logs[i] + bx * x[i] + by * y[i]
+        top = max(top, share[i])
+    total = 0.0
+    for i in range(logs.size):
+        share[i] = math.exp(share[i] - top)
+        total += share[i]
+    for i in range(logs.size):
+        share[i] /= total
+    return top + math.log(total)
 
 
 def _check_normal(normal_n: float) -> None:

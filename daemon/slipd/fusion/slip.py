@@ -7,8 +7,15 @@ the load itself gives way, quickly, and came from near the friction limit.
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.fusion.compiled import compiled
+
+#: Readings of the window that are kept at first; the ring grows when they come faster.
+FIRST_CAPACITY = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,17 +35,50 @@ class SlipSettings:
     hold_s: float = 0.25
 
 
+@compiled
+def _watch(
+    ring: NDArray[np.float64],
+    first: int,
+    count: int,
+    oldest_s: float,
+    reading: tuple[float, float, float, float],
+    kept: float,
+    armed_at: float,
+) -> tuple[int, int, bool]:
+    """Drops what is older than the window, looks for a fall, and adds the reading; returns first, count, fallen."""
+    size = len(ring)
+    while count > 0 and ring[first, 0] < oldest_s:
+        first = (first + 1) % size
+        count -= 1
+    _, load, ratio, _ = reading
+    fell = False
+    at = first
+    for _k in range(count):
+        if ring[at, 3] >= armed_at and load <= kept * ring[at, 1] and ratio <= kept * ring[at, 2]:
+            fell = True
+            break
+        at += 1
+        if at == size:
+            at = 0
+    if fell:
+        count = 0
+    newest = ring[(first + count) % size]
+    newest[0], newest[1], newest[2], newest[3] = reading
+    return first, count + 1, fell
+
+
 class SlipDetector:
     """Watches one load (the tangential force, or the spin) of one contact."""
 
     def __init__(self, settings: SlipSettings) -> None:
         self._settings = settings
-        self._window: deque[tuple[float, float, float, float]] = deque()
+        self._ring = np.empty((FIRST_CAPACITY, 4))  # time s, load, ratio, utilisation
+        self._first = self._count = 0
         self._until_s = -math.inf
 
     def reset(self) -> None:
         """Forgets everything: the contact ended."""
-        self._window.clear()
+        self._count = 0
         self._until_s = -math.inf
 
     def update(self, t_s: float, load: float, normal_n: float, utilisation: float) -> bool:
@@ -53,16 +93,20 @@ class SlipDetector:
         Returns:
             Whether the contact slips, or did within the last ``hold_s``.
         """
-        settings, window = self._settings, self._window
-        while window and window[0][0] < t_s - settings.window_s:
-            window.popleft()
-        kept = 1.0 - settings.drop
-        ratio = load / normal_n
-        if any(
-            armed >= settings.armed_at and load <= kept * before and ratio <= kept * ratio_before
-            for _, before, ratio_before, armed in window
-        ):
+        settings = self._settings
+        if self._count == len(self._ring):
+            self._ring = np.vstack((np.roll(self._ring, -self._first, axis=0), np.empty_like(self._ring)))
+            self._first = 0
+        reading = (t_s, load, load / normal_n, utilisation)
+        self._first, self._count, fell = _watch(
+            self._ring,
+            self._first,
+            self._count,
+            t_s - settings.window_s,
+            reading,
+            1.0 - settings.drop,
+            settings.armed_at,
+        )
+        if fell:
             self._until_s = t_s + settings.hold_s
-            window.clear()
-        window.append((t_s, load, ratio, utilisation))
         return t_s < self._until_s

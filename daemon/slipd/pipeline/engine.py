@@ -14,8 +14,9 @@ from slipd.devices.robotiq_2f import Session as GripperSession
 from slipd.pipeline.decision import SEVERITY
 from slipd.pipeline.desk import Desk
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp, Output, Request, Tick, Write
-from slipd.pipeline.finger import Finger, State
+from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl
+from slipd.pipeline.judge import State
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import Outlet, Pace
 from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
@@ -164,7 +165,7 @@ class Engine:
             finger = self._fingers.get(owner)
             if finger is not None and kind == "pad":
                 finger.disconnect_image()
-            if finger is not None and (kind == "wrench" or finger.wrench_tare is None):
+            if finger is not None and (kind == "wrench" or finger.force is None):
                 self._publish_state(finger, finger.disconnect(t_ns), out)
             elif finger is None and self._gripper is not None:
                 self._gripper.lose()

@@ -3,56 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-
-import numpy as np
+from dataclasses import replace
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Stream
-from slipd.fusion import (
-    Contact,
-    Loads,
-    SlipDetector,
-    SlipSettings,
-    Utilisation,
-    contact_from_wrench,
-    tipping_margin,
-    utilisation,
-)
-from slipd.pipeline.decision import NAMES, STABLE, LevelGate, Verdict, danger_reasons
-from slipd.pipeline.image import PadImage, pad_image
-from slipd.samples import Array, TactileSample, WrenchSample
-from slipd.signals.mounting import Mounting
+from slipd.fusion import Contact, contact_of
+from slipd.pipeline.decision import Verdict
+from slipd.pipeline.force import ForceSide
+from slipd.pipeline.image import PadImage, Shares, pad_image
+from slipd.pipeline.judge import Judge, State
+from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.tare import Tare
 
 #: A contact that exists is lost only below this share of the least normal force.
 CONTACT_HYSTERESIS = 0.8
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
-#: The spin is most of the load where translation alone explains less than this share of the utilisation.
-ROTATION_SHARE = 0.7
-#: Relative gap of the bounds of utilisation: far below what a threshold, or a message, can tell apart.
-DECISION_GAP = 1e-6
 #: Status words that make a reading's value untrustworthy.
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
-
-
-@dataclass(slots=True)
-class State:
-    """What is known of a finger after its newest force reading; None or NaN is unknown."""
-
-    t_ns: int
-    verdict: Verdict
-    force_n: Array | None = None
-    torque_nm: Array | None = None
-    contact: Contact | None = None
-    x: Array | None = None
-    y: Array | None = None
-    loads: Loads | None = None
-    utilisation: Utilisation | None = None
-    tipping_margin_m: float = math.nan
-    model: str = "none"
-    status: tuple[str, ...] = ()
+LOST = Verdict("unknown", ("stale",))
+FREE = Verdict("no_contact", ())
 
 
 class Finger:
@@ -62,35 +32,29 @@ class Finger:
         name: Its name.
         config: ``[finger.X]``.
         levels: ``[levels]``.
+
+    Attributes:
+        state: After the newest force reading.
+        tare: The tare that force readings pass.
     """
 
     def __init__(self, name: str, config: FingerConfig, levels: Levels) -> None:
         self.name = name
         self.config = config
         self.image: PadImage | None = pad_image(config)
-        self.wrench_tare = Tare(np.zeros(6)) if config.wrench is not None else None
-        self.state = State(0, Verdict("unknown", ("stale",)))
-        self._levels = levels
-        self._gate = LevelGate(levels)
-        self._mounting = _mounting(config)
-        wrench = config.wrench
-        self._noise = (0.0, 0.0) if wrench is None else (wrench.force_std_n, wrench.torque_std_nm)
-        self._stale_ns = stale_after_ns(wrench or config.pad)
+        self.force = ForceSide(config.wrench) if config.wrench is not None else None
+        side = self.force or self.image
+        if side is None:
+            raise ValueError(f"finger {name} has no stream")
+        self.tare: Tare = side.tare
+        self.state = State(0, LOST)
+        self._judge = Judge(config, levels)
+        self._stale_ns = stale_after_ns(config.wrench or config.pad)
         self._image_stale_ns = stale_after_ns(config.pad) if config.pad is not None else 0
-        settings = SlipSettings(**config.slip.model_dump())
-        self._translation_slip, self._rotation_slip = SlipDetector(settings), SlipDetector(settings)
         self._in_contact = False
         self._free = False
-        self._last_ns: int | None = None
-
-    @property
-    def tare(self) -> Tare:
-        """The tare that force readings pass."""
-        if self.wrench_tare is not None:
-            return self.wrench_tare
-        if self.image is None:
-            raise ValueError(f"finger {self.name} has no stream")
-        return self.image.tare
+        self._received_ns: int | None = None
+        self._acquired_ns = 0
 
     def pressed(self) -> bool | None:
         """Whether something presses on the pad; None where that is not known.
@@ -98,7 +62,7 @@ class Finger:
         A force sensor that was never tared reads its own bias as a contact, so until then only the image counts.
         """
         pad = self.config.pad
-        tared = self.tare.current.id > 0 or (self.wrench_tare is None and pad is not None and bool(pad.tare))
+        tared = self.tare.current.id > 0 or (self.force is None and pad is not None and bool(pad.tare))
         shown = self._shows_contact()
         if shown or (tared and self._in_contact):
             return True
@@ -108,37 +72,41 @@ class Finger:
 
     def age_s(self, t_ns: int) -> float | None:
         """Age of the newest force reading, s; None before the first."""
-        return None if self._last_ns is None else (t_ns - self._last_ns) * 1e-9
+        return None if self._received_ns is None else (t_ns - self._acquired_ns) * 1e-9
 
     def begin_tare(self, t_ns: int, seconds: float) -> None:
         """Starts to average the unloaded readings of the force stream."""
         self.tare.begin(t_ns, seconds)
 
-    def take_wrench(self, sample: WrenchSample) -> State:
-        """Decides on a reading of the force sensor."""
-        if self.wrench_tare is None or self._mounting is None:
-            raise ValueError(f"finger {self.name} has no force sensor")
-        torque = np.full(3, math.nan) if sample.torque_nm is None else sample.torque_nm
-        trusted = UNTRUSTED.isdisjoint(sample.status)
-        raw = self.wrench_tare.apply(np.concatenate((sample.force_n, torque)), sample.t_ns, trusted=trusted)
-        force, torque = self._mounting.to_pad(raw[:3], raw[3:])
-        return self._decide(sample.t_ns, force, torque, sample.status)
+    def take_wrench(self, sample: WrenchSample, acquired_ns: int | None = None) -> State:
+        """Decides on a reading of the force sensor.
 
-    def take_tactile(self, sample: TactileSample) -> State | None:
+        Args:
+            sample: The reading.
+            acquired_ns: When it was acquired, CLOCK_MONOTONIC; None: when it was received.
+        """
+        if self.force is None:
+            raise ValueError(f"finger {self.name} has no force sensor")
+        status = sample.status
+        untrusted = tuple(sorted(UNTRUSTED.intersection(status))) if status else ()
+        wrench = self.force.take(sample, trusted=not untrusted)
+        return self._decide(sample, acquired_ns, wrench, untrusted)
+
+    def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> State | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
         if self.image is None:
             return None
-        self.image.take(sample, known_free=self._free)
-        if self.wrench_tare is not None:
+        self.image.take(sample, acquired_ns, known_free=self._free)
+        if self.force is not None or not self.image.three_axis:
             return None
-        wrench = self.image.wrench()
-        return None if wrench is None else self._decide(sample.t_ns, *wrench, sample.status)
+        untrusted = tuple(sorted(UNTRUSTED.intersection(sample.status)))
+        return self._decide(sample, acquired_ns, self.image.wrench(), untrusted)
 
     def on_time(self, t_ns: int) -> State | None:
         """Notices that the force stream fell silent; None where nothing changed."""
-        if self.state.verdict.reasons == ("stale",):
+        if self.state.verdict is LOST:
             return None
-        if self._last_ns is not None and t_ns - self._last_ns <= self._stale_ns:
+        if self._received_ns is not None and t_ns - self._received_ns <= self._stale_ns:
             return None
         return self.lose(t_ns)
 
@@ -156,126 +124,69 @@ class Finger:
         """Forgets what the force stream told: from now on the verdict is unknown."""
         self._end_contact()
         self._free = False
-        self.state = State(t_ns, Verdict("unknown", ("stale",)))
+        self.state = State(t_ns, LOST)
         return self.state
 
-    def _decide(self, t_ns: int, force: Array, torque: Array, status: tuple[str, ...]) -> State:
-        self._last_ns = t_ns
-        least = self.config.min_normal_n * (CONTACT_HYSTERESIS if self._in_contact else 1.0)
-        force_std, torque_std = self._noise
-        contact = contact_from_wrench(
-            force, torque, min_normal_n=least, force_std_n=force_std, torque_std_nm=torque_std
-        )
-        state = State(t_ns, Verdict("unknown", ()), force, torque, status=status)
+    def _decide(
+        self,
+        sample: WrenchSample | TactileSample,
+        acquired_ns: int | None,
+        wrench: tuple[float, ...] | None,
+        untrusted: tuple[str, ...],
+    ) -> State:
+        self._received_ns = sample.t_ns
+        self._acquired_ns = t_ns = sample.t_ns if acquired_ns is None else acquired_ns
+        state = State(t_ns, LOST, wrench, status=sample.status)
+        contact = None if untrusted or wrench is None else self._contact(wrench)
         self._free = False
-        untrusted = sorted(UNTRUSTED.intersection(status))
-        if untrusted or not np.isfinite(force).all() or not np.isfinite(torque).all():
-            state.verdict = Verdict("unknown", tuple(untrusted) or ("not_finite",))
+        if contact is None:
+            state.verdict = Verdict("unknown", untrusted or ("not_finite",))
         elif not contact.valid:
             self._end_contact()
             self._free = True
-            state.contact = contact
-            state.verdict = Verdict("no_contact", ())
+            state.contact, state.verdict = contact, FREE
         else:
             self._in_contact = True
             state.contact = contact
-            self._judge(state, contact)
+            self._judge.judge(state, contact, self._fresh_shares(t_ns, contact))
         self.state = state
         if self.tare.busy and self.pressed():
             self.tare.abort()
         return state
 
-    def _judge(self, state: State, contact: Contact) -> None:
-        """Fills in the verdict of a valid contact."""
-        mu = self.config.mu
-        found = self._fresh_loads(state.t_ns, contact)
-        if found is not None:
-            state.x, state.y, state.loads = found
-            state.tipping_margin_m = tipping_margin(state.x, state.y, contact.centroid_m)
-        if mu is None:
-            state.verdict = Verdict("unknown", ("no_mu",))
-            return
-        translation = contact.friction_ratio / mu
-        if found is None:
-            state.model = "translation"
-            slips = self._slips(state.t_ns, contact, translation, translation)
-            state.verdict = self._without_image(translation, slips)
-            return
-        x, y, loads = found
-        state.model = "exact"
-        before = self.state.utilisation
-        state.utilisation = used = utilisation(
-            x,
-            y,
-            loads.loads,
-            mu,
-            contact.tangential_n,
-            contact.spin_nm,
-            contact.centroid_m,
-            start=None if before is None else before.twist,
-            gap=DECISION_GAP,
-        )
-        slips = self._slips(state.t_ns, contact, used.value, translation)
-        state.verdict = self._with_image(state, used, translation, slips)
+    def _contact(self, wrench: tuple[float, ...]) -> Contact:
+        """The contact as the force sensor sees it; without torque, its centroid and spin are unknown."""
+        least = self.config.min_normal_n * (CONTACT_HYSTERESIS if self._in_contact else 1.0)
+        if math.isnan(wrench[3]):
+            found = contact_of((*wrench[:3], 0.0, 0.0, 0.0), least)
+            nan = math.nan
+            return replace(found, cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
+        return contact_of(wrench, least, *self._noise())
 
-    def _with_image(self, state: State, used: Utilisation, translation: float, slips: bool) -> Verdict:
-        if math.isnan(used.value):
-            return Verdict("unknown", ("not_finite",))
-        step = self._gate.update(used.upper)
-        reasons = danger_reasons(used.value, translation, self._levels.caution) if step > STABLE else ()
-        tips = self._tips(state)
-        if tips > STABLE:
-            step, reasons = max(step, tips), (*reasons, "tipping")
-        if slips:
-            return Verdict("slipping", ("slip_detected", *reasons))
-        return Verdict(NAMES[step], reasons)
-
-    def _without_image(self, translation: float, slips: bool) -> Verdict:
-        """Translation alone can only prove a grip unsafe, never safe."""
-        unsafe = self._gate.update(translation) == len(NAMES) - 1
-        reasons = ("translation",) if unsafe else ("rotation_unobserved",)
-        if slips:
-            return Verdict("slipping", ("slip_detected", *reasons))
-        return Verdict("warning" if unsafe else "unknown", reasons)
-
-    def _tips(self, state: State) -> int:
-        """Step that the tipping margin asks for: taxels sense over a cell, so the hull is uncertain by half a pitch."""
-        contact, image = state.contact, self.image
-        if contact is None or image is None:
-            return STABLE
-        noise = 2.0 * float(contact.centroid_std_m.max())
-        outside = -(state.tipping_margin_m + noise) / (0.5 * image.geometry.pitch_m)
-        return STABLE + (outside > 0.0) + (outside > 1.0)
-
-    def _slips(self, t_ns: int, contact: Contact, used: float, translation: float) -> bool:
-        """Watches force and spin; the spin only where it is most of the load, for else its fall is noise."""
-        t_s = t_ns * 1e-9
-        turning = used if translation < ROTATION_SHARE * used else math.nan
-        translates = self._translation_slip.update(t_s, contact.tangential_norm_n, contact.normal_n, used)
-        rotates = self._rotation_slip.update(t_s, abs(contact.spin_nm), contact.normal_n, turning)
-        return translates or rotates
+    def _noise(self) -> tuple[float, float]:
+        """Standard deviations of force, N, and torque, N·m."""
+        return (0.0, 0.0) if self.force is None else self.force.noise
 
     def _shows_contact(self) -> bool | None:
         """What a fresh image says beside the force sensor; taxels that are the force sensor say nothing beside it."""
         image = self.image
-        if image is None or self.wrench_tare is None or not self._is_fresh(image, self.state.t_ns):
+        if image is None or self.force is None or not self._is_fresh(image, self.state.t_ns):
             return None
         return image.shows_contact()
 
     def _is_fresh(self, image: PadImage, t_ns: int) -> bool:
         return image.t_ns is not None and t_ns - image.t_ns <= self._image_stale_ns
 
-    def _fresh_loads(self, t_ns: int, contact: Contact) -> tuple[Array, Array, Loads] | None:
+    def _fresh_shares(self, t_ns: int, contact: Contact) -> Shares | None:
         image = self.image
         if image is None or not self._is_fresh(image, t_ns):
             return None
-        return image.loads(contact)
+        return image.shares(contact)
 
     def _end_contact(self) -> None:
-        self._in_contact = False
-        self._gate.reset()
-        self._translation_slip.reset()
-        self._rotation_slip.reset()
+        if self._in_contact:
+            self._in_contact = False
+            self._judge.end_contact()
 
 
 def stale_after_ns(stream: Stream | None) -> int:
@@ -283,10 +194,3 @@ def stale_after_ns(stream: Stream | None) -> int:
     if stream is None:
         return 0
     return max(round(STALE_PERIODS * 1e9 / stream.rate_hz), STALE_LEAST_NS)
-
-
-def _mounting(config: FingerConfig) -> Mounting | None:
-    wrench = config.wrench
-    if wrench is None:
-        return None
-    return Mounting(wrench.pad_from_sensor.xyz_m, wrench.pad_from_sensor.quat_xyzw, wrench.sign)

@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
-from slipd.config import Finger, Pad
-from slipd.devices import DEVICES
-from slipd.fusion import Contact, ContactShape, Loads, binary_loads, contact_shape, grey_loads, matched_loads
+from slipd.config import Finger, Pad, axes_of
+from slipd.fusion import Contact, ContactShape, Loads, Outline, binary_loads, contact_shape, grey_loads, matched_loads
 from slipd.samples import Array, TactileSample
 from slipd.signals.charge import ChargeReconstruction
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Tare
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Shares:
+    """How an image shares a normal force of 1 among its active taxels.
+
+    Attributes:
+        x: Centres of the active taxels, shape (k,), k ≥ 1, m.
+        y: Likewise, shape (k,), m.
+        loads: The share of each; between two images they scale with the normal force.
+        outline: The convex outline of the active taxels.
+    """
+
+    x: Array
+    y: Array
+    loads: Loads
+    outline: Outline
 
 
 class PadImage:
@@ -29,7 +48,7 @@ class PadImage:
             pad.rows, pad.cols, pad.pitch_m, pad.electrode_m, pad.swap_xy, pad.flip_x, pad.flip_y
         )
         self.x, self.y = self.geometry.positions()
-        axes = DEVICES[pad.device].axes
+        axes = axes_of(pad)
         self.three_axis = axes == 3
         shape = (self.geometry.taxels, 3) if self.three_axis else (self.geometry.taxels,)
         self.tare = Tare(np.reshape(pad.tare, shape) if pad.tare else np.zeros(shape))
@@ -43,14 +62,15 @@ class PadImage:
         self._forces: Array | None = None
         self._known = False
         self._assumed_free = False
-        self._loads: Loads | None = None
-        self._active = np.empty(0, dtype=np.int64)
+        self._shares: Shares | None = None
+        self._shared = False
 
-    def take(self, sample: TactileSample, *, known_free: bool) -> None:
+    def take(self, sample: TactileSample, acquired_ns: int | None = None, *, known_free: bool) -> None:
         """Takes an image.
 
         Args:
             sample: The image, of as many taxels as the pad has.
+            acquired_ns: When it was acquired, CLOCK_MONOTONIC; None: when it was received.
             known_free: The force sensor reads no contact. Where it reads nothing, that is not known, and a held load
                 must not be taken for an offset.
         """
@@ -64,21 +84,23 @@ class PadImage:
         self._known = bool(np.isfinite(normal).all())
         self._forces = values if self.three_axis else None
         self.pressure = np.where(normal > self._threshold, normal, 0.0) if self._known else np.zeros_like(normal)
-        self.t_ns, self.status = sample.t_ns, sample.status
-        self._loads = None
+        self.t_ns = sample.t_ns if acquired_ns is None else acquired_ns
+        self.status = sample.status
+        self._shared = False
         self._assumed_free = self._charge is not None and known_free
 
     def forget(self) -> None:
         """Gives up the newest image: time passed, or the pad was away, and nobody saw what happened."""
-        self._known, self.t_ns, self._loads = False, None, None
+        self._known, self.t_ns, self._shared = False, None, False
         if self._charge is not None:
             self._charge.forget()
 
-    def wrench(self) -> tuple[Array, Array] | None:
-        """Force (3,) and torque about the pad's origin (3,) of three-axis taxels; None where there are none."""
-        if self._forces is None:
+    def wrench(self) -> tuple[float, ...] | None:
+        """Force and torque about the pad's origin of three-axis taxels, N and N·m: six numbers; None where unknown."""
+        if self._forces is None or not self._known:
             return None
-        return taxel_wrench(self.x, self.y, self._forces)
+        force, torque = taxel_wrench(self.x, self.y, self._forces)
+        return (*force.tolist(), *torque.tolist())
 
     def shows_contact(self) -> bool | None:
         """Whether a taxel is active; None where the image does not say.
@@ -87,21 +109,13 @@ class PadImage:
         """
         return bool(self.pressure.any()) if self._known and not self._assumed_free else None
 
-    def loads(self, contact: Contact) -> tuple[Array, Array, Loads] | None:
-        """Positions (k,), (k,) and loads of the active taxels, for a valid contact; None without a usable image.
-
-        The shares are found once an image; between two images they scale with the normal force.
-        """
+    def shares(self, contact: Contact) -> Shares | None:
+        """How the image shares the force of a valid contact, found once an image; None without a usable image."""
         if not self._known or self.t_ns is None:
             return None
-        if self._loads is None:
-            self._active = np.flatnonzero(self.pressure)
-            self._loads = self._share(contact)
-        if self._loads.status == "no_image":
-            return None
-        shares = self._loads
-        scaled = Loads(shares.loads * contact.normal_n, shares.centroid_residual_m, shares.status)
-        return self.x[self._active], self.y[self._active], scaled
+        if not self._shared:
+            self._shares, self._shared = self._share(contact), True
+        return self._shares
 
     def shape(self) -> ContactShape | None:
         """Features of the image; None where it is not known."""
@@ -111,13 +125,18 @@ class PadImage:
         x, y, p = self.x.reshape(grid), self.y.reshape(grid), self.pressure.reshape(grid)
         return contact_shape(x, y, p, self.geometry.pitch_m)
 
-    def _share(self, contact: Contact) -> Loads:
-        x, y, p = self.x[self._active], self.y[self._active], self.pressure[self._active]
-        if self._rule == "grey":
-            return grey_loads(p, 1.0)
-        if self._rule == "binary":
-            return binary_loads(x, y, 1.0, contact.centroid_m)
-        return matched_loads(x, y, p, 1.0, contact.centroid_m)
+    def _share(self, contact: Contact) -> Shares | None:
+        active = np.flatnonzero(self.pressure)
+        if active.size == 0:
+            return None
+        x, y, p = self.x[active], self.y[active], self.pressure[active]
+        if self._rule == "grey" or math.isnan(contact.cx_m):
+            loads = grey_loads(p, 1.0)
+        elif self._rule == "binary":
+            loads = binary_loads(x, y, 1.0, contact.centroid_m)
+        else:
+            loads = matched_loads(x, y, p, 1.0, contact.centroid_m)
+        return Shares(x, y, loads, Outline(x, y))
 
 
 def pad_image(finger: Finger) -> PadImage | None:

@@ -7,8 +7,9 @@ from typing import Any
 
 from slipd.config import Finger as FingerConfig
 from slipd.fusion import grip_needed_n, torque_limit
-from slipd.pipeline.finger import Finger, State
+from slipd.pipeline.finger import Finger
 from slipd.pipeline.image import PadImage
+from slipd.pipeline.judge import State
 from slipd.samples import Array
 from slipd_client.messages import level_code
 
@@ -70,14 +71,15 @@ def verdict_body(finger: Finger, state: State) -> Body:
 def _limits(state: State, config: FingerConfig) -> Body:
     """The torque limit in the sense of the spin, and the grip that would hold the load."""
     contact, loads = state.contact, state.loads
-    if contact is None or loads is None or state.x is None or state.y is None or state.utilisation is None:
+    shares = state.shares
+    if contact is None or loads is None or shares is None or state.utilisation is None:
         return {"torque_limit_nm": None, "grip_needed_n": None}
     mu = config.mu or math.nan
     sense = 1 if contact.spin_nm >= 0.0 else -1
-    limit = torque_limit(state.x, state.y, loads.loads, mu, contact.tangential_n, contact.centroid_m, sense)
+    limit = torque_limit(shares.x, shares.y, loads.loads, mu, contact.tangential_n, contact.centroid_m, sense)
     needed = grip_needed_n(
-        state.x,
-        state.y,
+        shares.x,
+        shares.y,
         loads.loads,
         mu,
         contact.tangential_n,

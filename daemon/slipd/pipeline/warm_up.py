@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.fusion import contact_shape, grip_needed_n, matched_loads, tipping_margin, torque_limit, utilisation
+from slipd.fusion import (
+    SlipDetector,
+    SlipSettings,
+    contact_shape,
+    grip_needed_n,
+    matched_loads,
+    tipping_margin,
+    torque_limit,
+    utilisation,
+)
 
 
 def warm_up() -> None:
@@ -17,3 +26,4 @@ def warm_up() -> None:
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
     tipping_margin(x, y, centre)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
+    SlipDetector(SlipSettings()).update(0.0, 0.1, 1.0, 0.5)
