@@ -1,0 +1,145 @@
+"""The 36-byte RDT record of force/torque sensors on UDP, and the requests that start and stop it.
+
+Used by the ATI Net F/T and Ethernet Axia, and by the OptoForce Ethernet converter. A record has neither sync nor
+checksum (UDP's own protects it), so a stream that lost bytes finds its grid again by what must be steady from one
+record to the next. All numbers are big-endian. Source: ATI Ethernet Axia manual, OptoForce Ethernet converter manual.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+
+from slipd.devices.framing import Frames
+from slipd.devices.health import DecoderHealth
+from slipd.devices.numbering import LATE_WITHIN, Numbering
+from slipd.samples import Array
+
+RECORD_LENGTH = 36
+
+STOP = 0x0000
+START = 0x0002
+START_BUFFERED = 0x0003
+
+_REQUEST = struct.Struct(">HHI")  # header, command, data
+_REQUEST_HEADER = 0x1234
+_HEAD = struct.Struct(">III")  # rdt_sequence, ft_sequence, status
+_RECORD = struct.Struct(">III6i")
+_COUNTS_AT = _HEAD.size
+_SPAN = 1 << 32
+_FIRST = 1
+"""Number of the first record after each start."""
+_GAP_WITHIN = 1 << 12
+"""Records that one gap may lack, half a second at the fastest rate, to be believed with the record after it."""
+_TICKS_WITHIN = 1 << 16
+"""Ticks from one record to the next: a record a second is 7000."""
+
+Head = tuple[int, int]
+"""Ticks of the sensor's own clock, unwrapped, and the status word."""
+
+
+class Records:
+    """Finds the records of a stream, and unwraps the sensor's clock.
+
+    The first record of a stream is believed when its reserved status bits are zero. Behind another one, a record is
+    believed alone when its number continues or repeats (or begins anew at 1) and its reserved bits are the same;
+    every other record only together with the record after it, which has to continue it.
+
+    Args:
+        health: Receives everything but ``good``.
+        reserved: Status bits that have no meaning.
+    """
+
+    def __init__(self, health: DecoderHealth, reserved: int) -> None:
+        self._reserved = reserved
+        self._frames = Frames(b"", self._measure, RECORD_LENGTH, health)
+        self._numbering = Numbering(_SPAN, health, first=_FIRST)
+        self._newest: int | None = None
+        self._steady = 0  # the reserved bits of the newest record
+        self._at_start = True
+        self._ticks = 0
+
+    def receive(self, data: bytes) -> tuple[list[Head], Array]:
+        """Take the next bytes of the stream.
+
+        Returns:
+            The heads of the records they complete, without those that are old, and their counts, shape (records, 6):
+            force x y z, torque x y z.
+        """
+        buffer, found = self._frames.receive(data)
+        heads: list[Head] = []
+        counts: list[bytes] = []
+        for start, _ in found:
+            sequence, ticks, status = _HEAD.unpack_from(buffer, start)
+            if self._numbering.take(sequence):
+                heads.append((self._unwrap(ticks), status))
+                counts.append(buffer[start + _COUNTS_AT : start + RECORD_LENGTH])
+        return heads, np.frombuffer(b"".join(counts), ">i4").astype(np.float64).reshape(-1, 6)
+
+    def begin(self) -> None:
+        """Expect the first record of a freshly opened stream."""
+        self._frames.forget()
+        self._numbering.forget()
+        self._newest, self._at_start = None, True
+
+    def _measure(self, buffer: bytes, at: int) -> int:
+        """Length of the record at ``at``, 0 while it cannot be told, -1 where there is none."""
+        if at + RECORD_LENGTH > len(buffer):
+            return 0
+        sequence, ticks, status = _HEAD.unpack_from(buffer, at)
+        reserved = status & self._reserved
+        believed = reserved == self._steady and (self._at_start or self._continues(sequence))
+        if not believed:
+            if at + 2 * RECORD_LENGTH > len(buffer):
+                return 0
+            next_sequence, next_ticks, next_status = _HEAD.unpack_from(buffer, at + RECORD_LENGTH)
+            believed = (
+                0 < (next_sequence - sequence) % _SPAN < _GAP_WITHIN
+                and (next_ticks - ticks) % _SPAN < _TICKS_WITHIN
+                and next_status & self._reserved == reserved
+            )
+        self._at_start = False
+        if not believed:
+            return -1
+        self._steady = reserved
+        if sequence == _FIRST or self._newest is None or (self._newest - sequence) % _SPAN > LATE_WITHIN:
+            self._newest = sequence
+        return RECORD_LENGTH
+
+    def _continues(self, sequence: int) -> bool:
+        """Say whether a number is the next, the first of a new start, or an old one."""
+        if self._newest is None:
+            return False
+        return sequence == _FIRST or (sequence - self._newest + LATE_WITHIN) % _SPAN <= LATE_WITHIN + 1
+
+    def _unwrap(self, ticks: int) -> int:
+        step = (ticks - self._ticks) % _SPAN
+        self._ticks = self._ticks + step if step < _SPAN // 2 else ticks  # a clock that runs back was reset
+        return self._ticks
+
+
+def encode_request(command: int, data: int = 0) -> bytes:
+    """Return a request of 8 bytes; for a start, ``data`` is the number of records, 0 for no end."""
+    return _REQUEST.pack(_REQUEST_HEADER, command, data)
+
+
+def parse_request(datagram: bytes) -> tuple[int, int] | None:
+    """Return command and data of a request; None where the datagram is none."""
+    if len(datagram) != _REQUEST.size:
+        return None
+    header, command, data = _REQUEST.unpack(datagram)
+    return (command, data) if header == _REQUEST_HEADER else None
+
+
+def encode_record(counts: Sequence[int], sequence: int, ft_sequence: int, status: int = 0) -> bytes:
+    """Return one record of 36 bytes as a sensor sends it.
+
+    Args:
+        counts: Force x y z, torque x y z; each within an int32.
+        sequence: Number of the record since the start, from 1; sent modulo 2^32.
+        ft_sequence: The sensor's own sample counter; sent modulo 2^32.
+        status: The 32 status bits.
+    """
+    return _RECORD.pack(sequence % _SPAN, ft_sequence % _SPAN, status, *counts)
