@@ -1,0 +1,268 @@
+"""What the Weiss tactile controllers share: images in packets with id 0, and questions answered between them.
+
+Both controllers answer with the id of the question, begin every answer with a status word, and go on pushing images
+meanwhile.
+"""
+
+from __future__ import annotations
+
+import struct
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices.health import DecoderHealth
+from slipd.devices.weiss import Packet, Packets, encode, status_word
+from slipd.samples import TactileSample
+
+FRAME = 0x00
+"""Id of a packet that carries an image."""
+
+RLE = 0x01
+"""Flag of an image, and of a request for images: run-length encoded."""
+
+MAX_CELLS = 2048
+"""Of one image: four times the six matrices of the SDH hand. It bounds what a wrong length makes wait for."""
+
+FULL_SCALE = 4095
+"""The converters have 12 bits."""
+
+_FRAME_HEAD = struct.Struct("<IB")  # timestamp in ms, flags
+_CELL_BYTES = 2
+_MS_SPAN = 1 << 32
+_STATUS_BYTES = 2
+
+ANSWER_NS = 500_000_000
+"""An answer waits behind one image, 90 ms at 115200 bit/s; after so long without one it is lost."""
+ATTEMPTS = 3
+"""A device that answered before and leaves so many questions unanswered is asked from the beginning again."""
+RETRY_PAUSE_NS = 1_000_000_000
+"""Before a refused question is asked again."""
+PAUSE_NS = 300_000_000
+"""The bytes of one packet follow each other: after so long a pause a new one begins."""
+SILENCE_NS = 1_000_000_000
+"""Thirty periods of the usual rate: the device no longer runs."""
+
+Units = NDArray[np.uint16]
+
+
+def encode_frame(units: Units, device_time_ms: int, seed: int, *, flags: int = 0) -> bytes:
+    """Return a packet with an image.
+
+    Args:
+        units: Cells, or runs of cells, integers of 16 bits, shape (any,).
+        device_time_ms: The controller's clock, ms; sent modulo 2^32.
+        seed: Of the checksum, as of `weiss.encode`.
+        flags: Of the image.
+    """
+    head = _FRAME_HEAD.pack(device_time_ms % _MS_SPAN, flags)
+    return encode(FRAME, head + np.asarray(units).astype("<u2").tobytes(), seed)
+
+
+class TactileDecoder(ABC):
+    """Finds images and answers; what an image may hold and what is made of it is the device's own.
+
+    ``device_time_ns`` is the controller's millisecond clock as sent: it wraps every 2^32 ms (49.7 days). Images carry
+    no number, so `health.lost`, `health.duplicates` and `health.restarts` stay 0: gaps and restarts show in the
+    device's time.
+
+    Args:
+        seed: Of the checksum.
+        replies: Length of the payload of each answer by its id; one of the status word alone is an answer as well.
+        typical: Length of an ordinary packet, bytes.
+        text: Bytes that are no damage when they stand between packets.
+    """
+
+    def __init__(self, seed: int, replies: Mapping[int, int], typical: int, text: bytes = b"") -> None:
+        self.health = DecoderHealth()
+        self.reply_sizes = replies
+        self._stream = Packets(seed, self._admits, typical, self.health, text=text)
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Take bytes received at ``t_ns`` and return the images they complete."""
+        return self.separate(data, t_ns)[0]
+
+    def separate(self, data: bytes, t_ns: int) -> tuple[list[TactileSample], list[Packet]]:
+        """Take bytes received at ``t_ns`` and return the images and the answers they complete."""
+        samples: list[TactileSample] = []
+        answers: list[Packet] = []
+        for packet in self._stream.packets(data):
+            if packet.id == FRAME:
+                time_ms, flags = _FRAME_HEAD.unpack_from(packet.payload)
+                samples += self._images(bool(flags & RLE), _units(packet.payload), t_ns, time_ms * 1_000_000)
+            else:
+                answers.append(packet)
+        self.health.good += len(samples)
+        return samples, answers
+
+    def forget(self) -> None:
+        """Drop a begun packet: the rest of it will not come."""
+        self._stream.forget()
+
+    def _admits(self, packet_id: int, size: int, begun: bytes) -> bool:
+        if packet_id != FRAME:
+            return size in (_STATUS_BYTES, self.reply_sizes.get(packet_id)) and packet_id in self.reply_sizes
+        count, odd = divmod(size - _FRAME_HEAD.size, _CELL_BYTES)
+        if odd or not 0 < count <= MAX_CELLS:
+            return False
+        if len(begun) < _FRAME_HEAD.size:
+            return True
+        return self._admits_image(bool(begun[_FRAME_HEAD.size - 1] & RLE), count, _units(begun))
+
+    @abstractmethod
+    def _admits_image(self, rle: bool, count: int, begun: Units) -> bool:
+        """Say whether an image of ``count`` units may begin with those that have come."""
+
+    @abstractmethod
+    def _images(self, rle: bool, units: Units, t_ns: int, device_time_ns: int) -> list[TactileSample]:
+        """Make samples of the units of an admitted image."""
+
+
+def _units(payload: bytes) -> Units:
+    count = (len(payload) - _FRAME_HEAD.size) // _CELL_BYTES
+    return np.frombuffer(payload, "<u2", count, _FRAME_HEAD.size)
+
+
+def image(cells: Units, t_ns: int, device_time_ns: int, full_scale: int, source: str = "") -> TactileSample:
+    """Make the sample of one matrix; "saturated" where a cell is at full scale."""
+    status = ("saturated",) if bool((cells >= full_scale).any()) else ()
+    return TactileSample(t_ns, device_time_ns, cells.astype(np.float64), status, source)
+
+
+class Step(NamedTuple):
+    """One question of a session.
+
+    Attributes:
+        name: Of what is asked for.
+        reply_id: Id of question and answer.
+        request: The question.
+        take: ``take(payload)`` uses the answer, and returns what is wrong with it, "" when nothing is.
+        forgives: Status numbers other than 0 with which the answer will do.
+    """
+
+    name: str
+    reply_id: int
+    request: bytes
+    take: Callable[[bytes], str] = lambda _: ""
+    forgives: Collection[int] = ()
+
+
+class TactileSession(ABC):
+    """Asks the device what it is, starts its images, and begins anew when they cease.
+
+    Images that arrive are handed on at all times, whatever the state. `state` is "closed", "waiting" (for the first
+    answer), "configuring", "running", or names what is in the way, such as "no answer to system information" or
+    "refused start: access denied"; both are retried for ever.
+
+    Args:
+        decoder: Of the images and answers.
+        stop: Request that stops the images.
+        words: Meaning of the device's status numbers.
+        patience_ns: How long the device may leave the first question unanswered.
+        period_ns: Expected time from one image to the next.
+    """
+
+    def __init__(
+        self, decoder: TactileDecoder, stop: bytes, words: tuple[str, ...], patience_ns: int, period_ns: int
+    ) -> None:
+        self.decoder = decoder
+        self.health = decoder.health
+        self.state = "closed"
+        self.identity = ""
+        self._stop = stop
+        self._words = words
+        self._patience_ns = patience_ns
+        self._silence_ns = max(SILENCE_NS, 3 * period_ns)
+        self._steps: list[Step] = []
+        self._at = 0
+        self._asked = 0
+        self._since_ns = 0
+        self._due_ns: int | None = None
+        self._heard_ns = 0
+
+    @abstractmethod
+    def _script(self) -> list[Step]:
+        """Return the questions; the last one starts the images."""
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link, with the first question."""
+        self.decoder.forget()
+        self.state = "waiting"
+        self.identity = ""
+        self._begin(now_ns)
+        return self.on_time(now_ns)
+
+    def stop(self) -> bytes:
+        """End, and return the request that stops the images."""
+        self.state = "closed"
+        self._due_ns = None
+        return self._stop
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        return self._due_ns
+
+    def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
+        """Take bytes received at ``now_ns`` and return the images they complete."""
+        if now_ns - self._heard_ns > PAUSE_NS:
+            self.decoder.forget()
+        self._heard_ns = now_ns
+        samples, answers = self.decoder.separate(data, now_ns)
+        if self._due_ns is None:
+            return samples
+        for answer in answers:
+            self._hear(answer, now_ns)
+        if samples and self._at == len(self._steps):
+            self._due_ns = now_ns + self._silence_ns
+        return samples
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the question that is due at ``now_ns``; empty when none is."""
+        if self._due_ns is None or now_ns < self._due_ns:
+            return b""
+        if self._at == len(self._steps):
+            return self.start(now_ns)
+        patience_ns = self._patience_ns if self._at == 0 else ATTEMPTS * ANSWER_NS
+        if now_ns - self._since_ns >= patience_ns:
+            self.state = f"no answer to {self._steps[self._at].name}"
+            self._begin(now_ns)
+        self._asked += 1
+        self._due_ns = now_ns + ANSWER_NS
+        return self._steps[self._at].request
+
+    def _begin(self, now_ns: int) -> None:
+        self._steps = self._script()
+        self._at = 0
+        self._await_turn(now_ns)
+
+    def _await_turn(self, due_ns: int) -> None:
+        """Ask at ``due_ns``; until then nothing that comes is the answer."""
+        self._asked = 0
+        self._due_ns = self._since_ns = due_ns
+
+    def _hear(self, answer: Packet, now_ns: int) -> None:
+        if self._at == len(self._steps) or not self._asked or answer.id != self._steps[self._at].reply_id:
+            return
+        step = self._steps[self._at]
+        code = int.from_bytes(answer.payload[:_STATUS_BYTES], "little")
+        if code and code not in step.forgives:
+            wrong = f"refused {step.name}: {status_word(code, self._words)}"
+        elif len(answer.payload) != self.decoder.reply_sizes[answer.id]:
+            wrong = f"empty answer to {step.name}"
+        else:
+            wrong = step.take(answer.payload)
+        if wrong:
+            self.state = wrong
+            self._await_turn(now_ns + RETRY_PAUSE_NS)
+            return
+        self.state = "configuring"
+        self._at += 1
+        # An answer does not say which of two like questions it is for: after a repeated one the second answer is
+        # let pass first.
+        self._await_turn(now_ns if self._asked == 1 else now_ns + ANSWER_NS)
+        if self._at == len(self._steps):
+            self.state = "running"
+            self._due_ns = now_ns + self._silence_ns
