@@ -20,6 +20,9 @@ class Mounting:
         quat_xyzw: Rotation that takes sensor coordinates to pad coordinates, as a unit quaternion (x, y, z, w).
         sign: +1 where the sensor reports the load on the finger, −1 where it reports the load by it.
 
+    Attributes:
+        matrix: Takes (F, M) of the sensor to (F, M) of the pad in one product, shape (6, 6); not to be written to.
+
     Raises:
         ValueError: Values that are not finite, a quaternion of length 0, a sign other than ±1.
     """
@@ -32,13 +35,18 @@ class Mounting:
     ) -> None:
         if sign not in (1, -1):
             raise ValueError(f"sign must be +1 or -1, not {sign}")
-        if not all(map(math.isfinite, (*xyz_m, *quat_xyzw))) or not math.hypot(*quat_xyzw) > 0.0:
+        largest = max(map(abs, quat_xyzw))
+        if not all(map(math.isfinite, (*xyz_m, *quat_xyzw))) or largest == 0.0:
             raise ValueError("xyz_m and quat_xyzw must be finite, and the quaternion not zero")
-        rotation = Rotation.from_quat(np.asarray(quat_xyzw, dtype=np.float64)).as_matrix()
+        quaternion = (
+            np.array(quat_xyzw, dtype=np.float64) / largest
+        )  # the squares of what is left neither sink nor swell
+        rotation = Rotation.from_quat(quaternion).as_matrix()
         x, y, z = xyz_m
         lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # r × F as a matrix
-        self._force = sign * rotation
-        self._torque = sign * np.hstack((lever @ rotation, rotation))
+        self.matrix: Array = sign * np.block([[rotation, np.zeros((3, 3))], [lever @ rotation, rotation]])
+        self.matrix.flags.writeable = False
+        self._force, self._torque = sign * rotation, self.matrix[3:]
 
     def to_pad(self, force_n: Array, torque_nm: Array) -> tuple[Array, Array]:
         """Moves a wrench to the pad frame: F = s R F_sensor, M = s (R M_sensor + r × R F_sensor).
@@ -49,7 +57,7 @@ class Mounting:
 
         Returns:
             Force on the finger (3,), N, and torque about the pad's origin (3,), N·m, both in the pad frame; what is
-            infinite makes NaN of what it enters.
+            infinite makes NaN of what it enters. A torque that is NaN leaves the force as it is.
         """
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             return self._force @ force_n, self._torque @ np.concatenate((force_n, torque_nm))
