@@ -110,6 +110,8 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
     own = sorted({"rows", "cols"} & stream.options.keys())
     if own:
         return [(f"{path}.options", f"{' and '.join(own)} stand beside options, as keys of the pad itself")]
+    if device.wired and "wiring" in stream.options:
+        return [(f"{path}.options.wiring", "leave it out: the port's address says it")]
     try:
         (device.session or device.decoder)(**device_options(stream))
     except (TypeError, ValueError, OverflowError) as error:
@@ -129,10 +131,13 @@ def axes_of(pad: Pad) -> int:
 
 
 def device_options(stream: Stream) -> dict[str, Any]:
-    """Options for the device's decoder or session: those of the file, and a scanned pad's own rows and columns."""
+    """Options for the device's decoder or session: those of the file, and what other keys of the stream say."""
+    device = DEVICES[stream.device]
     options: dict[str, Any] = dict(stream.options)
-    if isinstance(stream, Pad) and DEVICES[stream.device].sized:
+    if isinstance(stream, Pad) and device.sized:
         options |= {"rows": stream.rows, "cols": stream.cols}
+    if device.wired:
+        options["wiring"] = transport_of(stream.port)
     return options
 
 

@@ -56,12 +56,29 @@ class Pose(_Model):
 
 
 class Wrench(Stream):
-    """``[finger.X.wrench]``: a force/torque sensor."""
+    """``[finger.X.wrench]``: a force/torque sensor.
+
+    Attributes:
+        sign: +1 where the sensor reports the load on the finger, −1 where it reports the load by it.
+        pad_from_sensor: Where the sensor sits.
+        mass_kg: Mass of the part of the finger beyond the sensor, kg; 0: nothing to compensate.
+        com_m: Its centre of mass in the pad frame, m.
+        force_std_n: Noise of each force component, standard deviation, N.
+        torque_std_nm: Likewise of each torque component, N·m.
+        drift_tau_s: Time constant with which a drifting zero is followed while nothing touches; None: it is not.
+        drift_limit_n: Most that is followed since the tare, each force component, N.
+        drift_limit_nm: Likewise each torque component, N·m.
+    """
 
     sign: Literal[1, -1] = 1
     pad_from_sensor: Pose = Pose()
+    mass_kg: NotNegative = 0.0
+    com_m: Vector3 = [0.0, 0.0, 0.0]
     force_std_n: NotNegative = 0.02
     torque_std_nm: NotNegative = 0.0005
+    drift_tau_s: Positive | None = None
+    drift_limit_n: Positive = 1.0
+    drift_limit_nm: Positive = 0.02
 
 
 class Pad(Stream):

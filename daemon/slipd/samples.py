@@ -69,6 +69,7 @@ class GripperSample:
         fault: Name of the fault the gripper reports, "" when none.
         echo_ok: The gripper echoes the position that was last requested; None before the first command.
         current_a: Motor current, A.
+        source: Always "".
     """
 
     t_ns: int
@@ -80,6 +81,7 @@ class GripperSample:
     fault: str
     echo_ok: bool | None
     current_a: float
+    source: str = ""
 
 
 Sample = WrenchSample | TactileSample | GripperSample

@@ -86,6 +86,7 @@ class Device:
         baud: Default line speed of a serial port, bit/s; None for devices that have none. All lines are 8N1.
         axes: Components a taxel measures: 1 or 3; 0 for devices without taxels.
         sized: The decoder must be told the pad's ``rows`` and ``cols``.
+        wired: The decoder must be told how its bytes travel (option ``wiring``): they differ.
         shared: One port carries several sensors, told apart by the ``source`` of their samples.
         clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
         host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
@@ -101,6 +102,7 @@ class Device:
     baud: int | None
     axes: int
     sized: bool
+    wired: bool
     shared: bool
     clock_span_ns: int | None
     host_clock: bool
@@ -120,6 +122,7 @@ def _device(
     baud: int | None = None,
     axes: int = 0,
     sized: bool = False,
+    wired: bool = False,
     shared: bool = False,
     clock_span_ns: int | None = None,
     host_clock: bool = False,
@@ -133,6 +136,7 @@ def _device(
         baud=baud,
         axes=axes,
         sized=sized,
+        wired=wired,
         shared=shared,
         clock_span_ns=clock_span_ns,
         host_clock=host_clock,
@@ -150,7 +154,7 @@ DEVICES: dict[str, Device] = {
     for device in (
         _device("bota", "wrench", "serial", baud=460_800, clock_span_ns=_US_32, session=True),
         _device("netft", "wrench", "udp", session=True, inquiry=True),
-        _device("optoforce", "wrench", "serial", "udp", baud=1_000_000, session=True),
+        _device("optoforce", "wrench", "serial", "udp", baud=1_000_000, wired=True, session=True),
         _device("robotous", "wrench", "serial", baud=115_200, session=True),
         _device("gauges", "wrench", "serial", baud=921_600, clock_span_ns=_US_32),
         _device("pvdf", "tactile", "serial", baud=921_600, axes=1, sized=True, clock_span_ns=_US_32),

@@ -34,6 +34,7 @@ class Contact:
         fy_n: f_t along Y on the finger, N.
         spin_nm: m, the torque about the pad normal through C, N·m; NaN when not valid.
         friction_ratio: R = |f_t| / f_n; NaN when not valid.
+        friction_ratio_std: One standard deviation of R; NaN when not valid.
         valid: The wrench is finite and presses with at least the least normal force.
     """
 
@@ -46,6 +47,7 @@ class Contact:
     fy_n: float
     spin_nm: float
     friction_ratio: float
+    friction_ratio_std: float
     valid: bool
 
     @property
@@ -111,8 +113,9 @@ def contact_of(
     normal = -fz
     if not (normal >= min_normal_n and math.isfinite(fx + fy + fz + mx + my + mz)):
         nan = math.nan
-        return Contact(nan, nan, nan, nan, normal, fx, fy, nan, nan, False)
+        return Contact(nan, nan, nan, nan, normal, fx, fy, nan, nan, nan, False)
     cx, cy = my / normal, -mx / normal  # (1): C = (−M_y, M_x) / F_z
+    ratio = math.hypot(fx, fy) / normal  # (4)
     return Contact(
         cx,
         cy,
@@ -122,6 +125,7 @@ def contact_of(
         fx,
         fy,
         mz - (mx * fx + my * fy) / normal,  # (3), with F_x where the print has F_y
-        math.hypot(fx, fy) / normal,  # (4)
+        ratio,
+        force_std_n * math.hypot(1.0, ratio) / normal,
         True,
     )
