@@ -46,9 +46,10 @@ class Decoder:
     the record number, which begins anew with every start.
 
     Status names: "temperature", "supply" (outside the sensor's limits), "busy" (settings change), "monitor" (a
-    condition latched), "simulated"; "overload" (force or torque out of range), with "gauge_range" when a gauge is;
-    "invalid" with "broken_gauge", "other_error", "no_calibration" or "calibration_checksum". "unknown" is a reserved
-    bit; "error" is the bit for any error, and makes a reading "invalid" when no known error explains it.
+    condition latched), "simulated"; "overload" (force or torque out of range, or a count at the end of its range),
+    with "gauge_range" when a gauge is; "invalid" with "broken_gauge", "other_error", "no_calibration" or
+    "calibration_checksum". "unknown" is a reserved bit; "error" is the bit for any error, and makes a reading
+    "invalid" when no known error explains it.
 
     Args:
         counts_per_force: Counts per ``force_unit``.
@@ -115,6 +116,8 @@ class Decoder:
 @lru_cache(maxsize=64)  # a condition lasts many records, and few are there at a time
 def _words(status: int) -> tuple[str, ...]:
     words = [word for bit, names in _BIT_NAMES.items() if status >> bit & 1 for word in names]
+    if status & rdt.AT_RAIL:
+        words.append("overload")
     if status & _RESERVED:
         words.append("unknown")
     if status & _ANY_ERROR:

@@ -36,8 +36,12 @@ _GAP_WITHIN = 1 << 12
 _TICKS_WITHIN = 1 << 16
 """Ticks from one record to the next: a record a second is 7000."""
 
+AT_RAIL = 1 << 32
+"""A 33rd status bit, which is not sent: a count is at the end of its range."""
+_RAILS = (-(1 << 31), (1 << 31) - 1)
+
 Head = tuple[int, int]
-"""Ticks of the sensor's own clock, unwrapped, and the status word."""
+"""Ticks of the sensor's own clock, unwrapped, and the status word with `AT_RAIL`."""
 
 
 class Records:
@@ -70,13 +74,18 @@ class Records:
         """
         buffer, found = self._frames.receive(data)
         heads: list[Head] = []
-        counts: list[bytes] = []
+        bodies: list[bytes] = []
         for start, _ in found:
             sequence, ticks, status = _HEAD.unpack_from(buffer, start)
             if self._numbering.take(sequence):
                 heads.append((self._unwrap(ticks), status))
-                counts.append(buffer[start + _COUNTS_AT : start + RECORD_LENGTH])
-        return heads, np.frombuffer(b"".join(counts), ">i4").astype(np.float64).reshape(-1, 6)
+                bodies.append(buffer[start + _COUNTS_AT : start + RECORD_LENGTH])
+        counts = np.frombuffer(b"".join(bodies), ">i4").astype(np.float64).reshape(-1, 6)
+        lowest, highest = _RAILS
+        if heads and (counts.min() == lowest or counts.max() == highest):
+            at_rail = ((counts == lowest) | (counts == highest)).any(axis=1)
+            heads = [(ticks, status | AT_RAIL * bool(at)) for (ticks, status), at in zip(heads, at_rail, strict=True)]
+        return heads, counts
 
     def begin(self) -> None:
         """Expect the first record of a freshly opened stream."""

@@ -1,0 +1,125 @@
+"""Raw strain gauges: six channels behind one amplifier on a serial line, made a wrench by a 6×6 matrix.
+
+The paper's own force sensor is such a beam with six strain gauges; it says nothing of the wire, so the format is ours.
+Written down, with a worked frame, in docs/devices.md.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+
+from slipd.devices import crc
+from slipd.devices.framing import FixedFrames
+from slipd.devices.health import DecoderHealth
+from slipd.devices.numbering import Numbering
+from slipd.samples import Array, WrenchSample
+
+CHANNELS = 6
+FRAME_LENGTH = 36
+
+LARGEST_ENTRY = 1e6
+"""N or N·m a count: far beyond any gauge, and no sum of six such products leaves what a float holds."""
+LARGEST_CONDITION = 1e6
+"""Of the matrix with rows of length one: beyond, a count in one channel moves the others' wrench by millions."""
+
+_VERSION = 1
+_SYNC = bytes((0xC3, 0x3C, _VERSION))
+_UNCHECKED = 2  # the two sync bytes; the checksum covers all that follows, the version first
+_BODY = struct.Struct("<BHI6i")  # status, sequence, device time µs, counts
+_RESERVED_STATUS = 0x80
+_SATURATED = (1 << CHANNELS) - 1
+_INVALID = 1 << CHANNELS
+_RAILS = frozenset((-(1 << 31), (1 << 31) - 1))
+_SEQUENCE_SPAN = 1 << 16
+_US_SPAN = 1 << 32
+
+
+class Decoder:
+    """Makes wrench samples of the gauges: wrench = matrix · (counts − offset).
+
+    ``device_time_ns`` is the amplifier's microsecond counter as sent: it wraps every 2^32 µs (71.6 min), and
+    unwrapping it is not done here. `health.lost` counts the gaps of the frames' sequence.
+
+    Status names: "overload" (a channel is saturated, or its count at the end of its range), "invalid" (the amplifier
+    says that no channel can be trusted, such as a bridge without supply).
+
+    Args:
+        matrix: Six rows, force x y z in N and torque x y z in N·m a count, by six channels. Unless given, the counts
+            themselves.
+        offset: Counts of each channel without load.
+
+    Raises:
+        ValueError: Matrix or offset of another shape, not finite or too large, or the matrix is (nearly) singular.
+    """
+
+    def __init__(
+        self, matrix: Sequence[Sequence[float]] | None = None, offset: Sequence[float] = (0.0,) * CHANNELS
+    ) -> None:
+        self._matrix = np.eye(CHANNELS) if matrix is None else _checked_matrix(matrix)
+        self._offset = _array("offset", offset, (CHANNELS,), float(_US_SPAN))
+        self.health = DecoderHealth()
+        self._numbering = Numbering(_SEQUENCE_SPAN, self.health)
+        self._frames = FixedFrames(_SYNC, FRAME_LENGTH, _holds, self.health)
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        """Take bytes received at ``t_ns`` and return the readings they complete, in the sensor's frame."""
+        buffer, found = self._frames.receive(data)
+        samples: list[WrenchSample] = []
+        for at, _ in found:
+            status, sequence, time_us, *counts = _BODY.unpack_from(buffer, at + len(_SYNC))
+            if not self._numbering.take(sequence):
+                continue
+            values = self._matrix @ (np.array(counts) - self._offset)
+            words = ("overload",) if status & _SATURATED or not _RAILS.isdisjoint(counts) else ()
+            if status & _INVALID:
+                words = (*words, "invalid")
+            samples.append(WrenchSample(t_ns, time_us * 1000, values[:3], values[3:], words))
+        self.health.good += len(samples)
+        return samples
+
+
+def _holds(buffer: bytes, at: int) -> bool:
+    if buffer[at + len(_SYNC)] & _RESERVED_STATUS:
+        return False
+    return crc.x25_holds(buffer[at + _UNCHECKED : at + FRAME_LENGTH])
+
+
+def _checked_matrix(rows: Sequence[Sequence[float]]) -> Array:
+    matrix = _array("matrix", rows, (CHANNELS, CHANNELS), LARGEST_ENTRY)
+    lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
+    condition = np.linalg.cond(matrix / lengths) if lengths.all() else np.inf
+    if condition > LARGEST_CONDITION:
+        raise ValueError(
+            f"matrix is singular or nearly so (condition {condition:.1e} with rows of length one): "
+            f"six gauges that tell six components apart stay under {LARGEST_CONDITION:.0e}"
+        )
+    return matrix
+
+
+def _array(
+    name: str, numbers: Sequence[float] | Sequence[Sequence[float]], shape: tuple[int, ...], most: float
+) -> Array:
+    try:
+        array = np.array(numbers, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape != shape or not (np.abs(array) <= most).all():
+        size = " x ".join(map(str, shape))
+        raise ValueError(f"{name} must be {size} finite numbers, none beyond {most:g}")
+    return array
+
+
+def encode_frame(counts: Sequence[int], sequence: int, device_time_us: int, status: int = 0) -> bytes:
+    """Return one frame of 36 bytes as the amplifier sends it.
+
+    Args:
+        counts: Six, each within an int32.
+        sequence: Number of the frame; sent modulo 2^16.
+        device_time_us: The amplifier's clock, µs; sent modulo 2^32.
+        status: Bits 0 to 5: that channel is saturated; 6: no channel can be trusted.
+    """
+    body = _SYNC + _BODY.pack(status, sequence % _SEQUENCE_SPAN, device_time_us % _US_SPAN, *counts)
+    return body + crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")
