@@ -154,8 +154,8 @@ class TactileSession(ABC):
     """Asks the device what it is, starts its images, and begins anew when they cease.
 
     Images that arrive are handed on at all times, whatever the state. `state` is "closed", "waiting" (for the first
-    answer), "configuring", "running", or names what is in the way, such as "no answer to system information" or
-    "refused start: access denied"; both are retried for ever.
+    answer), "configuring", "waiting for images", "running", or names what is in the way, such as "no answer to sensor"
+    or "refused start: access denied"; both are retried for ever.
 
     Args:
         decoder: Of the images and answers.
@@ -216,6 +216,7 @@ class TactileSession(ABC):
         for answer in answers:
             self._hear(answer, now_ns)
         if samples and self._at == len(self._steps):
+            self.state = "running"
             self._due_ns = now_ns + self._silence_ns
         return samples
 
@@ -264,5 +265,5 @@ class TactileSession(ABC):
         # let pass first.
         self._await_turn(now_ns if self._asked == 1 else now_ns + ANSWER_NS)
         if self._at == len(self._steps):
-            self.state = "running"
+            self.state = "waiting for images"
             self._due_ns = now_ns + self._silence_ns

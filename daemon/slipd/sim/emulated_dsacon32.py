@@ -1,0 +1,103 @@
+"""A Weiss DSACON32m seen from its line: it boots deaf, answers, and pushes images of all its matrices.
+
+Left out: single images, masks, sensitivities, thresholds and descriptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices import dsacon32
+from slipd.devices import dsacon32_messages as messages
+from slipd.devices.health import DecoderHealth
+from slipd.devices.weiss import BEHIND_PREAMBLE, Packet, Packets
+from slipd.sim.weiss_controller import WeissController
+
+DEAF_NS = 8_000_000_000
+"""From power-up until it hears."""
+
+TEXT_NS = (7_000_000_000, 7_400_000_000, 7_800_000_000)
+"""From power-up to each piece of its boot text."""
+
+FINGER = ((6, 14), (6, 13))
+"""The proximal and the distal matrix of an SDH finger, columns and rows."""
+
+_INDEX_ERROR = 24
+_REQUEST_BYTES = 9
+
+
+class Dsacon32(WeissController):
+    """The controller's end of its line, powered long before time 0; time is told to it.
+
+    Args:
+        matrices: Columns and rows of each matrix; `press` takes the cells of all, in this order.
+        rng: Source of its noise.
+        info: What it says of itself.
+        noise_counts: Standard deviation of each reading.
+        clock_ppm: How much too fast its clock runs.
+    """
+
+    rate_hz = 30.0
+
+    def __init__(
+        self,
+        matrices: Sequence[tuple[int, int]],
+        rng: np.random.Generator,
+        *,
+        info: messages.ControllerInfo | None = None,
+        noise_counts: float = 0.7,
+        clock_ppm: float = 80.0,
+    ) -> None:
+        requests = Packets(BEHIND_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
+        super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
+        self.info = info or messages.ControllerInfo(serial=1234)
+        self._matrices = matrices
+        self._rle = False
+        self._text_ns: list[int] = []
+        self._deaf_until_ns = 0
+
+    def power_up(self, t_ns: int) -> None:
+        """Boot, as after the power was cut: images cease, and for 8 s nothing is heard."""
+        self._push(None, t_ns)
+        self._powered_ns = t_ns
+        self._deaf_until_ns = t_ns + DEAF_NS
+        self._text_ns = [t_ns + delay for delay in TEXT_NS]
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote by ``t_ns``; return the answers."""
+        return super().receive(data, t_ns) if t_ns >= self._deaf_until_ns else []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return what is said until then."""
+        due = sum(text_ns <= t_ns for text_ns in self._text_ns)
+        del self._text_ns[:due]
+        return [dsacon32.BOOT_TEXT] * due + super().advance(t_ns)
+
+    def _obey(self, request: Packet, t_ns: int) -> bytes:
+        if request.id == messages.CONTROLLER:
+            return messages.encode_controller(self.info)
+        if request.id == messages.SENSOR:
+            return messages.encode_sensor(len(self._matrices), serial=5678)
+        if request.id == messages.MATRIX:
+            index = request.payload[0]
+            if index >= len(self._matrices):
+                return messages.encode_error(messages.MATRIX, _INDEX_ERROR)
+            return messages.encode_matrix(*self._matrices[index])
+        rate_hz, self._rle = messages.parse_acquire(request.payload)
+        self._push(round(1e9 / min(rate_hz, dsacon32.MAX_RATE_HZ)) if rate_hz else None, t_ns)
+        return messages.encode_error(messages.ACQUIRE)
+
+    def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:
+        return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
+
+
+def make(seed: int = 0) -> Dsacon32:
+    """Make the controller of one SDH finger."""
+    return Dsacon32(FINGER, np.random.default_rng(seed))
+
+
+def _is_request(packet_id: int, size: int, _: bytes) -> bool:
+    return messages.REQUEST_SIZES.get(packet_id) == size

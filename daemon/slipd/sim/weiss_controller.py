@@ -1,0 +1,79 @@
+"""What the emulated Weiss tactile controllers share: a clock, cells with noise, images pushed at a period."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices.weiss import Packet, Packets
+from slipd.devices.weiss_tactile import FULL_SCALE
+from slipd.samples import Array
+
+
+class WeissController(ABC):
+    """A controller's end of its line; time is told to it.
+
+    Args:
+        cells: How many cells it reads.
+        requests: Finds what the host asks.
+        rng: Source of its noise.
+        noise_counts: Standard deviation of each reading.
+        clock_ppm: How much too fast its clock runs.
+    """
+
+    rate_hz: float
+
+    def __init__(
+        self, cells: int, requests: Packets, rng: np.random.Generator, noise_counts: float, clock_ppm: float
+    ) -> None:
+        self.options: dict[str, Any] = {}
+        self._ideal = np.zeros(cells)
+        self._requests = requests
+        self._rng = rng
+        self._noise_counts = noise_counts
+        self._clock = (1.0 + clock_ppm * 1e-6) * 1e-6  # its ms in an ns
+        self._powered_ns = 0
+        self._period_ns: int | None = None
+        self._next_ns = 0
+
+    def opened(self, t_ns: int) -> None:
+        """Drop a request that the line's former user left unfinished."""
+        self._requests.forget()
+
+    def press(self, values: Array) -> None:
+        """Take what the cells read from now on, shape (cells,), counts.
+
+        Raises:
+            ValueError: There are more or fewer values than cells.
+        """
+        if np.shape(values) != self._ideal.shape:
+            raise ValueError(f"values of shape {np.shape(values)}: there are {self._ideal.size} cells")
+        self._ideal = np.asarray(values, dtype=np.float64)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote by ``t_ns``; return the answers."""
+        return [self._obey(request, t_ns) for request in self._requests.packets(data)]
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the images due until then."""
+        said = []
+        while self._period_ns is not None and self._next_ns <= t_ns:
+            noisy = self._ideal + self._noise_counts * self._rng.standard_normal(self._ideal.size)
+            cells = np.clip(np.rint(noisy), 0, FULL_SCALE).astype(np.uint16)
+            said.append(self._frame(cells, round((self._next_ns - self._powered_ns) * self._clock)))
+            self._next_ns += self._period_ns
+        return said
+
+    def _push(self, period_ns: int | None, t_ns: int) -> None:
+        """Send an image every ``period_ns`` from now on; None for no more."""
+        self._period_ns = period_ns
+        self._next_ns = t_ns + (period_ns or 0)
+
+    @abstractmethod
+    def _obey(self, request: Packet, t_ns: int) -> bytes: ...
+
+    @abstractmethod
+    def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes: ...
