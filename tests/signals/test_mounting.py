@@ -79,6 +79,62 @@ def test_a_power_does_not_depend_on_where_it_is_measured(
     assert np.linalg.norm(f) == pytest.approx(np.linalg.norm(force), abs=1e-9)
 
 
+@given(quat=TURN, xyz=VECTOR, sign=st.sampled_from((1, -1)), wrench=arrays(np.float64, 6, elements=SMALL))
+def test_the_matrix_does_the_whole_of_it_in_one_product(
+    quat: np.ndarray, xyz: np.ndarray, sign: int, wrench: np.ndarray
+) -> None:
+    mounting = Mounting(xyz, quat, sign)
+    assert_allclose(mounting.matrix @ wrench, np.concatenate(mounting.to_pad(wrench[:3], wrench[3:])), atol=1e-11)
+
+
+@given(quat=TURN, xyz=VECTOR, wrench=arrays(np.float64, 6, elements=SMALL), twist=arrays(np.float64, 6, elements=SMALL))
+def test_the_power_of_a_wrench_on_a_motion_is_the_same_in_either_frame(
+    quat: np.ndarray, xyz: np.ndarray, wrench: np.ndarray, twist: np.ndarray
+) -> None:
+    """The matrix is the inverse transpose of the adjoint that moves twists (velocity at the origin, rate of turn)."""
+    rotation = Rotation.from_quat(quat)
+    rate = rotation.apply(twist[3:])
+    velocity = rotation.apply(twist[:3]) + np.cross(xyz, rate)
+    on_pad = Mounting(xyz, quat).matrix @ wrench
+    assert on_pad @ np.concatenate((velocity, rate)) == pytest.approx(wrench @ twist, abs=1e-7)
+
+
+@given(a=TURN, b=TURN, at=VECTOR, further=VECTOR, signs=st.tuples(*[st.sampled_from((1, -1))] * 2))
+def test_one_mounting_on_another_is_the_mounting_of_both(
+    a: np.ndarray, b: np.ndarray, at: np.ndarray, further: np.ndarray, signs: tuple[int, int]
+) -> None:
+    outer, inner = Rotation.from_quat(a), Rotation.from_quat(b)
+    both = Mounting(at + outer.apply(further), (outer * inner).as_quat(), signs[0] * signs[1])
+    assert_allclose(Mounting(at, a, signs[0]).matrix @ Mounting(further, b, signs[1]).matrix, both.matrix, atol=1e-9)
+
+
+def test_the_matrix_cannot_be_changed_from_outside() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        Mounting().matrix[0, 0] = 2.0
+
+
+@pytest.mark.parametrize("length", [1e-300, 5e-324, 1e-160, 1e160, 1e300])
+def test_N3_a_quaternion_of_any_length_is_a_direction(length: float) -> None:
+    turned = Mounting(quat_xyzw=(0.0, 0.0, length, length)).matrix
+    assert_allclose(turned, Mounting(quat_xyzw=(0.0, 0.0, 0.5, 0.5)).matrix, atol=1e-15)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, 5e-324])
+def test_N1_N4_one_odd_reading_does_not_touch_the_next(value: float) -> None:
+    mounting = Mounting((0.01, 0.02, 0.03), (0.5, 0.5, 0.5, 0.5))
+    good = np.array((1.0, 2.0, 3.0)), np.array((0.1, 0.2, 0.3))
+    before = mounting.to_pad(*good)
+    mounting.to_pad(np.full(3, value), np.full(3, value))
+    for was, now in zip(before, mounting.to_pad(*good), strict=True):
+        assert (was == now).all()
+
+
+def test_N1_a_torque_that_is_not_measured_leaves_the_force() -> None:
+    force, torque = Mounting((0.01, 0.0, 0.0)).to_pad(np.array((1.0, 2.0, 3.0)), np.full(3, math.nan))
+    assert_allclose(force, (1.0, 2.0, 3.0))
+    assert np.isnan(torque).all()
+
+
 def test_a_quaternion_that_is_no_unit_is_only_a_direction() -> None:
     force, torque = np.array((1.0, 2.0, 3.0)), np.zeros(3)
     a = Mounting(quat_xyzw=(0.0, 0.0, 3.0, 3.0)).to_pad(force, torque)[0]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from slipd.signals.averaging import MOVING_FACTOR
 from slipd.signals.tare import MIN_READINGS, Tare
 
 MS = 1_000_000
@@ -66,7 +68,7 @@ def test_too_few_readings_make_no_tare_however_long_it_takes() -> None:
 
 
 @given(bad=st.sampled_from((math.nan, math.inf, -math.inf)), at=st.integers(0, 19), axis=st.integers(0, 1))
-def test_readings_that_are_no_numbers_do_not_enter_the_mean(bad: float, at: int, axis: int) -> None:
+def test_N1_readings_that_are_no_numbers_do_not_enter_the_mean(bad: float, at: int, axis: int) -> None:
     tare = Tare(np.zeros(2))
     tare.begin(0, 0.018)
     readings = [[2.0, 3.0] for _ in range(20)]
@@ -145,3 +147,121 @@ def test_an_image_is_tared_taxel_by_taxel() -> None:
     for k in range(MIN_READINGS):
         tare.apply(offset + (-1) ** k, k)
     assert_allclose(tare.current.value, offset)
+
+
+def test_a_tare_says_who_asked_for_it_and_how_still_it_was() -> None:
+    tare = Tare(np.zeros(2))
+    assert (tare.current.by, tare.current.std) == ("config", None)
+    readings = [[0.1 * (-1) ** k, 2.0] for k in range(10)]
+    tare.begin(0, 0.009, "00ff")
+    feed(tare, readings)
+    assert tare.current.by == "00ff"
+    assert_allclose(tare.current.std, np.std(readings, axis=0, ddof=1))
+
+
+def test_a_tare_keeps_the_gravity_in_which_it_was_taken() -> None:
+    tare = Tare(np.zeros(1))
+    assert_array_equal(tare.current.gravity_mps2, np.zeros(3), "the offset of the config holds no weight")
+    tare.begin(0, 0.009, gravity_mps2=np.array((0.0, 0.0, -9.8)))
+    feed(tare, [[1.0]] * 10)
+    assert_array_equal(tare.current.gravity_mps2, (0.0, 0.0, -9.8))
+    tare.begin(10 * MS, 0.009)
+    feed(tare, [[1.0]] * 10, start_ns=10 * MS)
+    assert tare.current.gravity_mps2 is None
+    tare.undo()
+    assert_array_equal(tare.current.gravity_mps2, (0.0, 0.0, -9.8))
+
+
+def test_readings_that_move_are_no_tare_and_the_reason_can_be_read() -> None:
+    tare = Tare(np.array((3.0, 0.0)), noise=np.array((0.02, 0.02)))
+    tare.begin(0, 0.019)
+    feed(tare, [[3.0, 0.1 * k] for k in range(20)])
+    assert not tare.busy
+    assert tare.current.id == 0
+    assert_array_equal(tare.current.value, (3.0, 0.0))
+    assert tare.aborted_reason == "the readings moved: component 1 spreads by 0.592, its noise is 0.02; hold still"
+    tare.begin(20 * MS, 0.019)
+    assert tare.aborted_reason == ""
+    feed(tare, [[3.0, 0.02 * (-1) ** k] for k in range(20)], start_ns=20 * MS)
+    assert tare.current.id == 1
+
+
+def test_a_component_without_a_stated_noise_may_move() -> None:
+    tare = Tare(np.zeros(2), noise=np.array((0.0, 0.02)))
+    tare.begin(0, 0.019)
+    feed(tare, [[float(k), 0.0] for k in range(20)])
+    assert tare.current.id == 1
+
+
+@pytest.mark.parametrize("noise", [np.zeros(3), np.array((0.1, -0.1)), np.array((math.nan, 0.1)), np.full(2, math.inf)])
+def test_a_noise_that_is_none_is_refused(noise: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="noise must be finite, not negative, and of shape"):
+        Tare(np.zeros(2), noise=noise)
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_F4_what_presses_in_the_second_half_of_a_tare_is_told_or_harmless(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    noise, readings = 0.02, 200
+    values = rng.normal(scale=noise, size=(readings, 3))
+    begins = rng.integers(readings // 2, readings)
+    values[begins:] += rng.normal(size=3) * 10 ** rng.uniform(-2.0, 1.5)
+    tare = Tare(np.zeros(3), noise=np.full(3, noise))
+    tare.begin(0, (readings - 1) * 1e-3)
+    feed(tare, values.tolist())
+    assert not tare.busy
+    assert bool(tare.aborted_reason) == (tare.current.id == 0)
+    assert np.abs(tare.current.value).max() <= MOVING_FACTOR * noise
+
+
+def test_F4_a_tare_that_is_given_up_says_why() -> None:
+    tare = Tare(np.zeros(1))
+    tare.abort("nothing to give up")
+    assert tare.aborted_reason == ""
+    tare.begin(0, 1.0)
+    tare.abort("the finger was touched")
+    assert tare.aborted_reason == "the finger was touched"
+
+
+def test_to_undo_a_tare_that_is_being_measured_is_to_give_it_up() -> None:
+    tare = Tare(np.zeros(1))
+    tare.begin(0, 0.009)
+    feed(tare, [[1.0]] * 10)
+    tare.begin(10 * MS, 1.0)
+    assert tare.undo()
+    assert not tare.busy
+    assert tare.aborted_reason == "undone before it was taken"
+    assert tare.current.id == 1, "the tare before it still holds"
+    assert tare.undo()
+    assert tare.current.id == 0
+
+
+def test_what_is_not_trusted_does_not_enter_the_mean() -> None:
+    tare = Tare(np.zeros(1))
+    tare.begin(0, 0.020)
+    for k in range(21):
+        tare.apply(np.array((1.0 if k % 2 == 0 else 50.0,)), k * MS, trusted=k % 2 == 0)
+    assert_allclose(tare.current.value, (1.0,))
+    assert tare.current.readings == 11
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e13])
+def test_N3_a_reading_that_no_device_can_send_is_no_part_of_an_offset(value: float) -> None:
+    tare = Tare(np.zeros(1))
+    tare.begin(0, 0.019)
+    feed(tare, [[1.0]] * 9 + [[value]] + [[1.0]] * 10)
+    assert_array_equal(tare.current.value, (1.0,))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 5e-324])
+def test_N1_one_odd_reading_outside_a_tare_touches_nothing(value: float) -> None:
+    tare = Tare(np.array((1.0,)))
+    tare.apply(np.array((value,)), 0)
+    assert_array_equal(tare.apply(np.array((3.0,)), MS), (2.0,))
+
+
+def test_N4_an_offset_is_never_denormal() -> None:
+    tare = Tare(np.zeros(1))
+    tare.begin(0, 0.009)
+    feed(tare, [[5e-324]] * 10)
+    assert (tare.current.id, tare.current.value[0]) == (1, 0.0)

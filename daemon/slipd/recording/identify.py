@@ -109,18 +109,18 @@ def _timed(
     decoder = session or device.decoder(**device_options(wrench))
     link = next(name for name, stream in settings.streams().items() if stream.port == wrench.port)
     for t_ns, event in recording.events():
-        if isinstance(event, Request):
-            body = event.body
-            gravity = body.get("gravity_mps2")
-            if body.get("op") == "gravity.set" and body.get("finger") == finger and gravity_fault(gravity) is None:
-                yield t_ns, np.array(gravity, dtype=np.float64)
-        elif isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link == link:
-            if isinstance(event, Bytes):
-                for sample in decoder.receive(event.data, t_ns):
+        match event:
+            case Request(body={"op": "gravity.set", "finger": name, "gravity_mps2": gravity}):
+                if name == finger and gravity_fault(gravity) is None:
+                    yield t_ns, np.array(gravity, dtype=np.float64)
+            case Bytes(name, data) if name == link:
+                for sample in decoder.receive(data, t_ns):
                     if isinstance(sample, WrenchSample) and sample.source == wrench.sensor:
                         yield sample.t_ns, sample
-            elif session is not None:
-                session.start(t_ns) if isinstance(event, LinkUp) else session.stop()
+            case LinkUp(name) if name == link and session is not None:
+                session.start(t_ns)
+            case LinkDown(name) if name == link and session is not None:
+                session.stop()
 
 
 def _poses(told: Iterator[tuple[int, Array | WrenchSample]], wrench: Wrench) -> tuple[Array, int]:

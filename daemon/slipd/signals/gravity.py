@@ -31,9 +31,9 @@ def gravity_fault(gravity_mps2: object) -> str | None:
         return "gravity_mps2 must be a list of three numbers, m/s² in the pad frame"
     if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in gravity_mps2):
         return "gravity_mps2 must hold numbers"
-    length = math.hypot(*gravity_mps2)
-    if not length <= MOST_GRAVITY_MPS2:
-        return f"gravity_mps2 must be finite and at most {MOST_GRAVITY_MPS2:.1f} m/s² (5 g) long, not {length:.4g}"
+    within = all(abs(value) <= MOST_GRAVITY_MPS2 for value in gravity_mps2)  # false for NaN too
+    if not (within and math.hypot(*gravity_mps2) <= MOST_GRAVITY_MPS2):
+        return f"gravity_mps2 must be finite and at most {MOST_GRAVITY_MPS2:.1f} m/s² (5 g) long"
     return None
 
 
