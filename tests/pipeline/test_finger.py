@@ -305,7 +305,7 @@ class TestPressed:
     """Whether something presses is known or not; what is not known is not free."""
 
     def tared(self, finger: Finger, wrench: Wrench, *, t_ns: int = T0 - 100 * MS) -> None:
-        finger.begin_tare(t_ns, 0.01)
+        finger.begin_tare(t_ns, 0.01, "someone")
         for k in range(20):
             finger.take_wrench(wrench(t_ns + k * MS, 0.0))
         assert finger.tare.current.id == 1
@@ -380,7 +380,7 @@ class TestPressed:
 
 class TestTare:
     def test_a_tare_takes_the_bias_away(self, finger: Finger, judge: Judge) -> None:
-        finger.begin_tare(T0, 0.1)
+        finger.begin_tare(T0, 0.1, "someone")
         for _ in range(12):
             judge(2.0, (1.0, 0.0), counts=EMPTY)
         assert finger.tare.current.id == 1
@@ -391,7 +391,7 @@ class TestTare:
         assert state.contact.tangential_n == pytest.approx((1.0, 0.0))
 
     def test_it_is_given_up_when_something_presses_meanwhile(self, finger: Finger, judge: Judge) -> None:
-        finger.begin_tare(T0, 0.1)
+        finger.begin_tare(T0, 0.1, "someone")
         for _ in range(5):
             judge(0.0, counts=EMPTY)
         judge(5.0, counts=FULL)
@@ -401,13 +401,13 @@ class TestTare:
         assert finger.tare.current.id == 0
 
     def test_it_is_given_up_when_its_stream_ends(self, finger: Finger, judge: Judge) -> None:
-        finger.begin_tare(T0, 0.1)
+        finger.begin_tare(T0, 0.1, "someone")
         judge(0.0, counts=EMPTY)
         finger.disconnect(T0 + 20 * MS)
         assert not finger.tare.busy
 
     def test_a_moments_silence_does_not_end_it(self, finger: Finger, judge: Judge) -> None:
-        finger.begin_tare(T0, 0.1)
+        finger.begin_tare(T0, 0.1, "someone")
         judge(0.0, counts=EMPTY)
         finger.on_time(T0 + 50 * MS)
         for _ in range(12):
@@ -415,7 +415,7 @@ class TestTare:
         assert finger.tare.current.id == 1
 
     def test_readings_that_the_sensor_distrusts_do_not_enter_it(self, finger: Finger, judge: Judge) -> None:
-        finger.begin_tare(T0, 0.1)
+        finger.begin_tare(T0, 0.1, "someone")
         for k in range(24):
             judge(0.0 if k % 2 else 500.0, counts=EMPTY, status=() if k % 2 else ("overload",))
         assert finger.tare.current.id == 1

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from slipd.config import Config
-from slipd.devices import bota, pvdf, xela
+from slipd.devices import bota, bota_text, pvdf, xela
 from slipd.pipeline.events import LinkSpec
 from slipd.pipeline.links import Link, make_links
 from slipd_client.messages import Health
@@ -33,8 +34,11 @@ def skin(number: int, taxels: int = 4, sensors: str = "12") -> bytes:
 
 
 def health(link: Link, t_ns: int, source: str = "") -> tuple[Health, str]:
-    told = link.health(link.streams[source], t_ns)
-    return Health(told["health"]), told["message"]
+    return link.level(link.streams[source], t_ns)
+
+
+def told(link: Link, t_ns: int, source: str = "") -> dict[str, Any]:
+    return link.told(link.streams[source], t_ns)
 
 
 def test_every_address_is_opened_once_under_the_name_of_its_first_stream(links: dict[str, Link]) -> None:
@@ -54,14 +58,14 @@ def test_a_line_speed_of_the_config_goes_before_the_devices_own(left: str, parse
 
 def test_the_options_of_the_config_reach_the_device(left: str, parse: Parse) -> None:
     links = make_links(parse(left.replace("rows = 4", "rows = 2").replace("cols = 4", "cols = 3")))
-    ((name, sample),) = links["left.pad"].receive(pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0), T0)
+    ((name, sample, _),) = links["left.pad"].receive(pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0), T0)
     assert name == "left.pad"
     assert sample.values.shape == (6,)
 
 
 def test_samples_that_share_a_port_are_told_apart_by_their_sensor(links: dict[str, Link]) -> None:
     found = links["right.pad"].receive(skin(1), T0)
-    assert sorted((name, sample.source) for name, sample in found) == [("right.pad", "2"), ("third.pad", "1")]
+    assert sorted((name, sample.source) for name, sample, _ in found) == [("right.pad", "2"), ("third.pad", "1")]
 
 
 def test_samples_of_no_stream_are_passed_over(links: dict[str, Link]) -> None:
@@ -82,18 +86,16 @@ def test_a_link_is_judged_from_its_opening_to_its_loss(links: dict[str, Link]) -
     assert health(link, T0) == (Health.ERROR, "not opened yet")
     link.open("/dev/ttyUSB0", T0)
     assert health(link, T0) == (Health.STALE, "open, but no reading yet")
-    assert link.health(link.streams[""], T0)["samples"] == 0
+    assert told(link, T0)["samples"] == 0
     link.receive(frame(T0), T0)
-    told = link.health(link.streams[""], T0)
-    assert (told["samples"], told["good"], told["reconnects"]) == (1, 1, 0)
-    assert link.health(link.streams[""], T0 + 15 * MS)["age_s"] == pytest.approx(0.015)
+    assert [told(link, T0)[key] for key in ("samples", "good", "reconnects")] == [1, 1, 0]
+    assert told(link, T0 + 15 * MS)["age_s"] == pytest.approx(0.015)
     assert health(link, T0 + 20 * MS) == (Health.OK, "")
     assert health(link, T0 + 21 * MS) == (Health.STALE, "no reading for 0.02 s")
     link.close("unplugged")
     assert health(link, T0 + 21 * MS) == (Health.ERROR, "unplugged")
-    link.open("/dev/ttyUSB1", T0)
-    told = link.health(link.streams[""], T0)
-    assert (told["reconnects"], told["hardware_id"]) == (1, "/dev/ttyUSB1")
+    link.open("/dev/ttyUSB0", T0)
+    assert [told(link, T0)[key] for key in ("reconnects", "hardware_id")] == [1, "/dev/ttyUSB0"]
 
 
 def feed(link: Link, hz: float, seconds: float, start_ns: int) -> int:
@@ -111,13 +113,12 @@ def test_a_rate_that_is_off_is_told(links: dict[str, Link], hz: float, well: boo
     link = links["left.wrench"]
     link.open("port", T0)
     now = feed(link, hz, 0.1, T0)
-    assert link.health(link.streams[""], now)["rate_hz"] is None, "a tenth of a second counts jitter"
+    link.level(link.streams[""], now)
+    assert told(link, now)["rate_hz"] is None, "a tenth of a second counts jitter"
     now = feed(link, hz, 1.0, now)
-    told = link.health(link.streams[""], now)
-    assert told["rate_hz"] == pytest.approx(hz, rel=0.01)
-    assert (told["health"] == Health.OK) == well
-    if not well:
-        assert told["message"] == f"{hz:.0f} Hz instead of 1000 Hz"
+    expected = (Health.OK, "") if well else (Health.WARN, f"{hz:.0f} Hz instead of 1000 Hz")
+    assert health(link, now) == expected
+    assert told(link, now)["rate_hz"] == pytest.approx(hz, rel=0.01)
 
 
 def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, Link]) -> None:
@@ -135,24 +136,80 @@ def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, Link]) 
     assert message == "300 bytes of late belong to no frame"
     now = feed(link, 1000.0, 1.0, now)
     assert health(link, now) == (Health.OK, "")
-    assert link.health(link.streams[""], now)["bad_bytes"] == 800
+    assert told(link, now)["bad_bytes"] == 800
 
 
 def test_a_device_that_must_be_spoken_to_is_spoken_to_while_the_link_is_up(links: dict[str, Link]) -> None:
     link = links["gripper"]
     assert link.due(T0) == b""
     assert link.open("port", T0) != b""
-    assert link.health(link.streams[""], T0)["state"] == "waiting"
+    assert told(link, T0)["state"] == "waiting"
     assert link.due(T0) == b"", "one transaction at a time"
     assert link.due(T0 + 100 * MS - 1) == b""
     assert link.due(T0 + 100 * MS) != b"", "the reply is overdue"
     link.close("unplugged")
     assert link.due(T0 + 1000 * MS) == b""
-    assert link.health(link.streams[""], T0)["state"] == "closed"
+    assert told(link, T0)["state"] == "closed"
 
 
 def test_a_device_that_speaks_unasked_is_told_nothing(links: dict[str, Link]) -> None:
     link = links["left.pad"]
     assert link.open("port", T0) == b""
     assert link.due(T0 + 10**12) == b""
-    assert link.health(link.streams[""], T0)["state"] is None
+    assert told(link, T0)["state"] is None
+
+
+def boot(link: Link, serial: str, t_ns: int) -> int:
+    """The sensor says who it is, and then sends a reading; returns how many are handed on."""
+    link.open("port", t_ns)
+    link.receive(bota_text.encode_banner("MiniONE", serial), t_ns)
+    return len(link.receive(frame(t_ns), t_ns))
+
+
+def test_L6_another_device_on_the_same_port_is_refused_and_the_old_one_taken_back(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    assert boot(link, "1234", T0) == 1
+    assert "1234" in told(link, T0)["hardware_id"]
+    assert boot(link, "777", T0 + MS) == 0
+    level, message = health(link, T0 + MS)
+    assert level == Health.ERROR
+    assert "another device answers" in message
+    assert "777" in message
+    assert "1234" in message
+    assert boot(link, "1234", T0 + 2 * MS) == 1
+    assert health(link, T0 + 2 * MS) == (Health.OK, "")
+
+
+def test_L6_another_adapter_behind_the_path_is_refused(links: dict[str, Link]) -> None:
+    link = links["left.pad"]
+    link.open("/dev/x (usb 0403:6001 A)", T0)
+    link.open("/dev/x (usb 0403:6001 B)", T0)
+    assert link.receive(pvdf.encode_scan(np.ones((4, 4), dtype=int), 1, 0.0, 5.0), T0) == []
+    assert health(link, T0)[0] == Health.ERROR
+    assert "another port answers" in health(link, T0)[1]
+
+
+def test_D1_no_reading_is_used_before_the_device_said_that_it_is_the_one(left: str, parse: Parse) -> None:
+    named = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\nhardware_id = "MiniONE S/N 1234"')
+    link = make_links(parse(named))["left.wrench"]
+    link.open("port", T0)
+    assert link.receive(frame(T0), T0) == []
+    assert health(link, T0) == (Health.ERROR, "waits for the device to say that it is 'MiniONE S/N 1234'")
+    assert boot(link, "1234", T0) == 1
+    assert boot(link, "777", T0) == 0
+    assert "where hardware_id says 'MiniONE S/N 1234'" in health(link, T0)[1]
+
+
+def test_L9_a_flood_is_thinned_from_its_oldest_end_and_told(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    flood = b"".join(frame(n * 1000) for n in range(1500))
+    found = link.receive(flood, T0)
+    assert len(found) == 1000, "a second of readings may have waited"
+    assert found[-1][1].device_time_ns == 1499 * 1000
+    assert (told(link, T0)["dropped"], told(link, T0)["good"]) == (500, 1500)
+    assert health(link, T0) == (Health.WARN, "sends more than 4 times its rate: the oldest readings are dropped")
+    assert len(link.receive(flood, T0 + 10 * MS)) == 40, "four times 1000 Hz for 10 ms"
+    now = feed(link, 1000.0, 1.5, T0 + 11 * MS)
+    assert health(link, now) == (Health.OK, "")
+    assert told(link, now)["dropped"] == 500 + 1460

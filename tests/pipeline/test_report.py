@@ -27,11 +27,11 @@ CONTRACT = {
     *("friction_ratio", "mu", "mu_source", "utilisation", "utilisation_lower", "utilisation_upper"),
     *("torque_limit_nm", "pole_m", "tipping_margin_m", "grip_needed_n", "model", "tare_id", "age_s"),
 }
-EXTRAS = {"centroid_std_m", "centroid_residual_m", "tipping_margin_std_m"}
+EXTRAS = {"centroid_std_m", "centroid_residual_m", "tipping_margin_std_m", "friction_ratio_std", "gravity"}
 ONLY_IN_CONTACT = {
     *("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "centroid_residual_m"),
     *("utilisation", "utilisation_lower", "utilisation_upper", "torque_limit_nm", "pole_m"),
-    *("tipping_margin_m", "grip_needed_n"),
+    *("tipping_margin_m", "grip_needed_n", "friction_ratio_std"),
 }
 
 Wrench = Callable[..., WrenchSample]

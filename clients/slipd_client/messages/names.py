@@ -25,6 +25,9 @@ REASONS = {
     "overload": "the sensor is beyond its range",
     "invalid": "the sensor marks its reading as invalid",
     "raw": "the sensor sends values that it has not calibrated",
+    "weight_unknown": "what the finger itself weighs is not known at this orientation, and may use up the margin",
+    "stuck": "the sensor repeats itself while it should not",
+    "disagreement": "force sensor and pad image contradict each other",
 }
 """Reason of a level → its meaning. A newer daemon may send further reasons: show them as they are."""
 

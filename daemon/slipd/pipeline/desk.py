@@ -10,6 +10,7 @@ from slipd.pipeline.events import Reply, Request
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl, Result
 from slipd.pipeline.requests import check_request
+from slipd.signals.gravity import gravity_fault
 from slipd_client.messages import PROTOCOL_VERSION
 
 Handler = Callable[[Request, int], Result]
@@ -46,6 +47,7 @@ class Desk:
             "tare": self._tare,
             "tare.get": self._tare_get,
             "tare.undo": self._tare_undo,
+            "gravity.set": self._gravity_set,
             "lease.acquire": self._lease_acquire,
             "lease.renew": self._lease_renew,
             "lease.release": self._lease_release,
@@ -91,7 +93,7 @@ class Desk:
         if finger.pressed() is True:
             return Refusal("in_contact", f"finger {finger.name} is in contact: a tare would erase its load", "finger")
         verified = finger.pressed() is False
-        finger.begin_tare(t_ns, seconds)
+        finger.begin_tare(t_ns, seconds, request.client.hex())
         in_force = finger.tare.current.id
         return {"finger": finger.name, "seconds": seconds, "verified": verified, "tare_id": in_force}
 
@@ -106,16 +108,31 @@ class Desk:
             "taken_t_ns": offset.t_ns,
             "readings": offset.readings,
             "offset": offset.value.ravel().tolist(),
+            "by": offset.by,
+            "std": None if offset.std is None else offset.std.ravel().tolist(),
             "busy": finger.tare.busy,
+            "given_up": finger.tare.aborted_reason or None,
         }
 
     def _tare_undo(self, request: Request, t_ns: int) -> Result:
         finger = self._finger(request)
         if isinstance(finger, Refusal):
             return finger
-        if not finger.tare.undo():
+        if not finger.undo_tare():
             return Refusal("not_ready", f"finger {finger.name} has no earlier tare to go back to", "finger")
         return self._tare_get(request, t_ns)
+
+    def _gravity_set(self, request: Request, t_ns: int) -> Result:
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
+        if finger.force is None:
+            return Refusal("not_ready", f"finger {finger.name} has no force sensor that weighs it", "finger")
+        fault = gravity_fault(request.body["gravity_mps2"])
+        if fault is not None:
+            return Refusal("out_of_range", fault, "gravity_mps2")
+        finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
+        return {"gravity": finger.force.gravity.state(t_ns)}
 
     def _lease_acquire(self, request: Request, t_ns: int) -> Result:
         gripper = self._gripper

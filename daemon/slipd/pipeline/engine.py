@@ -17,9 +17,11 @@ from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp, Outp
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.judge import State
+from slipd.pipeline.lateness import Lateness
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import Outlet, Pace
 from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
+from slipd.pipeline.streams import Stream
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd_client.messages import (
     GRIPPER_TOPIC,
@@ -59,6 +61,7 @@ class Engine:
         self._status_pace = Pace(rates.status_hz)
         self._started_ns: int | None = None
         self._suspended_ns: int | None = None
+        self._lateness = Lateness()
 
     @property
     def links(self) -> dict[str, LinkSpec]:
@@ -70,6 +73,7 @@ class Engine:
         out: list[Output] = []
         if self._started_ns is None:
             self._started_ns = t_ns
+        self._lateness.note(event, t_ns)
         match event:
             case Bytes(name, data):
                 self._receive(self._links[name], data, t_ns, out)
@@ -95,13 +99,13 @@ class Engine:
         return GripperControl(self._config.gripper, cast("GripperSession", self._links["gripper"].session))
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
-        for stream, sample in link.receive(data, t_ns):
-            self._take(stream, sample, out)
+        for stream, sample, acquired_ns in link.receive(data, t_ns, self._lateness.late_ns):
+            self._take(stream, sample, acquired_ns, out)
         written = link.due(t_ns)
         if written:
             out.append(Write(link.spec.name, written))
 
-    def _take(self, stream: str, sample: Sample, out: list[Output]) -> None:
+    def _take(self, stream: str, sample: Sample, acquired_ns: int, out: list[Output]) -> None:
         if isinstance(sample, GripperSample):
             if self._gripper is not None:
                 self._gripper.take(sample)
@@ -110,12 +114,12 @@ class Engine:
             return
         finger = self._fingers[stream.partition(".")[0]]
         if isinstance(sample, WrenchSample):
-            self._publish_state(finger, finger.take_wrench(sample), out)
+            self._publish_state(finger, finger.take_wrench(sample, acquired_ns), out)
         elif isinstance(sample, TactileSample):
-            state = finger.take_tactile(sample)
+            state = finger.take_tactile(sample, acquired_ns)
             if state is not None:
                 self._publish_state(finger, state, out)
-            self._publish_tactile(finger, sample.t_ns, out)
+            self._publish_tactile(finger, acquired_ns, out)
 
     def _publish_state(self, finger: Finger, state: State, out: list[Output]) -> None:
         """Tells a change of level at once, the rest as often as is configured."""
@@ -154,6 +158,8 @@ class Engine:
         """The host slept, and the monotonic clock with it: what looks fresh is old, and leases are over."""
         if self._gripper is not None:
             self._gripper.policy.end_lease()
+        for link in self._links.values():
+            link.interrupt()
         for finger in self._fingers.values():
             finger.disconnect_image()
             self._publish_state(finger, finger.disconnect(t_ns), out)
@@ -192,7 +198,9 @@ class Engine:
             for name, finger in self._fingers.items()
         }
         streams = {
-            meter.name: link.health(meter, t_ns) for link in self._links.values() for meter in link.streams.values()
+            stream.name: self._stream_body(link, stream, t_ns)
+            for link in self._links.values()
+            for stream in link.streams.values()
         }
         return {
             "version": __version__,
@@ -200,5 +208,18 @@ class Engine:
             "fingers": fingers,
             "streams": streams,
             "publisher": {"messages": self._outlet.published},
+            "late_s": self._lateness.worst_ns(t_ns) * 1e-9,
             "lease": {"held": lease is not None, "expires_in_s": lease},
         }
+
+    def _stream_body(self, link: Link, stream: Stream, t_ns: int) -> dict[str, Any]:
+        conditions = [link.level(stream, t_ns)]
+        body = link.told(stream, t_ns)
+        owner, _, kind = stream.name.partition(".")
+        side = self._fingers[owner].side(kind) if kind else None
+        if side is not None:
+            conditions += side.conditions(t_ns)
+            body |= side.told(t_ns)
+        worst = max(health for health, _ in conditions)
+        message = "; ".join(text for _, text in sorted(conditions, key=lambda told: -told[0]) if text)
+        return {"health": int(worst), "message": message, **body}

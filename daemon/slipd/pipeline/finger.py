@@ -23,6 +23,7 @@ STALE_LEAST_NS = 20_000_000
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
 LOST = Verdict("unknown", ("stale",))
 FREE = Verdict("no_contact", ())
+EXACT = (0.0, 0.0, 0.0, 0.0)
 
 
 class Finger:
@@ -56,6 +57,10 @@ class Finger:
         self._received_ns: int | None = None
         self._acquired_ns = 0
 
+    def side(self, kind: str) -> ForceSide | PadImage | None:
+        """What stands behind the finger's stream "wrench" or "pad"."""
+        return self.force if kind == "wrench" else self.image
+
     def pressed(self) -> bool | None:
         """Whether something presses on the pad; None where that is not known.
 
@@ -74,9 +79,16 @@ class Finger:
         """Age of the newest force reading, s; None before the first."""
         return None if self._received_ns is None else (t_ns - self._acquired_ns) * 1e-9
 
-    def begin_tare(self, t_ns: int, seconds: float) -> None:
+    def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
         """Starts to average the unloaded readings of the force stream."""
-        self.tare.begin(t_ns, seconds)
+        if self.force is not None:
+            self.force.begin_tare(t_ns, seconds, by)
+        else:
+            self.tare.begin(t_ns, seconds, by)
+
+    def undo_tare(self) -> bool:
+        """Puts the offset before the last tare back in force; False where there is none."""
+        return self.force.undo_tare() if self.force is not None else self.tare.undo()
 
     def take_wrench(self, sample: WrenchSample, acquired_ns: int | None = None) -> State:
         """Decides on a reading of the force sensor.
@@ -89,18 +101,20 @@ class Finger:
             raise ValueError(f"finger {self.name} has no force sensor")
         status = sample.status
         untrusted = tuple(sorted(UNTRUSTED.intersection(status))) if status else ()
-        wrench = self.force.take(sample, trusted=not untrusted)
-        return self._decide(sample, acquired_ns, wrench, untrusted)
+        t_ns = sample.t_ns if acquired_ns is None else acquired_ns
+        wrench = self.force.take(sample, t_ns, trusted=not untrusted, untouched=self._untouched())
+        return self._decide(sample, t_ns, wrench, untrusted)
 
     def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> State | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
         if self.image is None:
             return None
-        self.image.take(sample, acquired_ns, known_free=self._free)
+        t_ns = sample.t_ns if acquired_ns is None else acquired_ns
+        self.image.take(sample, t_ns, known_free=self._free)
         if self.force is not None or not self.image.three_axis:
             return None
         untrusted = tuple(sorted(UNTRUSTED.intersection(sample.status)))
-        return self._decide(sample, acquired_ns, self.image.wrench(), untrusted)
+        return self._decide(sample, t_ns, self.image.wrench(), untrusted)
 
     def on_time(self, t_ns: int) -> State | None:
         """Notices that the force stream fell silent; None where nothing changed."""
@@ -112,7 +126,7 @@ class Finger:
 
     def disconnect(self, t_ns: int) -> State:
         """The force stream ended: a tare that is being measured would average what lies before and behind."""
-        self.tare.abort()
+        self.tare.abort("the stream ended")
         return self.lose(t_ns)
 
     def disconnect_image(self) -> None:
@@ -130,14 +144,16 @@ class Finger:
     def _decide(
         self,
         sample: WrenchSample | TactileSample,
-        acquired_ns: int | None,
+        t_ns: int,
         wrench: tuple[float, ...] | None,
         untrusted: tuple[str, ...],
     ) -> State:
-        self._received_ns = sample.t_ns
-        self._acquired_ns = t_ns = sample.t_ns if acquired_ns is None else acquired_ns
+        self._received_ns, self._acquired_ns = sample.t_ns, t_ns
+        if sample.t_ns - t_ns > self._stale_ns:
+            return self.lose(t_ns)
         state = State(t_ns, LOST, wrench, status=sample.status)
-        contact = None if untrusted or wrench is None else self._contact(wrench)
+        noise = self._uncertainty(t_ns)
+        contact = None if untrusted or wrench is None else self._contact(wrench, noise)
         self._free = False
         if contact is None:
             state.verdict = Verdict("unknown", untrusted or ("not_finite",))
@@ -148,24 +164,32 @@ class Finger:
         else:
             self._in_contact = True
             state.contact = contact
-            self._judge.judge(state, contact, self._fresh_shares(t_ns, contact))
+            self._judge.judge(state, contact, self._fresh_shares(t_ns, contact), noise[2:])
         self.state = state
         if self.tare.busy and self.pressed():
-            self.tare.abort()
+            self.tare.abort("a contact began")
         return state
 
-    def _contact(self, wrench: tuple[float, ...]) -> Contact:
+    def _contact(self, wrench: tuple[float, ...], noise: tuple[float, float, float, float]) -> Contact:
         """The contact as the force sensor sees it; without torque, its centroid and spin are unknown."""
         least = self.config.min_normal_n * (CONTACT_HYSTERESIS if self._in_contact else 1.0)
+        force_std_n, torque_std_nm = noise[0] + noise[2], noise[1] + noise[3]
         if math.isnan(wrench[3]):
-            found = contact_of((*wrench[:3], 0.0, 0.0, 0.0), least)
+            found = contact_of((*wrench[:3], 0.0, 0.0, 0.0), least, force_std_n, torque_std_nm)
             nan = math.nan
             return replace(found, cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
-        return contact_of(wrench, least, *self._noise())
+        return contact_of(wrench, least, force_std_n, torque_std_nm)
 
-    def _noise(self) -> tuple[float, float]:
-        """Standard deviations of force, N, and torque, N·m."""
-        return (0.0, 0.0) if self.force is None else self.force.noise
+    def _uncertainty(self, t_ns: int) -> tuple[float, float, float, float]:
+        """Noise of force, N, and torque, N·m; then what an uncompensated weight may add to them."""
+        return EXACT if self.force is None else self.force.uncertainty(t_ns)
+
+    def _untouched(self) -> bool | None:
+        """Whether nothing touches the finger, by the image where it is a witness of its own, else by the force."""
+        shown = self._shows_contact()
+        if shown is not None:
+            return not shown
+        return True if self._free else None
 
     def _shows_contact(self) -> bool | None:
         """What a fresh image says beside the force sensor; taxels that are the force sensor say nothing beside it."""

@@ -3,35 +3,55 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from slipd.config import Wrench
 from slipd.samples import Array, WrenchSample
+from slipd.signals.drift import DriftCompensation
+from slipd.signals.gravity import FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import Tare
+from slipd_client.messages import Health
 
 _UNKNOWN = (math.nan, math.nan, math.nan)
 
 
 class ForceSide:
-    """A force/torque sensor behind a pad.
+    """A force/torque sensor behind a pad. In this order: tare, drift, mounting, weight of the finger.
 
     Args:
         wrench: ``[finger.X.wrench]``.
 
     Attributes:
         tare: Offset of the readings, in the sensor's own frame.
+        gravity: The weight of the finger beyond the sensor.
     """
 
     def __init__(self, wrench: Wrench) -> None:
-        self.tare = Tare(np.zeros(6))
-        mounting = Mounting(wrench.pad_from_sensor.xyz_m, wrench.pad_from_sensor.quat_xyzw, wrench.sign)
-        self._to_pad: Array = np.column_stack([np.concatenate(mounting.to_pad(e[:3], e[3:])) for e in np.eye(6)])
-        self.noise = (wrench.force_std_n, wrench.torque_std_nm)
+        self._noise = (wrench.force_std_n, wrench.torque_std_nm)
+        self.tare = Tare(np.zeros(6), np.repeat(self._noise, 3))
+        self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
+        pose = wrench.pad_from_sensor
+        self._to_pad: Array = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
+        self._drift = None
+        if wrench.drift_tau_s is not None:
+            limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
+            self._drift = DriftCompensation(wrench.drift_tau_s, limit)
+        self._offset = self.tare.current
 
-    def take(self, sample: WrenchSample, *, trusted: bool) -> tuple[float, ...] | None:
+    def take(
+        self, sample: WrenchSample, t_ns: int, *, trusted: bool, untouched: bool | None
+    ) -> tuple[float, ...] | None:
         """Takes a reading.
+
+        Args:
+            sample: The reading.
+            t_ns: When it was acquired.
+            trusted: The device has nothing to say against it.
+            untouched: Nothing touches the finger; None where that is not known.
 
         Returns:
             Force on the finger in the pad frame, N, and torque about the pad's origin, N·m; the torque is NaN where the
@@ -41,6 +61,66 @@ class ForceSide:
         numbers = sample.force_n.tolist() + ([0.0, 0.0, 0.0] if torque is None else torque.tolist())
         if not math.isfinite(sum(numbers)):
             return None
-        raw = self.tare.apply(np.array(numbers), sample.t_ns, trusted=trusted)
-        wrench = (self._to_pad @ raw).tolist()
+        values = self.tare.apply(np.array(numbers), t_ns, trusted=trusted)
+        if self.tare.current is not self._offset:
+            self._retared()
+        drift = self._drift
+        if drift is not None:
+            drift.update(values, t_ns, untouched if trusted else None)
+            values = values - drift.value
+        wrench = self._to_pad @ values
+        if self.gravity.correction is not None:
+            wrench = wrench - self.gravity.correction
+        wrench = wrench.tolist()
         return tuple(wrench) if torque is not None else (*wrench[:3], *_UNKNOWN)
+
+    def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
+        """Starts to average readings; the weight at the present orientation becomes part of the offset."""
+        self.tare.begin(t_ns, seconds, by, self.gravity.gravity(t_ns))
+
+    def undo_tare(self) -> bool:
+        """Puts the offset before the last tare back in force; False where there is none."""
+        if not self.tare.undo():
+            return False
+        if self.tare.current is not self._offset:
+            self._offset = self.tare.current
+            self.gravity.retare(self._offset.gravity_mps2)
+            if self._drift is not None:
+                self._drift.restore()
+        return True
+
+    def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
+        """Takes the apparent gravity in the pad frame, m/s²."""
+        self.gravity.set(gravity_mps2, t_ns)
+
+    def uncertainty(self, t_ns: int) -> tuple[float, float, float, float]:
+        """Noise of a force component, N, and of a torque component, N·m; then what the weight may add, likewise."""
+        force_n, torque_nm = self.gravity.uncertainty(t_ns)
+        return (*self._noise, force_n, torque_nm)
+
+    def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
+        """What people should know of the sensor's readings."""
+        found = []
+        if self.gravity.state(t_ns) == "unknown_orientation":
+            force_n = self.gravity.uncertainty(t_ns)[0]
+            found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))
+        if self._drift is not None and self._drift.total >= 1.0:
+            found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))
+        if self.tare.aborted_reason:
+            found.append((Health.OK, f"the last tare was given up: {self.tare.aborted_reason}"))
+        return found
+
+    def told(self, t_ns: int) -> dict[str, Any]:
+        """What ``status.streams.<name>`` says of the conditioning."""
+        drift = self._drift
+        return {
+            "gravity": self.gravity.state(t_ns),
+            "drift": None if drift is None else drift.value.tolist(),
+            "drift_frozen": None if drift is None else drift.frozen,
+        }
+
+    def _retared(self) -> None:
+        self._offset = self.tare.current
+        self.gravity.retare(self._offset.gravity_mps2)
+        if self._drift is not None:
+            self._drift.reset()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from slipd.samples import Array, TactileSample
 from slipd.signals.charge import ChargeReconstruction
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Tare
+from slipd_client.messages import Health
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -94,6 +96,18 @@ class PadImage:
         self._known, self.t_ns, self._shared = False, None, False
         if self._charge is not None:
             self._charge.forget()
+
+    def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
+        """What people should know of the pad's readings."""
+        del t_ns
+        found = []
+        if self.tare.aborted_reason:
+            found.append((Health.OK, f"the last tare was given up: {self.tare.aborted_reason}"))
+        return found
+
+    def told(self, t_ns: int) -> dict[str, Any]:
+        """What ``status.streams.<name>`` says of the conditioning."""
+        return {}
 
     def wrench(self) -> tuple[float, ...] | None:
         """Force and torque about the pad's origin of three-axis taxels, N and N·m: six numbers; None where unknown."""

@@ -90,13 +90,16 @@ class Judge:
         self._rotation_slip.reset()
         self._twist = None
 
-    def judge(self, state: State, contact: Contact, shares: Shares | None) -> None:
+    def judge(
+        self, state: State, contact: Contact, shares: Shares | None, doubt: tuple[float, ...] = (0.0, 0.0)
+    ) -> None:
         """Fills in what a valid contact means.
 
         Args:
             state: Of the reading; its time is set.
             contact: The contact, valid; without torque, its centroid and spin are NaN.
             shares: Of a fresh image; None where there is none.
+            doubt: Force, N, and torque, N·m, that the readings may hold beside the contact's.
         """
         mu = self._mu
         state.shares = shares
@@ -127,20 +130,29 @@ class Judge:
         self._twist = used.twist
         state.utilisation = used
         slips = self._slips(state.t_ns, contact, used.value, translation)
-        state.verdict = self._with_image(state, contact, used, translation, slips)
+        doubted = self._doubted(shares, contact, mu, doubt) if doubt[0] > 0.0 else 0.0
+        state.verdict = self._with_image(state, contact, used.upper + doubted, translation, slips)
 
-    def _with_image(
-        self, state: State, contact: Contact, used: Utilisation, translation: float, slips: bool
-    ) -> Verdict:
-        if math.isnan(used.value):
+    def _doubted(self, shares: Shares, contact: Contact, mu: float, doubt: tuple[float, ...]) -> float:
+        """Most that an unknown force and torque add to λ, which is a gauge and so grows by no more than its parts."""
+        shift = doubt[0] * math.hypot(1.0, contact.friction_ratio) / (mu * contact.normal_n)
+        at = (contact.cx_m, contact.cy_m)
+        turn = utilisation_of(shares.x, shares.y, shares.loads.loads, mu, (0.0, 0.0), doubt[1] / contact.normal_n, at)
+        return shift + turn.upper
+
+    def _with_image(self, state: State, contact: Contact, upper: float, translation: float, slips: bool) -> Verdict:
+        used = state.utilisation
+        if used is None or math.isnan(used.value):
             return Verdict("unknown", ("not_finite",))
-        step = self._gate.update(used.upper)
+        step = self._gate.update(upper)
         tips = self._tips(state.tipping_margin_m, contact)
         if step == tips == STABLE and not slips:
             return HOLDS
         reasons = danger_reasons(used.value, translation, self._caution) if step > STABLE else ()
         if tips > STABLE:
             step, reasons = max(step, tips), (*reasons, "tipping")
+        if step > STABLE and used.upper < self._caution and "tipping" not in reasons:
+            reasons = (*reasons, "weight_unknown")
         if slips:
             return Verdict("slipping", ("slip_detected", *reasons))
         return Verdict(NAMES[step], reasons)

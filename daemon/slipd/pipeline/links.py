@@ -1,83 +1,84 @@
-"""One link: the device behind it, the streams it carries, and how they are doing."""
+"""One link: the device behind it, whether it is the right one, and the streams it carries."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
-from slipd.config import Config, Pad, Stream, device_options, transport_of
+from slipd.config import Config, device_options, transport_of
+from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
 from slipd.pipeline.events import LinkSpec
-from slipd.pipeline.finger import stale_after_ns
-from slipd.pipeline.report import number
-from slipd.samples import Sample, TactileSample
+from slipd.pipeline.streams import Stream, make_stream
+from slipd.samples import Sample
 from slipd_client.messages import Health
 
-#: A rate that is off by more than this share of the expected one is told.
-RATE_TOLERANCE = 0.2
-#: The rate is counted over at least this time: a shorter one counts jitter.
-RATE_WINDOW_NS = 500_000_000
-
-
-@dataclass(slots=True)
-class StreamMeter:
-    """Counts the samples of one stream."""
-
-    name: str
-    expected_hz: float
-    stale_ns: int
-    last_ns: int | None = None
-    count: int = 0
-    rate_hz: float | None = None
-    damage: int = 0
-    taxels: int | None = None
-    misfit: int | None = None
-    _since_ns: int | None = field(default=None, repr=False)
-    _counted: int = field(default=0, repr=False)
-    _bad_bytes: int = field(default=0, repr=False)
-
-    def tick(self, t_ns: int) -> None:
-        """Counts one sample."""
-        self.last_ns = t_ns
-        self.count += 1
-        self.misfit = None
-
-    def measure(self, t_ns: int, bad_bytes: int) -> None:
-        """Takes rate and damage of the time since they were last taken; ``bad_bytes`` is the link's running count."""
-        if self._since_ns is not None and t_ns - self._since_ns >= RATE_WINDOW_NS:
-            self.rate_hz = (self.count - self._counted) * 1e9 / (t_ns - self._since_ns)
-            self.damage = bad_bytes - self._bad_bytes
-            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
-        elif self._since_ns is None and self.last_ns is not None:
-            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
+#: A device may send so many times its expected rate, for a config is easily wrong by two; beyond it floods.
+FLOOD_FACTOR = 4.0
+#: Readings that may come at once, as time at the expected rate: what waits in the kernel after the daemon stalled.
+BURST_S = 1.0
+#: Slow streams too come in bunches.
+LEAST_BURST = 32.0
+#: A flood is told for so long after the last reading that was dropped.
+FLOOD_TOLD_NS = 1_000_000_000
 
 
 class Link:
     """A port or server, what is spoken on it, and the streams it carries.
 
+    A device that says it is another than before in this run, or than the config names, is refused: tare, calibration
+    and mounting belong to the one that was there.
+
     Args:
         spec: What to open.
-        stream: The first stream's config, for the device and its options.
+        config: The first stream's config, for the device and its options.
+
+    Attributes:
+        streams: The streams by sensor.
+        session: The conversation with the device; None where it speaks unasked.
+        up: The link is open.
     """
 
-    def __init__(self, spec: LinkSpec, stream: Stream) -> None:
-        device = DEVICES[stream.device]
-        options = device_options(stream)
+    def __init__(self, spec: LinkSpec, config: StreamConfig) -> None:
+        device = DEVICES[config.device]
+        options = device_options(config)
         self.spec = spec
         self.session: Session | None = device.session(**options) if device.session is not None else None
         self._decoder: Session | Decoder = self.session or device.decoder(**options)
-        self.streams: dict[str, StreamMeter] = {}
+        self.streams: dict[str, Stream] = {}
         self.up = False
         self.reconnects = 0
-        self._identity: str | None = None
+        self.dropped = 0
+        self._hardware_id = config.hardware_id
+        self._opened = self._first_opened = ""
+        self._first_said = ""
         self._message = "not opened yet"
+        self._stranger = ""
+        self._allowed = self._rate_hz = 0.0
+        self._allowed_ns = 0
+        self._dropped_ns: int | None = None
+
+    def add(self, sensor: str, stream: Stream) -> None:
+        """Adds a stream of the link."""
+        self.streams[sensor] = stream
+        self._rate_hz += stream.expected_hz
 
     def open(self, identity: str, t_ns: int) -> bytes:
         """The link came up; returns what is to be written first."""
-        if self._identity is not None:
+        if self._first_opened:
             self.reconnects += 1
-        self.up, self._identity, self._message = True, identity, ""
-        return self.session.start(t_ns) if self.session is not None else b""
+        self._first_opened = self._first_opened or identity
+        self.up, self._opened, self._message, self._stranger = True, identity, "", ""
+        self._allowed_ns, self._allowed = t_ns, self._burst()
+        self.interrupt()
+        greeting = self.session.start(t_ns) if self.session is not None else b""
+        self._recognise()
+        return greeting
+
+    def interrupt(self) -> None:
+        """Time passed that nobody saw: what was learned of the device's clock is over."""
+        for stream in self.streams.values():
+            stream.clock.forget()
 
     def close(self, reason: str) -> None:
         """The link went down or could not be opened."""
@@ -85,18 +86,28 @@ class Link:
         if self.session is not None:
             self.session.stop()
 
-    def receive(self, data: bytes, t_ns: int) -> list[tuple[str, Sample]]:
-        """Decodes bytes into samples, each with the name of its stream; what belongs to no stream is passed over."""
+    def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, Sample, int]]:
+        """Decodes bytes into samples, each with its stream's name and when it was acquired, CLOCK_MONOTONIC.
+
+        Args:
+            data: What was received.
+            t_ns: When it was received.
+            late_ns: How long the bytes may have waited for the daemon.
+        """
+        samples = self._decoder.receive(data, t_ns)
+        if self.session is not None and getattr(self.session, "identity", "") != self._first_said:
+            self._recognise()
+        if not samples or self._stranger:
+            return []
+        if len(samples) > self._allowed or t_ns > self._allowed_ns:
+            samples = self._within_rate(samples, t_ns)
+        self._allowed -= len(samples)
         found = []
-        for sample in self._decoder.receive(data, t_ns):
-            meter = self.streams.get(getattr(sample, "source", ""))
-            if meter is None:
-                continue
-            if isinstance(sample, TactileSample) and len(sample.values) != meter.taxels:
-                meter.misfit = len(sample.values)
-                continue
-            meter.tick(sample.t_ns)
-            found.append((meter.name, sample))
+        for sample in samples:
+            stream = self.streams.get(sample.source)
+            acquired_ns = stream.take(sample, late_ns) if stream is not None else None
+            if stream is not None and acquired_ns is not None:
+                found.append((stream.name, sample, acquired_ns))
         return found
 
     def due(self, t_ns: int) -> bytes:
@@ -111,44 +122,68 @@ class Link:
             written += chunk
         return written
 
-    def health(self, meter: StreamMeter, t_ns: int) -> dict[str, Any]:
-        """``status.streams.<name>``."""
+    def level(self, stream: Stream, t_ns: int) -> tuple[Health, str]:
+        """How a stream is doing, and what to tell people of it."""
         counters = self._decoder.health
-        meter.measure(t_ns, counters.bad_bytes)
-        level, message = self._level(meter, t_ns)
+        stream.measure(t_ns, counters.bad_bytes)
+        if not self.up:
+            return Health.ERROR, self._message
+        if self._stranger:
+            return Health.ERROR, self._stranger
+        if self._dropped_ns is not None and t_ns - self._dropped_ns < FLOOD_TOLD_NS:
+            return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
+        return stream.level(t_ns)
+
+    def told(self, stream: Stream, t_ns: int) -> dict[str, Any]:
+        """``status.streams.<name>`` but for health and message."""
+        counters = self._decoder.health
+        said = getattr(self.session, "identity", "") if self.session is not None else ""
         return {
-            "health": int(level),
-            "message": message,
-            "hardware_id": self._identity,
+            "hardware_id": said or self._opened or None,
             "address": self.spec.address,
             "state": self.session.state if self.session is not None else None,
-            "expected_hz": meter.expected_hz,
-            "rate_hz": number(meter.rate_hz),
-            "age_s": None if meter.last_ns is None else (t_ns - meter.last_ns) * 1e-9,
-            "samples": meter.count,
+            **stream.told(t_ns),
             "good": counters.good,
             "bad": counters.bad,
             "lost": counters.lost,
+            "duplicates": counters.duplicates,
+            "restarts": counters.restarts,
             "bad_bytes": counters.bad_bytes,
+            "dropped": self.dropped,
             "reconnects": self.reconnects,
         }
 
-    def _level(self, meter: StreamMeter, t_ns: int) -> tuple[Health, str]:
-        if not self.up:
-            return Health.ERROR, self._message
-        if meter.misfit is not None:
-            return Health.ERROR, f"images of {meter.misfit} taxels, where rows and cols say {meter.taxels}"
-        if meter.last_ns is None:
-            return Health.STALE, "open, but no reading yet"
-        age = t_ns - meter.last_ns
-        if age > meter.stale_ns:
-            return Health.STALE, f"no reading for {age * 1e-9:.2f} s"
-        if meter.damage > 0:
-            return Health.WARN, f"{meter.damage} bytes of late belong to no frame"
-        rate = meter.rate_hz
-        if rate is not None and abs(rate - meter.expected_hz) > RATE_TOLERANCE * meter.expected_hz:
-            return Health.WARN, f"{rate:.0f} Hz instead of {meter.expected_hz:.0f} Hz"
-        return Health.OK, ""
+    def _recognise(self) -> None:
+        """Compares what was opened, and what the device says it is, with the config and with the run so far."""
+        said = getattr(self.session, "identity", "") if self.session is not None else ""
+        self._first_said = self._first_said or said
+        wanted = self._hardware_id
+        if wanted and wanted not in (said, self._opened):
+            self._stranger = (
+                f"another device answers: {said!r}, where hardware_id says {wanted!r}"
+                if said
+                else f"waits for the device to say that it is {wanted!r}"
+            )
+        elif said != self._first_said and said:
+            self._stranger = f"another device answers: {said!r}, where {self._first_said!r} was; start the daemon anew"
+        elif self._opened != self._first_opened:
+            self._stranger = f"another port answers: {self._opened!r}, where {self._first_opened!r} was"
+        else:
+            self._stranger = ""
+
+    def _within_rate(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
+        """Refills what may pass, and drops the oldest readings beyond it."""
+        refill = (t_ns - self._allowed_ns) * 1e-9 * FLOOD_FACTOR * self._rate_hz
+        self._allowed, self._allowed_ns = min(self._allowed + refill, self._burst()), t_ns
+        surplus = len(samples) - int(self._allowed)
+        if surplus <= 0:
+            return samples
+        self.dropped += surplus
+        self._dropped_ns = t_ns
+        return samples[surplus:]
+
+    def _burst(self) -> float:
+        return max(BURST_S * self._rate_hz, LEAST_BURST)
 
 
 def make_links(config: Config) -> dict[str, Link]:
@@ -159,10 +194,9 @@ def make_links(config: Config) -> dict[str, Link]:
         if link is None:
             device = DEVICES[stream.device]
             inquiry = device.inquiry(**device_options(stream)) if device.inquiry is not None else None
-            spec = LinkSpec(name, transport_of(stream.port), stream.port, stream.baud or device.baud or 0, inquiry)
+            transport = transport_of(stream.port)
+            baud = (stream.baud or device.baud or 0) if transport == "serial" else 0
+            spec = LinkSpec(name, transport, stream.port, baud, inquiry)
             link = by_address[stream.port] = Link(spec, stream)
-        meter = StreamMeter(name, stream.rate_hz, stale_after_ns(stream))
-        if isinstance(stream, Pad):
-            meter.taxels = stream.rows * stream.cols
-        link.streams[stream.sensor] = meter
+        link.add(stream.sensor, make_stream(name, stream))
     return {link.spec.name: link for link in by_address.values()}

@@ -42,6 +42,8 @@ def slip_body(finger: Finger, t_ns: int) -> Body:
         "centroid_m": None if contact is None else vector(contact.centroid_m),
         "centroid_std_m": None if contact is None else vector(contact.centroid_std_m),
         "friction_ratio": None if contact is None else number(contact.friction_ratio),
+        "friction_ratio_std": None if contact is None else number(contact.friction_ratio_std),
+        "gravity": None if finger.force is None else finger.force.gravity.state(t_ns),
         "mu": finger.config.mu,
         "mu_source": None if finger.config.mu is None else "config",
         "utilisation": None if used is None else number(used.value),

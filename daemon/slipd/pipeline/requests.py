@@ -18,7 +18,7 @@ _ENVELOPE = frozenset({"v", "id", "op", "boot", "deadline_ns"})
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field of an operation: "number", "integer", "text" or "flag"."""
+    """One field of an operation: "number", "integer", "text", "flag" or "vector" (three numbers)."""
 
     kind: str
     required: bool = True
@@ -30,6 +30,7 @@ OPS: dict[str, dict[str, Field]] = {
     "tare": {"finger": Field("text"), "seconds": Field("number", required=False)},
     "tare.get": {"finger": Field("text")},
     "tare.undo": {"finger": Field("text")},
+    "gravity.set": {"finger": Field("text"), "gravity_mps2": Field("vector")},
     "lease.acquire": {"ttl_ms": Field("integer")},
     "lease.renew": {},
     "lease.release": {},
@@ -100,6 +101,8 @@ def _check_fields(body: dict[str, Any], fields: dict[str, Field]) -> Refusal | N
 
 
 def _check_value(name: str, value: Any, kind: str) -> Refusal | None:
+    if kind == "vector":
+        return _check_vector(name, value)
     right = {
         "number": _is_integer(value) or isinstance(value, float),
         "integer": _is_integer(value),
@@ -110,6 +113,16 @@ def _check_value(name: str, value: Any, kind: str) -> Refusal | None:
         return Refusal("bad_type", f"{name} must be a {kind}, not {type(value).__name__}", name)
     if kind == "number" and not math.isfinite(value):
         return Refusal("not_finite", f"{name} must be finite, not {value}", name)
+    return None
+
+
+def _check_vector(name: str, value: Any) -> Refusal | None:
+    if not isinstance(value, list) or len(value) != 3:
+        return Refusal("bad_type", f"{name} must be a list of three numbers", name)
+    for entry in value:
+        refusal = _check_value(name, entry, "number")
+        if refusal is not None:
+            return refusal
     return None
 
 

@@ -1,0 +1,138 @@
+"""One stream of a link: when its readings were acquired, how many came, and how it is doing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from slipd.config import Stream as StreamConfig
+from slipd.devices import DEVICES
+from slipd.pipeline.finger import stale_after_ns
+from slipd.pipeline.report import number
+from slipd.samples import Sample, TactileSample
+from slipd.signals.clock import DeviceClock, host_time
+from slipd_client.messages import Health
+
+if not hasattr(DeviceClock, "map"):  # TEMPORARY
+    class DeviceClock:  # type: ignore
+        def __init__(self, span_ns, *, delay_ns=0):
+            self.state = "none"
+            self.uncertainty_ns = self.drift_ppm = None
+            self._d = delay_ns
+        def map(self, d, r):
+            return r - self._d
+        def forget(self):
+            pass
+
+#: A rate that is off by more than this share of the expected one is told.
+RATE_TOLERANCE = 0.2
+#: The rate is counted over at least this time: a shorter one counts jitter.
+RATE_WINDOW_NS = 500_000_000
+#: A pusher whose times are no times of this host is told for so long after the last of them.
+BAD_TIME_TOLD_NS = 1_000_000_000
+
+
+@dataclass(slots=True)
+class Stream:
+    """The readings of one sensor.
+
+    Attributes:
+        name: e.g. ``left.wrench``.
+        expected_hz: Rate that the config expects.
+        taxels: Taxels of an image; None where the readings are no images.
+        last_ns: When the newest reading was received; None before the first.
+        count: Readings handed on.
+        misfit: Taxels of a newest image that has another number of them; None where it fits.
+    """
+
+    name: str
+    expected_hz: float
+    stale_ns: int
+    host_clock: bool
+    clock: DeviceClock
+    taxels: int | None = None
+    last_ns: int | None = None
+    count: int = 0
+    rate_hz: float | None = None
+    damage: int = 0
+    misfit: int | None = None
+    _bad_time_ns: int | None = field(default=None, repr=False)
+    _since_ns: int | None = field(default=None, repr=False)
+    _counted: int = field(default=0, repr=False)
+    _bad_bytes: int = field(default=0, repr=False)
+
+    def take(self, sample: Sample, late_ns: int) -> int | None:
+        """Counts a reading and returns when it was acquired, CLOCK_MONOTONIC; None for an image that does not fit.
+
+        Args:
+            sample: The reading.
+            late_ns: How long it may have waited for the daemon; nothing else tells where the device has no clock.
+        """
+        if isinstance(sample, TactileSample) and len(sample.values) != self.taxels:
+            self.misfit = len(sample.values)
+            return None
+        self.misfit = None
+        receipt_ns = sample.t_ns
+        self.last_ns = receipt_ns
+        self.count += 1
+        device_ns = sample.device_time_ns
+        if self.host_clock:
+            acquired_ns, believed = host_time(device_ns, receipt_ns)
+            if not believed and device_ns is not None:
+                self._bad_time_ns = receipt_ns
+            return acquired_ns
+        if isinstance(sample, TactileSample) and device_ns is not None:
+            device_ns += (len(sample.values) - 1) * sample.dwell_ns  # the end of the scan is what was sent at once
+        acquired_ns = self.clock.map(device_ns, receipt_ns)
+        return acquired_ns - late_ns if late_ns and self.clock.state != "locked" else acquired_ns
+
+    def measure(self, t_ns: int, bad_bytes: int) -> None:
+        """Takes rate and damage of the time since they were last taken; ``bad_bytes`` is the link's running count."""
+        if self._since_ns is not None and t_ns - self._since_ns >= RATE_WINDOW_NS:
+            self.rate_hz = (self.count - self._counted) * 1e9 / (t_ns - self._since_ns)
+            self.damage = bad_bytes - self._bad_bytes
+            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
+        elif self._since_ns is None and self.last_ns is not None:
+            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
+
+    def level(self, t_ns: int) -> tuple[Health, str]:
+        """How the stream of an open link is doing, and what to tell people of it."""
+        if self.misfit is not None:
+            return Health.ERROR, f"images of {self.misfit} taxels, where rows and cols say {self.taxels}"
+        if self.last_ns is None:
+            return Health.STALE, "open, but no reading yet"
+        age_ns = t_ns - self.last_ns
+        if age_ns > self.stale_ns:
+            return Health.STALE, f"no reading for {age_ns * 1e-9:.2f} s"
+        if self.damage > 0:
+            return Health.WARN, f"{self.damage} bytes of late belong to no frame"
+        if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_TOLD_NS:
+            return Health.WARN, "its times are not those of this host's CLOCK_MONOTONIC: the receipt counts"
+        if self.clock.state == "not_a_clock":
+            return Health.WARN, "its clock is none (stuck, jumping, or off by more than 1000 ppm): the receipt counts"
+        rate = self.rate_hz
+        if rate is not None and abs(rate - self.expected_hz) > RATE_TOLERANCE * self.expected_hz:
+            return Health.WARN, f"{rate:.0f} Hz instead of {self.expected_hz:.0f} Hz"
+        return Health.OK, ""
+
+    def told(self, t_ns: int) -> dict[str, Any]:
+        """What ``status.streams.<name>`` says of the stream itself."""
+        uncertainty_ns = self.clock.uncertainty_ns
+        return {
+            "expected_hz": self.expected_hz,
+            "rate_hz": number(self.rate_hz),
+            "age_s": None if self.last_ns is None else (t_ns - self.last_ns) * 1e-9,
+            "samples": self.count,
+            "clock": "host" if self.host_clock else self.clock.state,
+            "clock_uncertainty_s": None if uncertainty_ns is None else uncertainty_ns * 1e-9,
+            "clock_drift_ppm": number(self.clock.drift_ppm),
+        }
+
+
+def make_stream(name: str, config: StreamConfig) -> Stream:
+    """The stream of a config's table."""
+    device = DEVICES[config.device]
+    clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9))
+    rows, cols = getattr(config, "rows", None), getattr(config, "cols", None)
+    taxels = rows * cols if rows is not None and cols is not None else None
+    return Stream(name, config.rate_hz, stale_after_ns(config), device.host_clock, clock, taxels)
