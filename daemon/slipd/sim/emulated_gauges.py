@@ -1,0 +1,73 @@
+"""Six strain gauges on a beam seen from their amplifier's line; it speaks unasked and never listens."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from slipd.devices import gauges
+from slipd.samples import Array
+from slipd.sim.wrench_stream import WrenchStream, whole
+
+FULL_SCALE = (1 << 23) - 1
+"""Counts of a converter of 24 bits."""
+
+COUNTS_PER_UNIT = np.array(
+    (
+        (9000.0, 300.0, -200.0, 1500.0, 200_000.0, -9000.0),
+        (-8500.0, 250.0, 150.0, -1200.0, 210_000.0, 7000.0),
+        (200.0, 9200.0, 180.0, -205_000.0, 1100.0, 8000.0),
+        (-300.0, -8800.0, 220.0, -195_000.0, -900.0, -6000.0),
+        (150.0, -120.0, 4000.0, 2500.0, -1800.0, 160_000.0),
+        (-180.0, 140.0, 4200.0, -2200.0, 1900.0, -150_000.0),
+    )
+)
+"""What each channel reads of each component, counts per N and N·m; a made-up beam that bends more than it stretches."""
+OFFSET = np.array((1200.0, -800.0, 450.0, -2300.0, 90.0, 3100.0))
+
+
+class GaugeAmplifier:
+    """The amplifier's end of its line; time is told to it.
+
+    Args:
+        seed: Of its noise.
+        rate_hz: Frames a second.
+        clock_ppm: How much too fast its clock runs.
+    """
+
+    def __init__(self, seed: int, rate_hz: float = 1000.0, clock_ppm: float = 30.0) -> None:
+        matrix = np.linalg.inv(COUNTS_PER_UNIT)
+        self.options: dict[str, Any] = {"matrix": matrix.tolist(), "offset": OFFSET.tolist()}
+        self.rate_hz = rate_hz
+        self._stream = WrenchStream(seed, rate_hz)
+        self._stream.start(0)
+        self._clock_us_per_ns = 1e-3 + clock_ppm * 1e-9
+        self._sequence = 0
+
+    def opened(self, t_ns: int) -> None:
+        """Take note of nothing: it sends from power on."""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        self._stream.feel(force_n, torque_nm)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Hear nothing."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the frames due by then."""
+        said: list[bytes] = []
+        for taken_ns, values in self._stream.due(t_ns):
+            counts = whole(COUNTS_PER_UNIT @ values + OFFSET, 24)
+            saturated = sum(1 << channel for channel, count in enumerate(counts) if abs(count) >= FULL_SCALE)
+            device_us = round(taken_ns * self._clock_us_per_ns)
+            said.append(gauges.encode_frame(counts, self._sequence, device_us, saturated))
+            self._sequence += 1
+        return said
+
+
+def make(seed: int) -> GaugeAmplifier:
+    """Return the emulator with its noise seeded."""
+    return GaugeAmplifier(seed)

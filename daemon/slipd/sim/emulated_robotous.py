@@ -1,0 +1,93 @@
+"""A Robotous RFT force/torque sensor seen from its line.
+
+Left out: bias, baud rate and overload counters, which the daemon never asks for.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from slipd.devices import robotous
+from slipd.devices import robotous_packets as packets
+from slipd.samples import Array
+from slipd.sim.wrench_stream import WrenchStream, whole
+
+COUNTS_PER_NM = 2000.0
+PRODUCT, SERIAL = b"RFT40-SA01-D", b"RFT-2211-0042"
+
+_COUNTS_PER_UNIT = np.repeat((robotous.COUNTS_PER_N, COUNTS_PER_NM), 3)
+_OUT_OF_RANGE = b"\x00\x02"
+_OBEYED = b"\x01\x00"
+
+
+class RobotousSensor:
+    """The sensor's end of its line; time is told to it.
+
+    Args:
+        seed: Of its noise.
+
+    Attributes:
+        writes: How often a setting was written to its EEPROM.
+        overload: The overload bits of the readings from now on.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = 500.0
+        self.writes = 0
+        self.overload = 0
+        self._stream = WrenchStream(seed, robotous.RATES_HZ[0])
+        self._settings = {packets.GET_RATE: b"\x00", packets.GET_FILTER: b"\x00\x00"}
+        self._heard = b""
+
+    def opened(self, t_ns: int) -> None:
+        """Forget the bytes of whoever had the line before."""
+        self._heard = b""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        self._stream.feel(force_n, torque_nm)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote; return the answers."""
+        commands, self._heard = packets.parse_commands(self._heard + data)
+        return [said for number, arguments in commands for said in self._obey(number, arguments, t_ns)]
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the readings due by then."""
+        return [
+            packets.encode_reading(whole(values * _COUNTS_PER_UNIT, 16), self.overload)
+            for _, values in self._stream.due(t_ns)
+        ]
+
+    def _obey(self, number: int, arguments: bytes, t_ns: int) -> list[bytes]:
+        names = {packets.PRODUCT_NAME: PRODUCT, packets.SERIAL_NUMBER: SERIAL}
+        if number == packets.START:
+            self._stream.start(t_ns)
+        elif number == packets.STOP:
+            self._stream.stop()
+        elif number in names:
+            return [packets.encode_response(number, names[number])]
+        elif number in self._settings:
+            return [packets.encode_response(number, self._settings[number])]
+        elif number in (packets.SET_RATE, packets.SET_FILTER):
+            return [packets.encode_response(number, self._set(number, arguments))]
+        return []
+
+    def _set(self, number: int, arguments: bytes) -> bytes:
+        if number == packets.SET_RATE and arguments[0] < len(robotous.RATES_HZ):
+            self._settings[packets.GET_RATE] = arguments[:1]
+            self._stream.rate_hz = robotous.RATES_HZ[arguments[0]]
+        elif number == packets.SET_FILTER and arguments[1] < len(robotous.FILTERS_HZ):
+            self._settings[packets.GET_FILTER] = arguments[:2]
+        else:
+            return _OUT_OF_RANGE
+        self.writes += 1
+        return _OBEYED
+
+
+def make(seed: int) -> RobotousSensor:
+    """Return the emulator with its noise seeded."""
+    return RobotousSensor(seed)

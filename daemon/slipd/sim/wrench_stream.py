@@ -1,0 +1,61 @@
+"""What an emulated force/torque sensor measures, and when it sends it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from slipd.samples import Array
+
+
+class WrenchStream:
+    """Readings at a rate: what acts on the sensor, and noise.
+
+    Args:
+        seed: Of the noise.
+        rate_hz: Readings a second.
+        noise_n: Standard deviation of each force component.
+        noise_nm: Standard deviation of each torque component.
+    """
+
+    def __init__(self, seed: int, rate_hz: float, noise_n: float = 0.02, noise_nm: float = 0.0005) -> None:
+        self.rate_hz = rate_hz
+        self._rng = np.random.default_rng(seed)
+        self._ideal = np.zeros(6)
+        self._sigma = np.repeat((noise_n, noise_nm), 3)
+        self._begun_ns: int | None = None
+        self._sent = 0
+
+    @property
+    def runs(self) -> bool:
+        """Whether readings are sent."""
+        return self._begun_ns is not None
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        self._ideal = np.concatenate((force_n, torque_nm))
+
+    def start(self, t_ns: int, rate_hz: float | None = None) -> None:
+        """Send readings from ``t_ns`` on, the first after one period; at another rate where one is given."""
+        self.rate_hz = rate_hz or self.rate_hz
+        self._begun_ns, self._sent = t_ns, 0
+
+    def stop(self) -> None:
+        """Send none from now on."""
+        self._begun_ns = None
+
+    def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
+        """Yield when each reading due by ``t_ns`` was taken, and its force and torque, shape (6,)."""
+        while self._begun_ns is not None:
+            next_ns = self._begun_ns + round((self._sent + 1) * 1e9 / self.rate_hz)
+            if next_ns > t_ns:
+                return
+            self._sent += 1
+            yield next_ns, self._ideal + self._sigma * self._rng.standard_normal(6)
+
+
+def whole(values: Array, bits: int) -> list[int]:
+    """Return values as whole counts that fit signed integers of so many bits."""
+    most = (1 << bits - 1) - 1
+    return [int(count) for count in np.clip(np.rint(values), -most - 1, most)]
