@@ -65,9 +65,10 @@ class Decoder(TactileDecoder):
         cells = self._ends[-1] if self._ends else None
         if not rle:
             return cells in (None, count) and not (begun > FULL_SCALE).any()
+        most = cells or MAX_CELLS
         expanded = int((begun >> _RUN_SHIFT).sum())
         if len(begun) < count:
-            return expanded <= (cells or MAX_CELLS)
+            return count <= most and expanded <= most
         return expanded == cells if cells else 0 < expanded <= MAX_CELLS
 
     def _images(self, rle: bool, units: Units, t_ns: int, device_time_ns: int) -> list[TactileSample]:

@@ -28,11 +28,14 @@ ERROR_WORDS = (*STATUS_WORDS[:12], *STATUS_WORDS[13:29])
 TYPE_DSACON32 = 1
 _TYPES = ("DSACON16", "DSACON32", "DSA100-256")
 
-_ACQUIRING = 0x40
 _OPERABLE = 0x80
 _PUSH = 0x80
 _RLE = 0x01
 _RS232 = 0x10
+_REVISION = 0x20
+_FIRMWARE = 288
+_PITCH_MM = 3.4
+_FULL_SCALE = 4095.0
 
 
 @dataclass(frozen=True)
@@ -43,15 +46,11 @@ class ControllerInfo:
         serial: Its serial number.
         kind: Number of its type; `TYPE_DSACON32` is the one whose images are known.
         operable: It says that it can measure.
-        firmware: Software version, e.g. 288.
-        acquiring: It is measuring.
     """
 
     serial: int
     kind: int = TYPE_DSACON32
     operable: bool = True
-    firmware: int = 288
-    acquiring: bool = False
 
     @property
     def kind_name(self) -> str:
@@ -85,17 +84,17 @@ def encode_error(packet_id: int, error: int = 0) -> bytes:
     return encode(packet_id, error.to_bytes(2, "little"), BEHIND_PREAMBLE)
 
 
-def encode_controller(info: ControllerInfo, error: int = 0) -> bytes:
+def encode_controller(info: ControllerInfo) -> bytes:
     """Return the answer about the controller."""
-    status = (_OPERABLE if info.operable else 0) | (_ACQUIRING if info.acquiring else 0)
-    payload = _CONTROLLER.pack(error, info.serial, 0x20, info.firmware, status, _RS232, info.kind, 0, 0, 0)
+    status = _OPERABLE if info.operable else 0
+    payload = _CONTROLLER.pack(0, info.serial, _REVISION, _FIRMWARE, status, _RS232, info.kind, 0, 0, 0)
     return encode(CONTROLLER, payload, BEHIND_PREAMBLE)
 
 
 def parse_controller(payload: bytes) -> ControllerInfo:
     """Return what a whole answer about the controller says."""
-    _, serial, _, firmware, status, _, kind, *_ = _CONTROLLER.unpack(payload)
-    return ControllerInfo(serial, kind, bool(status & _OPERABLE), firmware, bool(status & _ACQUIRING))
+    _, serial, _, _, status, _, kind, *_ = _CONTROLLER.unpack(payload)
+    return ControllerInfo(serial, kind, bool(status & _OPERABLE))
 
 
 def encode_sensor(matrices: int, serial: int, error: int = 0) -> bytes:
@@ -109,11 +108,11 @@ def parse_sensor(payload: bytes) -> int:
     return matrices
 
 
-def encode_matrix(cols: int, rows: int, *, pitch_mm: float = 3.4, full_scale: float = 4095.0, error: int = 0) -> bytes:
+def encode_matrix(cols: int, rows: int) -> bytes:
     """Return the answer about a matrix."""
     zeros = (0.0,) * 6
     unique, reserved = bytes(range(1, 7)), bytes(2)
-    payload = _MATRIX.pack(error, pitch_mm, pitch_mm, cols, rows, unique, reserved, 0x10, *zeros, full_scale, 0)
+    payload = _MATRIX.pack(0, _PITCH_MM, _PITCH_MM, cols, rows, unique, reserved, 0x10, *zeros, _FULL_SCALE, 0)
     return encode(MATRIX, payload, BEHIND_PREAMBLE)
 
 

@@ -29,6 +29,8 @@ MAX_INTERVAL_MS = 65_535
 PATIENCE_NS = 2_000_000_000
 """Four questions; how long a module boots is not known."""
 
+_FIRMWARE = 0x1000  # 1.0.0
+_PITCH = 340  # 10 µm
 _TYPICAL_BYTES = 77  # 4 x 8 cells
 _NOT_RUNNING = range(1, 1 << 16)
 _ALREADY_RUNNING = (4,)
@@ -110,15 +112,15 @@ def encode_status(packet_id: int, status: int = 0) -> bytes:
     return encode(packet_id, status.to_bytes(2, "little"), WITH_PREAMBLE)
 
 
-def encode_system(serial: int, firmware: int = 0x1000) -> bytes:
+def encode_system(serial: int) -> bytes:
     """Return the answer about the module."""
-    return encode(SYSTEM, _SYSTEM.pack(0, 1, 0, firmware, serial), WITH_PREAMBLE)
+    return encode(SYSTEM, _SYSTEM.pack(0, 1, 0, _FIRMWARE, serial), WITH_PREAMBLE)
 
 
-def encode_matrix(matrix: Matrix, pitch_mm: float = 3.4) -> bytes:
+def encode_matrix(matrix: Matrix) -> bytes:
     """Return the answer about the module's matrix."""
-    pitch = round(pitch_mm * 100)
-    return encode(MATRIX, _MATRIX.pack(0, matrix.cols, matrix.rows, pitch, pitch, matrix.full_scale), WITH_PREAMBLE)
+    form = (matrix.cols, matrix.rows, _PITCH, _PITCH, matrix.full_scale)
+    return encode(MATRIX, _MATRIX.pack(0, *form), WITH_PREAMBLE)
 
 
 class Session(TactileSession):

@@ -1,0 +1,122 @@
+"""The WTS module's images and requests: worked packets, torn streams, and what is no image of its matrix."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slipd.devices import weiss, wts
+from slipd.devices.weiss import WITH_PREAMBLE
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+
+CELLS = [0, 0, 0, 0, 0, 12, 80, 0, 5, 300, 1290, 40, 0, 260, 2047, 33, 0, 20, 150, 9, *[0] * 12]
+WORKED = bytes.fromhex(
+    "AA AA AA 00 45 00 40 E2 01 00 00 00 00 00 00 00 00 00 00 00 00 0C 00 50 00 00 00 05 00 2C 01 0A 05 28 00 00 00 04"
+    "01 FF 07 21 00 00 00 14 00 96 00 09 00" + "00" * 24 + "A5 81"
+)
+"""Computed from the drivers' field table; it was not taken from a module."""
+
+
+def frames(count: int, cells: int = 32) -> list[bytes]:
+    rng = np.random.default_rng(4)
+    return [wts.encode_frame(rng.integers(0, 4095, cells), 10 * number) for number in range(count)]
+
+
+def times_ms(decoder: wts.Decoder, *stream: bytes) -> list[int]:
+    samples = decoder.receive(b"".join(stream), 0)
+    return [sample.device_time_ns // 1_000_000 for sample in samples if sample.device_time_ns is not None]
+
+
+def test_the_worked_image_is_read_and_written() -> None:
+    decoder = wts.Decoder()
+    (sample,) = decoder.receive(WORKED, 77)
+    assert (sample.t_ns, sample.device_time_ns, sample.status, sample.source) == (77, 123_456_000_000, (), "")
+    assert sample.values.tolist() == CELLS
+    assert (decoder.health.good, decoder.health.bad) == (1, 0)
+    assert wts.encode_frame(CELLS, 123_456) == WORKED
+
+
+def test_an_image_with_a_cell_at_full_scale_is_saturated() -> None:
+    decoder = wts.Decoder()
+    assert decoder.receive(wts.encode_frame([4095], 0), 0)[0].status == ("saturated",)
+    assert decoder.receive(wts.encode_frame([4094], 0), 0)[0].status == ()
+    decoder.expect(wts.Matrix(1, 1, 1000))
+    assert decoder.receive(wts.encode_frame([1000], 0), 0)[0].status == ("saturated",)
+
+
+def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
+    first, second, third, *rest = frames(8)
+    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x10", WITH_PREAMBLE)
+    stream = first[9:] + wts.encode_system(3) + first + second + weiss.PREAMBLE + bytes(2) + third[:60] + flagged
+    samples = same_for_every_split(wts.Decoder, stream + b"".join(rest))
+    assert [sample[1] for sample in samples] == [number * 10_000_000 for number in range(8) if number != 2]
+
+
+def test_L2_no_flipped_bit_costs_more_than_its_own_image() -> None:
+    before, hit, behind = frames(3, cells=8)
+    for bit in range(8 * len(hit)):
+        damaged = bytearray(hit)
+        damaged[bit // 8] ^= 1 << bit % 8
+        decoder = wts.Decoder()
+        decoder.expect(wts.Matrix(4, 2))
+        assert times_ms(decoder, before, bytes(damaged), behind) == [0, 20]
+        assert decoder.health.bad >= 1
+
+
+def test_L3_noise_yields_no_image() -> None:
+    rng = random.Random(12)
+    decoder = wts.Decoder()
+    for _ in range(64):
+        assert decoder.receive(rng.randbytes(8192), 0) == []
+        assert decoder.receive(weiss.PREAMBLE + bytes(3) + rng.randbytes(100), 0) == []
+    assert decoder.health.bad_bytes > 64 * 8192
+
+
+@pytest.mark.parametrize("cells", [1, 31, 33, 64])
+def test_T2_an_image_of_another_size_than_the_matrix_is_dropped_whole(cells: int) -> None:
+    decoder = wts.Decoder()
+    decoder.expect(wts.Matrix())
+    one, _, three = frames(3)
+    assert times_ms(decoder, one, *frames(1, cells), three) == [0, 20]
+    assert decoder.health.bad > 0
+
+
+def test_T2_two_images_mixed_are_dropped_whole() -> None:
+    one, two, three = frames(3)
+    for cut in range(7, len(one) - 2):
+        mixed = one[:cut] + two[cut:]
+        assert times_ms(wts.Decoder(), mixed, three) == ([10, 20] if mixed == two else [20])
+
+
+def test_D2_a_run_length_encoded_image_is_none() -> None:
+    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x10", WITH_PREAMBLE)
+    assert times_ms(wts.Decoder(), flagged, WORKED) == [123_456]
+
+
+def test_a_value_beyond_full_scale_makes_no_image() -> None:
+    decoder = wts.Decoder()
+    assert decoder.receive(wts.encode_frame([4096], 0), 0) == []
+    decoder.expect(wts.Matrix(1, 1, 1000))
+    assert decoder.receive(wts.encode_frame([1001], 0), 0) == []
+
+
+@pytest.mark.parametrize(
+    ("made", "sent"),
+    [
+        (wts.start_request(10), "21 03 00 00 0A 00 DA B5"),
+        (wts.ask(wts.STOP), "22 00 00 0E 76"),
+        (wts.ask(wts.MATRIX), "30 00 00 CA CF"),
+        (wts.encode_matrix(wts.Matrix()), "30 0C 00 00 00 04 00 08 00 54 01 54 01 FF 0F C5 81"),
+    ],
+)
+def test_worked_requests_and_answers_are_written(made: bytes, sent: str) -> None:
+    assert made == bytes.fromhex("AA AA AA" + sent)
+
+
+def test_the_interval_of_a_request_is_read() -> None:
+    assert wts.parse_start(wts.start_request(250)[6:-2]) == 250
