@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from slipd.sim.contact import Load, Pad, finger_load, pad_wrench
-from slipd.sim.emulated_2f import Gripper2F
 from slipd.sim.emulated_bota import BotaMount, BotaSensor
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
+from slipd.sim.emulated_robotiq_2f import Gripper2F
 from slipd.sim.scene import Scene, Truth
 
 LINES = ("left-wrench", "left-pad", "right-wrench", "right-pad", "gripper")

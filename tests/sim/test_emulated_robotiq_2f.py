@@ -2,7 +2,7 @@ import pytest
 
 from slipd.devices import modbus, robotiq_registers
 from slipd.devices.robotiq_2f import Session
-from slipd.sim.emulated_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F
+from slipd.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F
 from slipd.sim.scene import GripCommand, Scene
 
 MS = 1_000_000
