@@ -131,6 +131,9 @@ def test_the_offset_of_the_config_hides_no_weight_so_less_is_unknown() -> None:
     force_n, torque_nm = GravityCompensation(WEIGHT).uncertainty(0)
     assert force_n == pytest.approx(0.060 * STANDARD_GRAVITY_MPS2)
     assert torque_nm == pytest.approx(force_n * math.hypot(*WEIGHT.com_m))
+    tared = GravityCompensation(WEIGHT)
+    tared.retare(np.array((0.0, 0.0, -5.0)))
+    assert tared.uncertainty(0)[0] == pytest.approx(0.060 * (STANDARD_GRAVITY_MPS2 + 5.0))
 
 
 @given(last=TURN, now=TURN)

@@ -141,16 +141,15 @@ def _rests(told: Iterator[tuple[int, Array | WrenchSample]]) -> list[_Rest]:
     rests: list[_Rest] = []
     gravity: Array | None = None
     set_ns = 0
-    resting = False
     for t_ns, item in told:
         if isinstance(item, np.ndarray):
             gravity, set_ns = item, t_ns
-        elif gravity is None or t_ns - set_ns > FRESH_NS:
-            resting = False
-        elif UNTRUSTED.isdisjoint(item.status) and item.torque_nm is not None:
-            if not resting or math.dist(gravity, rests[-1].gravity) > POSE_TOLERANCE_MPS2:
+            continue
+        if gravity is None or t_ns - set_ns > FRESH_NS:
+            continue
+        if UNTRUSTED.isdisjoint(item.status) and item.torque_nm is not None:
+            if not rests or math.dist(gravity, rests[-1].gravity) > POSE_TOLERANCE_MPS2:
                 rests.append(_Rest(gravity, t_ns))
-                resting = True
             rests[-1].last_ns = t_ns
             rests[-1].average.add(np.concatenate((item.force_n, item.torque_nm, gravity)))
     return rests

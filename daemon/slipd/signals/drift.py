@@ -30,8 +30,6 @@ LONGEST_GAP_NS = 1_000_000_000
 #: hour, and a hundredth of a press of 0.2 N/s.
 FULL_SWING_S = 600.0
 
-_LARGEST_SQUARE = LARGEST_READING**2
-
 
 class DriftCompensation:
     """The drift of one stream since its tare.
@@ -95,7 +93,7 @@ class DriftCompensation:
                 return
             self.frozen = False
             self._block_end_ns = t_ns + BLOCK_NS
-        if values.dot(values) <= _LARGEST_SQUARE:  # false for NaN and infinity, and raises no floating-point warning
+        if math.hypot(*values.tolist()) <= LARGEST_READING:  # false for NaN and infinity
             self._sum += values
             self._count += 1
         if t_ns >= self._block_end_ns:

@@ -68,8 +68,9 @@ class FingerWeight:
             Force (3,), N, and torque about the pad's origin (3,), N·m, in one array (6,). The wrench of the object is
             the mounted reading less this.
         """
-        force = self.mass_kg * np.asarray(gravity_mps2, dtype=np.float64)
-        return flushed(np.concatenate((force, np.cross(self.com_m, force))))
+        x, y, z = self.com_m
+        fx, fy, fz = (self.mass_kg * float(component) for component in gravity_mps2)
+        return flushed(np.array((fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)))
 
 
 class GravityCompensation:
