@@ -13,7 +13,7 @@ from slipd.bus import publisher as publisher_module
 from slipd.bus.publisher import Publisher
 
 if TYPE_CHECKING:
-    from conftest import Context, Eventually, Peer
+    from zeromq_peers import Context, Eventually, Peer
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 

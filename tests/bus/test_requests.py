@@ -14,7 +14,7 @@ from slipd.bus.requests import RequestServer
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
 if TYPE_CHECKING:
-    from conftest import Context, Eventually, Peer
+    from zeromq_peers import Context, Eventually, Peer
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 

@@ -7,8 +7,8 @@ from types import TracebackType
 
 import zmq
 
-from slipd.bus.draining import Drain
-from slipd.bus.endpoint import open_server
+from slipd.zeromq.draining import Drain
+from slipd.zeromq.endpoint import open_server
 
 SEND_HWM = 1000
 """Messages kept for one slow subscriber, about a second of everything; beyond it the newest are dropped for it."""
@@ -36,7 +36,7 @@ class Publisher:
 
     Args:
         context: Owner of the socket; lives longer.
-        endpoint: As for `slipd.bus.endpoint.open_server`, which says what is wrong with it on entry.
+        endpoint: As for `slipd.zeromq.endpoint.open_server`, which says what is wrong with it on entry.
 
     Attributes:
         endpoint: As clients reach it, once served.

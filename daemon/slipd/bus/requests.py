@@ -8,8 +8,8 @@ from typing import Any
 
 import zmq
 
-from slipd.bus.draining import Drain
-from slipd.bus.endpoint import open_server
+from slipd.zeromq.draining import Drain
+from slipd.zeromq.endpoint import open_server
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
 RECEIVE_HWM = 100
@@ -29,7 +29,7 @@ class RequestServer:
 
     Args:
         context: Owner of the socket; lives longer.
-        endpoint: As for `slipd.bus.endpoint.open_server`, which says what is wrong with it on entry.
+        endpoint: As for `slipd.zeromq.endpoint.open_server`, which says what is wrong with it on entry.
         on_request: Called with the client's identity, to reply to, and the request's map.
 
     Attributes:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
-from slipd.bus.endpoint import MAX_IPC_PATH_BYTES, open_server
 from slipd.errors import LinkError
+from slipd.zeromq.endpoint import MAX_IPC_PATH_BYTES, open_server
 
 if TYPE_CHECKING:
-    from conftest import Context
+    from zeromq_peers import Context
 
 
 @pytest.mark.parametrize(

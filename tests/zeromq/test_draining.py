@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import zmq
 
-from slipd.bus.draining import FRAMES_PER_WAKE, Drain
+from slipd.zeromq.draining import FRAMES_PER_WAKE, Drain
 
 if TYPE_CHECKING:
-    from conftest import Context, Eventually, Peer
+    from zeromq_peers import Context, Eventually, Peer
 
 pytestmark = pytest.mark.usefixtures("loop_faults")
 
