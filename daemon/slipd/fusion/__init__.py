@@ -9,7 +9,7 @@ from slipd.fusion.grip_force import grip_needed_n
 from slipd.fusion.hull import Outline, tipping_margin
 from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, utilisations
 from slipd.fusion.limit_surface import TorqueLimit, Utilisation, torque_limit, utilisation, utilisation_of
-from slipd.fusion.loads import Loads, binary_loads, grey_loads, matched_loads
+from slipd.fusion.loads import Loads, active_loads, binary_loads, grey_loads, matched_loads
 from slipd.fusion.shape import ContactShape, contact_shape
 from slipd.fusion.slip import SlipDetector, SlipSettings
 
@@ -24,6 +24,7 @@ __all__ = [
     "TorqueLimits",
     "Utilisation",
     "Utilisations",
+    "active_loads",
     "binary_loads",
     "contact_from_wrench",
     "contact_of",

@@ -12,7 +12,6 @@ is ordinary at edges and with few taxels, C is projected into the hull and the d
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,6 @@ from slipd.fusion.compiled import compiled
 from slipd.fusion.hull import Outline
 
 Array = NDArray[np.float64]
-_Rule = Callable[[Array, Array], Array]
 
 #: Share of the contact's extent within which a centroid counts as lying on the hull: the tilt that meets it there
 #: would spread the loads over more than six decades, which no image supports.
@@ -80,7 +78,7 @@ def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLik
     """
     xs, ys, c = _positions(x, y, centroid)
     _check_normal(normal_n)
-    return _balance(xs, ys, np.ones(xs.size), normal_n, c, _clipped_linear)
+    return _balance(xs, ys, np.ones(xs.size), normal_n, c, binary=True)
 
 
 def matched_loads(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:
@@ -101,27 +99,43 @@ def matched_loads(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, normal_n: flo
     if p.shape != xs.shape:
         raise ValueError(f"pressure must have the shape of x, {xs.shape}, not {p.shape}")
     _check_normal(normal_n)
-    return _balance(xs, ys, p, normal_n, c, _tilted)
+    return _balance(xs, ys, p, normal_n, c)
 
 
-def _balance(x: Array, y: Array, p: Array, normal_n: float, c: Array, rule: _Rule) -> Loads:
-    """Finds the face of the hull that C lies in (the whole, an edge, a corner) and shares the force over its taxels."""
+def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, float], outline: Outline) -> Loads:
+    """`matched_loads`, or without pressures `binary_loads`, of a force of 1 N for taxels that need no checking.
+
+    Args:
+        x: Centres of the active taxels, shape (n,), n ≥ 1, finite, m.
+        y: Likewise, shape (n,), m.
+        p: Pressures, all positive, shape (n,); None for the binary rule.
+        centroid: C, finite, m.
+        outline: Of these taxels.
+    """
+    cx, cy = centroid
+    rule, pressure = (_clipped_linear, np.ones(x.size)) if p is None else (_tilted, p)
+    extent = max(float(x.max() - x.min()), float(y.max() - y.min()))
+    margin, qx, qy, a, b = outline.nearest(cx, cy)
+    if margin > ON_HULL * extent:
+        loads = rule(np.vstack((x - cx, y - cy)).T / extent, pressure)
+    else:
+        face, position = _edge(x, y, qx, qy, a, b, extent)
+        loads = np.zeros(x.size)
+        loads[face] = rule(position, pressure[face])
+    outside = -margin > ON_HULL * extent or (extent == 0.0 and margin < 0.0)
+    return Loads(loads, -margin if outside else 0.0, "projected" if outside else "ok")
+
+
+def _balance(x: Array, y: Array, p: Array, normal_n: float, c: Array, *, binary: bool = False) -> Loads:
+    """Shares the force over the taxels that carry anything."""
     active = np.flatnonzero(p > 0.0)
     loads = np.zeros(x.size)
     if active.size == 0:
         return Loads(loads, math.nan, "no_image")
     ax, ay, ap = x[active], y[active], p[active]
-    extent = max(float(np.ptp(ax)), float(np.ptp(ay)))
-    margin, qx, qy, a, b = Outline(ax, ay).nearest(float(c[0]), float(c[1]))
-    if margin > ON_HULL * extent:
-        face = np.arange(active.size)
-        position = np.column_stack((ax - c[0], ay - c[1])) / extent
-    else:
-        face, position = _edge(ax, ay, qx, qy, a, b, extent)
-    share = rule(position, ap[face])
-    loads[active[face]] = normal_n * share
-    outside = -margin > ON_HULL * extent or (extent == 0.0 and margin < 0.0)
-    return Loads(loads, -margin if outside else 0.0, "projected" if outside else "ok")
+    found = active_loads(ax, ay, None if binary else ap, (float(c[0]), float(c[1])), Outline(ax, ay))
+    loads[active] = normal_n * found.loads
+    return Loads(loads, found.centroid_residual_m, found.status)
 
 
 def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: float) -> tuple[NDArray[np.int64], Array]:
@@ -170,7 +184,7 @@ def _clipped_linear(position: Array, _: Array) -> Array:
 
 
 def _tilted(position: Array, p: Array) -> Array:
-    """Shares p exp(b·r) / Σ with Σ share r = 0."""
+    """Shares p exp(b·r) / Σ with Σ share r = 0; ``position`` has shape (n, 0), (n, 1) or (n, 2)."""
     along = np.zeros((2, len(p)))  # a face of the hull has fewer directions, and nothing tilts the others
     along[: position.shape[1]] = position.T
     return tilt(along[0], along[1], p)

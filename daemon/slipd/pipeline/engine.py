@@ -11,25 +11,18 @@ from typing import Any, cast
 from slipd import __version__
 from slipd.config import Config
 from slipd.devices.robotiq_2f import Session as GripperSession
-from slipd.pipeline.decision import SEVERITY
 from slipd.pipeline.desk import Desk
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp, Output, Request, Tick, Write
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl
-from slipd.pipeline.judge import State
 from slipd.pipeline.lateness import Lateness
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import Outlet, Pace
-from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
 from slipd.pipeline.streams import Stream
-from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
+from slipd.samples import GripperSample, Sample, WrenchSample
 from slipd_client.messages import (
     GRIPPER_TOPIC,
     STATUS_TOPIC,
-    WARNING_TOPIC,
-    slip_topic,
-    tactile_topic,
-    wrench_topic,
 )
 
 #: Sleep of the host that ends what was known of the present: streams are stale, leases over.
@@ -51,14 +44,10 @@ class Engine:
         self._config = config
         self._links = make_links(config)
         self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
-        self._told = dict.fromkeys(config.finger, "unknown")
+        self._voices = {name: Voice(finger, self._outlet, config.rates) for name, finger in self._fingers.items()}
         self._gripper = self._make_gripper()
         self._desk = Desk(boot, self._fingers, self._gripper, self._status)
-        rates = config.rates
-        self._paces = {slip_topic(name): Pace(rates.slip_hz) for name in config.finger}
-        self._paces |= {wrench_topic(name): Pace(rates.wrench_hz) for name in config.finger}
-        self._paces |= {tactile_topic(name): Pace(rates.tactile_hz) for name in config.finger}
-        self._status_pace = Pace(rates.status_hz)
+        self._status_pace = Pace(config.rates.status_hz)
         self._started_ns: int | None = None
         self._suspended_ns: int | None = None
         self._lateness = Lateness()
@@ -112,44 +101,25 @@ class Engine:
                 body = self._gripper.body(sample.t_ns)
                 out.append(self._outlet.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, body))
             return
-        finger = self._fingers[stream.partition(".")[0]]
+        name = stream.partition(".")[0]
+        finger, voice = self._fingers[name], self._voices[name]
         if isinstance(sample, WrenchSample):
-            self._publish_state(finger, finger.take_wrench(sample, acquired_ns), out)
-        elif isinstance(sample, TactileSample):
+            voice.tell(finger.take_wrench(sample, acquired_ns), out)
+        else:
             state = finger.take_tactile(sample, acquired_ns)
             if state is not None:
-                self._publish_state(finger, state, out)
-            self._publish_tactile(finger, acquired_ns, out)
-
-    def _publish_state(self, finger: Finger, state: State, out: list[Output]) -> None:
-        """Tells a change of level at once, the rest as often as is configured."""
-        frame = f"{finger.name}_pad"
-        level, told = state.verdict.level, self._told[finger.name]
-        changed = level != told
-        if changed:
-            self._told[finger.name] = level
-            change = {"previous": told, "rising": SEVERITY[level] > SEVERITY[told]}
-            used = None if state.utilisation is None else number(state.utilisation.value)
-            body = verdict_body(finger, state) | change | {"utilisation": used}
-            out.append(self._outlet.message(WARNING_TOPIC, state.t_ns, frame, body))
-        for topic, make in ((slip_topic(finger.name), slip_body), (wrench_topic(finger.name), wrench_body)):
-            if self._paces[topic].passes(state.t_ns, now=changed):
-                out.append(self._outlet.message(topic, state.t_ns, frame, make(finger, state.t_ns)))
-
-    def _publish_tactile(self, finger: Finger, t_ns: int, out: list[Output]) -> None:
-        topic = tactile_topic(finger.name)
-        if finger.image is not None and self._paces[topic].passes(t_ns):
-            out.append(self._outlet.message(topic, t_ns, f"{finger.name}_pad", tactile_body(finger, finger.image)))
+                voice.tell(state, out)
+            voice.tell_image(acquired_ns, out)
 
     def _tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:
         slept = 0 if self._suspended_ns is None else suspended_ns - self._suspended_ns
         self._suspended_ns = suspended_ns
         if slept > SUSPENSION_NS:
             self._wake(t_ns, out)
-        for finger in self._fingers.values():
+        for name, finger in self._fingers.items():
             state = finger.on_time(t_ns)
             if state is not None:
-                self._publish_state(finger, state, out)
+                self._voices[name].tell(state, out)
         self._write_due(t_ns, out)
         if self._status_pace.passes(t_ns):
             self._publish_status(t_ns, out)
@@ -160,9 +130,9 @@ class Engine:
             self._gripper.policy.end_lease()
         for link in self._links.values():
             link.interrupt()
-        for finger in self._fingers.values():
+        for name, finger in self._fingers.items():
             finger.disconnect_image()
-            self._publish_state(finger, finger.disconnect(t_ns), out)
+            self._voices[name].tell(finger.disconnect(t_ns), out)
 
     def _lose(self, name: str, t_ns: int, out: list[Output]) -> None:
         """A link is gone: what came over it is no longer known."""
@@ -172,7 +142,7 @@ class Engine:
             if finger is not None and kind == "pad":
                 finger.disconnect_image()
             if finger is not None and (kind == "wrench" or finger.force is None):
-                self._publish_state(finger, finger.disconnect(t_ns), out)
+                self._voices[owner].tell(finger.disconnect(t_ns), out)
             elif finger is None and self._gripper is not None:
                 self._gripper.lose()
                 out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, self._gripper.body(t_ns)))

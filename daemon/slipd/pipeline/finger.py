@@ -102,7 +102,9 @@ class Finger:
         status = sample.status
         untrusted = tuple(sorted(UNTRUSTED.intersection(status))) if status else ()
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
-        wrench = self.force.take(sample, t_ns, trusted=not untrusted, untouched=self._untouched())
+        wrench = self.force.take(
+            sample, t_ns, trusted=not untrusted, untouched=self._untouched() if self.force.drifts else None
+        )
         return self._decide(sample, t_ns, wrench, untrusted)
 
     def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> State | None:

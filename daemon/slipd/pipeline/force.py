@@ -42,6 +42,11 @@ class ForceSide:
             self._drift = DriftCompensation(wrench.drift_tau_s, limit)
         self._offset = self.tare.current
 
+    @property
+    def drifts(self) -> bool:
+        """Its zero is followed."""
+        return self._drift is not None
+
     def take(
         self, sample: WrenchSample, t_ns: int, *, trusted: bool, untouched: bool | None
     ) -> tuple[float, ...] | None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slipd.config import Finger, Pad, axes_of
-from slipd.fusion import Contact, ContactShape, Loads, Outline, binary_loads, contact_shape, grey_loads, matched_loads
+from slipd.fusion import Contact, ContactShape, Loads, Outline, active_loads, contact_shape, grey_loads
 from slipd.samples import Array, TactileSample
 from slipd.signals.charge import ChargeReconstruction
 from slipd.signals.pad import PadGeometry, taxel_wrench
@@ -144,13 +144,12 @@ class PadImage:
         if active.size == 0:
             return None
         x, y, p = self.x[active], self.y[active], self.pressure[active]
+        outline = Outline(x, y)
         if self._rule == "grey" or math.isnan(contact.cx_m):
             loads = grey_loads(p, 1.0)
-        elif self._rule == "binary":
-            loads = binary_loads(x, y, 1.0, contact.centroid_m)
         else:
-            loads = matched_loads(x, y, p, 1.0, contact.centroid_m)
-        return Shares(x, y, loads, Outline(x, y))
+            loads = active_loads(x, y, None if self._rule == "binary" else p, (contact.cx_m, contact.cy_m), outline)
+        return Shares(x, y, loads, outline)
 
 
 def pad_image(finger: Finger) -> PadImage | None:

@@ -1,0 +1,57 @@
+"""What one finger says on the bus, and how often."""
+
+from __future__ import annotations
+
+from slipd.config import Rates
+from slipd.pipeline.decision import SEVERITY
+from slipd.pipeline.events import Output
+from slipd.pipeline.finger import Finger
+from slipd.pipeline.judge import State
+from slipd.pipeline.outlet import Outlet, Pace
+from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
+from slipd_client.messages import WARNING_TOPIC, slip_topic, tactile_topic, wrench_topic
+
+
+class Voice:
+    """Tells a change of level at once, the rest as often as is configured.
+
+    Args:
+        finger: The finger.
+        outlet: Numbers and dates the messages.
+        rates: ``[rates]``.
+    """
+
+    def __init__(self, finger: Finger, outlet: Outlet, rates: Rates) -> None:
+        self._finger = finger
+        self._outlet = outlet
+        self._frame = f"{finger.name}_pad"
+        self._told = "unknown"
+        self._slip, self._wrench = Pace(rates.slip_hz), Pace(rates.wrench_hz)
+        self._tactile = Pace(rates.tactile_hz)
+
+    def tell(self, state: State, out: list[Output]) -> None:
+        """Adds what is to be said of a new state."""
+        finger, t_ns = self._finger, state.t_ns
+        level = state.verdict.level
+        changed = level != self._told
+        if changed:
+            self._warn(state, out)
+        if self._slip.passes(t_ns, now=changed):
+            out.append(self._outlet.message(slip_topic(finger.name), t_ns, self._frame, slip_body(finger, t_ns)))
+        if self._wrench.passes(t_ns, now=changed):
+            out.append(self._outlet.message(wrench_topic(finger.name), t_ns, self._frame, wrench_body(finger, t_ns)))
+
+    def tell_image(self, t_ns: int, out: list[Output]) -> None:
+        """Adds what is to be said of a new image."""
+        finger = self._finger
+        if finger.image is not None and self._tactile.passes(t_ns):
+            body = tactile_body(finger, finger.image)
+            out.append(self._outlet.message(tactile_topic(finger.name), t_ns, self._frame, body))
+
+    def _warn(self, state: State, out: list[Output]) -> None:
+        level, told = state.verdict.level, self._told
+        self._told = level
+        change = {"previous": told, "rising": SEVERITY[level] > SEVERITY[told]}
+        used = None if state.utilisation is None else number(state.utilisation.value)
+        body = verdict_body(self._finger, state) | change | {"utilisation": used}
+        out.append(self._outlet.message(WARNING_TOPIC, state.t_ns, self._frame, body))
