@@ -71,6 +71,13 @@ def test_all_damage_within_one_byte_is_found_and_like_damage_13_bytes_on_is_not(
     assert weiss.checksum(data) == right
 
 
+@given(st.binary(min_size=2, max_size=80), st.sets(st.integers(0, 15), min_size=1).filter(lambda bits: len(bits) % 2))
+def test_an_odd_number_of_flipped_bits_is_always_found(data: bytes, bits: set[int]) -> None:
+    flips = sum(1 << bit * (8 * len(data) - 1) // 15 for bit in bits)
+    damaged = int.from_bytes(data, "big") ^ flips
+    assert weiss.checksum(damaged.to_bytes(len(data), "big")) != weiss.checksum(data)
+
+
 @pytest.mark.parametrize(
     ("packet_id", "payload", "sent"),
     [

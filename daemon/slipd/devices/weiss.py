@@ -82,8 +82,8 @@ def checksum(data: bytes, seed: int = BEHIND_PREAMBLE) -> int:
 
     It is no CRC: the table is that of a CCITT shifting left, but is walked shifting right. A step of that walk taken
     16 times does what it does in 3: bytes 13 apart enter alike. So the bytes may be folded 13 by 13 before the walk,
-    and so the same damage to two bytes 13, 26, … apart is never seen: of what is damaged in several bytes one in
-    2^13 passes, of two flipped bits one in 60. All damage within one byte is found.
+    and so the same damage to two bytes 13, 26, … apart is never seen: of two flipped bits one pair in 60 passes, of
+    other even numbers one in 2^12. All damage within one byte and every odd number of flipped bits is found.
     """
     count = len(data) - _SETTLED
     blocks = -(-count // _PERIOD)
