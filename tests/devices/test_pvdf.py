@@ -105,14 +105,14 @@ def test_the_scan_counter_tells_how_many_scans_are_missing(first: int, second: i
 def test_a_counter_that_jumps_back_is_a_restart_and_loses_only_the_interrupted_scan() -> None:
     numbers, decoder = decode(*rows_of(500), *rows_of(501)[:4], *rows_of(0), *rows_of(1))
     assert numbers == [500, 0, 1]
-    assert decoder.health.lost == 1
+    assert (decoder.health.lost, decoder.health.restarts) == (1, 1)
 
 
 def test_a_restart_under_the_same_scan_number_is_not_mixed_with_what_came_before() -> None:
     before = rows_of(7, time_us=123)[:4]
     numbers, decoder = decode(*before, *rows_of(7))
     assert numbers == [7]
-    assert decoder.health.lost == 1
+    assert (decoder.health.lost, decoder.health.restarts) == (1, 1)
 
 
 def test_a_first_row_sent_twice_is_passed_over_and_another_row_sent_twice_spoils_the_scan() -> None:

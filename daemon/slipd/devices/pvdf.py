@@ -40,7 +40,8 @@ class Decoder:
     ``values`` has shape (rows·cols,), in counts of the charge amplifier and in scan order, row by row.
     ``device_time_ns`` is the time of the scan's first taxel as sent: it wraps every 2^32 µs (71.6 min), and unwrapping
     it is not done here. `health.lost` counts scans: those dropped, and those the scan counter shows to be missing. A
-    counter that jumps back is a device that began anew, and loses nothing but the scan it interrupts.
+    counter that jumps back is a device that began anew (`health.restarts`), and loses nothing but the scan it
+    interrupts.
 
     Args:
         rows: Rows of the pad, 1 to 256.
@@ -110,6 +111,8 @@ class Decoder:
             step = (scan - self._scan) % _SCAN_SPAN
             if 0 < step < _SCAN_SPAN // 2:
                 self.health.lost += step - 1
+            else:
+                self.health.restarts += 1
         self._scan = scan
 
     def _complete(self, t_ns: int) -> TactileSample:

@@ -1,0 +1,65 @@
+"""Damaged frames among good ones: nothing is raised, little is believed, and at most one good frame is lost."""
+
+from __future__ import annotations
+
+import time
+from random import Random
+
+from fuzz.corpus import T_NS, Corpus, key, record
+from fuzz.damage import KINDS, damage
+from fuzz.outcome import Outcome
+
+ROUND = 6_000
+"""Damaged frames of a round: a few tenths of a second."""
+
+GOOD_BEHIND = 2
+"""Good frames behind each damaged one: it may cost the first of them, never the second."""
+
+
+def fuzz(device: str, seed: int, damaged: int = ROUND) -> Outcome:
+    """One round."""
+    corpus, rng, outcome = record(device), Random(seed), Outcome(device)
+    begun_s = time.perf_counter()
+    while outcome.amount < damaged:
+        _pass(corpus, rng, outcome)
+    outcome.seconds = time.perf_counter() - begun_s
+    return outcome
+
+
+def _pass(corpus: Corpus, rng: Random, outcome: Outcome) -> None:
+    """Once through the recording: damaged, good, good, damaged, good, good."""
+    units, stride = corpus.units, 1 + GOOD_BEHIND
+    first = GOOD_BEHIND + rng.randrange(stride)
+    bad = range(first, len(units) - GOOD_BEHIND, stride)
+    fed = list(units)
+    for index in bad:
+        fed[index] = damage(units[index], units[int(len(units) * rng.random())], rng)
+    heard, raised = _hear(corpus, fed)
+    if raised:
+        outcome.faults.append(raised)
+    outcome.amount += len(bad)
+    outcome.good += len(units) - len(bad)
+    sent = {said for keys in corpus.keys for said in keys}
+    outcome.false += sum(said not in sent for said in heard)
+    for index in bad:
+        missing = [n for n in range(index + 1, index + stride) if not heard.issuperset(corpus.keys[n])]
+        outcome.lost += len(missing)
+        if len(missing) > 1 and not raised:
+            outcome.faults.append(
+                f"{len(missing)} good frames lost behind {fed[index].hex()} (was {units[index].hex()})"
+            )
+
+
+def _hear(corpus: Corpus, fed: list[bytes]) -> tuple[set, str]:
+    """What a fresh receiver makes of the pieces, and what it raised."""
+    receiver = corpus.receiver()
+    heard: set = set()
+    for piece in fed if corpus.messages else (b"".join(fed),):
+        try:
+            heard.update(key(sample) for sample in receiver.receive(piece, T_NS))
+        except Exception as error:
+            return heard, f"{type(error).__name__}: {error} on {piece[:80].hex()}"
+    return heard, ""
+
+
+__all__ = ["KINDS", "ROUND", "fuzz"]

@@ -1,0 +1,74 @@
+"""The same bytes in every split: the samples and the health are the same."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from random import Random
+from typing import Any
+
+from fuzz.corpus import T_NS, Corpus, key, record
+from fuzz.damage import damage
+from fuzz.outcome import Outcome
+
+FRAMES = 200
+DAMAGED = 10
+"""Every so many frames one is damaged in the second recording, so that the counters have something to count."""
+
+
+def fuzz(device: str, seed: int, share: float = 1.0) -> Outcome:
+    """Cuts a device's frames at every byte, a good recording and a damaged one.
+
+    Args:
+        device: Its name.
+        seed: Of the damage and of the share.
+        share: How many of the splits are tried, 0 to 1.
+    """
+    corpus, rng, outcome = record(device), Random(seed), Outcome(device)
+    begun_s = time.perf_counter()
+    for units in (corpus.units[:FRAMES], _some_damaged(corpus, rng)):
+        whole = _heard(corpus, units)
+        for name, pieces in _splits(units, corpus.messages):
+            if rng.random() >= share:
+                continue
+            if _heard(corpus, pieces) != whole:
+                outcome.faults.append(f"cut {name}: other samples or health than whole")
+            outcome.amount += 1
+    outcome.seconds = time.perf_counter() - begun_s
+    return outcome
+
+
+def _some_damaged(corpus: Corpus, rng: Random) -> list[bytes]:
+    units = list(corpus.units[:FRAMES])
+    for index in range(DAMAGED, len(units), DAMAGED):
+        units[index] = damage(units[index], units[index - 1], rng)
+    return units
+
+
+def _splits(units: Iterable[bytes], messages: bool) -> Iterator[tuple[str, Iterable[bytes]]]:
+    """Every split that is tried: each frame cut at each of its bytes, and the whole in pieces of each length.
+
+    Messages travel whole; all that can happen to them is to come in one read.
+    """
+    units = list(units)
+    longest = max(map(len, units))
+    for at in range(1, longest):
+        yield f"each frame at byte {at}", _at_byte(units, at)
+    stream = b"".join(units)
+    for length in range(1, longest + 1):
+        yield f"in pieces of {length}", [stream[n : n + length] for n in range(0, len(stream), length)]
+
+
+def _at_byte(units: list[bytes], at: int) -> list[bytes]:
+    pieces, begun = [], b""
+    for unit in units:
+        pieces.append(begun + unit[:at])
+        begun = unit[at:]
+    return [*pieces, begun]
+
+
+def _heard(corpus: Corpus, pieces: Iterable[bytes]) -> tuple[list[Any], dict[str, int]]:
+    receiver = corpus.receiver()
+    samples = [key(sample) for piece in pieces for sample in receiver.receive(piece, T_NS)]
+    return samples, asdict(receiver.health)

@@ -1,0 +1,124 @@
+"""Faults of the devices, group D: boot text, counters that jump, grippers in trouble."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from simulation.bed import Bed
+from simulation.edits import pad, wrench
+from simulation.faults import Drop, Edit, Text
+
+from slipd.devices import crc
+
+
+@pytest.fixture
+def held(seed):
+    return Bed(seed).hold()
+
+
+def assert_sound(bed):
+    assert bed.watch.faults == [], f"seed {bed.seed}"
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D1_boot_text_is_no_reading_and_no_harm(held, seed):
+    held.unplug("left.wrench")
+    held.line("left.wrench").fault = Text()
+    held.plug("left.wrench")
+    held.run(0.5)
+    assert held.level() == "unknown"
+    held.line("left.wrench").fault = None
+    held.plug("left.wrench")
+    assert held.recovery_s("stable") <= 1.0
+    assert_sound(held)
+    assert held.replays()
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D2_another_version_of_the_format_is_no_reading(held, seed):
+    def newer(data, _):
+        frames = [bytearray(data[at : at + 46]) for at in range(0, len(data), 46)]
+        for frame in frames:
+            frame[2] = 2
+            frame[44:] = crc.x25(bytes(frame[2:44])).to_bytes(2, "little")
+        return b"".join(frames)
+
+    held.line("left.pad").fault = Edit(newer)
+    held.run(0.1)
+    assert held.level() == "unknown"
+    assert held.health("left.pad")["health"] >= 1
+    assert_sound(held)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_D3_a_gap_in_the_scans_is_counted(held, seed):
+    lost = held.health("left.pad")["lost"]
+    held.line("left.pad").fault = Drop(held.rng)
+    held.run(0.1)
+    held.line("left.pad").fault = None
+    assert held.recovery_s("stable") <= 1.0
+    held.run(0.01)
+    assert held.health("left.pad")["lost"] - lost == pytest.approx(20, abs=2)
+    assert held.health("left.pad")["restarts"] == 0
+    assert_sound(held)
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D3_a_pad_that_counts_anew_is_told_as_a_restart_and_loses_nothing_else(held, seed):
+    def restarted(data, _):
+        frames = []
+        for at in range(0, len(data), 46):
+            frame = bytearray(data[at : at + 44])
+            (scan,) = struct.unpack_from("<H", frame, 4)
+            struct.pack_into("<H", frame, 4, (scan - first) % 65_536)
+            frames += bytes(frame), crc.x25(bytes(frame[2:])).to_bytes(2, "little")
+        return b"".join(frames)
+
+    first = held.said_ns // 5_000_000
+    lost = held.health("left.pad")["lost"]
+    held.line("left.pad").fault = Edit(restarted, lies=False)
+    held.run(0.2)
+    assert held.level() == "stable"
+    assert held.health("left.pad")["restarts"] == 1
+    assert held.health("left.pad")["lost"] - lost <= 1
+    assert_sound(held)
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D4_a_gripper_that_does_not_answer_is_not_moved(held, seed):
+    held.line("gripper").fault = Drop(held.rng)
+    held.run(0.5)
+    reply = held.ask("lease.acquire", ttl_ms=1000)
+    reply = held.ask("grip.set", force_n=10.0)
+    assert not reply["ok"]
+    assert held.health("gripper")["health"] >= 1
+    assert held.level() == "stable"
+    held.line("gripper").fault = None
+    held.run(0.5)
+    assert held.ask("lease.acquire", ttl_ms=1000)["ok"]
+    assert held.ask("grip.set", force_n=10.0)["ok"]
+    assert_sound(held)
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D4_a_command_that_never_reaches_the_gripper_is_told(held, seed):
+    assert held.ask("lease.acquire", ttl_ms=1000)["ok"]
+    held.line("gripper").deaf = True
+    held.ask("grip.set", force_n=10.0)
+    held.run(0.5)
+    assert held.health("gripper")["health"] >= 1
+    assert not held.ask("grip.set", force_n=10.0)["ok"]
+    assert_sound(held)
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D3_readings_that_come_twice_change_nothing(held, seed):
+    held.line("left.pad").fault = Edit(lambda data, _: data + data, lies=False)
+    held.run(0.2)
+    assert held.level() == "stable"
+    held.line("left.wrench").fault = Edit(lambda data, _: wrench()(data, 0), lies=False)
+    held.line("left.pad").fault = Edit(pad(), lies=False)
+    held.run(0.1)
+    assert held.level() == "stable"
+    assert_sound(held)
