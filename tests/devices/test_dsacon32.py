@@ -141,10 +141,18 @@ def test_L3_the_buffer_is_bounded_by_the_longest_image() -> None:
         assert len(decoder._stream._tail) < len(longest)
 
 
-def test_L3_a_wrong_length_of_a_plain_image_of_known_form_is_seen_at_its_flags() -> None:
+@pytest.mark.parametrize("frame", [PLAIN, RLE])
+def test_L3_a_length_beyond_the_known_form_is_seen_at_the_flags(frame: bytes) -> None:
     decoder = dsacon32.Decoder(FORMS)
-    decoder.receive(PLAIN[:4] + b"\x1f" + PLAIN[5:11], 0)
+    decoder.receive(frame[:4] + b"\x1f" + frame[5:11], 0)
     assert decoder.health.bad_bytes == 11
+
+
+def test_L3_a_wrong_length_of_long_runs_is_seen_when_the_next_image_comes() -> None:
+    decoder = dsacon32.Decoder([[20, 30]])
+    one, two, three = (dsacon32.encode_frame([5] * 600, number, rle=True) for number in range(3))
+    wrong = one[:4] + (2 * 590 + 5).to_bytes(2, "little") + one[6:]
+    assert [sample.device_time_ns for sample in decoder.receive(wrong + two + three, 0)] == [1_000_000, 2_000_000]
 
 
 @pytest.mark.parametrize("rle", [False, True])
@@ -184,8 +192,8 @@ def test_a_value_beyond_12_bits_makes_no_image() -> None:
     assert decoder.health.bad_bytes == len(bad)
 
 
-def test_an_image_without_cells_is_none() -> None:
-    for empty in ("00 00 00 00 00", "00 00 00 00", "00 00 00 00 01 05 00", "00 00 00 00 00 05"):
+def test_an_image_without_cells_or_with_half_a_cell_is_none() -> None:
+    for empty in ("00 00 00 00 00", "00 00 00 00", "00 00 00 00 01 05 00", "00 00 00 00 00 05 00 07"):
         assert decode(payload_frame(empty), PLAIN)[0] == [1000]
 
 

@@ -89,7 +89,11 @@ def test_an_odd_number_of_flipped_bits_is_always_found(data: bytes, bits: set[in
 def test_published_packets_are_written_and_read(packet_id: int, payload: str, sent: str) -> None:
     packet = Packet(packet_id, bytes.fromhex(payload))
     assert weiss.encode(*packet, WITH_PREAMBLE) == bytes.fromhex(sent)
-    assert packets().packets(bytes.fromhex(sent)) == [packet]
+    reader = packets()
+    assert reader.packets(bytes.fromhex(sent)) == [packet]
+    assert reader._tail == b""
+    reader.forget()
+    assert reader._health.bad_bytes == 0
 
 
 def test_a_bare_packet_has_no_checksum() -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from slipd.devices import dsacon32, weiss, weiss_tactile, wts
 from slipd.devices import dsacon32_messages as messages
-from slipd.devices.weiss import BEHIND_PREAMBLE, WITH_PREAMBLE
 from slipd.devices.weiss_tactile import TactileSession
 from slipd.samples import TactileSample
 from slipd.sim.emulated_dsacon32 import Dsacon32
@@ -344,24 +343,61 @@ def test_silence_while_running_shows_after_a_second_and_the_talk_begins_anew(mak
     assert bench.session.state == "running"
 
 
-@pytest.mark.parametrize(
-    ("make", "seed", "longest"), [(dsacon_bench, BEHIND_PREAMBLE, 1005), (wts_bench, WITH_PREAMBLE, 69)]
-)
-def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer(
-    make: Callable[[], Bench], seed: int, longest: int
-) -> None:
-    bench = make()
+def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer() -> None:
+    bench = dsacon_bench()
     bench.mend = lambda _: b""
     bench.start()
     bench.run(0.1)
-    bench.hear(weiss.PREAMBLE + b"\0" + longest.to_bytes(2, "little"))
+    begun = weiss.PREAMBLE + b"\0\xa5\x0f" + bytes(4) + b"\1"
+    bench.hear(begun)
     bench.mend = bytes
     bench.run(2)
     assert bench.session.state == "running"
-    assert bench.session.health.bad_bytes == 6
-    bench.hear(weiss.encode(0, bytes(5), seed)[:9])
+    assert bench.session.health.bad_bytes == len(begun)
+
+
+@both
+def test_what_the_former_link_left_half_is_dropped_and_so_is_who_was_there(make: Callable[[], Bench]) -> None:
+    bench = make()
     bench.start()
-    assert bench.session.health.bad_bytes == 15
+    bench.run(0.5)
+    assert bench.session.identity
+    bench.session.stop()
+    bench.hear(weiss.PREAMBLE + b"\0")
+    bench.session.start(bench.now_ns)
+    assert bench.session.identity == ""
+    assert bench.session.health.bad_bytes == 4
+
+
+def test_another_controller_on_the_line_has_its_own_matrices() -> None:
+    bench = dsacon_bench()
+    bench.start()
+    bench.run(0.5)
+    bench.device = Dsacon32([(3, 3)], np.random.default_rng(0))
+    bench.samples.clear()
+    bench.run(2)
+    assert {(sample.source, len(sample.values)) for sample in bench.samples} == {("0", 9)}
+
+
+def test_a_long_interval_is_no_silence() -> None:
+    bench = Bench(wts.Session(interval_ms=2000), wts_bench().device)
+    bench.start()
+    bench.run(7)
+    assert len(bench.written) == 4
+    assert len(bench.samples) == 3
+
+
+@pytest.mark.parametrize(
+    ("make", "wrong"),
+    [(dsacon_bench, messages.encode_error(messages.ACQUIRE, 17)), (wts_bench, wts.encode_status(wts.STOP, 18))],
+)
+def test_a_device_that_has_nothing_to_stop_is_started_all_the_same(make: Callable[[], Bench], wrong: bytes) -> None:
+    bench = make()
+    stop = bench.session.stop()
+    bench.mend = lambda answer: wrong if bench.written[-1] == stop else answer
+    bench.start()
+    bench.run(1)
+    assert bench.session.state == "running"
 
 
 @both

@@ -94,7 +94,7 @@ def test_T2_two_images_mixed_are_dropped_whole() -> None:
 
 
 def test_D2_a_run_length_encoded_image_is_none() -> None:
-    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x10", WITH_PREAMBLE)
+    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x00", WITH_PREAMBLE)
     assert times_ms(wts.Decoder(), flagged, WORKED) == [123_456]
 
 
