@@ -1,4 +1,4 @@
-"""Where the taxels of a pad are, and which way its readings point."""
+"""Where the taxels of a pad are, which ones are side by side, and which way its readings point."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Steps in rows and columns to the eight neighbours of a taxel, in the order in which `neighbours` gives them.
+STEPS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,18 @@ class PadGeometry:
         along = (row - 0.5 * (self.rows - 1)) * self.pitch_m
         x, y = (along, across) if self.swap_xy else (across, along)
         return (-x if self.flip_x else x), (-y if self.flip_y else y)
+
+
+def neighbours(rows: int, cols: int) -> NDArray[np.intp]:
+    """Finds the eight neighbours of every taxel of a pad that is read row by row.
+
+    Returns:
+        Their indices in scan order, shape (rows · cols, 8), in the order of ``STEPS``; −1 where the pad has ended.
+    """
+    framed = np.full((rows + 2, cols + 2), -1, dtype=np.intp)
+    framed[1:-1, 1:-1] = np.arange(rows * cols).reshape(rows, cols)
+    shifted = [framed[1 + down : 1 + down + rows, 1 + right : 1 + right + cols].ravel() for down, right in STEPS]
+    return np.stack(shifted, axis=1)
 
 
 def taxel_wrench(x: Array, y: Array, forces: Array) -> tuple[Array, Array]:
