@@ -17,6 +17,8 @@ Script = list[str]
 class Connection:
     """Delivers what a script says, then is lost."""
 
+    identity, overruns = "what was opened", 2
+
     def __init__(self, data: bytes, on_bytes: OnBytes) -> None:
         self._data = data
         self._on_bytes = on_bytes
@@ -77,7 +79,7 @@ async def test_a_reason_is_told_again_only_after_another() -> None:
 @pytest.mark.usefixtures("pauses")
 async def test_a_reason_is_told_again_after_the_link_was_up() -> None:
     events = await play([b"1", b"2"])
-    once = [LinkUp("left.wrench", "somewhere"), LinkDown("left.wrench", "pulled")]
+    once = [LinkUp("left.wrench", "what was opened"), LinkDown("left.wrench", "pulled")]
     assert [event for event in events if not isinstance(event, Bytes)] == 2 * once
 
 
@@ -124,6 +126,75 @@ async def test_nothing_is_written_to_a_connection_that_is_being_closed() -> None
     with pytest.raises(asyncio.CancelledError):
         await link.run()
     assert written == [b"in time"]
+
+
+@pytest.mark.usefixtures("pauses")
+async def test_overruns_of_all_connections_are_added_up() -> None:
+    link = Link(SPEC, opener([b"1", b"2", "absent"]), print)
+    with pytest.raises(asyncio.CancelledError):
+        await link.run()
+    assert link.overruns == 4
+
+
+class Places:
+    """What is at an address, as scripted: one entry a look, the last for ever; and how often a link has tried."""
+
+    def __init__(self, *seen: object) -> None:
+        self._seen = list(seen)
+        self.tried_at: list[int] = []
+        self.looks = 0
+
+    def look(self, address: str) -> object:
+        assert address == SPEC.address
+        self.looks += 1
+        return self._seen.pop(0) if len(self._seen) > 1 else self._seen[0]
+
+    async def open(self, spec: LinkSpec, on_bytes: OnBytes) -> Connection:
+        self.tried_at.append(self.looks)
+        if len(self.tried_at) == 3:
+            raise asyncio.CancelledError
+        raise LinkError("not yet")
+
+
+async def tries(*seen: object) -> list[int]:
+    """After how many looks a link tried to open."""
+    places = Places(*seen)
+    with pytest.raises(asyncio.CancelledError):
+        await Link(SPEC, places.open, print, places.look).run()
+    return places.tried_at
+
+
+@pytest.fixture
+def long_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a reason to try early a test would time out."""
+    monkeypatch.setattr("slipd.transport.link.FIRST_DELAY_S", 1000.0)
+    monkeypatch.setattr("slipd.transport.link.MAX_DELAY_S", 1000.0)
+    monkeypatch.setattr("slipd.transport.link.LOOK_S", 0.001)
+
+
+@pytest.mark.usefixtures("long_pauses")
+async def test_L6_a_pause_ends_when_a_device_appears() -> None:
+    assert await tries(None, None, None, "port", "port", None, "port") == [1, 5, 8]
+
+
+@pytest.mark.usefixtures("long_pauses")
+async def test_L6_a_pause_ends_when_another_device_has_taken_the_place() -> None:
+    assert await tries("port", "port", "other", "other", "other", "third") == [1, 4, 7]
+
+
+@pytest.mark.usefixtures("long_pauses")
+async def test_L6_the_same_device_plugged_in_again_is_told_from_one_that_stayed() -> None:
+    assert await tries("port", "port", None, "port", "port", None, "port") == [1, 5, 8]
+
+
+async def test_L6_a_device_that_appears_brings_the_first_pause_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slipd.transport.link.LOOK_S", 0.001)
+    places = Places(None, None, "port")
+    link = Link(SPEC, places.open, print, places.look)
+    link._delay_s = MAX_DELAY_S
+    with pytest.raises(asyncio.CancelledError):
+        await link.run()
+    assert link._delay_s == 2 * FIRST_DELAY_S
 
 
 async def test_a_link_error_of_the_consumer_is_not_taken_for_one_of_the_link() -> None:

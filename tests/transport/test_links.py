@@ -19,7 +19,7 @@ PORT = LinkSpec("left.wrench", "serial", "/nowhere/at/all", 115200)
 
 async def test_an_unknown_transport_is_refused_before_anything_opens() -> None:
     async with asyncio.TaskGroup() as tasks:
-        with pytest.raises(ValueError, match="'carrier pigeon'; there are serial and websocket"):
+        with pytest.raises(ValueError, match="'carrier pigeon'; there are serial, tcp, udp, websocket and external"):
             Links(tasks, [PORT, LinkSpec("right.wrench", "carrier pigeon", "roof")], print)
 
 
@@ -54,6 +54,6 @@ async def test_a_rig_without_links_is_served_too(serving: Serving) -> None:
 
 
 def test_no_library_is_loaded_for_a_transport_that_is_not_used() -> None:
-    code = "import sys, slipd.transport; print({'websockets', 'serial'} & set(sys.modules))"
+    code = "import sys, slipd.transport; print({'websockets', 'serial', 'zmq'} & set(sys.modules))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path.cwd())
     assert told.stdout.strip() == "set()"

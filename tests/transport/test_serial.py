@@ -361,7 +361,7 @@ async def test_a_port_that_takes_no_more_bytes_is_lost_although_it_still_reads(d
     device.plug()
     connection = await serial.open_serial(spec, print)
     readable, writable = os.pipe()
-    os.dup2(readable, connection._fd)
+    os.dup2(readable, connection._port.fileno())
     assert not connection.write(b"command")
     assert "Bad file descriptor" in await connection.until_lost()
     assert not connection.write(b"command")

@@ -1,7 +1,7 @@
 """Thin asyncio shells that move bytes between devices and the engine.
 
 `Links` is the whole room from outside: the files below say how one link stays open (`link`) and what lies beneath it
-(`serial`, `websocket`).
+(`serial`, `tcp`, `udp`, `websocket`, `external`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from types import TracebackType
 
 from slipd.pipeline.events import Event, LinkSpec
-from slipd.transport.link import Link, Opener
+from slipd.transport.link import Link, Look, Opener
 
 __all__ = ["Links"]
 
@@ -34,13 +34,18 @@ class Links:
         for spec in specs:
             if spec.name in self._links:
                 raise ValueError(f"two links are named {spec.name!r}; names must differ")
-            self._links[spec.name] = Link(spec, _opener(spec.transport), on_event)
+            self._links[spec.name] = _link(spec, on_event)
         self._tasks: list[asyncio.Task[None]] = []
 
     @property
     def refused_writes(self) -> dict[str, int]:
         """Link name → writes dropped because the link was down or its device did not read."""
         return {name: link.refused_writes for name, link in self._links.items()}
+
+    @property
+    def overruns(self) -> dict[str, int]:
+        """Link name → datagrams that were lost before they could be read."""
+        return {name: link.overruns for name, link in self._links.items()}
 
     def write(self, link: str, data: bytes) -> bool:
         """Send bytes on a link now or never; never blocks.
@@ -69,18 +74,28 @@ class Links:
             await asyncio.wait(self._tasks)
 
 
-def _opener(transport: str) -> Opener:
-    """How to open a link; imported on demand, so that a rig without such devices does not wait for their library.
+def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
+    """A link over its transport, imported on demand: a rig without such devices does not wait for their library.
 
     Raises:
         ValueError: The transport is unknown.
     """
-    if transport == "serial":
-        from slipd.transport.serial import open_serial
-
-        return open_serial
-    if transport == "websocket":
-        from slipd.transport.websocket import open_websocket
-
-        return open_websocket
-    raise ValueError(f"unknown transport {transport!r}; there are serial and websocket")
+    look: Look | None = None
+    opener: Opener
+    match spec.transport:
+        case "serial":
+            from slipd.transport.serial import look
+            from slipd.transport.serial import open_serial as opener
+        case "tcp":
+            from slipd.transport.tcp import open_tcp as opener
+        case "udp":
+            from slipd.transport.udp import open_udp as opener
+        case "websocket":
+            from slipd.transport.websocket import open_websocket as opener
+        case "external":
+            from slipd.transport.external import open_external as opener
+        case _:
+            raise ValueError(
+                f"unknown transport {spec.transport!r}; there are serial, tcp, udp, websocket and external"
+            )
+    return Link(spec, opener, on_event, look)

@@ -9,17 +9,22 @@ from __future__ import annotations
 import asyncio
 import logging
 import random
+import time
 from collections.abc import Awaitable, Callable
 from typing import NoReturn, Protocol
 
 from slipd.errors import LinkError
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.transport.inquiry import inquire
 
 FIRST_DELAY_S = 0.05
 """Pause before the first attempt to open again: a cable that was bumped is back within one."""
 
 MAX_DELAY_S = 2.0
-"""Longest pause between attempts: nobody waits longer than this for a device that was plugged in again."""
+"""Longest pause between attempts where nothing shows that the device is back."""
+
+LOOK_S = 0.02
+"""How often it is looked whether an absent port is back: some microseconds of work, and no person sees the delay."""
 
 JITTER = 0.2
 """Share by which pauses vary, so that links that were lost together do not return in step."""
@@ -30,7 +35,18 @@ OnBytes = Callable[[bytes], None]
 
 
 class Connection(Protocol):
-    """One opening of a port or server. What arrives goes to the ``OnBytes`` its opener was given."""
+    """One opening of a port or server. What arrives goes to the ``OnBytes`` its opener was given.
+
+    Attributes:
+        identity: What was opened: the address, and what else tells devices apart.
+        overruns: Pieces that were lost before they could be read, because the daemon was behind.
+    """
+
+    @property
+    def identity(self) -> str: ...  # noqa: D102
+
+    @property
+    def overruns(self) -> int: ...  # noqa: D102
 
     async def until_lost(self) -> str:
         """Return when the connection has ended, with the reason for people.
@@ -56,6 +72,9 @@ class Connection(Protocol):
 Opener = Callable[[LinkSpec, OnBytes], Awaitable[Connection]]
 """Opens what a LinkSpec names, or raises LinkError saying what was wrong, where, and what would be right."""
 
+Look = Callable[[str], object]
+"""What is at an address now: another once another device is there; None while there is none."""
+
 
 class Link:
     """One link: open it, hand on what arrives, and open it again, for ever.
@@ -67,15 +86,24 @@ class Link:
         refused_writes: Writes that were dropped because the link was down or the device did not read.
     """
 
-    def __init__(self, spec: LinkSpec, open_connection: Opener, on_event: Callable[[Event], None]) -> None:
+    def __init__(
+        self, spec: LinkSpec, open_connection: Opener, on_event: Callable[[Event], None], look: Look | None = None
+    ) -> None:
         self.refused_writes = 0
         self._spec = spec
         self._open = open_connection
+        self._look = look
         self._on_event = on_event
         self._connection: Connection | None = None
+        self._overruns = 0
         self._told = ""
         self._taking = True
         self._delay_s = FIRST_DELAY_S
+
+    @property
+    def overruns(self) -> int:
+        """Pieces lost before they could be read, since the start."""
+        return self._overruns + (self._connection.overruns if self._connection is not None else 0)
 
     async def run(self) -> NoReturn:
         """Serve the link until cancelled.
@@ -84,15 +112,16 @@ class Link:
             Exception: Whatever ``on_event`` raised; the link is closed by then.
         """
         while True:
+            seen = self._look(self._spec.address) if self._look is not None else None
             try:
+                answer = b"" if self._spec.inquiry is None else await inquire(self._spec.address, self._spec.inquiry)
                 connection = await self._open(self._spec, self._hand_on)
             except LinkError as error:
                 reason = str(error)
             else:
-                reason = await self._serve(connection)
+                reason = await self._serve(connection, answer)
             self._tell_down(reason)
-            await asyncio.sleep(self._delay_s * random.uniform(1 - JITTER, 1 + JITTER))  # noqa: S311 - no secret
-            self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
+            await self._pause(seen)
 
     def write(self, data: bytes) -> bool:
         """Send bytes now or never; True when they were taken. A late command is worse than none."""
@@ -107,15 +136,39 @@ class Link:
         self._taking = taken
         return taken
 
-    async def _serve(self, connection: Connection) -> str:
+    async def _pause(self, seen: object) -> None:
+        """Wait before the next attempt, no longer than until something new is at the address.
+
+        Args:
+            seen: What was there at the last attempt.
+        """
+        pause_s = self._delay_s * random.uniform(1 - JITTER, 1 + JITTER)  # noqa: S311 - no secret
+        self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
+        if self._look is None:
+            await asyncio.sleep(pause_s)
+            return
+        until_s = time.monotonic() + pause_s
+        while (left_s := until_s - time.monotonic()) > 0:
+            await asyncio.sleep(min(LOOK_S, left_s))
+            found = self._look(self._spec.address)
+            if found is None:
+                seen = None
+            elif found != seen:
+                self._delay_s = FIRST_DELAY_S
+                return
+
+    async def _serve(self, connection: Connection, answer: bytes) -> str:
         self._connection = connection
         self._taking = True
         self._told = ""
         try:
-            self._on_event(LinkUp(self._spec.name, self._spec.address))
+            self._on_event(LinkUp(self._spec.name, connection.identity))
+            if answer:
+                self._on_event(Bytes(self._spec.name, answer))
             return await connection.until_lost()
         finally:
             self._connection = None
+            self._overruns += connection.overruns
             await connection.close()
 
     def _hand_on(self, data: bytes) -> None:

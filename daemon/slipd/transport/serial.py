@@ -9,15 +9,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import functools
+import logging
 import os
+import re
 import termios
 
 import serial
 import serial_asyncio
+from serial.tools.list_ports_linux import SysFS
 
 from slipd.errors import LinkError
 from slipd.pipeline.events import LinkSpec
+from slipd.transport.delivery import Delivery
 from slipd.transport.link import OnBytes
+from slipd.transport.sender import Sender
 
 DRAIN_TIMEOUT_S = 0.2
 """How long closing waits for the last bytes to leave: 2 kB at 115200 baud, far more than any farewell."""
@@ -36,6 +42,11 @@ _REMEDIES = {
     errno.EISDIR: "not a serial port; give the path of one, e.g. below /dev/serial/by-id",
 }
 
+_NUMBERED = re.compile(r"/dev/tty(USB|ACM)\d+")
+"""Paths that go to whichever device is plugged in first."""
+
+_log = logging.getLogger(__name__)
+
 
 async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
     """Open a port for this process alone and start to read it.
@@ -45,6 +56,7 @@ async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
     Raises:
         LinkError: It cannot be opened; says why and what would be right.
     """
+    _advise(spec.address)
     opening = asyncio.get_running_loop().run_in_executor(None, _open_port, spec.address, spec.baud)
     try:
         port = await asyncio.shield(opening)
@@ -74,38 +86,45 @@ def why_not_opened(path: str, error: Exception) -> str:
     return f"{path}: cannot be opened: {error}"
 
 
+def look(path: str) -> object:
+    """What is at a path: equal as long as it is the same port with the same access; None while there is nothing.
+
+    The time of change tells a pseudo-terminal, whose numbers are used again, and rights that udev sets late.
+    """
+    try:
+        found = os.stat(path)  # noqa: PTH116 - one call, 50 times a second
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_rdev, found.st_ctime_ns
+
+
 class SerialConnection(asyncio.Protocol):
     """An open port; see `slipd.transport.link.Connection` for what each method promises."""
 
+    overruns = 0  # drivers count them, and few of them right
+
     def __init__(self, port: _Port, on_bytes: OnBytes) -> None:
+        self.identity = port.identity
         self._loop = asyncio.get_running_loop()
         self._port = port
-        self._fd: int = port.fileno()
-        self._on_bytes = on_bytes
-        self._rest = b""  # of a write that the port took in part; it must be completed, or the next is garbled
-        self._lost: asyncio.Future[str] = self._loop.create_future()
+        self._delivery = Delivery(on_bytes)
+        self._sender = Sender(port.fileno(), self._lose)
         self._closed = asyncio.Event()
         self._transport = serial_asyncio.SerialTransport(self._loop, self, port)
 
     async def until_lost(self) -> str:
         """Return why the port went away, or raise what the consumer of its bytes raised."""
-        return await asyncio.shield(self._lost)  # being cancelled is not being lost
+        return await self._delivery.until_lost()
 
     def write(self, data: bytes) -> bool:
         """Send now or never; False while the device does not read."""
-        if self._rest or self._lost.done():
-            return False
-        sent = self._send(data)
-        if 0 < sent < len(data):
-            self._rest = data[sent:]
-            self._loop.add_writer(self._fd, self._send_rest)
-        return sent > 0 or not data
+        return not self._delivery.ended and self._sender.write(data)
 
     async def close(self) -> None:
         """Let the last bytes leave for at most DRAIN_TIMEOUT_S, then release the port."""
         self._transport.pause_reading()
         try:
-            if not self._lost.done():
+            if not self._delivery.ended:
                 await self._drain()
         finally:
             self._transport.close()
@@ -113,41 +132,22 @@ class SerialConnection(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Hand on; called by the transport."""
-        try:
-            self._on_bytes(data)
-        except Exception as error:  # asyncio would only log it and go on; it must end the link's task
+        if not self._delivery.hand_on(data):
             self._transport.pause_reading()
-            if not self._lost.done():
-                self._lost.set_exception(error)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End; called by the transport, which closes the port right after this returns."""
-        self._loop.remove_writer(self._fd)
         self._lose(exc)
         self._closed.set()
 
-    def _send(self, data: bytes) -> int:
-        try:
-            return os.write(self._fd, data)
-        except BlockingIOError:
-            return 0
-        except OSError as error:
-            self._lose(error)
-            return 0
-
-    def _send_rest(self) -> None:
-        self._rest = self._rest[self._send(self._rest) :]
-        if not self._rest or self._lost.done():
-            self._loop.remove_writer(self._fd)
-
     def _lose(self, error: Exception | None) -> None:
-        if not self._lost.done():
-            self._lost.set_result(f"{self._port.port}: went away ({error}); it is opened again when it is back")
+        self._sender.stop()
+        self._delivery.lose(f"{self._port.port}: went away ({error}); it is opened again when it is back")
 
     async def _drain(self) -> None:
         deadline_s = self._loop.time() + DRAIN_TIMEOUT_S
         with contextlib.suppress(OSError):  # unplugged meanwhile
-            while (self._rest or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
+            while (self._sender.under_way or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
                 await asyncio.sleep(DRAIN_POLL_S)
 
 
@@ -156,7 +156,12 @@ class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
 
     The transport flushes before it closes, on the loop, and pyserial's flush waits until the device has read
     everything: behind a device that stopped reading it waits for ever.
+
+    Attributes:
+        identity: Its path, and the USB device that it belongs to.
     """
+
+    identity: str
 
     def flush(self) -> None:
         with contextlib.suppress(OSError, termios.error):  # unplugged
@@ -172,7 +177,26 @@ def _open_port(path: str, baud: int) -> _Port:
         attributes = termios.tcgetattr(port.fd)
         attributes[2] &= ~termios.HUPCL  # closing must not reset the boards that take a falling DTR for that
         termios.tcsetattr(port.fd, termios.TCSANOW, attributes)
+    port.identity = identity_of(path)
     return port
+
+
+def identity_of(path: str) -> str:
+    """A port's path, and where it belongs to a USB device, vendor, product and serial number of that."""
+    try:
+        found = SysFS(path)
+    except (OSError, TypeError, ValueError):  # unplugged while it was looked at
+        return path
+    if found.vid is None:
+        return path
+    return f"{path}, usb {found.vid:04x}:{found.pid:04x} {found.serial_number or ''}".rstrip()
+
+
+@functools.cache
+def _advise(path: str) -> None:
+    """Say once that a path may become another device's."""
+    if _NUMBERED.fullmatch(path):
+        _log.warning("%s: goes to whichever device is plugged in first; /dev/serial/by-id has paths that stay", path)
 
 
 def _close_unclaimed(opening: asyncio.Future[_Port]) -> None:

@@ -58,8 +58,10 @@ async def open_websocket(spec: LinkSpec, on_bytes: OnBytes) -> WebsocketConnecti
 class WebsocketConnection:
     """An open connection; see `slipd.transport.link.Connection` for what each method promises."""
 
+    overruns = 0
+
     def __init__(self, address: str, client: ClientConnection, on_bytes: OnBytes) -> None:
-        self._address = address
+        self.identity = address
         self._client = client
         self._on_bytes = on_bytes
 
@@ -69,7 +71,7 @@ class WebsocketConnection:
             try:
                 data = await self._client.recv(decode=False)
             except ConnectionClosed as error:
-                return f"{self._address}: connection ended ({error}); it is opened again when the server is back"
+                return f"{self.identity}: connection ended ({error}); it is opened again when the server is back"
             self._on_bytes(data)
 
     def write(self, data: bytes) -> bool:

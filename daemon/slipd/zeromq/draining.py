@@ -25,12 +25,20 @@ class Drain:
         socket: To be read; nobody else may read it.
         on_message: Called with the frames of one message.
         max_frames: Frames kept of one message; of a longer one, ``max_frames + 1`` are handed on to show it.
+        frames_per_wake: Frames read before the rest of the loop has its turn.
     """
 
-    def __init__(self, socket: zmq.Socket[bytes], on_message: Callable[[list[bytes]], None], max_frames: int) -> None:
+    def __init__(
+        self,
+        socket: zmq.Socket[bytes],
+        on_message: Callable[[list[bytes]], None],
+        max_frames: int,
+        frames_per_wake: int = FRAMES_PER_WAKE,
+    ) -> None:
         self._socket = socket
         self._on_message = on_message
         self._keep = max_frames + 1
+        self._per_wake = frames_per_wake
         self._frames: list[bytes] = []
         self._again: asyncio.Handle | None = None
 
@@ -60,7 +68,7 @@ class Drain:
             self._again.cancel()
             self._again = None
         try:
-            for _ in range(FRAMES_PER_WAKE):
+            for _ in range(self._per_wake):
                 if not self._waiting():
                     return
                 self._read_frame()
