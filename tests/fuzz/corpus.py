@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import DEVICES, Decoder
-from slipd.samples import GripperSample, Sample, WrenchSample
+from slipd.devices import DEVICES, Decoder, Session
+from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.sim.emulators import Emulator, make_emulator
 
 READINGS = 240
@@ -21,6 +21,9 @@ SETTLED = 8
 
 PATIENCE_STEPS = 60_000
 """A device that has not spoken for a minute of its own time will not."""
+
+MOST_PRESSED = 500.0
+"""In a pad's own units; within the range of every one of them."""
 
 T_NS = 0
 """Receipt of everything that is fuzzed: the split must not show in the times either."""
@@ -50,10 +53,10 @@ class Corpus:
 
     def receiver(self) -> Decoder:
         """A decoder that has heard the opening and no reading."""
-        receiver = _receiver(self.device, self.options)
+        host, decoder = _make(self.device, self.options)
         for piece in self.opening:
-            receiver.receive(piece, T_NS)
-        return receiver
+            host.receive(piece, T_NS)
+        return decoder
 
 
 def key(sample: Sample) -> Key:
@@ -74,30 +77,25 @@ def key(sample: Sample) -> Key:
     return sample.source, sample.device_time_ns, sample.values.tobytes(), sample.status, sample.dwell_ns
 
 
-def recordable() -> list[str]:
-    """The devices of which a recording can be made."""
-    return list(DEVICES)
-
-
 @cache
 def record(device: str, readings: int = READINGS) -> Corpus:
     """Lets the device's emulator and session talk until enough readings have come."""
     emulator = make_emulator(device, 7)
     heard = _talk(device, emulator, readings + SETTLED)
-    probe = _receiver(device, emulator.options)
+    host, probe = _make(device, emulator.options)
     opening: list[bytes] = []
     units: list[bytes] = []
     keys: list[tuple[Key, ...]] = []
     begun = b""
     passed = 0
     for piece in heard:
-        samples = probe.receive(piece, T_NS)
-        begun += piece
         if passed < SETTLED:
             opening.append(piece)
-            begun = b""
-            passed += bool(samples)
-        elif samples:
+            passed += bool(host.receive(piece, T_NS))
+            continue
+        samples = probe.receive(piece, T_NS)
+        begun += piece
+        if samples:
             units.append(begun)
             keys.append(tuple(key(sample) for sample in samples))
             begun = b""
@@ -105,12 +103,16 @@ def record(device: str, readings: int = READINGS) -> Corpus:
     return Corpus(device, emulator.options, tuple(opening), tuple(units), tuple(keys), messages)
 
 
-def _receiver(device: str, options: dict[str, Any]) -> Decoder:
+def _make(device: str, options: dict[str, Any]) -> tuple[Decoder | Session, Decoder]:
+    """What hears the device from the beginning, and the decoder within it; a session has started."""
     known = DEVICES[device]
     if known.session is None:
-        return known.decoder(**options)
+        decoder = known.decoder(**options)
+        return decoder, decoder
     session = known.session(**options)
-    return getattr(session, "decoder", None) or known.decoder()
+    session.start(T_NS)
+    decoder = getattr(session, "decoder", None) or known.decoder()
+    return (session if hasattr(session, "decoder") else decoder), decoder
 
 
 def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
@@ -120,17 +122,27 @@ def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
     listener: Decoder = host if host is not None else DEVICES[device].decoder(**emulator.options)
     rng = np.random.default_rng(11)
     heard: list[bytes] = []
+    shapes: dict[str, tuple[int, ...]] = {}
     counted = 0
     emulator.opened(0)
     written = host.start(0) if host is not None else b""
+    answer = _inquire(device, emulator)
+    if answer:
+        heard.append(answer)
+        listener.receive(answer, 0)
     for step in range(1, PATIENCE_STEPS):
         now_ns = step * STEP_NS
-        _stir(emulator, rng)
         said = emulator.receive(written, now_ns) if written else []
         said += emulator.advance(now_ns)
         heard += said
         for piece in said:
-            counted += bool(listener.receive(piece, now_ns))
+            samples = listener.receive(piece, now_ns)
+            if samples:
+                counted += 1
+                shapes |= {
+                    sample.source: sample.values.shape for sample in samples if isinstance(sample, TactileSample)
+                }
+                _stir(emulator, list(shapes.values()), rng)
         if counted >= readings:
             return heard
         written = b""
@@ -139,13 +151,22 @@ def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
             if not chunk and host.next_deadline() == due:
                 break
             written += chunk
-    raise RuntimeError(
-        f"{device}: {counted} of {readings} readings in a minute; its session says {host and host.state}"
-    )
+    state = "" if host is None else host.state
+    raise RuntimeError(f"{device}: {counted} of {readings} readings in a minute; its session says {state!r}")
 
 
-def _stir(emulator: Emulator, rng: np.random.Generator) -> None:
-    """Lets the world change, so that no two readings are alike."""
-    feel = getattr(emulator, "feel", None)
+def _inquire(device: str, emulator: Emulator) -> bytes:
+    """The answer to what is asked before the link is up."""
+    ask = DEVICES[device].inquiry
+    inquiry = ask(**emulator.options) if ask is not None else None
+    inquire = getattr(emulator, "inquire", None)
+    return inquire(inquiry.request) if inquiry is not None and inquire is not None else b""
+
+
+def _stir(emulator: Emulator, shapes: list[tuple[int, ...]], rng: np.random.Generator) -> None:
+    """Lets the world change, so that no two readings are alike; a pad of several sensors is pressed as a whole."""
+    feel, press = getattr(emulator, "feel", None), getattr(emulator, "press", None)
     if feel is not None:
         feel(rng.normal(scale=5.0, size=3), rng.normal(scale=0.1, size=3))
+    if press is not None and shapes:
+        press(rng.uniform(0.0, MOST_PRESSED, size=(sum(shape[0] for shape in shapes), *shapes[0][1:])))

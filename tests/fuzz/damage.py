@@ -82,8 +82,14 @@ KINDS: tuple[Callable[[bytes, bytes, Random], bytes], ...] = (
 
 
 def damage(unit: bytes, other: bytes, rng: Random) -> bytes:
-    """A reading after one mishap, chosen at random; ``other`` is a reading of the same device."""
-    return KINDS[int(len(KINDS) * rng.random())](unit, other, rng)
+    """A reading after one mishap, chosen at random; ``other`` is a reading of the same device.
+
+    What comes out is neither of the two: a header that all readings share can make one of both whole again.
+    """
+    while True:
+        damaged = KINDS[int(len(KINDS) * rng.random())](unit, other, rng)
+        if damaged not in (unit, other):
+            return damaged
 
 
 def _place(unit: bytes, rng: Random) -> tuple[int, int]:

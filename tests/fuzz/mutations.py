@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from random import Random
 
-from fuzz.corpus import T_NS, Corpus, key, record
+from fuzz.corpus import T_NS, Corpus, key
 from fuzz.damage import KINDS, damage
 from fuzz.outcome import Outcome
 
@@ -16,9 +16,9 @@ GOOD_BEHIND = 2
 """Good frames behind each damaged one: it may cost the first of them, never the second."""
 
 
-def fuzz(device: str, seed: int, damaged: int = ROUND) -> Outcome:
+def fuzz(corpus: Corpus, seed: int, damaged: int = ROUND) -> Outcome:
     """One round."""
-    corpus, rng, outcome = record(device), Random(seed), Outcome(device)
+    rng, outcome = Random(seed), Outcome(corpus.device)
     begun_s = time.perf_counter()
     while outcome.amount < damaged:
         _pass(corpus, rng, outcome)
@@ -33,7 +33,7 @@ def _pass(corpus: Corpus, rng: Random, outcome: Outcome) -> None:
     bad = range(first, len(units) - GOOD_BEHIND, stride)
     fed = list(units)
     for index in bad:
-        fed[index] = damage(units[index], units[int(len(units) * rng.random())], rng)
+        fed[index] = damage(units[index], units[index - 1], rng)
     heard, raised = _hear(corpus, fed)
     if raised:
         outcome.faults.append(raised)

@@ -6,7 +6,7 @@ import itertools
 import time
 
 import numpy as np
-from fuzz.corpus import T_NS, record
+from fuzz.corpus import T_NS, Corpus
 from fuzz.outcome import Outcome
 
 BLOCK = 1 << 20
@@ -15,12 +15,12 @@ BLOCK = 1 << 20
 LONGEST_MESSAGE = 4096
 """Bytes of the longest random message, of devices that send whole messages."""
 
-ROUND = 8 * BLOCK
+ROUND = 4 * BLOCK
 
 
-def fuzz(device: str, seed: int, amount: int = ROUND) -> Outcome:
+def fuzz(corpus: Corpus, seed: int, amount: int = ROUND) -> Outcome:
     """One round."""
-    corpus, outcome = record(device), Outcome(device)
+    outcome = Outcome(corpus.device)
     rng = np.random.default_rng(seed)
     receiver = corpus.receiver()
     begun_s = time.perf_counter()

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from random import Random
 from typing import Any
 
-from fuzz.corpus import T_NS, Corpus, key, record
+from fuzz.corpus import T_NS, Corpus, key
 from fuzz.damage import damage
 from fuzz.outcome import Outcome
 
@@ -17,15 +17,15 @@ DAMAGED = 10
 """Every so many frames one is damaged in the second recording, so that the counters have something to count."""
 
 
-def fuzz(device: str, seed: int, share: float = 1.0) -> Outcome:
+def fuzz(corpus: Corpus, seed: int, share: float = 1.0) -> Outcome:
     """Cuts a device's frames at every byte, a good recording and a damaged one.
 
     Args:
-        device: Its name.
+        corpus: What the device says.
         seed: Of the damage and of the share.
         share: How many of the splits are tried, 0 to 1.
     """
-    corpus, rng, outcome = record(device), Random(seed), Outcome(device)
+    rng, outcome = Random(seed), Outcome(corpus.device)
     begun_s = time.perf_counter()
     for units in (corpus.units[:FRAMES], _some_damaged(corpus, rng)):
         whole = _heard(corpus, units)

@@ -1,0 +1,39 @@
+"""How strong each device's check is: the one table that all bounds of the fuzzing come from.
+
+``position_bits`` is n where a random position of a random stream passes for a reading with a probability of at most
+2⁻ⁿ; docs/devices.md says the same. ``mishap_bits`` is n where a reading that suffered one mishap of `fuzz.damage`
+passes, with a content that was never sent, with a probability of at most 2⁻ⁿ; None where nothing but the transport
+checks the content, as a datagram's or a WebSocket's own checksum does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Strength:
+    """Of one device.
+
+    Attributes:
+        position_bits: As above.
+        position: What a random position must meet.
+        mishap_bits: As above.
+        mishap: What a damaged reading must meet, and what gets past it.
+    """
+
+    position_bits: int
+    position: str
+    mishap_bits: float | None
+    mishap: str
+
+
+_CRC = "CRC-16: all damage within 16 bits, and all but one in 2^16 of the rest"
+_WEISS = "the Weiss sum: of two flipped bits up to one pair in 60, of more bytes one in 2^12"
+
+STRENGTHS: dict[str, Strength] = {
+    "bota": Strength(36, "header (8), CRC-16, twelve reserved bits", 16, _CRC),
+    "pvdf": Strength(40, "sync and version (24), CRC-16", 16, _CRC),
+    "xela": Strength(200, "a JSON object with a number and a sensor: some forty given characters", None, "WebSocket"),
+    "robotiq_2f": Strength(39, "unit (8), one of two functions (7), length (8), CRC-16", 16, _CRC),
+}

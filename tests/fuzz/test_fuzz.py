@@ -1,0 +1,155 @@
+"""A share of the fuzzing of every device, and that the fuzzing itself finds what it is made to find.
+
+A failure prints the call that repeats it: ``PYTHONPATH=tests python -m fuzz --device D --seed S --rounds 1``.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import fields
+from pathlib import Path
+from random import Random
+from typing import ClassVar
+
+import pytest
+from fuzz import mutations, noise, splits
+from fuzz.corpus import Corpus, record
+from fuzz.damage import KINDS, damage
+from fuzz.outcome import allowed
+from fuzz.strength import STRENGTHS
+
+from slipd.devices import DEVICES, Decoder, bota
+from slipd.devices.framing import FixedFrames
+from slipd.samples import WrenchSample
+
+SEED = int.from_bytes(os.urandom(4), "big")
+DAMAGED = 600
+NOISE = 1 << 20
+NOISE_OF_A_SLOW_ONE = 1 << 16
+SPLITS = 0.04
+DOCUMENT = Path(__file__).parents[2] / "docs" / "devices.md"
+SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
+
+devices = pytest.mark.parametrize("device", sorted(STRENGTHS))
+
+
+def again(device: str) -> str:
+    return f"PYTHONPATH=tests python -m fuzz --device {device} --seed {SEED} --rounds 1"
+
+
+@devices
+def test_L1_every_split_of_the_frames_gives_the_same(device: str) -> None:
+    outcome = splits.fuzz(record(device), SEED, SPLITS)
+    assert outcome.amount > 0
+    assert outcome.faults == [], again(device)
+
+
+@devices
+def test_L2_damaged_frames_are_not_believed_and_cost_at_most_one_good_frame(device: str) -> None:
+    outcome = mutations.fuzz(record(device), SEED, DAMAGED)
+    assert outcome.faults == [], again(device)
+    bits = STRENGTHS[device].mishap_bits
+    assert bits is None or outcome.false <= allowed(outcome.amount, 2.0**-bits), again(device)
+
+
+@devices
+def test_L3_random_bytes_are_no_readings(device: str) -> None:
+    outcome = noise.fuzz(record(device), SEED, NOISE_OF_A_SLOW_ONE if record(device).messages else NOISE)
+    assert outcome.faults == [], again(device)
+    assert outcome.false <= allowed(outcome.amount, 2.0 ** -STRENGTHS[device].position_bits), again(device)
+
+
+class Broken(Corpus):
+    """A recording whose receiver is not the device's own."""
+
+    maker: ClassVar[type]
+
+    def receiver(self) -> Decoder:
+        return self.maker()
+
+
+class Believing(bota.Decoder):
+    """Looks at the header alone."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._frames = FixedFrames(b"\xaa", bota.FRAME_LENGTH, lambda *_: True, self.health)
+
+
+class Forgetful(bota.Decoder):
+    """Passes over two frames behind each damaged one."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        samples, bad, missed = [], 0, 0
+        for at in range(len(data)):
+            for sample in super().receive(data[at : at + 1], t_ns):
+                missed = 2 if self.health.bad > bad else missed - 1
+                bad = self.health.bad
+                samples += [sample] if missed <= 0 else []
+        return samples
+
+
+class Raising(bota.Decoder):
+    """Takes damage ill."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        samples = super().receive(data, t_ns)
+        if self.health.bad:
+            raise ValueError("bad frame")
+        return samples
+
+
+class Impatient(bota.Decoder):
+    """Does not wait for the rest of a frame."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        samples = super().receive(data, t_ns)
+        self._frames.forget()
+        return samples
+
+
+def broken(maker: type) -> Corpus:
+    whole = record("bota")
+    kind = type("Broken", (Broken,), {"maker": maker})
+    return kind(**{field.name: getattr(whole, field.name) for field in fields(whole)})
+
+
+def test_a_decoder_that_believes_damage_is_found() -> None:
+    outcome = mutations.fuzz(broken(Believing), SEED, DAMAGED)
+    assert outcome.false > allowed(outcome.amount, 2.0 ** -STRENGTHS["bota"].position_bits)
+    assert noise.fuzz(broken(Believing), SEED, 1 << 24).false > 0
+
+
+def test_a_decoder_that_loses_two_good_frames_is_found() -> None:
+    assert any("2 good frames lost" in fault for fault in mutations.fuzz(broken(Forgetful), SEED, DAMAGED).faults)
+
+
+def test_a_decoder_that_raises_is_found() -> None:
+    assert any("ValueError" in fault for fault in mutations.fuzz(broken(Raising), SEED, DAMAGED).faults)
+    assert any("ValueError" in fault for fault in noise.fuzz(broken(Raising), SEED, 1 << 16).faults)
+
+
+def test_a_decoder_that_a_split_changes_is_found() -> None:
+    assert splits.fuzz(broken(Impatient), SEED, 1.0).faults
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_a_mishap_changes_a_reading_and_never_into_another_whole_one(kind) -> None:
+    one, other = record("bota").units[:2]
+    rng = Random(SEED)
+    changed = [kind(one, other, rng) for _ in range(200)]
+    assert sum(damaged != one for damaged in changed) > 100
+    assert all(damage(one, other, rng) not in (one, other) for _ in range(200))
+
+
+def test_every_device_is_fuzzed() -> None:
+    assert set(STRENGTHS) == set(DEVICES)
+
+
+@devices
+def test_the_document_states_the_strength_that_the_bounds_come_from(device: str) -> None:
+    row = next(line for line in DOCUMENT.read_text(encoding="utf-8").splitlines() if line.startswith(f"| `{device}`"))
+    stated = [int(bits.translate(SUPERSCRIPTS)) for bits in re.findall("2⁻([⁰¹²³⁴⁵⁶⁷⁸⁹]+)", row)]
+    assert stated, "no 2⁻ⁿ in the row"
+    assert min(stated) == STRENGTHS[device].position_bits
