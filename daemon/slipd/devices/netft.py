@@ -178,10 +178,9 @@ class Session:
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link: by waiting for the calibration, or by starting the records."""
-        self.decoder.begin()
         if self._asks is None:
             self._talk.start(now_ns)
-            return self._talk.on_time(now_ns)
+            return self.on_time(now_ns)
         self.identity, self._answer = "", b""
         self.decoder.calibrate(None)
         self._stand_still("waiting for calibration", now_ns)
@@ -204,7 +203,9 @@ class Session:
     def on_time(self, now_ns: int) -> bytes:
         """Return the request that is due at ``now_ns``; empty when none is."""
         if not self._trouble:
-            return self._talk.on_time(now_ns)
+            if request := self._talk.on_time(now_ns):
+                self.decoder.begin()
+            return request
         if now_ns >= self._trouble_due_ns:
             self._stand_still("no calibration" if self._answer is not None else self._trouble, now_ns)
         return b""

@@ -31,10 +31,15 @@ _COUNTS_AT = _HEAD.size
 _SPAN = 1 << 32
 _FIRST = 1
 """Number of the first record after each start."""
-_GAP_WITHIN = 1 << 12
-"""Records that one gap may lack, half a second at the fastest rate, to be believed with the record after it."""
+_FIRST_WITHIN = 1 << 16
+"""A stream's first record is believed by itself up to this number; a stream joined later, by four records."""
+_GAP_WITHIN = 1 << 8
+"""Records that a gap may lack to be a small one. One byte off the grid, numbers rise by so many."""
 _TICKS_WITHIN = 1 << 16
-"""Ticks from one record to the next: a record a second is 7000."""
+"""Ticks that a small gap may take: nine records of the slowest stream in use, 7000 ticks each."""
+_STRANGER_NEEDS = 3
+"""Records that must continue one without history, each by exactly one: a resting sensor's counts do so, too, now and
+then, but not thrice."""
 
 AT_RAIL = 1 << 32
 """A 33rd status bit, which is not sent: a count is at the end of its range."""
@@ -47,9 +52,9 @@ Head = tuple[int, int]
 class Records:
     """Finds the records of a stream, and unwraps the sensor's clock.
 
-    The first record of a stream is believed when its reserved status bits are zero. Behind another one, a record is
-    believed alone when its number continues or repeats (or begins anew at 1) and its reserved bits are the same;
-    every other record only together with the record after it, which has to continue it.
+    The first record of a stream is believed when its number is low; in step behind another one, the next number is.
+    After a small gap, twice or late, a record needs the one after it to continue it, and so does that of a new start,
+    or one whose reserved bits are new. All others, and any out of step, need three records to continue them.
 
     Args:
         health: Receives everything but ``good``.
@@ -61,8 +66,9 @@ class Records:
         self._frames = Frames(b"", self._measure, RECORD_LENGTH, health)
         self._numbering = Numbering(_SPAN, health, first=_FIRST)
         self._newest: int | None = None
+        self._newest_ticks = 0
         self._steady = 0  # the reserved bits of the newest record
-        self._at_start = True
+        self._in_step = True
         self._ticks = 0
 
     def receive(self, data: bytes) -> tuple[list[Head], Array]:
@@ -91,7 +97,7 @@ class Records:
         """Expect the first record of a freshly opened stream."""
         self._frames.forget()
         self._numbering.forget()
-        self._newest, self._at_start = None, True
+        self._newest, self._in_step = None, True
 
     def _measure(self, buffer: bytes, at: int) -> int:
         """Length of the record at ``at``, 0 while it cannot be told, -1 where there is none."""
@@ -99,29 +105,39 @@ class Records:
             return 0
         sequence, ticks, status = _HEAD.unpack_from(buffer, at)
         reserved = status & self._reserved
-        believed = reserved == self._steady and (self._at_start or self._continues(sequence))
-        if not believed:
-            if at + 2 * RECORD_LENGTH > len(buffer):
+        needs = self._needs(sequence, ticks, reserved == self._steady)
+        for behind in range(at, at + needs * RECORD_LENGTH, RECORD_LENGTH):
+            if behind + 2 * RECORD_LENGTH > len(buffer):
                 return 0
-            next_sequence, next_ticks, next_status = _HEAD.unpack_from(buffer, at + RECORD_LENGTH)
-            believed = (
-                0 < (next_sequence - sequence) % _SPAN < _GAP_WITHIN
-                and (next_ticks - ticks) % _SPAN < _TICKS_WITHIN
-                and next_status & self._reserved == reserved
-            )
-        self._at_start = False
-        if not believed:
-            return -1
-        self._steady = reserved
-        if sequence == _FIRST or self._newest is None or (self._newest - sequence) % _SPAN > LATE_WITHIN:
-            self._newest = sequence
+            if not self._is_pair(buffer, behind, 2 if needs == _STRANGER_NEEDS else _GAP_WITHIN):
+                self._in_step = False
+                return -1
+        self._steady, self._in_step = reserved, True
+        if self._newest is None or sequence == _FIRST or (self._newest - sequence) % _SPAN > LATE_WITHIN:
+            self._newest, self._newest_ticks = sequence, ticks
         return RECORD_LENGTH
 
-    def _continues(self, sequence: int) -> bool:
-        """Say whether a number is the next, the first of a new start, or an old one."""
+    def _needs(self, sequence: int, ticks: int, steady: bool) -> int:
+        """Return how many records have to continue one for it to be believed."""
+        if not self._in_step:
+            return _STRANGER_NEEDS
         if self._newest is None:
-            return False
-        return sequence == _FIRST or (sequence - self._newest + LATE_WITHIN) % _SPAN <= LATE_WITHIN + 1
+            return 0 if steady and sequence < _FIRST_WITHIN else _STRANGER_NEEDS
+        ahead, later = (sequence - self._newest) % _SPAN, (ticks - self._newest_ticks) % _SPAN
+        if later < _TICKS_WITHIN and ahead < _GAP_WITHIN:
+            return 0 if steady and ahead == 1 else 1
+        is_late = -ahead % _SPAN <= LATE_WITHIN and -later % _SPAN < _TICKS_WITHIN
+        return 1 if is_late or sequence == _FIRST else _STRANGER_NEEDS
+
+    def _is_pair(self, buffer: bytes, at: int, within: int) -> bool:
+        """Say whether the record behind the one at ``at`` continues it."""
+        sequence, ticks, status = _HEAD.unpack_from(buffer, at)
+        next_sequence, next_ticks, next_status = _HEAD.unpack_from(buffer, at + RECORD_LENGTH)
+        return (
+            0 < (next_sequence - sequence) % _SPAN < within
+            and 0 < (next_ticks - ticks) % _SPAN < _TICKS_WITHIN
+            and not (next_status ^ status) & self._reserved
+        )
 
     def _unwrap(self, ticks: int) -> int:
         step = (ticks - self._ticks) % _SPAN

@@ -1,0 +1,101 @@
+"""The talk that brings a device to sending: every way in which an answer can stay away."""
+
+from __future__ import annotations
+
+from slipd.devices.conversation import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS, Conversation, Step
+
+STEPS = [
+    Step("halt", b"h", "none", 20),
+    Step("name", b"n", "optional"),
+    Step("rate", b"r"),
+    Step("go", b"g", "none"),
+]
+
+
+def begun(steps: list[Step] = STEPS) -> Conversation:
+    talk = Conversation(steps)
+    talk.start(0)
+    return talk
+
+
+def test_it_walks_from_request_to_request_and_runs_when_a_reading_comes() -> None:
+    talk = begun()
+    assert (talk.state, talk.due_ns, talk.asked) == ("waiting", 0, "")
+    assert talk.on_time(0) == b"h"
+    assert talk.on_time(19) == b""
+    assert talk.on_time(20) == b"n"
+    assert talk.asked == "name"
+    talk.answered(30)
+    assert (talk.state, talk.asked) == ("configuring", "")
+    assert talk.on_time(30) == b"r"
+    talk.answered(40)
+    assert talk.on_time(40) == b"g"
+    talk.has_reading(50)
+    assert (talk.state, talk.due_ns) == ("running", 50 + SILENCE_NS)
+
+
+def test_a_closed_one_says_and_wants_nothing() -> None:
+    talk = Conversation(STEPS)
+    talk.has_reading(5)
+    assert (talk.state, talk.due_ns, talk.on_time(10**12)) == ("closed", None, b"")
+    talk.start(0)
+    talk.on_time(0)
+    talk.on_time(20)
+    talk.stop()
+    assert (talk.state, talk.due_ns, talk.asked, talk.on_time(10**12)) == ("closed", None, "", b"")
+
+
+def test_what_may_stay_unanswered_is_asked_three_times_and_passed_over() -> None:
+    talk = begun()
+    now_ns, written = 0, []
+    while len(written) < 5:
+        written.append(talk.on_time(now_ns))
+        now_ns = talk.due_ns or 0
+    assert written == [b"h", b"n", b"n", b"n", b"r"]
+
+
+def test_what_must_be_answered_is_named_and_everything_begins_anew() -> None:
+    talk = begun(STEPS[2:])
+    for attempt in range(3):
+        assert talk.on_time(attempt * ANSWER_NS) == b"r"
+    assert talk.on_time(3 * ANSWER_NS) == b""
+    assert talk.state == "no answer to rate"
+    assert talk.due_ns == 3 * ANSWER_NS + RETRY_PAUSE_NS
+    assert talk.on_time(talk.due_ns) == b"r"
+    assert talk.state == "no answer to rate"
+
+
+def test_a_refusal_is_named_and_the_request_repeated_after_a_pause() -> None:
+    talk = begun(STEPS[2:])
+    talk.on_time(0)
+    talk.answered(7, "too fast")
+    assert (talk.state, talk.due_ns) == ("refused rate: too fast", 7 + RETRY_PAUSE_NS)
+    assert talk.on_time(7 + RETRY_PAUSE_NS) == b"r"
+
+
+def test_an_answer_may_make_the_next_request_needless() -> None:
+    talk = begun(STEPS[1:])
+    talk.on_time(0)
+    talk.answered(1, skip=1)
+    assert talk.on_time(1) == b"g"
+
+
+def test_silence_after_the_last_request_begins_anew_and_is_named_when_nothing_ever_came() -> None:
+    talk = begun(STEPS[3:])
+    assert talk.on_time(0) == b"g"
+    assert talk.on_time(SILENCE_NS - 1) == b""
+    assert talk.on_time(SILENCE_NS) == b"g"
+    assert talk.state == "no answer to go"
+    talk.has_reading(SILENCE_NS + 5)
+    assert talk.state == "running"
+    assert talk.on_time(2 * SILENCE_NS + 5) == b"g"
+    assert talk.state == "waiting"
+    assert talk.on_time(3 * SILENCE_NS + 5) == b"g"
+    assert talk.state == "no answer to go"
+
+
+def test_readings_between_the_requests_change_nothing() -> None:
+    talk = begun(STEPS[2:])
+    talk.on_time(0)
+    talk.has_reading(3)
+    assert (talk.state, talk.asked, talk.due_ns) == ("waiting", "rate", ANSWER_NS)
