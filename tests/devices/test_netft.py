@@ -207,6 +207,7 @@ def test_another_link_means_another_calibration() -> None:
 
 def test_a_silent_sensor_is_started_again() -> None:
     session = started(calibration="config")
+    assert session.on_time(SILENCE_NS - 1) == b""
     assert session.on_time(SILENCE_NS) == START_BUFFERED
     assert session.state == "no answer to start"
     session.receive(record(1), SILENCE_NS + 1)

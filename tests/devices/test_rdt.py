@@ -70,13 +70,20 @@ def test_D3_a_repeated_and_a_late_record_are_not_handed_on() -> None:
     assert read(*late) == ([8, 9, 10, 11, 12], DecoderHealth(duplicates=2))
 
 
+def test_D3_an_overtaken_datagram_is_dropped_whole_and_lost_nowhere_else() -> None:
+    datagrams = [b"".join(record(40 * block + step) for step in range(1, 41)) for block in range(5)]
+    numbers, health = read(*(datagrams[block] for block in (0, 2, 1, 3, 4)))
+    assert numbers == [*range(1, 41), *range(81, 201)]
+    assert health == DecoderHealth(lost=40, duplicates=40)
+
+
 def test_D3_a_start_is_a_restart_and_no_loss() -> None:
     stream = [record(number) for number in (900, 901, 1, 2, 3)]
     assert read(*stream) == ([900, 901, 1, 2, 3], DecoderHealth(restarts=1))
 
 
 def test_D3_a_start_whose_first_records_are_lost_is_believed_by_four() -> None:
-    stream = [record(number) for number in (900, 901, 4, 5, 6, 7)]
+    stream = [record(number, ticks=70 * step) for step, number in enumerate((900, 901, 4, 5, 6, 7))]
     assert read(*stream[:-1])[0] == [900, 901]
     assert read(*stream) == ([900, 901, 4, 5, 6, 7], DecoderHealth(restarts=1))
 
@@ -93,6 +100,8 @@ def test_D3_the_number_wraps_to_zero() -> None:
 def test_the_clock_is_unwrapped_and_a_reset_begins_anew() -> None:
     top = 1 << 32
     steps = (top - 14, top - 7, top, top + 7)
+    assert ticks(*(record(n, ticks=at) for n, at in enumerate(steps, 1))) == list(steps)
+    steps = (top - 7, top + 8, *range(top + 7, top + 35, 7))  # one bit of the second was damaged
     assert ticks(*(record(n, ticks=at) for n, at in enumerate(steps, 1))) == list(steps)
     assert ticks(record(8, ticks=5_000_000), record(1, ticks=70), record(2, ticks=77)) == [5_000_000, 70, 77]
 

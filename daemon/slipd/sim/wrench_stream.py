@@ -27,11 +27,6 @@ class WrenchStream:
         self._begun_ns: int | None = None
         self._sent = 0
 
-    @property
-    def runs(self) -> bool:
-        """Whether readings are sent."""
-        return self._begun_ns is not None
-
     def feel(self, force_n: Array, torque_nm: Array) -> None:
         """Take what acts on the sensor from now on, in its own frame, N and N·m."""
         self._ideal = np.concatenate((force_n, torque_nm))
