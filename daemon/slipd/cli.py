@@ -1,4 +1,4 @@
-"""``slipd``: run, demo, check, replay, import. Everything heavy is imported by the command that needs it."""
+"""``slipd``: run, demo, check, replay, identify, import. Everything heavy is imported by the command that needs it."""
 
 from __future__ import annotations
 
@@ -70,6 +70,11 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("--publish", action="store_true", help="publish the messages on the bus of the recorded config")
     replay.set_defaults(command=_replay)
 
+    identify = commands.add_parser("identify", help="find mass and centre of a finger from a recording of several poses")
+    identify.add_argument("file", type=Path, metavar="FILE", help="a recording with gravity.set requests")
+    identify.add_argument("--finger", required=True, metavar="NAME")
+    identify.set_defaults(command=_identify)
+
     importer = commands.add_parser("import", help="make a recording of foreign data")
     formats = importer.add_subparsers(required=True, metavar="FORMAT")
     grips = formats.add_parser("grips", help="a trial folder with xela_sensor1.csv, xela_sensor2.csv, robot_state.csv")
@@ -107,6 +112,13 @@ def _served(serving: Any) -> int:
         while isinstance(first, BaseExceptionGroup):
             first = first.exceptions[0]
         raise first from group
+    return DONE
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    from slipd.recording.identify import identify_recording, tell
+
+    print(tell(identify_recording(arguments.file, arguments.finger), arguments.finger))
     return DONE
 
 

@@ -404,3 +404,26 @@ class TestGripper:
         run.serve_gripper(200)
         assert writes(run) == []
         assert code(run.ask("grip.set", force_n=5.0)) == ("no_lease", "")
+
+
+class TestGravity:
+    def test_gravity_is_taken_for_a_finger_with_a_force_sensor(self, run: Run) -> None:
+        reply = run.ask("gravity.set", finger="left", gravity_mps2=[0.0, 0.0, -9.8])
+        assert reply["result"] == {"gravity": "none"}, "the config gives no mass"
+
+    @pytest.mark.parametrize(
+        ("fields", "refusal"),
+        [
+            ({"finger": "right"}, ("not_ready", "finger")),
+            ({"finger": "middle"}, ("unknown_finger", "finger")),
+            ({"gravity_mps2": [0.0, 0.0, -98.0]}, ("out_of_range", "gravity_mps2")),
+            ({"gravity_mps2": [0.0, -9.8]}, ("bad_type", "gravity_mps2")),
+            ({"gravity_mps2": -9.8}, ("bad_type", "gravity_mps2")),
+            ({"gravity_mps2": [0.0, 0.0, "down"]}, ("bad_type", "gravity_mps2")),
+            ({"gravity_mps2": [0.0, 0.0, True]}, ("bad_type", "gravity_mps2")),
+            ({"gravity_mps2": ...}, ("missing_field", "gravity_mps2")),
+        ],
+    )
+    def test_anything_else_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
+        given = {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.8]} | fields
+        assert code(run.ask("gravity.set", **given)) == refusal

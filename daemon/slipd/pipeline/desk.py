@@ -109,6 +109,7 @@ class Desk:
             "readings": offset.readings,
             "offset": offset.value.ravel().tolist(),
             "by": offset.by,
+            "gravity_mps2": None if offset.gravity_mps2 is None else offset.gravity_mps2.tolist(),
             "std": None if offset.std is None else offset.std.ravel().tolist(),
             "busy": finger.tare.busy,
             "given_up": finger.tare.aborted_reason or None,

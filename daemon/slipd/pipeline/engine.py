@@ -19,6 +19,7 @@ from slipd.pipeline.lateness import Lateness
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import Outlet, Pace
 from slipd.pipeline.streams import Stream
+from slipd.pipeline.voice import Voice
 from slipd.samples import GripperSample, Sample, WrenchSample
 from slipd_client.messages import (
     GRIPPER_TOPIC,

@@ -20,7 +20,7 @@ _UNKNOWN = (math.nan, math.nan, math.nan)
 
 
 class ForceSide:
-    """A force/torque sensor behind a pad. In this order: tare, drift, mounting, weight of the finger.
+    """A force/torque sensor behind a pad. In this order: tare, mounting, weight of the finger, drift.
 
     Args:
         wrench: ``[finger.X.wrench]``.
@@ -33,6 +33,7 @@ class ForceSide:
     def __init__(self, wrench: Wrench) -> None:
         self._noise = (wrench.force_std_n, wrench.torque_std_nm)
         self.tare = Tare(np.zeros(6), np.repeat(self._noise, 3))
+        self._mass_kg = wrench.mass_kg
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
         pose = wrench.pad_from_sensor
         self._to_pad: Array = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
@@ -66,18 +67,16 @@ class ForceSide:
         numbers = sample.force_n.tolist() + ([0.0, 0.0, 0.0] if torque is None else torque.tolist())
         if not math.isfinite(sum(numbers)):
             return None
-        values = self.tare.apply(np.array(numbers), t_ns, trusted=trusted)
+        wrench = self._to_pad @ self.tare.apply(np.array(numbers), t_ns, trusted=trusted)
         if self.tare.current is not self._offset:
-            self._retared()
-        drift = self._drift
-        if drift is not None:
-            drift.update(values, t_ns, untouched if trusted else None)
-            values = values - drift.value
-        wrench = self._to_pad @ values
+            self._take_offset()
         if self.gravity.correction is not None:
             wrench = wrench - self.gravity.correction
-        wrench = wrench.tolist()
-        return tuple(wrench) if torque is not None else (*wrench[:3], *_UNKNOWN)
+        if self._drift is not None:
+            self._drift.update(wrench, t_ns, untouched if self._may_learn(t_ns, trusted=trusted) else None)
+            wrench = wrench - self._drift.value
+        listed = wrench.tolist()
+        return tuple(listed) if torque is not None else (*listed[:3], *_UNKNOWN)
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
         """Starts to average readings; the weight at the present orientation becomes part of the offset."""
@@ -88,15 +87,17 @@ class ForceSide:
         if not self.tare.undo():
             return False
         if self.tare.current is not self._offset:
-            self._offset = self.tare.current
-            self.gravity.retare(self._offset.gravity_mps2)
-            if self._drift is not None:
-                self._drift.restore()
+            self._take_offset()
         return True
 
     def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
-        """Takes the apparent gravity in the pad frame, m/s²."""
+        """Takes the apparent gravity in the pad frame, m/s²; a tare that is being measured must not be turned."""
+        before = self.gravity.gravity(t_ns)
         self.gravity.set(gravity_mps2, t_ns)
+        if self.tare.busy and before is not None:
+            turned_n = self._mass_kg * math.dist(before, gravity_mps2)
+            if turned_n > self._noise[0]:
+                self.tare.abort("the finger was turned")
 
     def uncertainty(self, t_ns: int) -> tuple[float, float, float, float]:
         """Noise of a force component, N, and of a torque component, N·m; then what the weight may add, likewise."""
@@ -109,6 +110,8 @@ class ForceSide:
         if self.gravity.state(t_ns) == "unknown_orientation":
             force_n = self.gravity.uncertainty(t_ns)[0]
             found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))
+        if self.gravity.state(t_ns) == "unknown_orientation" and self._offset.gravity_mps2 is None:
+            found.append((Health.OK, "tare it once more while gravity.set runs: the last tare holds an unknown weight"))
         if self._drift is not None and self._drift.total >= 1.0:
             found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))
         if self.tare.aborted_reason:
@@ -124,8 +127,16 @@ class ForceSide:
             "drift_frozen": None if drift is None else drift.frozen,
         }
 
-    def _retared(self) -> None:
-        self._offset = self.tare.current
-        self.gravity.retare(self._offset.gravity_mps2)
-        if self._drift is not None:
+    def _may_learn(self, t_ns: int, *, trusted: bool) -> bool:
+        """A zero is learned only from readings of which nothing else is in doubt."""
+        return trusted and not self.tare.busy and self.gravity.state(t_ns) != "unknown_orientation"
+
+    def _take_offset(self) -> None:
+        """Another offset is in force: by a tare, or by its undo, which has a lower id."""
+        now, before = self.tare.current, self._offset
+        self._offset = now
+        self.gravity.retare(now.gravity_mps2)
+        if self._drift is not None and now.id > before.id:
             self._drift.reset()
+        elif self._drift is not None:
+            self._drift.restore()
