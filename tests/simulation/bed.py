@@ -40,8 +40,8 @@ FINGERS = ("left", "right")
 NEVER_S = 1e6
 GRIP_N = 8.0
 
-READY_S, TARE_S, CLOSE_S, HELD_S = 0.75, 0.1, 0.55, 0.75
-"""Streams run after the first; then a tare, the activation until the gripper closes, the grip and the lift."""
+ANSWER_S, READY_S, TARE_S, HELD_S = 0.05, 0.75, 0.05, 0.7
+"""The gripper answers after the first; after the second streams run; then a tare; then the grip and the lift."""
 
 STIFF = PvdfElectronics(tau_s=1e9)
 """A pad that reads force itself: it need not have seen the contact begin."""
@@ -92,7 +92,7 @@ class Line:
 
 
 def settings(*, charge: bool = False, streams: dict[str, str] | None = None, extra: str = "") -> config.Config:
-    """The demo's rig, its status told at every second tick.
+    """The demo's rig, its status told at every fourth tick.
 
     Args:
         charge: Its pads leak their charge; else they read force.
@@ -105,7 +105,7 @@ def settings(*, charge: bool = False, streams: dict[str, str] | None = None, ext
     for stream, lines in (streams or {}).items():
         header = f"[finger.{stream}]\n"
         text = text.replace(header, f"{header}{lines}\n")
-    return config.parse(f"{text}\n[rates]\nstatus_hz = 100.0\n{extra}", "bed.toml")
+    return config.parse(f"{text}\n[rates]\nstatus_hz = 50.0\n{extra}", "bed.toml")
 
 
 class Bed:
@@ -268,24 +268,29 @@ class Bed:
     # -- the story
 
     def hold(self) -> Bed:
-        """Begins: streams run, both fingers are tared, and the box is gripped, lifted and held."""
+        """Begins: as `free`, and the box is gripped, lifted and held."""
         self.free()
-        for op, fields in (("lease.acquire", {"ttl_ms": 1000}), ("gripper.activate", {})):
-            self._do(op, **fields)
-        self.run(CLOSE_S)
-        self._do("gripper.close", force_n=GRIP_N, speed_mps=0.15)
-        self.run(HELD_S)
+        self.close()
         return self
 
     def free(self) -> Bed:
-        """Begins: streams run and both fingers are tared; nothing is held."""
+        """Begins: streams run, the gripper is active, and both fingers are tared; nothing is held."""
         for line in LINES:
             self.plug(line.replace("-", "."))
-        self.run(READY_S)
+        self.run(ANSWER_S)
+        self._do("lease.acquire", ttl_ms=1000)
+        self._do("gripper.activate")
+        self.run(READY_S - ANSWER_S)
         for finger in FINGERS:
             self._do("tare", finger=finger, seconds=TARE_S)
         self.run(2 * TARE_S)
         return self
+
+    def close(self) -> None:
+        """Grips the box; the script lifts it a moment later."""
+        self._do("lease.acquire", ttl_ms=1000)
+        self._do("gripper.close", force_n=GRIP_N, speed_mps=0.15)
+        self.run(HELD_S)
 
     def _do(self, op: str, **fields: Any) -> None:
         reply = self.ask(op, **fields)
@@ -327,7 +332,7 @@ class Bed:
 def quiet_script() -> Script:
     """The box is lifted a moment after it is gripped, and nothing else happens to it."""
     return Script(
-        lift_s=0.95,
+        lift_s=1.2,
         ramp_s=0.1,
         pour_s=NEVER_S,
         pour_until_s=NEVER_S,

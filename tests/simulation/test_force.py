@@ -7,7 +7,8 @@ from simulation.bed import Bed
 from simulation.edits import Frozen, wrench
 from simulation.faults import Bursts, Drop, Edit
 
-OVERLOAD, INVALID, RAW, SKIPPED = 2, 4, 8, 1
+SKIPPED = 1
+DISTRUSTED = {2: "overload", 4: "invalid", 8: "raw"}
 
 
 @pytest.fixture
@@ -19,7 +20,7 @@ def assert_sound(bed):
     assert bed.watch.faults == [], f"seed {bed.seed}"
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_F1_a_sensor_that_is_off_is_told_as_stale(held, seed):
     held.line("left.wrench").fault = Drop(held.rng)
     held.run(0.04)
@@ -32,7 +33,7 @@ def test_F1_a_sensor_that_is_off_is_told_as_stale(held, seed):
 
 
 @pytest.mark.xfail(reason="a stuck stream is not told yet")
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_F1_a_sensor_that_is_stuck_is_told_within_100_ms(held, seed):
     held.line("left.wrench").fault = Edit(wrench(Frozen().reading))
     held.run(0.13)
@@ -43,7 +44,7 @@ def test_F1_a_sensor_that_is_stuck_is_told_within_100_ms(held, seed):
     assert held.recovery_s("stable") <= 1.0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_F1_a_sensor_that_speaks_by_fits_and_starts_is_never_believed_between(held, seed):
     held.line("left.wrench").fault = Bursts(held.rng)
     held.run(1.0)
@@ -63,9 +64,19 @@ def test_F1_a_sensor_that_is_slow_is_told(held, seed):
     assert_sound(held)
 
 
+@pytest.mark.xfail(reason="a pad's reading falls silent unnoticed while no force reading comes either")
+@pytest.mark.parametrize("seed", [1])
+def test_F1_streams_that_fall_silent_one_after_the_other_are_each_noticed_in_time(held, seed):
+    held.line("left.pad").fault = Drop(held.rng)
+    held.run(0.015)
+    held.line("left.wrench").fault = Drop(held.rng)
+    held.run(0.04)
+    assert_sound(held)
+
+
 @pytest.mark.xfail(reason="a grip is raised on any data")
 @pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("stream", ["left.wrench", "left.pad"])
+@pytest.mark.parametrize("stream", ["left.wrench"])
 def test_F1_no_grip_is_raised_on_a_stale_sensor(held, seed, stream):
     held.ask("lease.acquire", ttl_ms=1000)
     held.line(stream).fault = Drop(held.rng)
@@ -75,17 +86,25 @@ def test_F1_no_grip_is_raised_on_a_stale_sensor(held, seed, stream):
     assert_sound(held)
 
 
+@pytest.mark.parametrize("seed", [1])
+def test_F2_a_reading_that_the_sensor_itself_distrusts_is_no_verdict(held, seed):
+    for bit, reason in DISTRUSTED.items():
+        held.line("left.wrench").fault = Edit(wrench(status=bit))
+        held.run(0.05)
+        assert (held.level(), held.reasons()) == ("unknown", [reason])
+        held.line("left.wrench").fault = None
+        assert held.recovery_s("stable") <= 1.0
+    assert_sound(held)
+
+
 @pytest.mark.xfail(reason="status bits do not show in the health of a stream")
 @pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize(("bit", "reason"), [(OVERLOAD, "overload"), (INVALID, "invalid"), (RAW, "raw")])
-def test_F2_a_reading_that_the_sensor_itself_distrusts_is_no_verdict(held, seed, bit, reason):
-    held.line("left.wrench").fault = Edit(wrench(status=bit))
-    held.run(0.05)
-    assert (held.level(), held.reasons()) == ("unknown", [reason])
-    assert held.health("left.wrench")["health"] >= 1
-    held.line("left.wrench").fault = None
-    assert held.recovery_s("stable") <= 1.0
-    assert_sound(held)
+def test_F2_what_the_sensor_says_of_itself_shows_in_the_health_of_its_stream(held, seed):
+    for bit, reason in DISTRUSTED.items():
+        held.line("left.wrench").fault = Edit(wrench(status=bit))
+        held.run(0.05)
+        assert held.health("left.wrench")["health"] >= 1
+        assert reason in held.health("left.wrench")["message"]
 
 
 @pytest.mark.parametrize("seed", [1])
@@ -97,7 +116,7 @@ def test_F2_a_status_that_leaves_the_reading_usable_changes_no_level(held, seed)
 
 
 @pytest.mark.xfail(reason="force and image are not compared yet")
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_F3_a_force_sensor_that_disagrees_with_the_image_makes_the_verdict_unknown(held, seed):
     shift_nm = 0.12
 
@@ -126,13 +145,9 @@ def test_F4_a_tare_in_contact_is_refused_and_changes_nothing(held, seed):
 @pytest.mark.parametrize("seed", [1])
 def test_F4_a_tare_that_a_contact_interrupts_is_given_up(seed):
     bed = Bed(seed).free()
-    bed.ask("lease.acquire", ttl_ms=1000)
-    bed.ask("gripper.activate")
-    bed.run(0.55)
-    bed.ask("gripper.close", force_n=8.0, speed_mps=0.15)
     before = bed.watch.slip["left"]["tare_id"]
     assert bed.ask("tare", finger="left", seconds=0.5)["ok"]
-    bed.run(0.9)
+    bed.close()
     assert bed.watch.slip["left"]["tare_id"] == before
     assert bed.watch.slip["left"]["normal_n"] == pytest.approx(8.0, abs=0.3)
     assert_sound(bed)

@@ -9,7 +9,7 @@ from simulation.bed import Bed
 from simulation.edits import pad, wrench
 from simulation.faults import Edit
 
-STRANGE = {"nan": math.nan, "inf": math.inf, "minus_inf": -math.inf}
+STRANGE = (math.nan, math.inf, -math.inf)
 TINY = 1e-42
 
 
@@ -30,18 +30,17 @@ def one_number(place, value, rng, share=1.0):
 
 
 @pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("place", [0, 2, 5])
-@pytest.mark.parametrize("name", sorted(STRANGE))
-def test_N1_a_number_that_is_none_poisons_nothing(held, seed, place, name):
-    held.line("left.wrench").fault = one_number(place, STRANGE[name], held.rng)
-    held.watch.faults.clear()
-    held.run(0.03)
-    assert (held.level(), held.reasons()) == ("unknown", ["invalid"])
-    held.line("left.wrench").fault = one_number(place, STRANGE[name], held.rng, share=0.1)
-    held.run(0.05)
-    held.line("left.wrench").fault = None
-    assert held.recovery_s("stable") <= 0.1
-    assert held.watch.slip["left"]["normal_n"] == pytest.approx(8.0, abs=0.3)
+def test_N1_a_number_that_is_none_poisons_nothing(held, seed):
+    for place in range(6):
+        for value in STRANGE:
+            held.line("left.wrench").fault = one_number(place, value, held.rng)
+            held.run(0.03)
+            assert (held.level(), held.reasons()) == ("unknown", ["invalid"])
+            held.line("left.wrench").fault = one_number(place, value, held.rng, share=0.1)
+            held.run(0.02)
+            held.line("left.wrench").fault = None
+            assert held.recovery_s("stable") <= 0.1
+            assert held.watch.slip["left"]["normal_n"] == pytest.approx(8.0, abs=0.3)
     assert_sound(held)
 
 
@@ -63,21 +62,22 @@ def test_N1_a_huge_force_is_a_number_and_no_crash(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("force_n", [math.nan, math.inf, -1.0, 1e300, 0.0])
-def test_N2_A3_a_set_point_that_is_no_force_is_refused(held, seed, force_n):
+def test_N2_A3_a_set_point_that_is_no_force_is_refused(held, seed):
     held.ask("lease.acquire", ttl_ms=1000)
     before_n = held.rig.scene.normal_n
-    assert not held.ask("grip.set", force_n=force_n)["ok"]
+    for force_n in (*STRANGE, -1.0, 1e300, 0.0, True, "7", None):
+        assert not held.ask("grip.set", force_n=force_n)["ok"]
     held.run(0.1)
     assert held.rig.scene.normal_n == pytest.approx(before_n, abs=0.05)
     assert_sound(held)
 
 
 @pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("count", [-32_768, 32_767])
-def test_N3_counts_at_their_ends_do_not_wrap(held, seed, count):
-    held.line("left.pad").fault = Edit(pad(lambda row, counts, _: counts * 0 + count))
-    held.run(0.1)
-    assert held.watch.slip["left"]["utilisation"] is None or held.watch.slip["left"]["utilisation"] >= 0.0
-    held.line("left.pad").fault = None
-    assert held.recovery_s("stable") <= 1.0
+def test_N3_counts_at_their_ends_do_not_wrap(held, seed):
+    for count in (-32_768, 32_767):
+        held.line("left.pad").fault = Edit(pad(lambda row, counts, _, count=count: counts * 0 + count))
+        held.run(0.1)
+        used = held.watch.slip["left"]["utilisation"]
+        assert used is None or used >= 0.0
+        held.line("left.pad").fault = None
+        assert held.recovery_s("stable") <= 1.0

@@ -75,7 +75,7 @@ def test_T1_a_row_that_is_lost_is_masked_and_told(held, seed):
     assert_sound(held)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_T2_an_image_that_misses_a_part_is_dropped_whole(held, seed):
     held.line("left.pad").fault = Edit(
         lambda data, _: data[: held.rng.randrange(1, max(2, len(data)))] if data else data, lies=False
@@ -88,7 +88,7 @@ def test_T2_an_image_that_misses_a_part_is_dropped_whole(held, seed):
     assert_sound(held)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_T2_two_images_mixed_are_no_image(held, seed):
     rows = {}
 
@@ -107,7 +107,7 @@ def test_T2_two_images_mixed_are_no_image(held, seed):
 
 
 @pytest.mark.xfail(reason="a stuck stream is not told yet")
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_T3_an_array_that_is_frozen_is_told_within_100_ms(held, seed):
     held.line("left.pad").fault = Edit(pad(Frozen().row))
     held.watch.faults.clear()
