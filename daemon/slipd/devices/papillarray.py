@@ -1,0 +1,120 @@
+"""Contactile PapillArray pads behind a PTS controller: nine pillars a sensor, three axes a pillar, two sensors a port.
+
+The controller streams by itself; a session only sets its rate. It never sends the command that zeroes the sensors:
+taring is slipd's own, and can be undone. Source: the PTS protocol, version 2.0, as a public parser of it reads it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slipd.devices import papillarray_frames as frames
+from slipd.devices.conversation import Conversation, Step
+from slipd.devices.framing import Frames
+from slipd.devices.health import DecoderHealth
+from slipd.devices.numbering import Numbering
+from slipd.samples import TactileSample
+
+RATES_HZ = (100, 250, 500, 1000)
+
+_COUNTER_SPAN = 1 << 32
+_TYPICAL_LENGTH = 640  # two sensors of nine pillars and their totals
+
+
+class Decoder:
+    """Makes a tactile sample of every sensor in a frame; ``source`` is its place in the frame, "0" or "1".
+
+    ``values`` has shape (pillars, 3): Fx, Fy, Fz of each pillar in N, in the order, the axes and the sign in which the
+    controller sends them. ``device_time_ns`` is the controller's clock, which never begins anew. Displacements, whole
+    forces and torques, and the controller's own slip detection are checked for their structure and passed over: the
+    pillars' forces give force and torque by themselves.
+
+    `health.lost`, `duplicates` and `restarts` count frames by the controller's counter, `good` counts samples.
+
+    Status names: "invalid" (a value is not finite).
+    """
+
+    def __init__(self) -> None:
+        self.health = DecoderHealth()
+        self._frames = Frames(frames.START, self._measure, _TYPICAL_LENGTH, self.health)
+        self._numbering = Numbering(_COUNTER_SPAN, self.health)
+        self._bodies: list[frames.Body] = []
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Take bytes received at ``t_ns`` and return the images they complete."""
+        self._bodies = []
+        self._frames.receive(data)
+        samples: list[TactileSample] = []
+        for body in self._bodies:
+            if not self._numbering.take(body.counter):
+                continue
+            for sensor, forces_n in enumerate(body.forces_n):
+                if forces_n is not None:
+                    status = () if np.isfinite(forces_n).all() else ("invalid",)
+                    samples.append(TactileSample(t_ns, body.time_us * 1000, forces_n, status, str(sensor)))
+        self.health.good += len(samples)
+        return samples
+
+    def _measure(self, buffer: bytes, at: int) -> int:
+        """As `Frames` asks for; it asks once a frame."""
+        length, body = frames.read(buffer, at)
+        if body is not None:
+            self._bodies.append(body)
+        return length
+
+
+class Session:
+    """Sets the controller's rate and listens.
+
+    `state` is "closed", "waiting", "running" or "no answer to rate"; the rate is set again whenever the stream falls
+    silent. The controller never says what it is: `identity` is "".
+
+    Args:
+        rate_hz: Frames a second: 100, 250, 500 or 1000.
+
+    Raises:
+        ValueError: Another rate.
+    """
+
+    def __init__(self, rate_hz: int = 500) -> None:
+        if rate_hz not in RATES_HZ:
+            raise ValueError(f"rate_hz {rate_hz!r} is not known: {', '.join(map(str, RATES_HZ))} are")
+        self.decoder = Decoder()
+        self.health = self.decoder.health
+        self.identity = ""
+        self._talk = Conversation([Step("rate", encode_rate(rate_hz), "none")])
+
+    @property
+    def state(self) -> str:
+        """A short word for people."""
+        return self._talk.state
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link, with the command that sets the rate."""
+        self._talk.start(now_ns)
+        return self._talk.on_time(now_ns)
+
+    def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
+        """Take bytes received at ``now_ns`` and return the images they complete."""
+        samples = self.decoder.receive(data, now_ns)
+        if samples:
+            self._talk.has_reading(now_ns)
+        return samples
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        return self._talk.due_ns
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the command that is due at ``now_ns``; empty when none is."""
+        return self._talk.on_time(now_ns)
+
+    def stop(self) -> bytes:
+        """End. Nothing is sent: the controller knows no command that would stop it."""
+        self._talk.stop()
+        return b""
+
+
+def encode_rate(rate_hz: int) -> bytes:
+    """Return the command for a rate."""
+    return f"f{rate_hz}\n".encode()
