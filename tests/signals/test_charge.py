@@ -69,7 +69,6 @@ def test_an_offset_seen_without_contact_does_not_become_a_drift(offset: float, n
 def test_no_contact_is_no_force_whatever_the_amplifier_says() -> None:
     charge = ChargeReconstruction(3, TAU_S)
     assert_array_equal(charge.update(np.array((1.0, -5.0, 900.0)), 0.0, FREE), np.zeros(3))
-    assert charge.ready
 
 
 def test_the_offset_is_learned_slowly_so_that_noise_is_not() -> None:
@@ -113,7 +112,6 @@ def test_charge_that_was_given_up_is_unknown_until_the_next_rest() -> None:
     charge.update(np.zeros(1), 0.0, FREE)
     charge.update(np.full(1, 9.0), STEP_S, HELD)
     charge.forget()
-    assert not charge.ready
     assert np.isnan(charge.update(np.full(1, 9.0), 2 * STEP_S, HELD)).all()
     charge.update(np.zeros(1), 3 * STEP_S, FREE)
     assert_allclose(charge.update(np.full(1, 9.0), 4 * STEP_S, HELD), (9.0,), rtol=0.01)
@@ -123,9 +121,7 @@ def test_a_contact_whose_beginning_nobody_saw_is_unknown() -> None:
     charge = ChargeReconstruction(2, TAU_S)
     for k in range(10):
         assert np.isnan(charge.update(np.ones(2), k * STEP_S, HELD)).all()
-        assert not charge.ready
     charge.update(np.ones(2), 1.0, FREE)
-    assert charge.ready
     assert np.isfinite(charge.update(np.ones(2), 1.0 + STEP_S, HELD)).all()
 
 
@@ -145,7 +141,6 @@ def test_a_gap_that_loses_the_charge_makes_the_rest_of_the_contact_unknown() -> 
     longest_s = 0.1 * TAU_S
     assert np.isfinite(charge.update(np.full(1, 9.0), 0.999 * longest_s, HELD)).all()
     assert np.isnan(charge.update(np.full(1, 9.0), 2.001 * longest_s, HELD)).all()
-    assert not charge.ready
     assert np.isnan(charge.update(np.full(1, 9.0), 2.002 * longest_s, HELD)).all(), "it does not heal by itself"
     charge.update(np.zeros(1), 3.0 * longest_s, FREE)
     assert np.isfinite(charge.update(np.full(1, 9.0), 3.1 * longest_s, HELD)).all()

@@ -1,7 +1,7 @@
 """Whether the force sensor and the tactile image tell the same contact.
 
-Both know where the force acts, a calibrated pad also how large it is. A sensor mounted otherwise than the config says, a
-force sensor with a bias, half an image that is dead: each makes the two differ, and then neither can be believed.
+Both know where the force acts, a calibrated pad also how large it is. A sensor mounted otherwise than the config says,
+a force sensor with a bias, half an image that is dead: each makes them differ, and then neither can be believed.
 
 How far they may differ was found on 9,000 simulated contacts of 8 × 16 taxels (patches of 1 to 30 mm anywhere on the
 pad, tilted until they lift off, gains with 5 % of spread). It depends on how many taxels are *inner*: active, with all
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 INNER_PITCHES = 0.5
 """Tolerance of the centroid, in pitches, with an inner taxel."""
 OUTER_PITCHES = 1.75
-"""Without one: where a contact is a line, C lies up to 1.5 pitches from the taxels that feel it, and outside their hull.
+"""Without one: where a contact is a line, C lies up to 1.5 pitches from the taxels that feel it, outside their hull.
 That is tipping, and stays a matter of the tipping margin."""
 FORCE = 1.3
 """Tolerance of the logarithm of the force ratio is this over (inner + 2)^¾: sampling by electrodes with gaps."""

@@ -1,9 +1,16 @@
 """Force from the charge of a piezoelectric taxel.
 
 A PVDF element gives charge only while its force changes. Behind a charge amplifier with leak τ the output y obeys
-y' = f' − y/τ, so f = y + (1/τ) ∫ y dt, and every offset of y integrates into drift. What keeps it honest: without
-contact the force is zero, which resets the integral and shows the offset. What leaked away under a held load is missing
-when it ends: the output then lies below the offset by as much, and comes back within some τ.
+y' = f' − y/τ, so f = y + (1/τ) ∫ y dt, and every offset of y integrates into drift. Three things keep it honest:
+
+* without contact the force is zero, which resets the integral and shows the offset. What leaked away under a held load
+  is missing when it ends: the output then lies below the offset by as much, and comes back within some τ;
+* PVDF is pyroelectric too, so warming adds a charge that all taxels share: under a contact the taxels outside it show
+  it, and what else they add up is forgotten;
+* the force sensor knows the normal force of the whole pad: a sum that creeps away from it is drift.
+
+None of them erases a held load: the first waits for the force sensor to read no contact, the second looks only at
+taxels that were never loaded in this contact, and the third takes away what the force sensor does not feel.
 """
 
 from __future__ import annotations
@@ -17,6 +24,16 @@ Array = NDArray[np.float64]
 
 #: Time constant of learning the offset without contact, s: long against the noise, short against warming.
 OFFSET_TAU_S = 0.5
+#: A taxel belongs to the contact, until it ends, once it has read this share of the largest reading.
+LOADED_SHARE = 0.05
+#: The common charge is told by at least this share of the pad, and this many taxels: a smaller rest may be loaded too.
+UNLOADED_SHARE, UNLOADED_TAXELS = 0.125, 8
+#: Time constant of following the common charge, s: long against a press, short against warming.
+COMMON_TAU_S = 1.0
+#: Time constant of forgetting what a taxel outside the contact adds up, s: long against a contact that creeps onto it.
+UNLOADED_TAU_S = 30.0
+#: Time constant of following the force sensor, s: a bias of it is told long before it is followed.
+ANCHOR_TAU_S = 5.0
 #: A longer gap than this many leak times leaves nothing of the charge: the integral cannot be carried over it.
 LONGEST_GAP_TAUS = 0.1
 
@@ -38,11 +55,17 @@ class ChargeReconstruction:
         self._last = np.zeros(taxels)
         self._last_s: float | None = None
         self._resting = True
+        self._common = 0.0
+        self._loaded = np.zeros(taxels, dtype=bool)
+        self._peak = 0.0
+        self._anchor: float | None = None
 
-    @property
-    def ready(self) -> bool:
-        """The offset was seen without contact, and no gap lost the charge since."""
-        return self._offset is not None and self._last_s is not None
+    def anchor(self, normal: float) -> None:
+        """Tells the normal force on the whole pad, in the unit of the readings, for the next scan.
+
+        Only for a pad whose readings are calibrated, and while it and the force sensor agree.
+        """
+        self._anchor = normal if math.isfinite(normal) else None
 
     def update(self, readings: Array, t_s: float, known_free: bool) -> Array:
         """Takes one scan.
@@ -67,14 +90,35 @@ class ChargeReconstruction:
             self._last_s = None
             return np.full_like(readings, math.nan)
         charge = readings - self._offset
-        self._integral += 0.5 * (charge + self._last) * ((t_s - self._last_s) / self._tau_s)
+        elapsed_s = t_s - self._last_s
+        self._integral += 0.5 * (charge + self._last) * (elapsed_s / self._tau_s)
         self._last, self._last_s = charge, t_s
-        return charge + self._integral
+        return self._without_drift(charge + self._integral, elapsed_s)
 
     def forget(self) -> None:
         """Gives up the charge: time passed that was not seen. The offset stays."""
         self._resting = False
         self._last_s = None
+
+    def _without_drift(self, force: Array, elapsed_s: float) -> Array:
+        level = force - self._common
+        highest = float(level.max())
+        if highest > 2.0 * self._peak:  # a press that has only begun: most of what seemed loaded was noise
+            self._peak = highest
+            self._loaded[:] = False
+        self._loaded |= level > LOADED_SHARE * self._peak
+        unloaded = ~self._loaded
+        rest = force[unloaded]
+        if rest.size >= max(UNLOADED_TAXELS, UNLOADED_SHARE * force.size):
+            middle = float(np.partition(rest, rest.size // 2)[rest.size // 2])
+            self._common -= math.expm1(-elapsed_s / COMMON_TAU_S) * (middle - self._common)
+            self._integral[unloaded] += math.expm1(-elapsed_s / UNLOADED_TAU_S) * (rest - self._common)
+        level = force - self._common
+        if self._anchor is not None and rest.size < force.size:
+            surplus = (float(level[self._loaded].sum()) - self._anchor) / (force.size - rest.size)
+            self._integral[self._loaded] += math.expm1(-elapsed_s / ANCHOR_TAU_S) * surplus
+        self._anchor = None
+        return level
 
     def _rest(self, readings: Array, t_s: float) -> None:
         if self._offset is None:
@@ -87,4 +131,6 @@ class ChargeReconstruction:
             share = -math.expm1(-elapsed_s / OFFSET_TAU_S)
             self._offset = self._offset + share * (readings + self._integral - self._offset)
         self._resting = True
+        self._common, self._peak, self._anchor = 0.0, 0.0, None
+        self._loaded[:] = False
         self._last, self._last_s = readings - self._offset, t_s
