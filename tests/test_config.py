@@ -164,14 +164,14 @@ def test_a_missing_key_is_told_at_its_table(old: str, path: str, at: str) -> Non
 
 
 MEANING = [
-    ('device = "bota"', 'device = "pvdf"', "finger.left.wrench.device", "'pvdf' is no wrench device; known: bota"),
-    ('device = "pvdf"', 'device = "bota"', "finger.left.pad.device", "no tactile device; known: pvdf, xela"),
+    ('device = "bota"', 'device = "pvdf"', "finger.left.wrench.device", "'pvdf' is no wrench device; known: bota, "),
+    ('device = "pvdf"', 'device = "bota"', "finger.left.pad.device", "is no tactile device; known: dsacon32, external, "),
     ('device = "robotiq_2f"', 'device = "bota"', "gripper.device", "no gripper device; known: robotiq_2f"),
     ('device = "bota"', 'device = "botta"', "finger.left.wrench.device", "'botta' is no wrench device"),
     ('port = "/dev/left-pad"', 'port = "/dev/left-wrench"', "finger.left.pad.port", "is used by left.wrench too"),
     ('port = "/dev/gripper"', 'port = "/dev/left-pad"', "gripper.port", "is used by left.pad too"),
     ('port = "ws://127.0.0.1:5000"', 'port = "/dev/xela"', "finger.right.pad.port", "give ws://HOST:PORT"),
-    ('sensor = "2"', "# no sensor", "finger.right.pad.sensor", "give the pad's key"),
+    ('sensor = "2"', "# no sensor", "finger.right.pad.sensor", "say which sensor of the port"),
     ("cols = 16", 'cols = 16\nsensor = "1"', "finger.left.pad.sensor", "leave it out"),
     ("axis_scale = [0.001, 0.001, -0.001]", "axis_scale = [0.001]", "finger.right.pad.axis_scale", "give 3"),
     ("electrode_m = 0.0015", "axis_scale = [1.0, 1.0]\nelectrode_m = 0.0015", "finger.left.pad.axis_scale", "give 1"),

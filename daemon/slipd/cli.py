@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("--publish", action="store_true", help="publish the messages on the bus of the recorded config")
     replay.set_defaults(command=_replay)
 
-    identify = commands.add_parser("identify", help="find mass and centre of a finger from a recording of several poses")
+    identify = commands.add_parser("identify", help="find a finger's mass and centre from a recording of several poses")
     identify.add_argument("file", type=Path, metavar="FILE", help="a recording with gravity.set requests")
     identify.add_argument("--finger", required=True, metavar="NAME")
     identify.set_defaults(command=_identify)

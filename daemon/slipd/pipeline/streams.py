@@ -13,21 +13,6 @@ from slipd.samples import Sample, TactileSample
 from slipd.signals.clock import DeviceClock, host_time
 from slipd_client.messages import Health
 
-if not hasattr(DeviceClock, "map"):  # TEMPORARY
-
-    class DeviceClock:  # type: ignore
-        def __init__(self, span_ns, *, delay_ns=0):
-            self.state = "none"
-            self.uncertainty_ns = self.drift_ppm = None
-            self._d = delay_ns
-
-        def map(self, d, r):
-            return r - self._d
-
-        def forget(self):
-            pass
-
-
 #: A rate that is off by more than this share of the expected one is told.
 RATE_TOLERANCE = 0.2
 #: The rate is counted over at least this time: a shorter one counts jitter.
