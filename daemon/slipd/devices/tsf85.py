@@ -41,8 +41,9 @@ class Decoder:
     the temperature are passed over; packets without a static block give no sample. `health.good` counts samples. The
     packets carry no number, so `health.lost` stays 0.
 
-    Behind bytes that belong to no packet, the next packet only finds the step again: it is counted bad and nothing of
-    it is believed. So noise needs two packets in a row, and a bad packet costs at most one good one behind it.
+    Behind bytes that belong to no packet, a packet is in doubt: it is handed on with the packet that follows it
+    without a gap, and dropped and counted bad where none does. So noise is believed only if it makes two packets in a
+    row. A deleted byte may swallow the begin of the next packet unseen: it costs that one, and no other.
 
     Args:
         timestamp_unit_ns: What one count of the sensor's timestamp is worth, ns, which its maker does not say. None
@@ -61,6 +62,7 @@ class Decoder:
         self.health = DecoderHealth()
         self.firmware = ""
         self._unit_ns = timestamp_unit_ns
+        self._doubted: tuple[bytes, int] | None = None
         self._frames = Frames(_SYNC, _measure, _TYPICAL_LENGTH, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
@@ -68,16 +70,24 @@ class Decoder:
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
         for at, in_step in found:
-            begin = at + _HEAD_LENGTH
-            content = buffer[begin : begin + buffer[at + 3]]
-            if not in_step:
-                self.health.bad += 1
-            elif buffer[at + 2] == VERSION:
-                self.firmware = content.decode("ascii").strip("\0\r\n ")
+            packet = buffer[at : at + _HEAD_LENGTH + buffer[at + 3]]
+            if in_step:
+                if self._doubted is not None:
+                    samples += self._take(*self._doubted)
+                samples += self._take(packet, t_ns)
+                self._doubted = None
             else:
-                samples += self._images(content, t_ns)
+                self.health.bad += self._doubted is not None
+                self._doubted = packet, t_ns
         self.health.good += len(samples)
         return samples
+
+    def _take(self, packet: bytes, t_ns: int) -> list[TactileSample]:
+        content = packet[_HEAD_LENGTH:]
+        if packet[2] != VERSION:
+            return self._images(content, t_ns)
+        self.firmware = content.decode("ascii").strip("\0\r\n ")
+        return []
 
     def _images(self, content: bytes, t_ns: int) -> list[TactileSample]:
         """Return the images in the data of a valid packet."""
