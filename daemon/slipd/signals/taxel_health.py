@@ -38,8 +38,8 @@ BLOCK_IMAGES = 64
 JUDGED_BLOCKS = 2
 """Blocks from one judgement to the next."""
 RECOVERY = np.array(((25,), (25,), (25,), (2,)))
-"""Times, about 5 s, that a masked taxel must have been judged well, never bad between, before it is believed again; for
-one that was saturated, which a hard grip may do to a good one, about 0.4 s."""
+"""Times, about 4.5 s, that a masked taxel must have been judged well, never bad between, before it is believed again;
+for one that was saturated, which a hard grip may do to a good one, about 0.4 s."""
 
 STILL = 0.15
 """A taxel that moves less than this share of its neighbours' mean is still; gains differ by far less."""
@@ -71,7 +71,7 @@ PEAK_TIMES = 300.0
 SPIRE = 6.0
 """Loaded neighbours all round make a reading this many times theirs impossible: rubber spreads a point."""
 LOADED = 4.0
-"""A neighbour is loaded from this many times the spread of the resting pad: several are at once."""
+"""A taxel is pressed from this many times the spread of the resting pad; where it counts, several are at once."""
 AROUND = 0.6
 """Share of the neighbours that must be loaded for that."""
 JITTER = 8.0
@@ -145,8 +145,10 @@ class TaxelHealth:
         self._steady = np.zeros(WINDOW, dtype=bool)
         self._run = np.zeros(taxels, dtype=np.int64)
         self._noise = self._spread = math.inf
-        self._peak, self._active = 0.0, threshold
+        self._peak = 0.0
+        self._active = self._pressed = threshold
         self._noisy_rest = False
+        self._away = np.zeros(taxels, dtype=bool)  # far from where the pad rests
         self._last_ns: int | None = None
 
     @property
@@ -242,7 +244,6 @@ class TaxelHealth:
         self._block_ns = t_ns
         self._blocks = 0
         self._run[:] = 0
-        self._away = np.zeros(self.masked.size, dtype=bool)
 
     def _end_block(self, t_ns: int, pressure: Array | None) -> None:
         """Puts what the block's images tell in place of the oldest block, and judges."""
@@ -283,16 +284,17 @@ class TaxelHealth:
         middle = float(np.median(mean))
         self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - middle))))
         self._active = max(self._threshold, JITTER * self._noise)
+        self._pressed = max(self._active, LOADED * self._spread)
         rest = max(HOT_THRESHOLDS * self._threshold, HOT * self._noise, HOT * self._spread)
         self._away = np.abs(mean) > rest
         believed = np.append(~self.masked, False)[self._around]
+        full, _ = saturated = self._saturated(slot)
         tests = (
             self._still(jitter, believed),
             self._frozen(new, believed),
             self._hot(slot, jitter, rest, max(middle, 0.0), believed),
-            self._saturated(slot),
         )
-        for kind, (bad, well) in enumerate(tests):
+        for kind, (bad, well) in enumerate((*((bad & ~full, well) for bad, well in tests), saturated)):
             self._well[kind] = np.where(bad, 0, self._well[kind] + well)
             self._bad[kind] |= bad
         self._bad &= self._well < RECOVERY
@@ -347,19 +349,19 @@ class TaxelHealth:
             self._noisy_rest = float(np.median(rate[resting])) >= CHANGING
         near = np.append(rate, 1.0)[self._around]
 
-        def frozen(use: Mask) -> Mask:
+        def frozen(use: Mask, least: int) -> Mask:
             lowest = np.partition(np.where(use, near, 1.0), 1, axis=1)[:, 1]  # a frozen neighbour does not hide it
             unlikely = -self._run * np.log1p(-np.minimum(lowest, 0.95))
-            told: Mask = (use.sum(axis=1) >= 3) & (lowest >= CHANGING) & (unlikely >= CHANCE)
+            told: Mask = (use.sum(axis=1) >= least) & (lowest >= CHANGING) & (unlikely >= CHANCE)
             return told
 
-        bad = frozen(believed)
+        bad = frozen(believed, 3)
         for beside, axis in ((_OTHER_ROWS, 1), (_OTHER_COLS, 0)):
             if not self._lines(self._run >= SHORTEST_RUN, axis).any():
                 continue
             use = np.zeros_like(believed)
             use[:, beside] = believed[:, beside]
-            bad |= self._lines(frozen(use), axis)
+            bad |= self._lines(frozen(use, 2), axis)
         return bad & (self._away | self._noisy_rest), rate >= 0.5 * CHANGING
 
     def _hot(self, slot: int, jitter: Array, rest: float, middle: float, believed: Mask) -> tuple[Mask, Mask]:
@@ -369,7 +371,7 @@ class TaxelHealth:
         bad = self._means[recent].min(axis=0) > (limit if self._free[recent].all() else math.inf)
         low, top = self._pressures[recent].min(axis=0), self._pressures[recent].max(axis=0)
         near_low, near_top = np.append(low, 0.0)[self._around], np.append(top, 0.0)[self._around]
-        loaded = (believed & (near_low > max(self._active, LOADED * self._spread))).sum(axis=1)
+        loaded = (believed & (near_low > self._pressed)).sum(axis=1)
         highest = near_top.max(axis=1, where=believed, initial=0.0)
         bad |= (loaded >= 3) & (loaded >= AROUND * believed.sum(axis=1)) & (low > SPIRE * highest)
         bad |= self._jitters_alone(jitter, believed)
@@ -388,7 +390,7 @@ class TaxelHealth:
             return alone
         load = self._means.mean(axis=0)
         alone &= jitter > SHAKEN * np.abs(load)
-        pressed = int(np.count_nonzero(~self.masked & (load > self._active)))
+        pressed = int(np.count_nonzero(~self.masked & (load > self._pressed)))
         return alone if self._steady.all() or pressed >= 4 else np.zeros_like(alone)
 
     def _saturated(self, slot: int) -> tuple[Mask, Mask]:
