@@ -144,6 +144,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     try:
         device = emulator_for(options.device, options.at, options.seed)
+        gc.collect()
+        gc.freeze()  # a collection is a pause that no device makes
         asyncio.run(serve_until_told([(options.device, device, options.at)]))
     except (OSError, ValueError) as error:
         print(f"emulate: {error}", file=sys.stderr)
@@ -169,8 +171,6 @@ async def serve_until_told(devices: Sequence[tuple[str, Emulator, str]]) -> None
     with contextlib.suppress(PermissionError):  # a file, or nothing: it does not close
         loop.add_reader(STDIN, hear)
     async with emulated(devices) as emulation:
-        gc.collect()
-        gc.freeze()
         for _, _, address in devices:
             print(address, flush=True)
         running = asyncio.create_task(emulation.run(), name="emulation")
