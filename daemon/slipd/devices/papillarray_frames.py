@@ -1,7 +1,8 @@
 """The frames of a Contactile PTS controller: markers, a sum, an index of blocks, and arrays of arrays behind it.
 
 A frame has no length and nothing in it is escaped, so its end is the first end marker at which the sum holds and the
-body makes sense. Every offset in the body must point at what lies behind the thing before it, down to the last byte.
+body makes sense; one that a start marker follows directly is its end in any case. Every offset in the body must point
+at what lies behind the thing before it, down to the last byte.
 Source: the PTS protocol, version 2.0, as a public parser of it reads it; little-endian throughout.
 """
 
@@ -74,6 +75,8 @@ def read(buffer: bytes, at: int) -> tuple[int, Body | None]:
             if blocks:
                 counter, time_us = _HUB.unpack_from(body, blocks[HUB])
                 return end + len(END) - at, Body(counter, time_us, _forces(body, blocks.get(PILLAR_FORCES)))
+        if buffer.startswith(START, end + len(END)):
+            return -1, None  # the next frame begins: this one is damaged, and need not be waited for
         end = buffer.find(END, end + 1, limit)
     return (-1 if len(buffer) >= limit else 0), None
 
