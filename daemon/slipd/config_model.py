@@ -65,6 +65,9 @@ class Wrench(Stream):
         com_m: Its centre of mass in the pad frame, m.
         force_std_n: Noise of each force component, standard deviation, N.
         torque_std_nm: Likewise of each torque component, N·m.
+        range_n: Largest force that the sensor can state, as the length of the vector, N: readings beyond it, and jumps
+            to and fro of a quarter of it, are garbage. None: not known, so garbage is not told.
+        stuck_after: Equal readings running that tell a stuck sensor; 0: never, for a sensor whose readings rest.
         drift_tau_s: Time constant with which a drifting zero is followed while nothing touches; None: it is not.
         drift_limit_n: Most that is followed since the tare, each force component, N.
         drift_limit_nm: Likewise each torque component, N·m.
@@ -76,6 +79,8 @@ class Wrench(Stream):
     com_m: Vector3 = [0.0, 0.0, 0.0]
     force_std_n: NotNegative = 0.02
     torque_std_nm: NotNegative = 0.0005
+    range_n: Positive | None = None
+    stuck_after: int = Field(default=50, ge=0)
     drift_tau_s: Positive | None = None
     drift_limit_n: Positive = 1.0
     drift_limit_nm: Positive = 0.02
@@ -91,6 +96,9 @@ class Pad(Stream):
         axis_scale: Newtons (or the unit chosen) a count, one a component that a taxel measures; signs turn the axes.
         threshold: A taxel is active above this normal force, in the unit that ``axis_scale`` gives.
         tare: Counts of the unloaded pad, one a component of each taxel in scan order; empty: zero.
+        full_scale: Largest count of a taxel; None: not known, so a saturated taxel is told as stuck or hot.
+        gain_error: Relative error of ``axis_scale`` where it gives newtons, such as 0.05: the sum of the image is then
+            compared with the force sensor. None: its unit is not newtons.
         charge_tau_s: Leak time constant of charge amplifiers, s; None for pads that read force itself.
     """
 
@@ -104,6 +112,8 @@ class Pad(Stream):
     axis_scale: list[float] = Field(default=[1.0], min_length=1, max_length=3)
     threshold: NotNegative = 0.0
     tare: list[float] = []
+    full_scale: Positive | None = None
+    gain_error: float | None = Field(default=None, gt=0.0, lt=1.0)
     charge_tau_s: Positive | None = None
 
 

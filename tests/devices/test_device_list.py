@@ -13,15 +13,33 @@ from slipd.devices import DEVICES, Device
 devices = pytest.mark.parametrize("device", list(DEVICES.values()), ids=list(DEVICES))
 
 
-def test_the_list_names_each_device_once_with_its_kind_and_transport() -> None:
-    assert {name: (device.kind, device.transport, device.baud, device.axes) for name, device in DEVICES.items()} == {
-        "bota": ("wrench", "serial", 460_800, 0),
-        "pvdf": ("tactile", "serial", 921_600, 1),
-        "xela": ("tactile", "websocket", None, 3),
-        "robotiq_2f": ("gripper", "serial", 115_200, 0),
+def test_the_list_names_each_device_once_with_its_kind_and_transports() -> None:
+    assert {name: (device.kind, device.transports, device.baud, device.axes) for name, device in DEVICES.items()} == {
+        "bota": ("wrench", ("serial",), 460_800, 0),
+        "dsacon32": ("tactile", ("serial", "tcp"), 115_200, 1),
+        "external": ("any", ("external",), None, 0),
+        "gauges": ("wrench", ("serial",), 921_600, 0),
+        "netft": ("wrench", ("udp",), None, 0),
+        "optoforce": ("wrench", ("serial", "udp"), 1_000_000, 0),
+        "papillarray": ("tactile", ("serial",), 115_200, 3),
+        "pvdf": ("tactile", ("serial",), 921_600, 1),
+        "robotiq_2f": ("gripper", ("serial",), 115_200, 0),
+        "robotous": ("wrench", ("serial",), 115_200, 0),
+        "tsf85": ("tactile", ("serial",), 115_200, 1),
+        "wts": ("tactile", ("serial",), 115_200, 1),
+        "xela": ("tactile", ("websocket",), None, 3),
     }
     assert all(name == device.name for name, device in DEVICES.items())
-    assert [name for name, device in DEVICES.items() if device.session] == ["bota", "robotiq_2f"]
+    silent = {"external", "gauges", "pvdf", "xela"}
+    assert {name for name, device in DEVICES.items() if device.session is None} == silent
+    assert len(DEVICES) == 13
+
+
+def test_a_file_that_devices_share_is_no_device() -> None:
+    for name in ("framing", "crc", "health", "no_such_device", ""):
+        assert name not in DEVICES
+        with pytest.raises(KeyError, match=name):
+            DEVICES[name]
 
 
 @devices
@@ -60,7 +78,10 @@ def test_a_session_starts_reads_noise_and_stops(device: Device) -> None:
     assert session.next_deadline() is None
 
 
-def test_listing_the_devices_loads_none_of_them() -> None:
-    code = "import sys, slipd.devices; print([m for m in ('numpy', 'json', 'slipd.devices.bota') if m in sys.modules])"
+def test_asking_for_a_device_loads_that_one_alone() -> None:
+    code = (
+        "import sys; from slipd.devices import DEVICES; DEVICES['xela'];"
+        "print([m for m in ('slipd.devices.bota', 'slipd.devices.xela') if m in sys.modules])"
+    )
     seen = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert seen.stdout.strip() == "[]"
+    assert seen.stdout.strip() == "['slipd.devices.xela']"

@@ -31,7 +31,7 @@ def heavy(left: str, parse: Parse) -> str:
 def side(text: str, parse: Parse) -> ForceSide:
     wrench = parse(text).finger["left"].wrench
     assert wrench is not None
-    return ForceSide(wrench)
+    return ForceSide(wrench, 20 * MS)
 
 
 def read(

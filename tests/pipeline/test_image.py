@@ -24,9 +24,10 @@ def make(left: str, parse: Parse) -> Callable[..., PadImage]:
     """A pad of 4×4 taxels at 4 mm, 0.01 N a count, threshold 0.05 N; ``more`` are further lines of its config."""
 
     def make(rule: str = "matched", more: str = "") -> PadImage:
-        pad = parse(left + more).finger["left"].pad
+        finger = parse(left + more).finger["left"]
+        pad = finger.pad
         assert pad is not None
-        return PadImage(pad, rule)
+        return PadImage(pad, finger.model_copy(update={"load_rule": rule}))
 
     return make
 
@@ -52,7 +53,7 @@ def test_counts_become_newtons_above_the_threshold(make: Callable[..., PadImage]
     pad = make(more=f"tare = {[100.0] * 16}\n")
     counts = np.full(16, 100.0)
     counts[3], counts[4], counts[5], counts[6] = 300.0, 106.0, 105.0, 0.0
-    pad.take(image(T0, counts), known_free=False)
+    pad.take(image(T0, counts))
     expected = np.zeros(16)
     expected[3], expected[4] = 2.0, 0.06
     assert pad.pressure == pytest.approx(expected)
@@ -64,7 +65,7 @@ def test_an_image_below_the_threshold_shows_no_contact_and_gives_no_loads(
     make: Callable[..., PadImage], image: Image
 ) -> None:
     pad = make()
-    pad.take(image(T0, np.full(16, 5.0)), known_free=False)
+    pad.take(image(T0, np.full(16, 5.0)))
     assert pad.shows_contact() is False
     assert pad.shares(press()) is None
     shape = pad.shape()
@@ -77,7 +78,7 @@ def test_the_loads_carry_the_force_of_the_newest_reading(
     make: Callable[..., PadImage], image: Image, rule: str
 ) -> None:
     pad = make(rule)
-    pad.take(image(T0, RAMP), known_free=False)
+    pad.take(image(T0, RAMP))
     for normal_n in (8.0, 2.0):
         found = pad.shares(press(normal_n, (0.001, 0.001)))
         assert found is not None
@@ -92,7 +93,7 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., PadImage], im
     told = {}
     for rule in ("grey", "binary", "matched"):
         pad = make(rule)
-        pad.take(image(T0, RAMP), known_free=False)
+        pad.take(image(T0, RAMP))
         found = pad.shares(press(8.0, centroid))
         assert found is not None
         loads = found.loads.loads
@@ -101,7 +102,7 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., PadImage], im
     assert told["binary"][0] == pytest.approx(centroid, abs=1e-9)
     assert told["matched"][0] == pytest.approx(centroid, abs=1e-9)
     flat = make("binary")
-    flat.take(image(T0, np.where(RAMP > 0.0, 100.0, 0.0)), known_free=False)
+    flat.take(image(T0, np.where(RAMP > 0.0, 100.0, 0.0)))
     unseen = flat.shares(press(8.0, centroid))
     assert unseen is not None
     assert told["binary"][1] == pytest.approx(unseen.loads.loads), "it needs no pressures"
@@ -110,21 +111,21 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., PadImage], im
 
 def test_a_reading_that_is_no_number_makes_the_image_unknown(make: Callable[..., PadImage], image: Image) -> None:
     pad = make()
-    pad.take(image(T0, RAMP), known_free=False)
+    pad.take(image(T0, RAMP))
     spoilt = RAMP.copy()
     spoilt[2, 2] = np.nan
-    pad.take(image(T0 + 1, spoilt), known_free=False)
+    pad.take(image(T0 + 1, spoilt))
     assert pad.shows_contact() is None
     assert pad.shares(press()) is None
     assert pad.shape() is None
     assert not pad.pressure.any()
-    pad.take(image(T0 + 2, RAMP), known_free=False)
+    pad.take(image(T0 + 2, RAMP))
     assert pad.shares(press()) is not None
 
 
 def test_a_forgotten_image_is_unknown(make: Callable[..., PadImage], image: Image) -> None:
     pad = make()
-    pad.take(image(T0, RAMP), known_free=False)
+    pad.take(image(T0, RAMP))
     pad.forget()
     assert (pad.t_ns, pad.shows_contact(), pad.shares(press())) == (None, None, None)
 
@@ -136,7 +137,7 @@ def test_three_axis_taxels_are_a_force_sensor(right: str, parse: Parse) -> None:
     assert pad.three_axis
     counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)  # at (+2, −2) mm: 0.2 N and −0.1 N of shear, 3 N into the pad
-    pad.take(TactileSample(T0, None, counts), known_free=False)
+    pad.take(TactileSample(T0, None, counts))
     wrench = pad.wrench()
     assert wrench is not None
     force, torque = wrench[:3], wrench[3:]
@@ -150,7 +151,7 @@ def test_a_turned_three_axis_pad_turns_its_shear_with_its_rows(right: str, parse
     assert pad is not None
     counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)
-    pad.take(TactileSample(T0, None, counts), known_free=False)
+    pad.take(TactileSample(T0, None, counts))
     wrench = pad.wrench()
     assert wrench is not None
     assert wrench[:3] == pytest.approx((-0.1, 0.2, -3.0))
@@ -163,7 +164,7 @@ def test_the_shape_is_told_in_the_frame_of_the_pad(make: Callable[..., PadImage]
     centres = {}
     for more in ("", "flip_y = true\n", "swap_xy = true\n"):
         pad = make(more=more)
-        pad.take(image(T0, counts), known_free=False)
+        pad.take(image(T0, counts))
         shape = pad.shape()
         assert shape is not None
         assert shape.active == 4

@@ -10,13 +10,16 @@ from slipd.config import Levels, Stream
 from slipd.fusion import Contact, contact_of
 from slipd.pipeline.decision import Verdict
 from slipd.pipeline.force import ForceSide
-from slipd.pipeline.image import PadImage, Shares, pad_image
+from slipd.pipeline.image import UNFELT, Felt, PadImage, Shares, pad_image
 from slipd.pipeline.judge import Judge, State
 from slipd.samples import TactileSample, WrenchSample
+from slipd.signals.agreement import Agreement
 from slipd.signals.tare import Tare
 
 #: A contact that exists is lost only below this share of the least normal force.
 CONTACT_HYSTERESIS = 0.8
+#: The normal force moves where its range between two images is wider than this many times its noise.
+MOVING_STDS = 6.0
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
 #: Status words that make a reading's value untrustworthy.
@@ -43,14 +46,17 @@ class Finger:
         self.name = name
         self.config = config
         self.image: PadImage | None = pad_image(config)
-        self.force = ForceSide(config.wrench) if config.wrench is not None else None
+        self._stale_ns = stale_after_ns(config.wrench or config.pad)
+        self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
         side = self.force or self.image
         if side is None:
             raise ValueError(f"finger {name} has no stream")
         self.tare: Tare = side.tare
         self.state = State(0, LOST)
         self._judge = Judge(config, levels)
-        self._stale_ns = stale_after_ns(config.wrench or config.pad)
+        self._agreement = _agreement(config)
+        self._disagreement: tuple[str, ...] = ()
+        self._low_n, self._high_n = math.inf, -math.inf
         self._image_stale_ns = stale_after_ns(config.pad) if config.pad is not None else 0
         self._in_contact = False
         self._free = False
@@ -112,7 +118,8 @@ class Finger:
         if self.image is None:
             return None
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
-        self.image.take(sample, t_ns, known_free=self._free)
+        self.image.take(sample, t_ns, self._felt())
+        self._compare(t_ns)
         if self.force is not None or not self.image.three_axis:
             return None
         untrusted = tuple(sorted(UNTRUSTED.intersection(sample.status)))
@@ -133,6 +140,7 @@ class Finger:
 
     def disconnect_image(self) -> None:
         """The image stream ended."""
+        self._forget_comparison()
         if self.image is not None:
             self.image.forget()
 
@@ -160,17 +168,41 @@ class Finger:
         if contact is None:
             state.verdict = Verdict("unknown", untrusted or ("not_finite",))
         elif not contact.valid:
+            self._note_normal(contact.normal_n)
             self._end_contact()
             self._free = True
             state.contact, state.verdict = contact, FREE
         else:
             self._in_contact = True
             state.contact = contact
+            self._note_normal(contact.normal_n)
             self._judge.judge(state, contact, self._fresh_shares(t_ns, contact), noise[2:])
+            if self._disagreement:
+                state.verdict = Verdict("unknown", ("disagreement", *self._disagreement))
         self.state = state
         if self.tare.busy and self.pressed():
             self.tare.abort("a contact began")
         return state
+
+    def _felt(self) -> Felt:
+        """What the force sensor felt since the image before."""
+        contact = self.state.contact
+        if self.force is None or contact is None or self.state.verdict is LOST:
+            return UNFELT
+        moving = self._high_n - self._low_n > MOVING_STDS * self.force.noise_n
+        self._low_n, self._high_n = contact.normal_n, contact.normal_n
+        return Felt(self._free, contact.normal_n, moving, not self._disagreement)
+
+    def _compare(self, t_ns: int) -> None:
+        """Compares a new image with what the force sensor tells of the contact."""
+        image, contact, agreement = self.image, self.state.contact, self._agreement
+        if image is None or agreement is None or self.force is None or contact is None or not image.known:
+            return
+        if math.isnan(contact.spin_nm) and contact.valid:
+            return  # without torque there is no centroid
+        noise_n, _, weight_n, _ = self._uncertainty(t_ns)
+        told = agreement.update(t_ns, contact, noise_n + weight_n, image.x, image.y, image.pressure)
+        self._disagreement = tuple(f"disagreement_{what}" for what in told)
 
     def _contact(self, wrench: tuple[float, ...], noise: tuple[float, float, float, float]) -> Contact:
         """The contact as the force sensor sees it; without torque, its centroid and spin are unknown."""
@@ -209,10 +241,22 @@ class Finger:
             return None
         return image.shares(contact)
 
+    def _note_normal(self, normal_n: float) -> None:
+        if normal_n < self._low_n:
+            self._low_n = normal_n
+        if normal_n > self._high_n:
+            self._high_n = normal_n
+
     def _end_contact(self) -> None:
         if self._in_contact:
             self._in_contact = False
             self._judge.end_contact()
+            self._forget_comparison()
+
+    def _forget_comparison(self) -> None:
+        self._disagreement = ()
+        if self._agreement is not None:
+            self._agreement.reset()
 
 
 def stale_after_ns(stream: Stream | None) -> int:
@@ -220,3 +264,11 @@ def stale_after_ns(stream: Stream | None) -> int:
     if stream is None:
         return 0
     return max(round(STALE_PERIODS * 1e9 / stream.rate_hz), STALE_LEAST_NS)
+
+
+def _agreement(config: FingerConfig) -> Agreement | None:
+    """The cross-check of a finger that has both a force sensor and a pad beside it."""
+    pad = config.pad
+    if config.wrench is None or pad is None:
+        return None
+    return Agreement(pad.rows, pad.cols, pad.pitch_m, config.min_normal_n, pad.gain_error)

@@ -11,11 +11,22 @@ import numpy as np
 from slipd.config import Wrench
 from slipd.samples import Array, WrenchSample
 from slipd.signals.drift import DriftCompensation
+from slipd.signals.frozen import WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import Tare
 from slipd_client.messages import Health
 
+#: Where the config states no range, no reading is out of it.
+NO_RANGE_N = 1e9
+NEVER = 1 << 62
+#: Faults with which a reading says nothing. One that flickers is believed while it is there.
+UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
+_FAULTS = {
+    "stuck": (Health.ERROR, "its readings repeat: it hangs, or stuck_after is too small for a sensor this still"),
+    "garbage": (Health.ERROR, "its readings are out of range_n, or jump to and fro"),
+    "intermittent": (Health.WARN, "it failed several times within 10 s"),
+}
 _UNKNOWN = (math.nan, math.nan, math.nan)
 
 
@@ -24,13 +35,15 @@ class ForceSide:
 
     Args:
         wrench: ``[finger.X.wrench]``.
+        stale_ns: A longer silence is a failure of the stream.
 
     Attributes:
         tare: Offset of the readings, in the sensor's own frame.
         gravity: The weight of the finger beyond the sensor.
+        fault: What speaks against the newest reading: "stuck", "garbage", "intermittent" or "".
     """
 
-    def __init__(self, wrench: Wrench) -> None:
+    def __init__(self, wrench: Wrench, stale_ns: int) -> None:
         self._noise = (wrench.force_std_n, wrench.torque_std_nm)
         self.tare = Tare(np.zeros(6), np.repeat(self._noise, 3))
         self._mass_kg = wrench.mass_kg
@@ -42,6 +55,15 @@ class ForceSide:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
             self._drift = DriftCompensation(wrench.drift_tau_s, limit)
         self._offset = self.tare.current
+        self._watch = WrenchWatch(
+            wrench.range_n or NO_RANGE_N, repeats=wrench.stuck_after or NEVER, gap_ns=max(stale_ns, 1)
+        )
+        self.fault = ""
+
+    @property
+    def noise_n(self) -> float:
+        """Standard deviation of a force component, N."""
+        return self._noise[0]
 
     @property
     def drifts(self) -> bool:
@@ -64,6 +86,8 @@ class ForceSide:
             sensor measures none. None where a number of the reading is not finite: it touches no state.
         """
         torque = sample.torque_nm
+        self.fault = self._watch.update(sample.force_n, torque, t_ns)
+        trusted = trusted and self.fault not in UNTRUSTED_FAULTS
         numbers = sample.force_n.tolist() + ([0.0, 0.0, 0.0] if torque is None else torque.tolist())
         if not math.isfinite(sum(numbers)):
             return None
@@ -106,7 +130,7 @@ class ForceSide:
 
     def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the sensor's readings."""
-        found = []
+        found = [_FAULTS[self.fault]] if self.fault else []
         if self.gravity.state(t_ns) == "unknown_orientation":
             force_n = self.gravity.uncertainty(t_ns)[0]
             found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))

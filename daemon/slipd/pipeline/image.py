@@ -12,9 +12,14 @@ from slipd.config import Finger, Pad, axes_of
 from slipd.fusion import Contact, ContactShape, Loads, Outline, active_loads, contact_shape, grey_loads
 from slipd.samples import Array, TactileSample
 from slipd.signals.charge import ChargeReconstruction
+from slipd.signals.frozen import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Tare
+from slipd.signals.taxel_health import TaxelHealth
 from slipd_client.messages import Health
+
+#: Movement of the force that an image must show, over the force sensor's noise.
+FROZEN_STDS = 6.0
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -34,31 +39,69 @@ class Shares:
     outline: Outline
 
 
+@dataclass(slots=True, frozen=True)
+class Felt:
+    """What the finger's force sensor felt since the image before; nothing is known where there is none.
+
+    Attributes:
+        free: It reads no contact. Where it reads nothing, that is not known, and a held load must not be taken for an
+            offset.
+        normal_n: Normal force now, N; None: not known.
+        moving: The normal force moved beyond its noise; None: not known.
+        agrees: It and the images told the same contact until now.
+    """
+
+    free: bool = False
+    normal_n: float | None = None
+    moving: bool | None = None
+    agrees: bool = False
+
+
+UNFELT = Felt()
+
+
 class PadImage:
     """The newest image of one pad, in the pad frame.
+
+    In this order: tare, turn, scale, charge, health of the taxels, threshold.
+
+    Args:
+        pad: ``[finger.X.pad]``.
+        finger: ``[finger.X]``, for the rule of the loads and the noise of the force sensor beside the pad.
 
     Attributes:
         three_axis: The taxels measure shear too, so that the pad gives a wrench by itself.
         tare: Offset of the readings, in counts.
         pressure: Normal force on each taxel above the threshold, shape (n,), else 0; in the unit of ``axis_scale``.
-        t_ns: When the image was received; None before the first.
+        t_ns: When the image was acquired; None before the first.
         status: Conditions the device reported with it.
     """
 
-    def __init__(self, pad: Pad, rule: str) -> None:
+    def __init__(self, pad: Pad, finger: Finger) -> None:
         self.geometry = PadGeometry(
             pad.rows, pad.cols, pad.pitch_m, pad.electrode_m, pad.swap_xy, pad.flip_x, pad.flip_y
         )
         self.x, self.y = self.geometry.positions()
-        axes = axes_of(pad)
-        self.three_axis = axes == 3
-        shape = (self.geometry.taxels, 3) if self.three_axis else (self.geometry.taxels,)
+        taxels = self.geometry.taxels
+        self.three_axis = axes_of(pad) == 3
+        shape = (taxels, 3) if self.three_axis else (taxels,)
         self.tare = Tare(np.reshape(pad.tare, shape) if pad.tare else np.zeros(shape))
         self._scale = np.array(pad.axis_scale if self.three_axis else pad.axis_scale[0])
         self._threshold = pad.threshold
-        self._rule = rule
-        self._charge = ChargeReconstruction(self.geometry.taxels, pad.charge_tau_s) if pad.charge_tau_s else None
-        self.pressure = np.zeros(self.geometry.taxels)
+        self._rule = finger.load_rule
+        self._calibrated = pad.gain_error is not None
+        self._charge = ChargeReconstruction(taxels, pad.charge_tau_s) if pad.charge_tau_s else None
+        self._health = TaxelHealth(
+            pad.rows,
+            pad.cols,
+            full_scale=None if pad.full_scale is None else pad.full_scale * abs(pad.axis_scale[-1]),
+            threshold=pad.threshold,
+            light_touch=finger.min_normal_n if self._calibrated else 0.0,
+        )
+        noise_n = 0.0 if finger.wrench is None else finger.wrench.force_std_n
+        self._frozen = FrozenImage(max(FROZEN_STDS * noise_n, finger.min_normal_n))
+        self._hangs = False
+        self.pressure = np.zeros(taxels)
         self.t_ns: int | None = None
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
@@ -67,29 +110,45 @@ class PadImage:
         self._shares: Shares | None = None
         self._shared = False
 
-    def take(self, sample: TactileSample, acquired_ns: int | None = None, *, known_free: bool) -> None:
+    def take(self, sample: TactileSample, acquired_ns: int | None = None, felt: Felt = UNFELT) -> None:
         """Takes an image.
 
         Args:
             sample: The image, of as many taxels as the pad has.
             acquired_ns: When it was acquired, CLOCK_MONOTONIC; None: when it was received.
-            known_free: The force sensor reads no contact. Where it reads nothing, that is not known, and a held load
-                must not be taken for an offset.
+            felt: What the force sensor felt meanwhile.
         """
+        t_ns = sample.t_ns if acquired_ns is None else acquired_ns
+        self._hangs = self._frozen.update(sample.values, t_ns, felt.normal_n)
         values = self.tare.apply(sample.values, sample.t_ns)
         if self.three_axis and self.geometry.swap_xy:
             values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
         values = self._scale * values
+        readings = -values[:, 2] if self.three_axis else values
+        pressure = None
         if self._charge is not None:
-            values = self._charge.update(values, sample.t_ns * 1e-9, known_free)
-        normal = -values[:, 2] if self.three_axis else values
-        self._known = bool(np.isfinite(normal).all())
-        self._forces = values if self.three_axis else None
-        self.pressure = np.where(normal > self._threshold, normal, 0.0) if self._known else np.zeros_like(normal)
-        self.t_ns = sample.t_ns if acquired_ns is None else acquired_ns
-        self.status = sample.status
+            if self._calibrated and felt.agrees and felt.normal_n is not None:
+                self._charge.anchor(felt.normal_n)
+            values = pressure = self._charge.update(values, t_ns * 1e-9, felt.free)
+        free = felt.free if felt.normal_n is not None else None
+        self._health.update(readings, t_ns, free, felt.moving, pressure)
+        self._believe(values)
+        self.t_ns, self.status = t_ns, sample.status
+        self._assumed_free = self._charge is not None and felt.free
+
+    def _believe(self, values: Array) -> None:
+        """Makes pressures of forces, with the masked taxels mended."""
+        mend = self._health.repair if self._health.masked.any() else None
+        if self.three_axis:
+            if mend is not None:
+                values = np.column_stack([mend(component) for component in values.T])
+            self._forces = values
+            values = -values[:, 2]
+        elif mend is not None:
+            values = mend(values)
+        self._known = self._health.usable and not self._hangs and bool(np.isfinite(values).all())
+        self.pressure = np.where(values > self._threshold, values, 0.0) if self._known else np.zeros_like(values)
         self._shared = False
-        self._assumed_free = self._charge is not None and known_free
 
     def forget(self) -> None:
         """Gives up the newest image: time passed, or the pad was away, and nobody saw what happened."""
@@ -97,17 +156,30 @@ class PadImage:
         if self._charge is not None:
             self._charge.forget()
 
+    @property
+    def known(self) -> bool:
+        """The newest image tells the pressures, of its own."""
+        return self._known and not self._assumed_free
+
     def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the pad's readings."""
         del t_ns
         found = []
+        if self._hangs:
+            found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))
+        masked = "; ".join(f"{kind} {', '.join(map(str, at))}" for kind, at in self._health.report().items() if at)
+        if masked and not self._health.usable:
+            found.append((Health.ERROR, f"too many taxels cannot be believed: {masked}"))
+        elif masked:
+            found.append((Health.WARN, f"taxels that are not believed: {masked}"))
         if self.tare.aborted_reason:
             found.append((Health.OK, f"the last tare was given up: {self.tare.aborted_reason}"))
         return found
 
     def told(self, t_ns: int) -> dict[str, Any]:
         """What ``status.streams.<name>`` says of the conditioning."""
-        return {}
+        del t_ns
+        return {"masked": self._health.report()}
 
     def wrench(self) -> tuple[float, ...] | None:
         """Force and torque about the pad's origin of three-axis taxels, N and N·m: six numbers; None where unknown."""
@@ -121,7 +193,7 @@ class PadImage:
 
         A charge that is zero because the force sensor reads no contact says nothing of its own.
         """
-        return bool(self.pressure.any()) if self._known and not self._assumed_free else None
+        return bool(self.pressure.any()) if self.known else None
 
     def shares(self, contact: Contact) -> Shares | None:
         """How the image shares the force of a valid contact, found once an image; None without a usable image."""
@@ -154,4 +226,4 @@ class PadImage:
 
 def pad_image(finger: Finger) -> PadImage | None:
     """The image side of a finger, where it has a pad."""
-    return None if finger.pad is None else PadImage(finger.pad, finger.load_rule)
+    return None if finger.pad is None else PadImage(finger.pad, finger)
