@@ -77,6 +77,15 @@ def key(sample: Sample) -> Key:
     return sample.source, sample.device_time_ns, sample.values.tobytes(), sample.status, sample.dwell_ns
 
 
+def is_emulated(device: str) -> bool:
+    """Whether the device has an emulator that can be made by its name."""
+    try:
+        make_emulator(device)
+    except (ImportError, AttributeError):
+        return False
+    return True
+
+
 @cache
 def record(device: str, readings: int = READINGS) -> Corpus:
     """Lets the device's emulator and session talk until enough readings have come."""
@@ -126,7 +135,7 @@ def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
     counted = 0
     emulator.opened(0)
     written = host.start(0) if host is not None else b""
-    answer = _inquire(device, emulator)
+    answer = inquire(device, emulator)
     if answer:
         heard.append(answer)
         listener.receive(answer, 0)
@@ -155,7 +164,7 @@ def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
     raise RuntimeError(f"{device}: {counted} of {readings} readings in a minute; its session says {state!r}")
 
 
-def _inquire(device: str, emulator: Emulator) -> bytes:
+def inquire(device: str, emulator: Emulator) -> bytes:
     """The answer to what is asked before the link is up."""
     ask = DEVICES[device].inquiry
     inquiry = ask(**emulator.options) if ask is not None else None

@@ -33,7 +33,18 @@ _WEISS = "the Weiss sum: of two flipped bits up to one pair in 60, of more bytes
 
 STRENGTHS: dict[str, Strength] = {
     "bota": Strength(36, "header (8), CRC-16, twelve reserved bits", 16, _CRC),
+    "netft": Strength(36, "the first record of a stream: number (16) and reserved bits (20)", None, "UDP"),
+    "optoforce": Strength(
+        46,
+        "header (32) and 14 bits of a 16-bit sum",
+        8.5,
+        "a sum: two flipped bits of like weight cancel, and so does a byte that comes or goes where the sum is small",
+    ),
+    "robotous": Strength(49, "start, end, number, zero bits and an 8-bit sum", 8, "a sum of eight bits"),
+    "gauges": Strength(41, "three fixed bytes, a reserved bit, CRC-16", 16, _CRC),
     "pvdf": Strength(40, "sync and version (24), CRC-16", 16, _CRC),
+    "dsacon32": Strength(57, "preamble (24), id, length, content, and the Weiss sum (16)", 10, _WEISS),
+    "wts": Strength(69, "preamble (24), id, length, content, and the Weiss sum (16)", 10, _WEISS),
     "xela": Strength(200, "a JSON object with a number and a sensor: some forty given characters", None, "WebSocket"),
     "robotiq_2f": Strength(39, "unit (8), one of two functions (7), length (8), CRC-16", 16, _CRC),
 }

@@ -48,7 +48,7 @@ def _episodes(seeds: range) -> Iterator[Episode]:
     if len(seeds) == 1:
         yield play(seeds[0])
         return
-    with multiprocessing.get_context("spawn").Pool(min(os.cpu_count() or 1, len(seeds))) as pool:
+    with multiprocessing.get_context("spawn").Pool(min(len(os.sched_getaffinity(0)), len(seeds))) as pool:
         yield from pool.imap_unordered(play, seeds)
 
 
