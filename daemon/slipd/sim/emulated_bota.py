@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,6 +19,9 @@ BOOT_NS = 200_000_000
 """From power on to the first frame; the banner comes in the middle of it."""
 
 TEMPERATURE_C = 31.5
+
+RATE_HZ = 800.0
+"""Of frames, while no command has set another filter length."""
 
 _INTERNAL_RATE_HZ = 51_200
 _IN_RUN_MODE = "CRI#"
@@ -135,3 +138,37 @@ class BotaSensor:
 
 def _period_ns(sinc_length: int) -> int:
     return round(sinc_length * 1e9 / _INTERNAL_RATE_HZ)
+
+
+class BotaLine:
+    """A `BotaSensor` that measures in its own frame, on a line of its own (see `slipd.sim.emulators.Emulator`).
+
+    Args:
+        seed: Of its noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = RATE_HZ
+        mount = BotaMount(xyz_m=(0.0,) * 3, quat_xyzw=(0.0, 0.0, 0.0, 1.0), bias=(0.0,) * 6)
+        self._sensor = BotaSensor(mount, np.random.default_rng(seed))
+        self.feel = self._sensor.feel
+
+    def opened(self, t_ns: int) -> None:
+        """Boot, as at power on and whenever its port is opened."""
+        self._sensor.restart(t_ns)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote; return the acknowledgements."""
+        said = self._sensor.receive(data, t_ns)
+        return [said] if said else []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return what is due until then; several frames together after a longer step."""
+        said = self._sensor.advance(t_ns)
+        return [said] if said else []
+
+
+def make(seed: int) -> BotaLine:
+    """Make a sensor with its noise seeded."""
+    return BotaLine(seed)

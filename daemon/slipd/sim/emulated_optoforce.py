@@ -117,6 +117,6 @@ class OptoforceConverter:
         return said
 
 
-def make(seed: int) -> OptoforceDaq:
-    """Return the emulator of the serial DAQ with its noise seeded."""
-    return OptoforceDaq(seed)
+def make(seed: int, wiring: str = "serial") -> OptoforceDaq | OptoforceConverter:
+    """Return the emulator of the serial DAQ, or with ``udp`` of the Ethernet converter, with its noise seeded."""
+    return OptoforceConverter(seed) if wiring == "udp" else OptoforceDaq(seed)

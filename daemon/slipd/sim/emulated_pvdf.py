@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from slipd.devices import pvdf
 from slipd.samples import Array
 
 FULL_SCALE = 32_767
+ROWS, COLS = 8, 16
 
 
 @dataclass(frozen=True)
@@ -102,3 +104,48 @@ class PvdfPad:
         while len(self._past) > 1 and self._past[1][0] <= next_ns:
             self._past.pop(0)
         return data
+
+
+class PvdfLine:
+    """A pad whose charges are told to it, without leak, on a line of its own (see `slipd.sim.emulators.Emulator`).
+
+    Args:
+        seed: Of its noise.
+        electronics: Its rate, dwell, noise and clock; leak, gain and offsets are left out.
+    """
+
+    def __init__(self, seed: int, electronics: PvdfElectronics = PvdfElectronics()) -> None:
+        self.options: dict[str, Any] = {"rows": ROWS, "cols": COLS}
+        self.rate_hz = electronics.rate_hz
+        self._electronics = electronics
+        self._rng = np.random.default_rng(seed)
+        self._counts = np.zeros((ROWS, COLS))
+        self._scan = 0
+
+    def press(self, values: Array) -> None:
+        """Take the charges from now on, shape (taxels,), counts."""
+        self._counts = np.asarray(values, dtype=np.float64).reshape(ROWS, COLS)
+
+    def opened(self, t_ns: int) -> None:
+        """Take note of nothing: it speaks from power on."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Hear nothing."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the scans complete by then."""
+        behind = self._electronics
+        dwell_us, us_per_ns = behind.dwell_ns * 1e-3, 1e-3 + behind.clock_ppm * 1e-9
+        said: list[bytes] = []
+        while (begun_ns := round(self._scan * 1e9 / self.rate_hz)) + ROWS * COLS * behind.dwell_ns <= t_ns:
+            noisy = np.rint(self._counts + behind.noise_counts * self._rng.standard_normal(self._counts.shape))
+            counts = np.clip(noisy, -FULL_SCALE, FULL_SCALE).astype(np.int64)
+            said.append(pvdf.encode_scan(counts, self._scan, begun_ns * us_per_ns, dwell_us))
+            self._scan += 1
+        return said
+
+
+def make(seed: int) -> PvdfLine:
+    """Make a pad of 8 x 16 taxels with its noise seeded."""
+    return PvdfLine(seed)

@@ -5,6 +5,8 @@ Left out: emergency release, faults of the gripper itself, and the full stroke t
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from slipd.devices import modbus, robotiq_registers
@@ -15,6 +17,9 @@ FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
 
 SPEED_MPS = (0.020, 0.150)
 """Speed of the fingers at speed bytes 0 and 255."""
+
+POLL_HZ = 50.0
+"""So often its session asks for the state."""
 
 ACTIVATION_NS = 500_000_000
 
@@ -114,3 +119,30 @@ class Gripper2F:
             position=min(max(round(255 * (1.0 - self._width_m / self._open_width_m)), 0), 255),
             current_a=_MOVING_A if self._moving else _HOLDING_A_PER_N * self._normal_n,
         )
+
+
+class GripperLine:
+    """A `Gripper2F` between whose pads nothing lies, on a line of its own (see `slipd.sim.emulators.Emulator`)."""
+
+    def __init__(self) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = POLL_HZ
+        self._gripper = Gripper2F()
+
+    def opened(self, t_ns: int) -> None:
+        """Take note of nothing: it waits to be asked."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote; return the answers."""
+        said = self._gripper.receive(data, t_ns)
+        return [said] if said else []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Say nothing unasked."""
+        return []
+
+
+def make(seed: int) -> GripperLine:
+    """Make a gripper; it has no noise that ``seed`` could tell apart."""
+    del seed
+    return GripperLine()

@@ -33,12 +33,13 @@ class Emulator(Protocol):
         ...
 
 
-def make_emulator(device: str, seed: int = 0) -> Emulator:
+def make_emulator(device: str, seed: int = 0, **options: Any) -> Emulator:
     """Makes the emulator of a device, which ``slipd.sim.emulated_<device>`` defines.
 
     Args:
         device: Its name in the list of devices.
         seed: Of its noise.
+        options: What else its ``make`` takes, e.g. the ``wiring`` of a device that speaks otherwise on another line.
     """
-    emulator: Emulator = import_module(f"slipd.sim.emulated_{device}").make(seed)
+    emulator: Emulator = import_module(f"slipd.sim.emulated_{device}").make(seed, **options)
     return emulator
