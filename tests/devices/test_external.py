@@ -319,12 +319,12 @@ def test_the_documented_pusher_sends_what_is_read(tmp_path: Path) -> None:
         pull.bind(endpoint)
         pull.rcvtimeo = 10_000
         assert program.count("ipc:///run/slipd/left-wrench.ipc") == 1
+        scope: dict[str, Any] = {"read_my_sensor": read_my_sensor}
         with pytest.raises(Unplugged):
-            exec(
-                program.replace("ipc:///run/slipd/left-wrench.ipc", endpoint),
-                {"read_my_sensor": read_my_sensor, "context": context},
-            )
+            exec(program.replace("ipc:///run/slipd/left-wrench.ipc", endpoint), scope)
         samples, decoder = decode(*(pull.recv() for _ in range(3)))
+        scope["push"].close()
+        zmq.Context.instance().term()
     assert [sample.force_n.tolist() for sample in samples if isinstance(sample, WrenchSample)] == [
         [1.0, 2.0, 0.0],
         [1.0, 2.0, 1.0],
