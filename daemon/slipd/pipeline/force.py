@@ -47,6 +47,7 @@ class ForceSide:
         self._noise = (wrench.force_std_n, wrench.torque_std_nm)
         self.tare = Tare(np.zeros(6), np.repeat(self._noise, 3))
         self._mass_kg = wrench.mass_kg
+        self._certain = (*self._noise, 0.0, 0.0)
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
         pose = wrench.pad_from_sensor
         self._to_pad: Array = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
@@ -125,6 +126,8 @@ class ForceSide:
 
     def uncertainty(self, t_ns: int) -> tuple[float, float, float, float]:
         """Noise of a force component, N, and of a torque component, N·m; then what the weight may add, likewise."""
+        if self._mass_kg == 0.0:
+            return self._certain
         force_n, torque_nm = self.gravity.uncertainty(t_ns)
         return (*self._noise, force_n, torque_nm)
 
