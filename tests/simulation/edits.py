@@ -13,6 +13,7 @@ _BOTA = struct.Struct("<BH6fIf")
 _PVDF_HEAD = 12
 _CLOCK_AT = 6
 _US_SPAN = 1 << 32
+_REPLY_LENGTH = 11
 
 Reading = list[float]
 WrenchChange = Callable[[Reading, int], Sequence[float]]
@@ -70,6 +71,24 @@ def pad(change: RowChange | None = None, *, cols: int = 16, clock_us: Callable[[
                 frame[_PVDF_HEAD:] = said.astype("<i2").tobytes()
             frames += bytes(frame), crc.x25(bytes(frame[2:])).to_bytes(2, "little")
         return b"".join(frames)
+
+    return edited
+
+
+def gripper(change: Callable[[bytearray], None]) -> Bytewise:
+    """Changes the six status bytes of each status reply of the gripper; its other answers pass.
+
+    Args:
+        change: Changes the bytes: status, reserved, fault, requested position, position, current.
+    """
+
+    def edited(data: bytes, _: int) -> bytes:
+        if len(data) != _REPLY_LENGTH or data[1:3] not in (b"\x03\x06", b"\x04\x06"):
+            return data
+        status = bytearray(data[3:9])
+        change(status)
+        body = data[:3] + bytes(status)
+        return body + crc.modbus(body).to_bytes(2, "little")
 
     return edited
 

@@ -6,7 +6,7 @@ import struct
 
 import pytest
 from simulation.bed import Bed
-from simulation.edits import pad, wrench
+from simulation.edits import gripper, pad, wrench
 from simulation.faults import Drop, Edit, Text
 
 from slipd.devices import crc
@@ -121,4 +121,40 @@ def test_D3_readings_that_come_twice_change_nothing(held, seed):
     held.line("left.pad").fault = Edit(pad(), lies=False)
     held.run(0.1)
     assert held.level() == "stable"
+    assert_sound(held)
+
+
+FAULT, ECHO = 2, 3
+CODES = (5, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D4_every_fault_of_the_gripper_is_shown_and_refuses_what_moves_it(held, seed):
+    for code in CODES:
+        held.line("gripper").fault = Edit(
+            gripper(lambda status, code=code: status.__setitem__(FAULT, code)), lies=False
+        )
+        held.run(0.06)
+        held.ask("lease.acquire", ttl_ms=1000)
+        assert held.watch.gripper["fault"], code
+        for op, fields in (("grip.set", {"force_n": 9.0}), ("gripper.close", {"force_n": 9.0})):
+            reply = held.ask(op, **fields)
+            assert (reply["ok"], reply["error"]["code"]) == (False, "gripper_fault")
+            assert held.watch.gripper["fault"] in reply["error"]["message"]
+    held.line("gripper").fault = None
+    held.run(0.06)
+    assert held.watch.gripper["fault"] == ""
+    assert held.ask("grip.set", force_n=9.0)["ok"]
+    assert_sound(held)
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_D5_a_gripper_that_echoes_another_command_is_told_within_three_polls(held, seed):
+    assert held.watch.gripper["echo_ok"] is True
+    held.line("gripper").fault = Edit(gripper(lambda status: status.__setitem__(ECHO, status[ECHO] ^ 0x10)), lies=False)
+    held.run(0.06)
+    assert held.watch.gripper["echo_ok"] is False
+    held.line("gripper").fault = None
+    held.run(0.06)
+    assert held.watch.gripper["echo_ok"] is True
     assert_sound(held)

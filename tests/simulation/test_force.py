@@ -115,7 +115,6 @@ def test_F2_a_status_that_leaves_the_reading_usable_changes_no_level(held, seed)
     assert_sound(held)
 
 
-@pytest.mark.xfail(reason="force and image are not compared yet")
 @pytest.mark.parametrize("seed", [1])
 def test_F3_a_force_sensor_that_disagrees_with_the_image_makes_the_verdict_unknown(held, seed):
     shift_nm = 0.12

@@ -35,6 +35,7 @@ class Watch:
         reasons: Likewise.
         changes: Every change of level: time (CLOCK_MONOTONIC, ns), finger and level.
         status: The newest status message.
+        gripper: The newest gripper message.
         slip: The newest slip message of each finger.
         faults: What did not hold, in words.
         lateness_ns: Time that the lines add and nobody can know, as long as no device's clock has been learned.
@@ -45,6 +46,7 @@ class Watch:
         self.reasons: dict[str, list[str]] = {name: [] for name in config.finger}
         self.changes: list[tuple[int, str, str]] = []
         self.status: dict[str, Any] = {}
+        self.gripper: dict[str, Any] = {}
         self.slip: dict[str, dict[str, Any]] = {}
         self.faults: list[str] = []
         self.messages = 0
@@ -82,6 +84,8 @@ class Watch:
         self._seq[topic] = body["seq"] + 1
         if topic == "status":
             self.status = body
+        elif topic == "gripper":
+            self.gripper = body
         elif topic == "warning" or topic.startswith("slip."):
             self._judge(topic, body, t_ns)
 
@@ -106,7 +110,7 @@ class Watch:
             if told and body["level"] == "unknown":
                 self._blame(t_ns, f"{finger} is stale, and tells {', '.join(told)}")
             self.reasons[finger] = body["reasons"]
-        self._is_known(finger, body["level"], t_ns, 0)
+        self._is_known(finger, body["level"], body["t_ns"], 0)
 
     def _is_known(self, finger: str, level: str, t_ns: int, slack_ns: int) -> None:
         """Safe is told only while the streams that decide it are fresh."""
