@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
-from slipd.signals.pad import PadGeometry, taxel_wrench
+from slipd.signals.pad import STEPS, PadGeometry, neighbours, taxel_wrench
 
 
 def test_a_pad_is_read_row_by_row_with_its_columns_along_x() -> None:
@@ -80,3 +81,76 @@ def test_a_taxel_that_is_no_number_makes_the_wrench_unknown() -> None:
     force, torque = taxel_wrench(np.array((0.0, 1.0)), np.zeros(2), forces)
     assert np.isnan(force[2])
     assert np.isnan(torque[1])
+
+
+mountings = st.tuples(st.booleans(), st.booleans(), st.booleans())
+
+
+def orientation(swap: bool, flip_x: bool, flip_y: bool) -> np.ndarray:
+    """What the three switches do to a point of the pad's plane: the swap first, then the flips."""
+    swapped = np.array(((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))) if swap else np.eye(3)
+    return np.diag((-1.0 if flip_x else 1.0, -1.0 if flip_y else 1.0, 1.0)) @ swapped
+
+
+@given(rows=st.integers(1, 9), cols=st.integers(1, 9), mounting=mountings)
+def test_swap_and_flips_are_turns_by_quarters_or_their_mirror_images(
+    rows: int, cols: int, mounting: tuple[bool, bool, bool]
+) -> None:
+    """Half of the eight are turns about Z, as SciPy tells them; the others are a turn of the pad seen from behind."""
+    plain, turned = (PadGeometry(rows, cols, 0.0032, 0.0015, *how).positions() for how in ((), mounting))
+    moved = orientation(*mounting) @ np.array((*plain, np.zeros(rows * cols)))
+    assert_allclose(turned, moved[:2], atol=1e-15)
+    mirrored = np.linalg.det(orientation(*mounting)) < 0.0
+    assert mirrored == (sum(mounting) % 2 == 1)
+    turn = orientation(*mounting) @ np.diag((-1.0 if mirrored else 1.0, 1.0, 1.0))
+    angle = Rotation.from_matrix(turn).as_rotvec()
+    assert_allclose(angle[:2], 0.0, atol=1e-12)
+    quarters = angle[2] / (0.5 * np.pi)
+    assert quarters == pytest.approx(round(quarters), abs=1e-9)
+
+
+@given(data=st.data(), rows=st.integers(1, 5), cols=st.integers(1, 5), mounting=mountings)
+def test_a_pad_that_is_read_another_way_gives_the_wrench_turned_the_same_way(
+    data: st.DataObject, rows: int, cols: int, mounting: tuple[bool, bool, bool]
+) -> None:
+    """Shear is turned with the positions: swapped with them, and by the signs of the axes' scale.
+
+    A torque is a pseudovector: a mirror image turns it about as well.
+    """
+    forces = data.draw(arrays(np.float64, (rows * cols, 3), elements=st.floats(-100.0, 100.0, allow_subnormal=False)))
+    turn = orientation(*mounting)
+    force, torque = taxel_wrench(*PadGeometry(rows, cols, 0.01, 0.004).positions(), forces)
+    x, y = PadGeometry(rows, cols, 0.01, 0.004, *mounting).positions()
+    shear = forces[:, (1, 0, 2)] if mounting[0] else forces
+    found_force, found_torque = taxel_wrench(
+        x, y, shear * (-1.0 if mounting[1] else 1.0, -1.0 if mounting[2] else 1.0, 1.0)
+    )
+    assert_allclose(found_force, turn @ force, atol=1e-9)
+    assert_allclose(found_torque, np.linalg.det(turn) * (turn @ torque), atol=1e-9)
+
+
+@given(data=st.data(), rows=st.integers(1, 5), cols=st.integers(1, 5), angle=st.floats(-np.pi, np.pi))
+def test_the_wrench_of_a_turned_pad_is_the_turned_wrench(
+    data: st.DataObject, rows: int, cols: int, angle: float
+) -> None:
+    forces = data.draw(arrays(np.float64, (rows * cols, 3), elements=st.floats(-100.0, 100.0, allow_subnormal=False)))
+    turn = Rotation.from_euler("z", angle)
+    x, y = PadGeometry(rows, cols, 0.01, 0.004).positions()
+    turned = turn.apply(np.stack((x, y, np.zeros_like(x)), axis=1))
+    found = taxel_wrench(turned[:, 0], turned[:, 1], turn.apply(forces))
+    assert_allclose(found, turn.apply(taxel_wrench(x, y, forces)), atol=1e-9)
+
+
+@given(rows=st.integers(1, 9), cols=st.integers(1, 9), mounting=mountings)
+def test_neighbours_are_those_within_a_diagonal_of_the_pitch_however_the_pad_is_read(
+    rows: int, cols: int, mounting: tuple[bool, bool, bool]
+) -> None:
+    x, y = PadGeometry(rows, cols, 1.0, 0.5, *mounting).positions()
+    around = neighbours(rows, cols)
+    assert around.shape == (rows * cols, 8)
+    for k, near in enumerate(around):
+        distance = np.maximum(np.abs(x - x[k]), np.abs(y - y[k]))
+        assert set(near[near >= 0]) == set(np.flatnonzero(np.isclose(distance, 1.0)))
+        for (down, right), taxel in zip(STEPS, near, strict=True):
+            inside = 0 <= k // cols + down < rows and 0 <= k % cols + right < cols
+            assert taxel == (k + down * cols + right if inside else -1)

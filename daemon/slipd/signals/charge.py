@@ -36,6 +36,7 @@ UNLOADED_TAU_S = 30.0
 ANCHOR_TAU_S = 5.0
 #: A longer gap than this many leak times leaves nothing of the charge: the integral cannot be carried over it.
 LONGEST_GAP_TAUS = 0.1
+_NEVER_S = -math.inf
 
 
 class ChargeReconstruction:
@@ -53,7 +54,7 @@ class ChargeReconstruction:
         self._offset: Array | None = None
         self._integral = np.zeros(taxels)
         self._last = np.zeros(taxels)
-        self._last_s: float | None = None
+        self._last_s = _NEVER_S
         self._resting = True
         self._common = 0.0
         self._loaded = np.zeros(taxels, dtype=bool)
@@ -86,8 +87,8 @@ class ChargeReconstruction:
             self._rest(readings, t_s)
             return np.zeros_like(readings)
         self._resting = False
-        if self._offset is None or self._last_s is None or t_s - self._last_s > LONGEST_GAP_TAUS * self._tau_s:
-            self._last_s = None
+        if self._offset is None or t_s - self._last_s > LONGEST_GAP_TAUS * self._tau_s:
+            self._last_s = _NEVER_S
             return np.full_like(readings, math.nan)
         charge = readings - self._offset
         elapsed_s = t_s - self._last_s
@@ -98,7 +99,7 @@ class ChargeReconstruction:
     def forget(self) -> None:
         """Gives up the charge: time passed that was not seen. The offset stays."""
         self._resting = False
-        self._last_s = None
+        self._last_s = _NEVER_S
 
     def _without_drift(self, force: Array, elapsed_s: float) -> Array:
         level = force - self._common
@@ -125,7 +126,7 @@ class ChargeReconstruction:
             self._offset = readings.copy()
         elif not self._resting:
             self._integral = self._offset - readings
-        elif self._last_s is not None:
+        else:
             elapsed_s = t_s - self._last_s
             self._integral *= math.exp(-elapsed_s / self._tau_s)
             share = -math.expm1(-elapsed_s / OFFSET_TAU_S)
