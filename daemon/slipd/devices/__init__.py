@@ -1,16 +1,17 @@
 """One file a device: bytes in, samples out, and back; pure.
 
-`DEVICES` names them all. A device's module is imported when its first decoder or session is made, so that a
-config can be judged without loading any of them.
+`DEVICES` holds them all by name. A device is what a module of this folder says in ``DEVICE``; it is loaded when
+somebody asks for it (docs/adding_a_device.md).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING, Literal, Protocol, cast
 
 if TYPE_CHECKING:
     from slipd.devices.health import DecoderHealth
@@ -35,9 +36,16 @@ class Session(Protocol):
     """
 
     health: DecoderHealth
-    state: str
-    identity: str
-    """What the device says it is, e.g. its serial number; "" where it does not, or has not yet."""
+
+    @property
+    def state(self) -> str:
+        """A short word for people: where the conversation stands."""
+        ...
+
+    @property
+    def identity(self) -> str:
+        """What the device says it is, e.g. its serial number; "" where it does not, or has not yet."""
+        ...
 
     def start(self, now_ns: int) -> bytes:
         """Begin, on a freshly opened link."""
@@ -77,12 +85,14 @@ class Inquiry:
 
 @dataclass(frozen=True)
 class Device:
-    """A supported device.
+    """A supported device, as its module's ``DEVICE`` says.
 
     Attributes:
         name: Its name in a config, and of its module.
         kind: What its samples are.
         transports: How its bytes may travel: "serial", "tcp", "udp", "websocket" or "external".
+        decoder: Makes a decoder from the device's options.
+        session: Makes a session from the device's options; None where the device speaks unasked.
         baud: Default line speed of a serial port, bit/s; None for devices that have none. All lines are 8N1.
         axes: Components a taxel measures: 1 or 3; 0 for devices without taxels.
         sized: The decoder must be told the pad's ``rows`` and ``cols``.
@@ -90,8 +100,6 @@ class Device:
         shared: One port carries several sensors, told apart by the ``source`` of their samples.
         clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
         host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
-        decoder: Makes a decoder from the device's options.
-        session: Makes a session from the device's options; None where the device speaks unasked.
         inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
             nothing is ever asked.
     """
@@ -99,81 +107,39 @@ class Device:
     name: str
     kind: Literal["wrench", "tactile", "gripper", "any"]
     transports: tuple[str, ...]
-    baud: int | None
-    axes: int
-    sized: bool
-    wired: bool
-    shared: bool
-    clock_span_ns: int | None
-    host_clock: bool
     decoder: Callable[..., Decoder]
-    session: Callable[..., Session] | None
-    inquiry: Callable[..., Inquiry | None] | None
+    session: Callable[..., Session] | None = None
+    baud: int | None = None
+    axes: int = 0
+    sized: bool = False
+    wired: bool = False
+    shared: bool = False
+    clock_span_ns: int | None = None
+    host_clock: bool = False
+    inquiry: Callable[..., Inquiry | None] | None = None
 
 
-def _make(module: str, what: str, **options: Any) -> Any:
-    return getattr(import_module(f"slipd.devices.{module}"), what)(**options)
+class _Devices(Mapping[str, Device]):
+    """The devices of this folder by name; asking for one loads that one alone, listing them loads all."""
+
+    def __getitem__(self, name: str) -> Device:
+        if name not in self._modules():
+            raise KeyError(name)
+        device = getattr(import_module(f"slipd.devices.{name}"), "DEVICE", None)
+        if device is None:  # a file that the devices share
+            raise KeyError(name)
+        return cast("Device", device)
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self._modules() if name in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    @staticmethod
+    @cache
+    def _modules() -> tuple[str, ...]:
+        return tuple(sorted(module.name for module in iter_modules(__path__)))
 
 
-def _device(
-    name: str,
-    kind: Literal["wrench", "tactile", "gripper", "any"],
-    *transports: str,
-    baud: int | None = None,
-    axes: int = 0,
-    sized: bool = False,
-    wired: bool = False,
-    shared: bool = False,
-    clock_span_ns: int | None = None,
-    host_clock: bool = False,
-    session: bool = False,
-    inquiry: bool = False,
-) -> Device:
-    return Device(
-        name=name,
-        kind=kind,
-        transports=transports,
-        baud=baud,
-        axes=axes,
-        sized=sized,
-        wired=wired,
-        shared=shared,
-        clock_span_ns=clock_span_ns,
-        host_clock=host_clock,
-        decoder=partial(_make, name, "Decoder"),
-        session=partial(_make, name, "Session") if session else None,
-        inquiry=partial(_make, name, "inquiry") if inquiry else None,
-    )
-
-
-_US_32 = (1 << 32) * 1_000
-_MS_32 = (1 << 32) * 1_000_000
-
-DEVICES: dict[str, Device] = {
-    device.name: device
-    for device in (
-        _device("bota", "wrench", "serial", baud=460_800, clock_span_ns=_US_32, session=True),
-        _device("netft", "wrench", "udp", session=True, inquiry=True),
-        _device("optoforce", "wrench", "serial", "udp", baud=1_000_000, wired=True, session=True),
-        _device("robotous", "wrench", "serial", baud=115_200, session=True),
-        _device("gauges", "wrench", "serial", baud=921_600, clock_span_ns=_US_32),
-        _device("pvdf", "tactile", "serial", baud=921_600, axes=1, sized=True, clock_span_ns=_US_32),
-        _device(
-            "dsacon32",
-            "tactile",
-            "serial",
-            "tcp",
-            baud=115_200,
-            axes=1,
-            shared=True,
-            clock_span_ns=_MS_32,
-            session=True,
-        ),
-        _device("wts", "tactile", "serial", baud=115_200, axes=1, clock_span_ns=_MS_32, session=True),
-        _device("tsf85", "tactile", "serial", baud=115_200, axes=1, shared=True, session=True),
-        _device("xela", "tactile", "websocket", axes=3, shared=True),
-        _device("papillarray", "tactile", "serial", baud=115_200, axes=3, shared=True, session=True),
-        _device("external", "any", "external", shared=True, host_clock=True),
-        _device("robotiq_2f", "gripper", "serial", baud=115_200, session=True),
-    )
-}
+DEVICES: Mapping[str, Device] = _Devices()

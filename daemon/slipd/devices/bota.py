@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from slipd.devices import bota_text, crc
+from slipd.devices import Device, bota_text, crc
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.samples import Array, WrenchSample
@@ -123,6 +123,8 @@ class Session:
         ValueError: The sinc length is out of range, or no integer.
     """
 
+    identity = ""
+
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
         shortest, longest = SINC_LENGTHS
         if not (isinstance(sinc_length, int) and shortest <= sinc_length <= longest):
@@ -214,3 +216,6 @@ class Session:
         else:
             self.state = "configuring"
             self._pause("pause", now_ns, self._step + 1)
+
+
+DEVICE = Device("bota", "wrench", ("serial",), Decoder, Session, baud=460_800, clock_span_ns=_US_SPAN * 1_000)

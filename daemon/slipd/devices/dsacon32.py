@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from slipd.devices import Device
 from slipd.devices import dsacon32_messages as messages
 from slipd.devices import weiss_tactile as tactile
 from slipd.devices.weiss import BEHIND_PREAMBLE
@@ -172,3 +173,16 @@ class Session(TactileSession):
             if len(matrices) == self._expected:
                 self.decoder.expect(matrices)
         return wrong
+
+
+DEVICE = Device(
+    "dsacon32",
+    "tactile",
+    ("serial", "tcp"),
+    Decoder,
+    Session,
+    baud=115_200,
+    axes=1,
+    shared=True,
+    clock_span_ns=(1 << 32) * 1_000_000,
+)

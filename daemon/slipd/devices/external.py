@@ -14,6 +14,7 @@ import msgpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from slipd.devices import Device
 from slipd.devices import external_message as message
 from slipd.devices.health import DecoderHealth
 from slipd.devices.numbering import Numbering
@@ -164,3 +165,6 @@ def encode_reading(
             f"taxels and {message.MAX_MESSAGE} bytes make one"
         )
     return data
+
+
+DEVICE = Device("external", "any", ("external",), Decoder, shared=True, host_clock=True)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slipd.devices import crc
+from slipd.devices import Device, crc
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.devices.numbering import Numbering
@@ -123,3 +123,6 @@ def encode_frame(counts: Sequence[int], sequence: int, device_time_us: int, stat
     """
     body = _SYNC + _BODY.pack(status, sequence % _SEQUENCE_SPAN, device_time_us % _US_SPAN, *counts)
     return body + crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")
+
+
+DEVICE = Device("gauges", "wrench", ("serial",), Decoder, baud=921_600, clock_span_ns=(1 << 32) * 1_000)

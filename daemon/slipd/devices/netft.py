@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import Inquiry, netft_calibration, rdt
+from slipd.devices import Device, Inquiry, netft_calibration, rdt
 from slipd.devices.conversation import RETRY_PAUSE_NS, Conversation, Step
 from slipd.devices.health import DecoderHealth
 from slipd.devices.netft_calibration import Calibration
@@ -242,3 +242,6 @@ def inquiry(calibration: str = "tcp", **_others: Any) -> Inquiry | None:
     if calibration not in _INQUIRIES:
         raise ValueError(f"calibration {calibration!r} is not known: {', '.join(_INQUIRIES)} are")
     return _INQUIRIES[calibration]
+
+
+DEVICE = Device("netft", "wrench", ("udp",), Decoder, Session, inquiry=inquiry)

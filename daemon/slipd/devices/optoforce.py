@@ -13,8 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from slipd.devices import Device, rdt
 from slipd.devices import optoforce_frames as frames
-from slipd.devices import rdt
 from slipd.devices.conversation import Conversation, Step
 from slipd.devices.framing import Frames
 from slipd.devices.health import DecoderHealth
@@ -268,3 +268,6 @@ def _udp_steps(period_ms: int, filter_code: int) -> list[Step]:
 def _identity(body: bytes) -> str:
     serial = body.decode("latin-1").strip(" \0")
     return f"S/N {serial}" if serial.isascii() and serial.isprintable() and serial else ""
+
+
+DEVICE = Device("optoforce", "wrench", ("serial", "udp"), Decoder, Session, baud=1_000_000, wired=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slipd.devices import Device
 from slipd.devices import papillarray_frames as frames
 from slipd.devices.conversation import Conversation, Step
 from slipd.devices.framing import Frames
@@ -118,3 +119,6 @@ class Session:
 def encode_rate(rate_hz: int) -> bytes:
     """Return the command for a rate."""
     return f"f{rate_hz}\n".encode()
+
+
+DEVICE = Device("papillarray", "tactile", ("serial",), Decoder, Session, baud=115_200, axes=3, shared=True)

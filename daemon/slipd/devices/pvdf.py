@@ -12,7 +12,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices import crc
+from slipd.devices import Device, crc
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.samples import TactileSample
@@ -149,3 +149,8 @@ def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_
         body = _SYNC + _HEAD.pack(row, scan_index % _SCAN_SPAN, time_us, dwell) + payload[row].tobytes()
         frames += body, crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")
     return b"".join(frames)
+
+
+DEVICE = Device(
+    "pvdf", "tactile", ("serial",), Decoder, baud=921_600, axes=1, sized=True, clock_span_ns=_US_SPAN * 1_000
+)

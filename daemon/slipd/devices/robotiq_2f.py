@@ -11,7 +11,7 @@ from __future__ import annotations
 import operator
 import struct
 
-from slipd.devices import crc, modbus
+from slipd.devices import Device, crc, modbus
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.devices.robotiq_registers import (
@@ -84,6 +84,8 @@ class Session:
     Raises:
         ValueError: A poll period shorter than the gripper's own pause, or an address that none has.
     """
+
+    identity = ""
 
     def __init__(self, unit: int = UNIT, poll_period_s: float = 0.02) -> None:
         if not poll_period_s * 1e9 >= COMMAND_PAUSE_NS:
@@ -297,3 +299,6 @@ def _byte(name: str, value: int) -> int:
     if not 0 <= byte <= 255:
         raise ValueError(f"{name} {value!r} is no byte: an integer from 0 to 255 is")
     return byte
+
+
+DEVICE = Device("robotiq_2f", "gripper", ("serial",), Decoder, Session, baud=115_200)

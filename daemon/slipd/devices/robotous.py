@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from slipd.devices import Device
 from slipd.devices import robotous_packets as packets
 from slipd.devices.conversation import Conversation, Step
 from slipd.devices.framing import FixedFrames
@@ -174,3 +175,6 @@ class Session:
 def _answer(name: str) -> str:
     """Say whether the sensor must answer: a setting counts only when it is confirmed."""
     return "required" if name in (_RATE, _FILTER) else "optional"
+
+
+DEVICE = Device("robotous", "wrench", ("serial",), Decoder, Session, baud=115_200)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slipd.devices import Device
 from slipd.devices.conversation import Conversation, Step
 from slipd.devices.framing import Frames
 from slipd.devices.health import DecoderHealth
@@ -229,3 +230,6 @@ class Session:
         """End, and return the packet that stops the sensor."""
         self._talk.stop()
         return encode_packet(AUTOSEND, b"\0")
+
+
+DEVICE = Device("tsf85", "tactile", ("serial",), Decoder, Session, baud=115_200, axes=1, shared=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slipd.devices import Device
 from slipd.devices import weiss_tactile as tactile
 from slipd.devices.weiss import STATUS_WORDS, WITH_PREAMBLE, encode
 from slipd.devices.weiss_tactile import FULL_SCALE, MAX_CELLS, Step, TactileDecoder, TactileSession, Units
@@ -159,3 +160,8 @@ class Session(TactileSession):
             return f"matrix of {cols} x {rows} cells of {full_scale} counts: 1 to {MAX_CELLS} cells are supported"
         self.decoder.expect(Matrix(cols, rows, full_scale))
         return ""
+
+
+DEVICE = Device(
+    "wts", "tactile", ("serial",), Decoder, Session, baud=115_200, axes=1, clock_span_ns=(1 << 32) * 1_000_000
+)

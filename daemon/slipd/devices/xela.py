@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from slipd.devices import Device
 from slipd.devices.health import DecoderHealth
 from slipd.samples import Array, TactileSample
 
@@ -188,3 +189,6 @@ def encode_message(
             forces = np.asarray(calibrated[key], dtype=np.float64)
             message[key]["calibrated"] = forces.ravel().tolist()
     return json.dumps(message, separators=(",", ":")).encode()
+
+
+DEVICE = Device("xela", "tactile", ("websocket",), Decoder, axes=3, shared=True)

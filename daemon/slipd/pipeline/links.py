@@ -95,7 +95,7 @@ class Link:
             late_ns: How long the bytes may have waited for the daemon.
         """
         samples = self._decoder.receive(data, t_ns)
-        if self.session is not None and getattr(self.session, "identity", "") != self._first_said:
+        if self.session is not None and self.session.identity != self._first_said:
             self._recognise()
         if not samples or self._stranger:
             return []
@@ -137,7 +137,7 @@ class Link:
     def told(self, stream: Stream, t_ns: int) -> dict[str, Any]:
         """``status.streams.<name>`` but for health and message."""
         counters = self._decoder.health
-        said = getattr(self.session, "identity", "") if self.session is not None else ""
+        said = self.session.identity if self.session is not None else ""
         return {
             "hardware_id": said or self._opened or None,
             "address": self.spec.address,
@@ -155,7 +155,7 @@ class Link:
 
     def _recognise(self) -> None:
         """Compares what was opened, and what the device says it is, with the config and with the run so far."""
-        said = getattr(self.session, "identity", "") if self.session is not None else ""
+        said = self.session.identity if self.session is not None else ""
         self._first_said = self._first_said or said
         wanted = self._hardware_id
         if wanted and wanted not in (said, self._opened):
