@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 MEASURES := $(VENV)/.measures
 
-.PHONY: demo test lint bench chart clean
+.PHONY: demo test lint bench chart fuzz soak clean
 
 demo: $(READY)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -18,6 +18,10 @@ demo: $(READY)
 test: $(READY) lint
 	@echo "== tests, with coverage"
 	@$(BIN)/pytest --cov --cov-report=term:skip-covered $(TESTS)
+	@$(if $(TESTS),,echo "== every branch of devices, signals and pipeline is tested"; \
+		$(BIN)/coverage report --fail-under=100 --precision=2 \
+			--include='daemon/slipd/devices/*,daemon/slipd/signals/*,daemon/slipd/pipeline/*' > /dev/null \
+		|| { $(BIN)/coverage report --include='daemon/slipd/devices/*,daemon/slipd/signals/*,daemon/slipd/pipeline/*'; exit 1; })
 
 lint: $(READY)
 	@echo "== ruff, mypy, import-linter"
@@ -33,6 +37,15 @@ bench: $(MEASURES)
 chart: $(MEASURES)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
 	@PYTHONPATH=tests $(BIN)/python -m chart $(CHART)
+
+fuzz: $(READY)
+	@echo "== every split of every device's frames, 10 million damaged frames, 10 GB of noise (about 10 minutes)"
+	@PYTHONPATH=tests $(BIN)/python -m fuzz --strict --report docs/fuzz.md $(FUZZ)
+
+soak: $(READY)
+	@echo "== real lines unplugged and flooded, a full load for 10 minutes, hours of simulated faults (about half an hour)"
+	@PYTHONPATH=tests $(BIN)/python -m soak --report docs/soak.md $(SOAK)
+	@PYTHONPATH=tests $(BIN)/python -m simulation $(SIMULATION)
 
 # What only the measurements need: rival solvers and a plotting library.
 $(MEASURES): $(READY)
