@@ -1,0 +1,74 @@
+"""A program that pushes the readings of a force/torque sensor and of a pad, each a stream of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slipd.devices.external import encode_reading
+from slipd.samples import Array
+from slipd.sim.tactile_stream import TactileStream
+from slipd.sim.wrench_stream import WrenchStream
+
+WRENCH, PAD = "left.wrench", "left.pad"
+"""The names of the streams."""
+
+RATE_HZ = 500.0
+PAD_EVERY = 5
+"""Wrenches to an image."""
+
+TAXELS = 16
+
+
+class Pusher:
+    """The program's end of the socket; time is told to it.
+
+    Args:
+        seed: Of the noise.
+
+    Attributes:
+        began_ns: CLOCK_MONOTONIC when it was made: the time of its readings counts from there.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = RATE_HZ
+        self.began_ns = 0
+        self._wrenches = WrenchStream(seed, RATE_HZ)
+        self._images = TactileStream(seed, RATE_HZ / PAD_EVERY, (TAXELS,), 0.01)
+        self._wrenches.start(0)
+        self._images.start(0)
+        self._sent = {WRENCH: 0, PAD: 0}
+
+    def opened(self, t_ns: int) -> None:
+        """Take note of nothing: it pushes all the time."""
+
+    def feel(self, force_n: Array, torque_nm: Array) -> None:
+        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        self._wrenches.feel(force_n, torque_nm)
+
+    def press(self, values: Array) -> None:
+        """Take what presses on each taxel from now on, shape (16,)."""
+        self._images.press(values)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Hear nothing."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the messages due by then, in the order of their times."""
+        wrenches = [(t, WRENCH, values) for t, values in self._wrenches.due(t_ns)]
+        images = [(t, PAD, self._images.image()) for t in self._images.due(t_ns)]
+        return [self._message(*reading) for reading in sorted(wrenches + images, key=lambda reading: reading[0])]
+
+    def _message(self, taken_ns: int, stream: str, values: Array) -> bytes:
+        number = self._sent[stream]
+        self._sent[stream] += 1
+        t_ns = self.began_ns + taken_ns
+        if stream == PAD:
+            return encode_reading(stream, t_ns, seq=number, values=values)
+        return encode_reading(stream, t_ns, seq=number, force_n=values[:3], torque_nm=values[3:])
+
+
+def make(seed: int) -> Pusher:
+    """Return the emulator with its noise seeded."""
+    return Pusher(seed)

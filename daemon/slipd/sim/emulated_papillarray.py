@@ -1,0 +1,75 @@
+"""A Contactile PTS controller with two PapillArray pads seen from its line: it streams unasked and knows its rates.
+
+Left out: displacements, the zeroing of the sensors, and a slip detection that is switched on.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from slipd.devices import papillarray
+from slipd.devices import papillarray_frames as frames
+from slipd.samples import Array
+from slipd.sim.tactile_stream import TactileStream
+
+POWER_ON_HZ = 1000.0
+NOISE_N = 0.005
+
+_COMMAND = re.compile(rb"f(\d{1,4})\n")
+_LONGEST_COMMAND = 6
+
+
+class Controller:
+    """The controller's end of its line; time is told to it.
+
+    Args:
+        seed: Of the noise.
+        clock_ppm: How much too fast its clock runs.
+    """
+
+    def __init__(self, seed: int, clock_ppm: float = 20.0) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = 500.0
+        self._stream = TactileStream(seed, POWER_ON_HZ, (frames.PILLARS, 3), NOISE_N)
+        self._stream.start(0)
+        self._clock_us_per_ns = 1e-3 + clock_ppm * 1e-9
+        self._counter = 0
+        self._heard = b""
+
+    def opened(self, t_ns: int) -> None:
+        """Forget the bytes of whoever had the line before."""
+        self._heard = b""
+
+    def press(self, values: Array) -> None:
+        """Take what acts on each pillar of either sensor from now on, N, shape (9, 3)."""
+        self._stream.press(values)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote; there is no answer."""
+        self._heard += data
+        for command in _COMMAND.finditer(self._heard):
+            if int(command[1]) in papillarray.RATES_HZ:
+                self._stream.start(t_ns, int(command[1]))
+        self._heard = self._heard[self._heard.rfind(b"\n") + 1 :][-_LONGEST_COMMAND:]
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the frames due by then."""
+        return [self._frame(taken_ns) for taken_ns in self._stream.due(t_ns)]
+
+    def _frame(self, taken_ns: int) -> bytes:
+        pads = [self._stream.image() for _ in range(frames.SENSORS)]
+        blocks = [
+            frames.encode_hub(self._counter, round(taken_ns * self._clock_us_per_ns)),
+            frames.encode_pillars(pads),
+            frames.encode_totals([pad.sum(axis=0) for pad in pads]),
+            *frames.encode_slip([frames.PILLARS] * frames.SENSORS),
+        ]
+        self._counter += 1
+        return frames.encode_blocks(blocks)
+
+
+def make(seed: int) -> Controller:
+    """Return the emulator with its noise seeded."""
+    return Controller(seed)

@@ -1,0 +1,93 @@
+"""Robotiq TSF-85 fingertips seen from their line: packets at a period, the array in some sixty of them a second.
+
+Left out: the asynchronous stream, single readings, and what the inertial sensors would feel.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from slipd.devices import tsf85
+from slipd.devices.tsf85 import encode_block
+from slipd.samples import Array
+from slipd.sim.tactile_stream import TactileStream
+
+FIRMWARE = b"1.1.8"
+REFRESH_HZ = 60.0
+NOISE_COUNTS = 2.0
+REST_COUNTS = 30
+"""What a taxel reads unloaded."""
+
+_HEAD_LENGTH = 4
+_LONGEST = _HEAD_LENGTH + 255
+_FULL_SCALE = (1 << 16) - 1
+
+
+class Fingertips:
+    """The sensors' end of their line; time is told to them.
+
+    Args:
+        seed: Of the noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.options: dict[str, Any] = {"timestamp_unit_ns": 1000}
+        self.rate_hz = REFRESH_HZ
+        self._packets = TactileStream(seed, 1000.0, (tsf85.TAXELS,), NOISE_COUNTS)
+        self._refresh = -1
+        self._heard = b""
+
+    def opened(self, t_ns: int) -> None:
+        """Forget the bytes of whoever had the line before."""
+        self._heard = b""
+
+    def press(self, values: Array) -> None:
+        """Take what presses on each taxel of either finger from now on, counts above rest, shape (28,)."""
+        self._packets.press(values)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote; return the answers."""
+        self._heard += data
+        said: list[bytes] = []
+        while (at := self._heard.find(b"\x9a")) >= 0:
+            packet = self._heard[at:]
+            if len(packet) < _HEAD_LENGTH or len(packet) < (length := _HEAD_LENGTH + packet[3]):
+                break
+            said += self._obey(packet[2], packet[_HEAD_LENGTH:length], t_ns)
+            self._heard = packet[length:]
+        self._heard = self._heard[-_LONGEST:]
+        return said
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the packets due by then."""
+        return [self._packet(taken_ns) for taken_ns in self._packets.due(t_ns)]
+
+    def _obey(self, command: int, content: bytes, t_ns: int) -> list[bytes]:
+        if command == tsf85.VERSION:
+            return [tsf85.encode_packet(tsf85.VERSION, FIRMWARE)]
+        if command == tsf85.AUTOSEND and content and content[0]:
+            self._packets.start(t_ns, 1000.0 / content[0])
+            self._refresh = -1
+        elif command == tsf85.AUTOSEND:
+            self._packets.stop()
+        return []
+
+    def _packet(self, taken_ns: int) -> bytes:
+        refresh = int(taken_ns * REFRESH_HZ // 1e9)
+        fresh, self._refresh = refresh != self._refresh, refresh
+        blocks = b""
+        for finger in range(tsf85.FINGERS):
+            if fresh:
+                counts = np.clip(np.rint(self._packets.image() + REST_COUNTS), 0, _FULL_SCALE)
+                blocks += encode_block(tsf85.STATIC, finger, counts)
+            blocks += encode_block(tsf85.DYNAMIC, finger, [0])
+            blocks += encode_block(tsf85.ACCELEROMETER, finger, [0, 0, 16384])
+            blocks += encode_block(tsf85.TIMESTAMP, finger, [taken_ns // 1000])
+        return tsf85.encode_packet(tsf85.AUTOSEND, blocks)
+
+
+def make(seed: int) -> Fingertips:
+    """Return the emulator with its noise seeded."""
+    return Fingertips(seed)

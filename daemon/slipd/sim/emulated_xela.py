@@ -1,0 +1,70 @@
+"""The vendor's server of two XELA uSkin pads seen from its WebSocket: a welcome, then messages with both images."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from slipd.devices import xela
+from slipd.samples import Array
+from slipd.sim.tactile_stream import TactileStream
+
+SENSORS = ("1", "2")
+TAXELS = 16
+RATE_HZ = 100.0
+NOISE_COUNTS = 3.0
+REST_COUNTS = 1 << 15
+"""What an axis of a taxel reads unloaded."""
+
+N_PER_COUNT = 1e-3
+BEGAN_S = 1_700_000_000.0
+"""The server's Unix time when it was made."""
+
+_FULL_SCALE = (1 << 16) - 1
+
+
+class Server:
+    """The server's end of the connection; time is told to it.
+
+    Args:
+        seed: Of the noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = RATE_HZ
+        self._stream = TactileStream(seed, RATE_HZ, (TAXELS, 3), NOISE_COUNTS)
+        self._stream.start(0)
+        self._number = 0
+        self._welcome: list[bytes] = []
+
+    def opened(self, t_ns: int) -> None:
+        """Welcome who connects."""
+        self._welcome = [json.dumps({"message": "Welcome"}).encode()]
+
+    def press(self, values: Array) -> None:
+        """Take what acts on each taxel of either pad from now on, counts beside rest, shape (16, 3)."""
+        self._stream.press(values)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Hear nothing."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the messages due by then."""
+        said, self._welcome = self._welcome, []
+        return said + [self._message(taken_ns) for taken_ns in self._stream.due(t_ns)]
+
+    def _message(self, taken_ns: int) -> bytes:
+        self._number += 1
+        pads = {key: self._stream.image() for key in SENSORS}
+        raw = {key: np.clip(np.rint(pad + REST_COUNTS), 0, _FULL_SCALE) for key, pad in pads.items()}
+        forces = {key: np.round(N_PER_COUNT * pad, 4) for key, pad in pads.items()}
+        return xela.encode_message(self._number, raw, BEGAN_S + taken_ns * 1e-9, forces)
+
+
+def make(seed: int) -> Server:
+    """Return the emulator with its noise seeded."""
+    return Server(seed)
