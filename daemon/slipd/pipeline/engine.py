@@ -91,9 +91,7 @@ class Engine:
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
         for stream, sample, acquired_ns in link.receive(data, t_ns, self._lateness.late_ns):
             self._take(stream, sample, acquired_ns, out)
-        written = link.due(t_ns)
-        if written:
-            out.append(Write(link.spec.name, written))
+        out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
 
     def _take(self, stream: str, sample: Sample, acquired_ns: int, out: list[Output]) -> None:
         if isinstance(sample, GripperSample):
@@ -150,9 +148,7 @@ class Engine:
 
     def _write_due(self, t_ns: int, out: list[Output]) -> None:
         for name, link in self._links.items():
-            written = link.due(t_ns)
-            if written:
-                out.append(Write(name, written))
+            out += [Write(name, piece) for piece in link.due(t_ns)]
 
     def _publish_status(self, t_ns: int, out: list[Output]) -> None:
         out.append(self._outlet.message(STATUS_TOPIC, t_ns, NO_FRAME, self._status(t_ns)))

@@ -110,17 +110,18 @@ class Link:
                 found.append((stream.name, sample, acquired_ns))
         return found
 
-    def due(self, t_ns: int) -> bytes:
-        """What the session wants written at ``t_ns``."""
+    def due(self, t_ns: int) -> list[bytes]:
+        """What the session wants written at ``t_ns``, piece by piece: some devices take one request a datagram."""
+        pieces: list[bytes] = []
         if self.session is None or not self.up:
-            return b""
-        written = b""
+            return pieces
         while (deadline := self.session.next_deadline()) is not None and deadline <= t_ns:
-            chunk = self.session.on_time(t_ns)
-            if not chunk and self.session.next_deadline() == deadline:
+            piece = self.session.on_time(t_ns)
+            if piece:
+                pieces.append(piece)
+            elif self.session.next_deadline() == deadline:
                 break
-            written += chunk
-        return written
+        return pieces
 
     def level(self, stream: Stream, t_ns: int) -> tuple[Health, str]:
         """How a stream is doing, and what to tell people of it."""

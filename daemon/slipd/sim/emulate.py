@@ -58,13 +58,21 @@ class Emulation:
     async def run(self) -> None:
         """Go on for ever, in real time."""
         start_ns = now_ns = time.monotonic_ns()
+        self._tell_begin(start_ns)
         while True:
             await asyncio.sleep(max(TICK_NS - (time.monotonic_ns() - now_ns), 0) * 1e-9)
             before_ns, now_ns = now_ns, time.monotonic_ns()
             if now_ns - before_ns > LONGEST_LAG_NS:
                 start_ns += now_ns - before_ns
+                self._tell_begin(start_ns)
             for device, line in self._devices:
                 _go_on(device, line, now_ns - start_ns)
+
+    def _tell_begin(self, start_ns: int) -> None:
+        """Tell those whose readings carry this host's time."""
+        for device, _ in self._devices:
+            if hasattr(device, "began_ns"):
+                device.began_ns = start_ns
 
 
 def _go_on(device: Emulator, line: Line, t_ns: int) -> None:
