@@ -136,11 +136,62 @@ def test_a_command_without_answer_is_repeated_and_then_the_sequence_begins_anew(
     bench.start()
     bench.run(1.6)
     assert bench.written == [b"C", b"c,0,1,0,4", *[b"f,64,0,0,1"] * 3]
+    assert bench.session.state == "waiting"
+    bench.run(10)
     assert bench.session.state == "no answer to f"
     bench.sensor.deaf_to = ""
-    bench.run(1.1)
-    assert bench.written[5:] == COMMANDS
+    bench.run(4)
+    assert bench.written[-4:] == COMMANDS
     assert bench.session.state == "running"
+
+
+NAMED = b"App Init\rname: MiniONE\r\nHW: 2\r\nS/N: 1234\r\nFW version: 1.2.3\rc,0,1,0,4\r"
+
+
+@pytest.mark.parametrize("boot_s", [0.2, 5.0, 9.9])
+@pytest.mark.parametrize("size", [1, 5, 1000])
+def test_D1_a_reset_on_opening_and_ten_seconds_of_boot_text_are_no_fault(boot_s: float, size: int) -> None:
+    session, sensor = bota.Session(), Sensor(deaf_to="C")
+    bench = Bench(session, sensor)
+    bench.start()
+    text = b"Bootloader v2, waiting\r\n" * 4 + NAMED
+    pieces = [text[at : at + size] for at in range(0, len(text), size)]
+    for number in range(3):  # what was still on its way when the sensor was reset: it is spoken to, and does not hear
+        bench.deliver(bota.encode_frame((0, 0, 1), (0, 0, 0), number))
+    bench.run(boot_s)
+    assert {state.split()[0] for state in bench.states} <= {"waiting", "configuring"}
+    for piece in pieces:
+        bench.deliver(piece)
+    sensor.deaf_to = ""
+    bench.run(1.0)
+    assert session.state == "running"
+    assert session.identity == "MiniONE S/N 1234"
+    assert bench.written[-4:] == COMMANDS
+    assert (session.health.bad, session.health.bad_bytes) == (0, 0)
+
+
+def test_the_identity_is_that_of_the_last_banner_and_unknown_on_a_new_link() -> None:
+    session = bota.Session()
+    assert session.identity == ""
+    session.start(0)
+    session.receive(NAMED, 1)
+    assert session.identity == "MiniONE S/N 1234"
+    session.receive(NAMED[:40], 2)
+    session.receive(bota_text.encode_banner("SensONE", 77), 3)
+    assert session.identity == "SensONE S/N 77"
+    session.start(4)
+    assert session.identity == ""
+
+
+def test_a_banner_that_never_tells_a_name_is_forgotten() -> None:
+    session = bota.Session()
+    session.start(0)
+    session.receive(bota_text.BANNER + b"\r", 1)
+    for now_ns in range(2, 200):
+        session.receive(b"no name here\r\n", now_ns)
+        assert len(session._banner) < 1000
+    session.receive(NAMED[len(bota_text.BANNER) :], 300)
+    assert session.identity == ""
 
 
 def test_a_refused_command_is_named_and_repeated_until_it_is_obeyed() -> None:

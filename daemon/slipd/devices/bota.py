@@ -37,6 +37,7 @@ SILENCE_NS = 1_000_000_000
 """Fifty periods of the slowest rate: the sensor no longer runs."""
 
 _HEARD_LENGTH = 32  # longer than any text that is waited for
+_BANNER_LENGTH = 512  # a banner has under 100 bytes
 
 _HEADER = b"\xaa"
 _FRAME = struct.Struct("<BH6fIf")  # header, status, force, torque, device time µs, temperature; CRC
@@ -113,7 +114,11 @@ class Session:
 
     Readings that arrive are handed on at all times, whatever the state. `state` is "closed", "waiting" (for the
     sensor to boot), "configuring", "running", or names what is in the way, such as "no answer to C" or
-    "refused f with code 2"; both are retried for ever.
+    "refused f with code 2"; both are retried for ever. Within `BOOT_NS` of the port's opening a sensor that does not
+    answer is taken to boot still, and the state goes back to "waiting".
+
+    `identity` is product name and serial number as the banner tells them, such as "MiniONE S/N 1234"; "" where no
+    banner was seen since the port was opened.
 
     Args:
         sinc_length: Length of the sensor's filter, 64 to 1024; a frame comes every sinc_length / 51200 s.
@@ -123,8 +128,6 @@ class Session:
         ValueError: The sinc length is out of range, or no integer.
     """
 
-    identity = ""
-
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
         shortest, longest = SINC_LENGTHS
         if not (isinstance(sinc_length, int) and shortest <= sinc_length <= longest):
@@ -132,6 +135,7 @@ class Session:
         self.decoder = Decoder()
         self.health = self.decoder.health
         self.state = "closed"
+        self.identity = ""
         self._commands = (
             bota_text.CONFIGURE,
             bota_text.communication(temperature_compensation=temperature_compensation),
@@ -142,13 +146,15 @@ class Session:
         self._attempt = 0
         self._phase: Literal["boot", "pause", "ask", "run"] = "boot"
         self._due_ns: int | None = None
+        self._booted_ns = 0
         self._heard = b""
+        self._banner = b""
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link, by waiting for the banner or for frames."""
-        self.state = "waiting"
-        self._heard = b""
-        self._pause("boot", now_ns + BOOT_NS)
+        self.identity = ""
+        self._booted_ns = now_ns + BOOT_NS
+        self._wait(now_ns)
         return b""
 
     def stop(self) -> bytes:
@@ -164,7 +170,12 @@ class Session:
             return samples
         heard = self._heard + data
         self._heard = heard[-_HEARD_LENGTH:]
-        if bota_text.BANNER in heard:
+        banner_at = heard.find(bota_text.BANNER)
+        if banner_at < 0 and self._banner:
+            self._read_identity(data)
+        if banner_at >= 0:
+            self._banner = b""
+            self._read_identity(heard[banner_at:])
             self._heard = b""
             self.state = "configuring"
             self._pause("pause", now_ns + SETTLE_NS)
@@ -186,9 +197,11 @@ class Session:
         if self._due_ns is None or now_ns < self._due_ns:
             return b""
         if self._phase == "run":
-            return self.start(now_ns)
+            self._wait(now_ns)
+            return b""
         if self._attempt == ATTEMPTS:
-            self.state = f"no answer to {self._commands[self._step].letter}"
+            letter = self._commands[self._step].letter
+            self.state = "waiting" if now_ns < self._booted_ns else f"no answer to {letter}"
             self._pause("pause", now_ns + RETRY_PAUSE_NS)
             return b""
         self._phase = "ask"
@@ -196,6 +209,20 @@ class Session:
         self._due_ns = now_ns + ACK_TIMEOUT_NS
         self._heard = b""
         return self._commands[self._step].encode()
+
+    def _wait(self, now_ns: int) -> None:
+        """Wait for the banner or for frames."""
+        self.state = "waiting"
+        self._heard = self._banner = b""
+        self._pause("boot", now_ns + BOOT_NS)
+
+    def _read_identity(self, data: bytes) -> None:
+        """Look for the sensor's name in what follows the begin of a banner."""
+        self._banner += data
+        name = bota_text.find_identity(self._banner[:_BANNER_LENGTH])
+        if name or len(self._banner) >= _BANNER_LENGTH:
+            self.identity = name or self.identity
+            self._banner = b""
 
     def _pause(self, phase: Literal["boot", "pause"], due_ns: int, step: int = 0) -> None:
         self._phase, self._due_ns, self._step, self._attempt = phase, due_ns, step, 0

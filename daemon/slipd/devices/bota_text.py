@@ -15,6 +15,7 @@ BAUD_460800 = 4
 
 _ACK = re.compile(rb"r,\d,([A-Za-z]),(\d)")
 _COMMAND = re.compile(rb"[CRI#slw]|c,\d,\d,\d,\d|f,\d{1,4},\d,\d,\d")
+_IDENTITY = re.compile(rb"name: ([!-~][ -~]{0,39})[\r\n](?:[ -~]{0,80}[\r\n]+){0,4}?S/N: (\d{1,20})[\r\n]")
 _LONGEST_COMMAND = 64
 """The sensor's own buffer; what is longer and still unfinished is no command."""
 
@@ -58,6 +59,12 @@ def find_ack(heard: bytes, letter: str) -> int | None:
         if match[1] == letter.encode():
             return int(match[2])
     return None
+
+
+def find_identity(heard: bytes) -> str:
+    """Return name and serial number of the sensor whose banner was heard, such as "MiniONE S/N 1234"; "" if unknown."""
+    match = _IDENTITY.search(heard)
+    return f"{match[1].decode().strip()} S/N {match[2].decode()}" if match else ""
 
 
 def parse_commands(heard: bytes) -> tuple[list[Command], bytes]:
