@@ -218,3 +218,9 @@ def test_endless_garbage_is_not_kept(junk: bytes) -> None:
         decoder.receive(message(number), 0)
     assert decoder.health.good >= 1
     assert decoder.health.bad_bytes > 0
+
+
+def test_a_number_with_two_dots_is_garbage_and_holds_nobody_up() -> None:
+    samples, decoder = receive(b'{"message":1,"time":1.2.3}' + message(2))
+    assert len(samples) == len(receive(message(2))[0])
+    assert decoder.health.bad_bytes == len(b'{"message":1,"time":1.2.3}')

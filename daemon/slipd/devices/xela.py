@@ -89,6 +89,8 @@ class Decoder:
     def _mend_leading_dot(self, error: JSONDecodeError) -> bool:
         """Write a zero before a number such as ``.8365479``, which the server sends although JSON has none such."""
         at = error.pos
+        if error.msg != "Expecting value":  # behind a number, as in 1.2.3, a zero mends nothing
+            return False
         if self._text[at : at + 1] != "." or not self._text[at + 1 : at + 2].isdecimal():
             return False
         self._text = f"{self._text[:at]}0{self._text[at:]}"
