@@ -7,6 +7,12 @@ from slipd.devices.health import DecoderHealth
 #: A number so little behind the newest is a reading that came late or twice; one further behind is a restart.
 LATE_WITHIN = 32
 
+#: A gap so short may end at the first number by chance, as the number wraps; a longer leap to it is a restart.
+SHORT_GAP = 32
+
+#: A longer gap is none: 40 minutes at 7 kHz. A number that leaps further begins anew, and what it leaps is not counted.
+FURTHEST_GAP = 1 << 24
+
 
 class Numbering:
     """Watches the running number of one stream.
@@ -14,7 +20,7 @@ class Numbering:
     Args:
         span: The number is sent modulo this.
         health: Receives ``lost``, ``duplicates`` and ``restarts``.
-        first: Number with which the device begins after a restart; a jump back to it is a restart however near.
+        first: Number with which the device begins after a restart; a jump to it is a restart however near.
     """
 
     def __init__(self, span: int, health: DecoderHealth, *, first: int = 0) -> None:
@@ -32,7 +38,8 @@ class Numbering:
             if ahead == 0 or (behind <= LATE_WITHIN and number != self._first):
                 self._health.duplicates += 1
                 return False
-            if ahead <= self._span // 2:
+            gap = ahead <= min(self._span // 2, FURTHEST_GAP) and (number != self._first or ahead <= SHORT_GAP)
+            if gap:
                 self._health.lost += ahead - 1
             else:
                 self._health.restarts += 1
