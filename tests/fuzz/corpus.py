@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from slipd.devices import DEVICES, Decoder, Session
+from slipd.devices.robotiq_2f import Session as GripperSession
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.sim.emulators import Emulator, make_emulator
 
@@ -152,6 +153,8 @@ def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
                     sample.source: sample.values.shape for sample in samples if isinstance(sample, TactileSample)
                 }
                 _stir(emulator, list(shapes.values()), rng)
+                if isinstance(samples[-1], GripperSample) and isinstance(host, GripperSession):
+                    _command(host, samples[-1], rng, now_ns)
         if counted >= readings:
             return heard
         written = b""
@@ -173,9 +176,22 @@ def inquire(device: str, emulator: Emulator) -> bytes:
 
 
 def _stir(emulator: Emulator, shapes: list[tuple[int, ...]], rng: np.random.Generator) -> None:
-    """Lets the world change, so that no two readings are alike; a pad of several sensors is pressed as a whole."""
+    """Lets the world change, so that no two readings are alike; pads on one port are pressed as one where they can."""
     feel, press = getattr(emulator, "feel", None), getattr(emulator, "press", None)
     if feel is not None:
         feel(rng.normal(scale=5.0, size=3), rng.normal(scale=0.1, size=3))
     if press is not None and shapes:
-        press(rng.uniform(0.0, MOST_PRESSED, size=(sum(shape[0] for shape in shapes), *shapes[0][1:])))
+        whole = (sum(shape[0] for shape in shapes), *shapes[0][1:])
+        try:
+            press(rng.uniform(0.0, MOST_PRESSED, size=whole))
+        except ValueError:  # this one is pressed alike on all its sensors
+            press(rng.uniform(0.0, MOST_PRESSED, size=shapes[0]))
+
+
+def _command(host: GripperSession, sample: GripperSample, rng: np.random.Generator, now_ns: int) -> None:
+    """Lets a gripper move, so that its readings differ: it echoes what it was told."""
+    if not sample.active and host.state != "activating":
+        host.activate(now_ns)
+    elif sample.active:
+        position, speed, force = rng.integers(0, 256, size=3).tolist()
+        host.move(position, speed, force)

@@ -55,7 +55,8 @@ def _mutations(results: Results, devices: list[str]) -> Table:
         )
     kinds = ", ".join(kind.__name__ for kind in mutations.KINDS)
     table.notes.append(f"Each damaged frame suffers one mishap ({kinds}); two good ones follow.")
-    table.notes.append("Two lost: damaged frames that cost more than one good frame. Believed: readings never sent.")
+    table.notes.append("Two lost: damaged frames, not believed, that cost more than one good frame.")
+    table.notes.append("Believed: readings never sent; the number of one may make those behind it look old.")
     table.notes += [
         f"{device}: {strength.mishap}"
         + ("." if strength.mishap_bits is None else f": at most 2^-{strength.mishap_bits:g} a mishap.")

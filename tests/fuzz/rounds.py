@@ -15,6 +15,9 @@ from slipd.devices import DEVICES
 
 MEASURES = ("splits", "mutations", "noise", "talks")
 STRICT = {"mutations": 10_000_000, "noise": 10_000_000_000}
+LEAST = {"mutations": 150_000, "noise": 16_000_000}
+"""For each device, however slow it is."""
+
 SECONDS = 60.0
 """Of a run that is not strict, on all cores together: ``--seconds`` says otherwise."""
 
@@ -100,9 +103,9 @@ def stages(wish: Wish, results: Results) -> Iterator[Iterable[Job]]:
 
 
 def _strict_rounds(measure: str, done: dict[str, Outcome]) -> dict[str, int]:
-    """Rounds that make up the strict number: damaged frames alike for all, noise for the same time each."""
-    left = STRICT[measure] - sum(outcome.amount for outcome in done.values())
-    if measure == "mutations":
-        return {device: ceil(left / len(done) / outcome.amount) for device, outcome in done.items()}
-    each_s = left / sum(outcome.amount / outcome.seconds for outcome in done.values())
-    return {device: ceil(each_s / outcome.seconds) for device, outcome in done.items()}
+    """Rounds that make up the strict number: so many for each device, and the rest for the same time each."""
+    left = STRICT[measure]
+    least = {device: ceil(LEAST[measure] / outcome.amount) for device, outcome in done.items()}
+    left -= sum(count * done[device].amount for device, count in least.items())
+    each_s = max(0.0, left / sum(outcome.amount / outcome.seconds for outcome in done.values()))
+    return {device: least[device] + ceil(each_s / outcome.seconds) for device, outcome in done.items()}

@@ -18,17 +18,18 @@ DAMAGED = 10
 """Every so many frames one is damaged in the second recording, so that the counters have something to count."""
 
 
-def fuzz(corpus: Corpus, seed: int, share: float = 1.0) -> Outcome:
+def fuzz(corpus: Corpus, seed: int, share: float = 1.0, frames: int = FRAMES) -> Outcome:
     """Cuts a device's frames at every byte, a good recording and a damaged one.
 
     Args:
         corpus: What the device says.
         seed: Of the damage and of the share.
         share: How many of the splits are tried, 0 to 1; byte by byte always is.
+        frames: How many of the recorded ones.
     """
     rng, outcome = Random(seed), Outcome(corpus.device)
     begun_s = time.perf_counter()
-    for units in (corpus.units[:FRAMES], _some_damaged(corpus, rng)):
+    for units in (corpus.units[:frames], _some_damaged(corpus, frames, rng)):
         whole = _heard(corpus, units)
         for name, pieces in _splits(units, corpus.messages):
             if rng.random() >= share and name != BYTEWISE:
@@ -40,8 +41,8 @@ def fuzz(corpus: Corpus, seed: int, share: float = 1.0) -> Outcome:
     return outcome
 
 
-def _some_damaged(corpus: Corpus, rng: Random) -> list[bytes]:
-    units = list(corpus.units[:FRAMES])
+def _some_damaged(corpus: Corpus, frames: int, rng: Random) -> list[bytes]:
+    units = list(corpus.units[:frames])
     for index in range(DAMAGED, len(units), DAMAGED):
         units[index] = damage(units[index], units[index - 1], rng)
     return units

@@ -45,6 +45,11 @@ STRENGTHS: dict[str, Strength] = {
     "pvdf": Strength(40, "sync and version (24), CRC-16", 16, _CRC),
     "dsacon32": Strength(57, "preamble (24), id, length, content, and the Weiss sum (16)", 10, _WEISS),
     "wts": Strength(69, "preamble (24), id, length, content, and the Weiss sum (16)", 10, _WEISS),
+    "tsf85": Strength(26, "start (8) and tags that fill the length exactly", None, "no published check of the values"),
+    "papillarray": Strength(
+        100, "markers (64), an index that fits to the last byte, a 16-bit sum", 8.5, "a sum, as of optoforce"
+    ),
+    "external": Strength(150, "a map with all the keys of a reading", None, "ZeroMQ over a local socket"),
     "xela": Strength(200, "a JSON object with a number and a sensor: some forty given characters", None, "WebSocket"),
     "robotiq_2f": Strength(39, "unit (8), one of two functions (7), length (8), CRC-16", 16, _CRC),
 }
