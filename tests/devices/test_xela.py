@@ -132,11 +132,17 @@ def test_a_time_that_is_none_is_unknown_and_the_reading_stands(time: Any) -> Non
     assert [sample.device_time_ns for sample in samples] == [None, 1_000_000_000]
 
 
-@pytest.mark.parametrize(("numbers", "lost"), [((1, 2, 3), 0), ((1, 5), 3), ((9, 9), 0), ((9, 1, 2, 4), 1)])
-def test_the_running_number_tells_how_many_messages_are_missing(numbers: tuple[int, ...], lost: int) -> None:
+@pytest.mark.parametrize(
+    ("numbers", "counted"),
+    [((1, 2, 3), (0, 0, 0)), ((1, 5), (3, 0, 0)), ((9, 9, 10), (0, 1, 0)), ((9, 1, 2, 4), (1, 0, 1))],
+)
+def test_D3_gaps_duplicates_and_restarts_are_told_by_the_running_number(
+    numbers: tuple[int, ...], counted: tuple[int, int, int]
+) -> None:
     samples, decoder = receive(b"".join(message(number) for number in numbers))
-    assert len(samples) == len(numbers)
-    assert decoder.health.lost == lost
+    health = decoder.health
+    assert (health.lost, health.duplicates, health.restarts) == counted
+    assert len(samples) == health.good == len(numbers) - counted[1]
 
 
 @pytest.mark.parametrize("body", [b"{}", b'{"1":{}}', b'{"message":1.5}', b'{"message":true}', b'{"message":null}'])

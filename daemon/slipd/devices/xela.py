@@ -35,8 +35,9 @@ class Decoder:
     """Makes a tactile sample of every sensor in a message; ``source`` is the sensor's key, such as "1".
 
     ``values`` has shape (taxels, 3): X, Y, Z per taxel, row by row from the top left. ``device_time_ns`` is the
-    server's Unix time. `health.lost` counts messages missing from the server's running number; a number that jumps
-    back is a server that began anew. A sensor whose counts disagree is bad, and the others of the message are not.
+    server's Unix time. `health.lost` counts messages missing from the server's running number, `duplicates` those that
+    came again, and `restarts` numbers that jumped back. A sensor whose counts disagree is bad, and the others of the
+    message are not.
 
     Args:
         calibrated: Take the server's calibrated forces instead of the raw 16-bit readings; a sensor for which it
@@ -112,9 +113,8 @@ class Decoder:
         if type(number) is not int:
             self.health.bad += 1
             return []
-        if self._number is not None:
-            self.health.lost += max(number - self._number - 1, 0)
-        self._number = number
+        if not self._is_new(number):
+            return []
         samples: list[TactileSample] = []
         for key, sensor in message.items():
             if not key.isdecimal():
@@ -125,6 +125,15 @@ class Decoder:
             else:
                 samples.append(TactileSample(t_ns, _time_ns(sensor.get("time")), values, source=key))
         return samples
+
+    def _is_new(self, number: int) -> bool:
+        """Judge the running number; a WebSocket keeps the order, so a number that falls is a server that began anew."""
+        step = 1 if self._number is None else number - self._number
+        self._number = number
+        self.health.duplicates += step == 0
+        self.health.restarts += step < 0
+        self.health.lost += max(step - 1, 0)
+        return step != 0
 
     def _values(self, sensor: dict[str, Any]) -> Array | None:
         numbers = _numbers(sensor.get("calibrated")) if self._calibrated else _words(sensor.get("data"))
