@@ -377,3 +377,9 @@ def test_the_decoder_reads_status_replies_from_any_split(same_for_every_split: S
     ]
     stream = b"\x09\x03\x06" + replies[0] + ACTIVATE[:8] + b"".join(replies[1:])
     assert len(same_for_every_split(robotiq_2f.Decoder, stream)) == 5
+
+
+@pytest.mark.parametrize("unit", [0, 248, 9.0])
+def test_an_address_that_no_gripper_has_is_refused(unit: int) -> None:
+    with pytest.raises(ValueError, match="1 to 247"):
+        robotiq_2f.Session(unit=unit)
