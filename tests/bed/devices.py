@@ -6,8 +6,11 @@ import asyncio
 import json
 import sys
 
-from slipd.sim.emulate import emulator_for, serve_until_told
+from bed.rig import make_device
+
+from slipd.sim.emulate import prepare_process, serve_until_told
 
 if __name__ == "__main__":
-    plan = json.loads(sys.argv[1])
-    asyncio.run(serve_until_told([(name, emulator_for(name, address, 1), address) for name, address in plan]))
+    plan = [(name, make_device(name, address), address) for name, address in json.loads(sys.argv[1])]
+    prepare_process()
+    asyncio.run(serve_until_told(plan))

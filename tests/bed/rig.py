@@ -16,6 +16,7 @@ from driving import drive
 from slipd.devices import DEVICES, Device
 from slipd.samples import Sample, TactileSample
 from slipd.sim.emulate import emulator_for
+from slipd.sim.emulated_netft import NetftSensor
 from slipd.sim.emulators import Emulator
 
 HOST = "127.0.0.4"
@@ -69,7 +70,7 @@ def make_rig(folder: Path) -> list[Place]:
     fingers = {"wrench": 0, "pad": 0}
     for name, transport in LINES:
         address = _address(folder, name, transport)
-        emulator = emulator_for(name, address)
+        emulator = make_device(name, address)
         sample = _rehearse(DEVICES[name], emulator, transport)
         kind = {"gripper": "gripper", "wrench": "wrench", "tactile": "pad"}[_kind(DEVICES[name], sample)]
         stream = kind if kind == "gripper" else f"f{fingers[kind]:02d}x.{kind}"
@@ -77,6 +78,11 @@ def make_rig(folder: Path) -> list[Place]:
             fingers[kind] += 1
         places.append(Place(name, transport, address, stream, _table(stream, name, address, emulator, sample)))
     return places
+
+
+def make_device(name: str, address: str) -> Emulator:
+    """The emulator of a device; none sends more than 1000 readings a second, for this machine runs them all."""
+    return NetftSensor(1, rate_hz=1000.0) if name == "netft" else emulator_for(name, address, 1)
 
 
 def config_text(places: list[Place]) -> str:
