@@ -32,6 +32,7 @@ port = "/dev/left-wrench"
 rate_hz = 1000.0
 force_std_n = 0.0
 torque_std_nm = 0.0
+stuck_after = 0
 
 [finger.left.pad]
 device = "pvdf"

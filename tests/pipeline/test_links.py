@@ -213,3 +213,23 @@ def test_L9_a_flood_is_thinned_from_its_oldest_end_and_told(links: dict[str, Lin
     now = feed(link, 1000.0, 1.5, T0 + 11 * MS)
     assert health(link, now) == (Health.OK, "")
     assert told(link, now)["dropped"] == 500 + 1460
+
+
+class Mute:
+    """A session that wants to be asked at once, for ever, and says nothing."""
+
+    state, identity = "mute", ""
+
+    def next_deadline(self) -> int:
+        return T0
+
+    def on_time(self, now_ns: int) -> bytes:
+        del now_ns
+        return b""
+
+
+def test_a_session_that_is_due_and_has_nothing_to_say_is_left_alone(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    link.session = Mute()  # type: ignore[assignment]
+    assert link.due(T0) == []

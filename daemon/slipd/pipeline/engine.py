@@ -12,7 +12,7 @@ from slipd import __version__
 from slipd.config import Config
 from slipd.devices.robotiq_2f import Session as GripperSession
 from slipd.pipeline.desk import Desk
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp, Output, Request, Tick, Write
+from slipd.pipeline.events import Bytes, Event, LinkSpec, LinkUp, Output, Request, Tick, Write
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.lateness import Lateness
@@ -77,9 +77,9 @@ class Engine:
                 if greeting:
                     out.append(Write(name, greeting))
                 self._publish_status(t_ns, out)
-            case LinkDown(name, reason):
-                self._links[name].close(reason)
-                self._lose(name, t_ns, out)
+            case _:
+                self._links[event.link].close(event.reason)
+                self._lose(event.link, t_ns, out)
                 self._publish_status(t_ns, out)
         return out
 
@@ -95,10 +95,9 @@ class Engine:
 
     def _take(self, stream: str, sample: Sample, acquired_ns: int, out: list[Output]) -> None:
         if isinstance(sample, GripperSample):
-            if self._gripper is not None:
-                self._gripper.take(sample)
-                body = self._gripper.body(sample.t_ns)
-                out.append(self._outlet.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, body))
+            gripper = cast("GripperControl", self._gripper)
+            gripper.take(sample)
+            out.append(self._outlet.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, gripper.body(sample.t_ns)))
             return
         name = stream.partition(".")[0]
         finger, voice = self._fingers[name], self._voices[name]

@@ -9,7 +9,7 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Stream
 from slipd.fusion import Contact, contact_of
 from slipd.pipeline.decision import Verdict
-from slipd.pipeline.force import ForceSide
+from slipd.pipeline.force import UNTRUSTED_FAULTS, ForceSide
 from slipd.pipeline.image import UNFELT, Felt, PadImage, Shares, pad_image
 from slipd.pipeline.judge import Judge, State
 from slipd.samples import TactileSample, WrenchSample
@@ -20,6 +20,8 @@ from slipd.signals.tare import Tare
 CONTACT_HYSTERESIS = 0.8
 #: The normal force moves where its range between two images is wider than this many times its noise.
 MOVING_STDS = 6.0
+#: Force and image are compared at most every 10 ms: a disagreement counts only once it has lasted for longer.
+COMPARE_NS = 10_000_000
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
 #: Status words that make a reading's value untrustworthy.
@@ -56,6 +58,7 @@ class Finger:
         self._judge = Judge(config, levels)
         self._agreement = _agreement(config)
         self._disagreement: tuple[str, ...] = ()
+        self._compared_ns = 0
         self._low_n, self._high_n = math.inf, -math.inf
         self._image_stale_ns = stale_after_ns(config.pad) if config.pad is not None else 0
         self._in_contact = False
@@ -111,6 +114,8 @@ class Finger:
         wrench = self.force.take(
             sample, t_ns, trusted=not untrusted, untouched=self._untouched() if self.force.drifts else None
         )
+        if self.force.fault in UNTRUSTED_FAULTS:
+            untrusted = (*untrusted, self.force.fault)
         return self._decide(sample, t_ns, wrench, untrusted)
 
     def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> State | None:
@@ -196,10 +201,12 @@ class Finger:
     def _compare(self, t_ns: int) -> None:
         """Compares a new image with what the force sensor tells of the contact."""
         image, contact, agreement = self.image, self.state.contact, self._agreement
-        if image is None or agreement is None or self.force is None or contact is None or not image.known:
+        if image is None or agreement is None or contact is None or not image.known:
+            self._forget_comparison()
             return
-        if math.isnan(contact.spin_nm) and contact.valid:
+        if t_ns - self._compared_ns < COMPARE_NS or (math.isnan(contact.spin_nm) and contact.valid):
             return  # without torque there is no centroid
+        self._compared_ns = t_ns
         noise_n, _, weight_n, _ = self._uncertainty(t_ns)
         told = agreement.update(t_ns, contact, noise_n + weight_n, image.x, image.y, image.pressure)
         self._disagreement = tuple(f"disagreement_{what}" for what in told)

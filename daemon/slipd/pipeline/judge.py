@@ -131,7 +131,8 @@ class Judge:
         state.utilisation = used
         slips = self._slips(state.t_ns, contact, used.value, translation)
         doubted = self._doubted(shares, contact, mu, doubt) if doubt[0] > 0.0 else 0.0
-        state.verdict = self._with_image(state, contact, used.upper + doubted, translation, slips)
+        upper = math.inf if math.isnan(used.upper) else used.upper + doubted  # no number is no safety
+        state.verdict = self._with_image(used, upper, self._tips(state, contact), translation, slips)
 
     def _doubted(self, shares: Shares, contact: Contact, mu: float, doubt: tuple[float, ...]) -> float:
         """Most that an unknown force and torque add to λ, which is a gauge and so grows by no more than its parts."""
@@ -140,12 +141,8 @@ class Judge:
         turn = utilisation_of(shares.x, shares.y, shares.loads.loads, mu, (0.0, 0.0), doubt[1] / contact.normal_n, at)
         return shift + turn.upper
 
-    def _with_image(self, state: State, contact: Contact, upper: float, translation: float, slips: bool) -> Verdict:
-        used = state.utilisation
-        if used is None or math.isnan(used.value):
-            return Verdict("unknown", ("not_finite",))
+    def _with_image(self, used: Utilisation, upper: float, tips: int, translation: float, slips: bool) -> Verdict:
         step = self._gate.update(upper)
-        tips = self._tips(state.tipping_margin_m, contact)
         if step == tips == STABLE and not slips:
             return HOLDS
         reasons = danger_reasons(used.value, translation, self._caution) if step > STABLE else ()
@@ -165,10 +162,10 @@ class Judge:
             return Verdict("slipping", ("slip_detected", *reasons))
         return Verdict("warning" if unsafe else "unknown", reasons)
 
-    def _tips(self, margin_m: float, contact: Contact) -> int:
+    def _tips(self, state: State, contact: Contact) -> int:
         """Step that the tipping margin asks for: taxels sense over a cell, so the hull is uncertain by half a pitch."""
         noise_m = 2.0 * max(contact.cx_std_m, contact.cy_std_m)
-        outside = -(margin_m + noise_m) / (0.5 * self._pitch_m)
+        outside = -(state.tipping_margin_m + noise_m) / (0.5 * self._pitch_m)
         return STABLE + (outside > 0.0) + (outside > 1.0)
 
     def _slips(self, t_ns: int, contact: Contact, used: float, translation: float) -> bool:
