@@ -15,8 +15,8 @@ ROUND = 6_000
 GOOD_BEHIND = 2
 """Good frames behind each damaged one: it may cost the first of them, never the second."""
 
-CONTEXT = 9
-"""Frames before a damaged one with which it is looked at by itself."""
+CONTEXT = 100
+"""Frames for which a number that was believed though damaged may make good ones look old."""
 
 
 def fuzz(corpus: Corpus, seed: int, damaged: int = ROUND) -> Outcome:
@@ -54,7 +54,7 @@ def _pass(corpus: Corpus, rng: Random, outcome: Outcome) -> None:
 
 
 def _is_believed(corpus: Corpus, fed: list[bytes], index: int, sent: set[Key]) -> bool:
-    """Whether a damaged frame passed for a reading: its number may then tell those behind it to be old."""
+    """Whether a damaged frame just before passed for a reading: its number may make those behind it look old."""
     heard, _ = _hear(corpus, fed[max(0, index - CONTEXT) : index + 1 + GOOD_BEHIND])
     return any(said not in sent for said in heard)
 

