@@ -206,3 +206,12 @@ def test_N1_an_image_that_is_no_number_is_not_compared(bad: float) -> None:
     nothing = contact_from_wrench(np.full(3, bad), np.zeros(3))
     assert agreement.update(200 * MS, nothing, 0.02, X, Y, image) == ()
     assert agreement.update(210 * MS, quiet(5.0), 0.02, X, Y, image) == ()
+
+
+def test_F3_a_force_that_rises_fast_is_skew_and_no_disagreement() -> None:
+    """The image lags by one reading while the force rises by half of what it was each time."""
+    agreement = watch()
+    normal_n = 1.5
+    for k in range(8):
+        assert agreement.update(33 * MS * k, quiet(1.5 * normal_n), 0.02, X, Y, block(normal_n)) == ()
+        normal_n *= 1.5

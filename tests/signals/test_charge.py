@@ -263,6 +263,25 @@ def test_T4_a_load_held_for_ten_minutes_is_never_erased() -> None:
         assert (told[~loaded] <= 20_000.0 * SHARES[~loaded] + 1.0).all()
 
 
+def test_T1_hot_taxels_do_not_make_the_others_look_unloaded() -> None:
+    t_s = np.arange(0.0, 20.0, SLOW_STEP_S)
+    force_n = 10.0 * np.clip((t_s - 2.0) / 0.3, 0.0, 1.0)
+    counts = 2000.0 * force_n[:, None] * SHARES
+    counts[t_s > 5.0, 60:62] += 30_000.0
+    told = held(counts, force_n, noise=0.0)
+    loaded = SHARES / SHARES.max() > LOADED_SHARE
+    loaded[60:62] = False
+    assert_allclose(told[loaded], 20_000.0 * SHARES[loaded], rtol=0.02)
+
+
+def test_a_contact_of_one_taxel_is_told() -> None:
+    t_s = np.arange(0.0, 60.0, SLOW_STEP_S)
+    force_n = 5.0 * np.clip((t_s - 2.0) / 0.3, 0.0, 1.0)
+    counts = np.zeros((t_s.size, 128))
+    counts[:, 40] = 2000.0 * force_n
+    assert held(counts, force_n)[40] == pytest.approx(10_000.0, rel=0.02)
+
+
 @pytest.mark.parametrize("takes_s", [0.5, 20.0])
 def test_T4_a_contact_that_moves_on_while_it_is_held_is_followed(takes_s: float) -> None:
     """Most of the taxels that it comes to were outside it before."""

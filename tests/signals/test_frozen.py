@@ -204,3 +204,11 @@ def test_F1_failures_far_apart_are_not_intermittent() -> None:
         stream.send(6_000)
         stream.t_ns += 100 * MS
         assert stream.send() == [""]
+
+
+def test_F1_equal_readings_before_and_behind_a_gap_are_two_runs() -> None:
+    stream = Stream()
+    stream.send(10)
+    stream.repeat(45)
+    stream.t_ns += 100 * MS
+    assert set(stream.repeat(45)) == {""}

@@ -326,3 +326,52 @@ def test_a_bad_call_is_refused() -> None:
         TaxelHealth(4, 4, full_scale=0.0)
     with pytest.raises(ValueError, match=r"an image of shape \(9,\)"):
         TaxelHealth(4, 4).update(np.zeros(9), 0, None, None)
+
+
+def test_T1_charge_that_comes_back_after_a_release_does_not_make_the_taxel_between_dead() -> None:
+    """All round it the amplifiers relax from below zero: that is no load."""
+    t_s = np.arange(0.0, 3.0, 1 / 100)
+    images = counts(0.0 * t_s, WIDE, np.random.default_rng(13))
+    around = np.array([53, 54, 55, 69, 71, 85, 86, 87])
+    images[:, around] -= np.rint(800.0 * np.exp(-t_s / 2.0))[:, None]
+    assert feed(watch(), images, 100.0, np.full_like(t_s, 5.0)) == []
+
+
+def test_T1_a_second_point_that_trembles_with_the_rest_is_a_contact() -> None:
+    rng = np.random.default_rng(14)
+    force_n = 10.0 + 4.0 * rng.normal(size=300)
+    images = counts(force_n, Patch(0.006, 0.006, 2.0, (-0.016, 0.0)), rng)
+    images[:, 77] = np.rint(100.0 * force_n)
+    assert feed(watch(), images, 100.0, force_n) == []
+    images[:, 77] = np.rint(100.0 * force_n[::-1])
+    health = watch()
+    feed(health, images, 100.0, force_n)
+    assert health.report()["hot"] == [77]
+
+
+def test_T1_a_spire_with_loaded_taxels_on_one_side_only_is_a_contact() -> None:
+    quiet = counts(np.zeros(200), WIDE, np.random.default_rng(15)) * N_PER_COUNT
+    for beside, told in (((53, 54, 55), []), ((53, 54, 55, 69, 71), [70])):
+        pressure = np.zeros(TAXELS)
+        pressure[list(beside)], pressure[70] = 0.3, 5.0
+        health = watch()
+        for k, image in enumerate(quiet):
+            health.update(image, 10_000_000 * k, False, False, pressure)
+        assert health.report()["hot"] == told
+
+
+def test_T1_a_corner_that_is_silent_beside_a_rounded_contact_is_well() -> None:
+    t_s = np.arange(0.0, 4.0, 1 / 30)
+    images = counts(swing(t_s), CONTACTS["a box with a corner left out"], np.random.default_rng(16))
+    images[images < 100.0] = 0.0
+    assert feed(watch(), images, 30.0, swing(t_s)) == []
+
+
+def test_what_moved_before_a_silence_is_not_held_against_what_rests_after_it() -> None:
+    """A contact with a hole is gripped while nobody looks; a hole and a dead taxel look the same then."""
+    rng = np.random.default_rng(17)
+    held = counts(np.full(300, 10.0), WIDE, rng)
+    held[:, 70] = np.rint(NOISE * rng.normal(size=300))
+    health = watch()
+    assert feed(health, counts(np.zeros(300), WIDE, rng), 100.0, np.zeros(300)) == []
+    assert feed(health, held, 100.0, np.full(300, 10.0), begin_s=10.0) == []

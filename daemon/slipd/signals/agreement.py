@@ -8,6 +8,11 @@ pad, tilted until they lift off, gains with 5 % of spread). It depends on how ma
 four side neighbours active. With one or more the centroids lay within a third of a pitch of each other, with none
 (points, lines, strips along the border) within 1.5; the sum of the pressures was within exp(±FORCE (inner + 2)^−¾) of
 the force, and without inner taxels it said nothing.
+
+With these tolerances none of 4,500 further contacts at 1, 5 and 20 N was told wrongly. Told of 300 contacts at 5 N with
+patches of 8 mm and more: axes swapped 90 %, flipped 90–96 %, turned 98–99 %, 10 mm off in the plane 100 % and along Z
+81 %, a bias of 1 N along X 80 % and along Z 45–61 %, half the image dead 55–78 % (85 % of those where that half bore a
+third of the load). The rest are contacts near the pad's centre or its axes, which look alike either way.
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ y' = f' − y/τ, so f = y + (1/τ) ∫ y dt, and every offset of y integrates i
   it, and what else they add up is forgotten;
 * the force sensor knows the normal force of the whole pad: a sum that creeps away from it is drift.
 
-None of them erases a held load: the first waits for the force sensor to read no contact, the second looks only at
-taxels that were never loaded in this contact, and the third takes away what the force sensor does not feel.
+None of them erases a held load: the first waits for the force sensor to read no contact, the second forgets only what
+is next to nothing beside the load, and the third takes away what the force sensor does not feel.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ Array = NDArray[np.float64]
 
 #: Time constant of learning the offset without contact, s: long against the noise, short against warming.
 OFFSET_TAU_S = 0.5
-#: A taxel belongs to the contact, until it ends, once it has read this share of the largest reading.
+#: The largest reading is taken to be the third largest: one or two taxels that are hot must not make the rest look
+#: unloaded. A contact of one or two taxels is thus not corrected, and not erased either.
+PEAK_RANK = 3
+#: A taxel belongs to the contact while it reads more than this share of the largest reading.
 LOADED_SHARE = 0.05
 #: The common charge is told by at least this share of the pad, and this many taxels: a smaller rest may be loaded too.
 UNLOADED_SHARE, UNLOADED_TAXELS = 0.125, 8
@@ -57,8 +60,6 @@ class ChargeReconstruction:
         self._last_s = _NEVER_S
         self._resting = True
         self._common = 0.0
-        self._loaded = np.zeros(taxels, dtype=bool)
-        self._peak = 0.0
         self._anchor: float | None = None
 
     def anchor(self, normal: float) -> None:
@@ -103,12 +104,10 @@ class ChargeReconstruction:
 
     def _without_drift(self, force: Array, elapsed_s: float) -> Array:
         level = force - self._common
-        highest = float(level.max())
-        if highest > 2.0 * self._peak:  # a press that has only begun: most of what seemed loaded was noise
-            self._peak = highest
-            self._loaded[:] = False
-        self._loaded |= level > LOADED_SHARE * self._peak
-        unloaded = ~self._loaded
+        rank = min(PEAK_RANK, level.size)
+        highest = max(float(np.partition(level, -rank)[-rank]), 0.0)
+        loaded = level > LOADED_SHARE * highest
+        unloaded = ~loaded
         rest = force[unloaded]
         if rest.size >= max(UNLOADED_TAXELS, UNLOADED_SHARE * force.size):
             middle = float(np.partition(rest, rest.size // 2)[rest.size // 2])
@@ -116,8 +115,8 @@ class ChargeReconstruction:
             self._integral[unloaded] += math.expm1(-elapsed_s / UNLOADED_TAU_S) * (rest - self._common)
         level = force - self._common
         if self._anchor is not None and rest.size < force.size:
-            surplus = (float(level[self._loaded].sum()) - self._anchor) / (force.size - rest.size)
-            self._integral[self._loaded] += math.expm1(-elapsed_s / ANCHOR_TAU_S) * surplus
+            surplus = (float(level[loaded].sum()) - self._anchor) / (force.size - rest.size)
+            self._integral[loaded] += math.expm1(-elapsed_s / ANCHOR_TAU_S) * surplus
         self._anchor = None
         return level
 
@@ -132,6 +131,5 @@ class ChargeReconstruction:
             share = -math.expm1(-elapsed_s / OFFSET_TAU_S)
             self._offset = self._offset + share * (readings + self._integral - self._offset)
         self._resting = True
-        self._common, self._peak, self._anchor = 0.0, 0.0, None
-        self._loaded[:] = False
+        self._common, self._anchor = 0.0, None
         self._last, self._last_s = readings - self._offset, t_s

@@ -11,8 +11,9 @@ well or nothing of each taxel:
 * saturated: it is at full scale.
 
 What images cannot tell: a hole of one taxel in a contact looks like a dead taxel, and a straight groove over one row
-like a lost row; both are filled with the mean of their surroundings, and given back when they are felt anew. A first or
-last row that reads noise round zero looks like the far side of a contact's edge, and is not told.
+like a lost row; both are filled from their surroundings, and given back when they are felt anew. A first or last row
+that reads noise round zero looks like the far side of a contact's edge, and is not told; neither is a constant high
+reading beside a contact, before the pad is free.
 """
 
 from __future__ import annotations
@@ -291,7 +292,7 @@ class TaxelHealth:
         full, _ = saturated = self._saturated(slot)
         tests = (
             self._still(jitter, believed),
-            self._frozen(new, believed),
+            self._frozen(new, np.abs(mean) <= self._pressed, believed),
             self._hot(slot, jitter, rest, max(middle, 0.0), believed),
         )
         for kind, (bad, well) in enumerate((*((bad & ~full, well) for bad, well in tests), saturated)):
@@ -341,11 +342,11 @@ class TaxelHealth:
         several = which.reshape(self._grid).sum(axis=axis, keepdims=True) >= 3
         return np.broadcast_to(several, self._grid).ravel()
 
-    def _frozen(self, new: int, believed: Mask) -> tuple[Mask, Mask]:
+    def _frozen(self, new: int, resting: Mask, believed: Mask) -> tuple[Mask, Mask]:
         """Tells whose bits rest for longer than chance allows; at rest only on a pad whose rest is noisy."""
         rate = self._changes.sum(axis=0) / new
-        resting = ~self._away & ~self.masked
-        if np.count_nonzero(resting) >= 4:
+        resting = resting & ~self.masked
+        if 2 * np.count_nonzero(resting) > resting.size:  # else a lost row might be most of what rests
             self._noisy_rest = float(np.median(rate[resting])) >= CHANGING
         near = np.append(rate, 1.0)[self._around]
 
