@@ -80,7 +80,7 @@ async def test_bytes_are_not_altered_by_the_terminal(
     assert received(events) == every
 
 
-async def test_unplugging_is_told_after_the_last_bytes(
+async def test_L5_unplugging_in_the_middle_of_a_frame_is_told_after_the_last_bytes(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     device.plug()
@@ -95,7 +95,110 @@ async def test_unplugging_is_told_after_the_last_bytes(
     assert received(events) == b"half a fr"
 
 
-async def test_another_pty_under_the_same_path_is_opened(
+async def test_L5_unplugging_an_idle_device_is_told(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: events)
+        device.unplug()
+        await eventually(lambda: len(events) == 2)
+    assert "went away" in downs(events)[0]
+
+
+async def test_L6_a_link_that_names_the_device_finds_it_on_another_path(
+    device: Device, other_device: Device, tmp_path: Path, serving: Serving, eventually: Eventually
+) -> None:
+    by_id = tmp_path / "usb-Maker_Device_1234-if00-port0"
+    device.plug()
+    by_id.symlink_to(device.path)
+    async with serving(LinkSpec("left.wrench", "serial", str(by_id), 115200)) as (_, events):
+        await eventually(lambda: ups(events) == 1)
+        by_id.unlink()
+        device.unplug()
+        await eventually(lambda: downs(events))
+        other_device.plug()
+        by_id.symlink_to(other_device.path)
+        await eventually(lambda: ups(events) == 2)
+        other_device.send(b"here now")
+        await eventually(lambda: received(events) == b"here now")
+    assert {event.identity for event in events if isinstance(event, LinkUp)} == {str(by_id)}
+
+
+async def test_L6_a_device_that_was_long_away_is_opened_without_waiting_for_the_pause(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd.transport.link.FIRST_DELAY_S", 1000.0)
+    monkeypatch.setattr("slipd.transport.link.MAX_DELAY_S", 1000.0)
+    async with serving(spec) as (_, events):
+        await eventually(lambda: downs(events))
+        for cycle in range(1, 4):
+            device.plug()
+            await eventually(lambda: ups(events) == cycle)  # noqa: B023
+            device.unplug()
+            await eventually(lambda: isinstance(events[-1], LinkDown))
+
+
+def test_L6_what_is_at_a_path_is_told_apart(device: Device, tmp_path: Path) -> None:
+    path = str(device.path)
+    assert serial.look(path) is None
+    device.plug()
+    first = serial.look(path)
+    assert first is not None
+    assert serial.look(path) == first
+    device.unplug()
+    assert serial.look(path) is None
+    device.plug()
+    assert serial.look(path) != first, "the kernel gives its number again"
+    file = tmp_path / "rights"
+    file.touch(mode=0o600)
+    before = serial.look(str(file))
+    file.chmod(0o660)
+    assert serial.look(str(file)) != before, "udev sets the group after the port has appeared"
+
+
+class UsbPort:
+    """What the library finds in the system's tree of devices; no such port is here."""
+
+    def __init__(self, path: str) -> None:
+        if path == "gone":
+            raise TypeError("int() argument must be a string, not None")
+        self.vid, self.pid = (None, None) if path == "soldered" else (0x403, 0x6001)
+        self.serial_number = None if path == "nameless" else "FT1234"
+
+
+@pytest.mark.parametrize(
+    ("path", "identity"),
+    [
+        ("/dev/serial/by-id/usb", "/dev/serial/by-id/usb, usb 0403:6001 FT1234"),
+        ("nameless", "nameless, usb 0403:6001"),
+        ("soldered", "soldered"),
+        ("gone", "gone"),
+    ],
+)
+def test_L6_the_identity_of_a_port_names_its_usb_device(
+    path: str, identity: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial, "SysFS", UsbPort)
+    assert serial.identity_of(path) == identity
+
+
+async def test_L6_a_path_that_may_become_another_devices_is_warned_of_once(
+    serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture, quick: None
+) -> None:
+    serial._advise.cache_clear()
+    numbered = LinkSpec("a", "serial", "/dev/ttyUSB4711", 115200)
+    stable = LinkSpec("b", "serial", "/dev/serial/by-id/none", 115200)
+    async with serving(numbered, stable) as (_, events):
+        await eventually(lambda: len(events) == 2)
+        await asyncio.sleep(0.05)
+    warned = [record.message for record in caplog.records if "by-id" in record.message]
+    assert warned == [
+        "/dev/ttyUSB4711: goes to whichever device is plugged in first; /dev/serial/by-id has paths that stay"
+    ]
+
+
+async def test_L6_another_pty_under_the_same_path_is_opened(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     device.plug()
@@ -109,7 +212,7 @@ async def test_another_pty_under_the_same_path_is_opened(
         await eventually(lambda: received(events) == b"again")
 
 
-async def test_a_missing_port_is_told_once_and_opened_when_it_comes(
+async def test_L7_a_missing_port_is_told_once_and_opened_when_it_comes(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
 ) -> None:
     async with serving(spec) as (_, events):
@@ -123,7 +226,7 @@ async def test_a_missing_port_is_told_once_and_opened_when_it_comes(
         assert len(downs(events)) == 1
 
 
-async def test_a_port_that_another_program_holds_is_left_alone_until_it_is_free(
+async def test_L7_L8_a_port_that_another_program_holds_is_left_alone_until_it_is_free(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
 ) -> None:
     device.plug()
@@ -137,7 +240,7 @@ async def test_a_port_that_another_program_holds_is_left_alone_until_it_is_free(
             pyserial.Serial(str(device.path), exclusive=True)
 
 
-async def test_a_file_that_is_no_port_is_refused_by_name(
+async def test_L7_a_file_that_is_no_port_is_refused_by_name(
     tmp_path: Path, serving: Serving, eventually: Eventually
 ) -> None:
     file = tmp_path / "notes.txt"
@@ -160,7 +263,7 @@ async def test_a_file_that_is_no_port_is_refused_by_name(
         (errno.ENXIO, "No such device"),
     ],
 )
-def test_a_reason_names_the_port_and_what_would_be_right(code: int, words: str) -> None:
+def test_L7_a_reason_names_the_port_and_what_would_be_right(code: int, words: str) -> None:
     reason = why_not_opened("/dev/ttyUSB7", pyserial.SerialException(code, os.strerror(code)))
     assert reason.startswith("/dev/ttyUSB7: ")
     assert words in reason
@@ -175,7 +278,7 @@ async def test_an_impossible_baud_rate_is_a_reason_and_no_crash(
     assert "baud" in downs(events)[0]
 
 
-async def test_a_device_that_never_reads_holds_up_nobody(
+async def test_L10_a_device_that_never_reads_holds_up_nobody(
     device: Device, other_device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     device.plug()
@@ -194,7 +297,7 @@ async def test_a_device_that_never_reads_holds_up_nobody(
     assert downs(events) == []
 
 
-async def test_a_full_port_drops_whole_writes_and_takes_new_ones_once_it_is_read(
+async def test_L10_a_full_port_drops_whole_writes_and_takes_new_ones_once_it_is_read(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     device.plug()
@@ -258,7 +361,7 @@ async def test_a_session_may_write_from_within_the_event_that_the_link_is_up(
     assert taken == [True]
 
 
-async def test_unplugging_with_a_write_under_way_is_an_ordinary_loss(
+async def test_L5_unplugging_with_a_write_under_way_is_an_ordinary_loss(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     device.plug()
@@ -425,7 +528,7 @@ async def test_a_port_unplugged_while_it_is_opened_is_an_ordinary_loss(
     await eventually(lambda: open_files() <= files)
 
 
-async def test_three_hundred_reconnections_leak_no_file_and_no_task(
+async def test_L5_L6_three_hundred_reconnections_leak_no_file_and_no_task(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
 ) -> None:
     async with serving(spec) as (links, events):

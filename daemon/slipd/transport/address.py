@@ -58,19 +58,18 @@ async def connected(address: str, kind: socket.SocketKind) -> socket.socket:
 
 
 async def _first(found: Sequence[tuple[int, int, int, str, tuple[Any, ...]]]) -> socket.socket:
-    loop = asyncio.get_running_loop()
-    for place, (family, kind, protocol, _, target) in enumerate(found, start=1):
+    failure = OSError("the name has no address")
+    for family, kind, protocol, _, target in found:
         made = socket.socket(family, kind, protocol)
         try:
             made.setblocking(False)
-            await loop.sock_connect(made, target)
-        except OSError:
+            await asyncio.get_running_loop().sock_connect(made, target)
+        except OSError as error:
             made.close()
-            if place == len(found):
-                raise
-        except BaseException:
+            failure = error
+        except BaseException:  # given up meanwhile
             made.close()
             raise
         else:
             return made
-    raise OSError("the name has no address")
+    raise failure
