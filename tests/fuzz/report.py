@@ -8,8 +8,9 @@ from math import ceil
 
 from bench.commit import measured_commit
 from bench.tables import Table
-from fuzz import mutations, splits, talks
+from fuzz import splits, talks
 from fuzz.corpus import record
+from fuzz.damage import KINDS
 from fuzz.outcome import allowed
 from fuzz.rounds import Results, cores
 from fuzz.strength import STRENGTHS
@@ -53,7 +54,7 @@ def _mutations(results: Results, devices: list[str]) -> Table:
                 round(outcome.amount / outcome.seconds),
             )
         )
-    kinds = ", ".join(kind.__name__ for kind in mutations.KINDS)
+    kinds = ", ".join(kind.__name__ for kind in KINDS)
     table.notes.append(f"Each damaged frame suffers one mishap ({kinds}); two good ones follow.")
     table.notes.append("Two lost: damaged frames, not believed, that cost more than one good frame.")
     table.notes.append("Believed: readings never sent; the number of one may make those behind it look old.")

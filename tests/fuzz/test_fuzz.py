@@ -15,7 +15,9 @@ import pytest
 from fuzz import mutations, noise, splits, talks
 from fuzz.corpus import Corpus, is_emulated, key, record
 from fuzz.damage import KINDS, damage
-from fuzz.outcome import allowed
+from fuzz.outcome import Outcome, allowed
+from fuzz.report import document, tables, verdicts
+from fuzz.rounds import Job
 from fuzz.strength import STRENGTHS
 
 from slipd.devices import DEVICES, Decoder, bota
@@ -154,6 +156,19 @@ def test_a_mishap_changes_a_reading_and_never_into_another_whole_one(kind) -> No
     changed = [kind(one, other, rng) for _ in range(200)]
     assert sum(damaged != one for damaged in changed) > 100
     assert all(damage(one, other, rng) not in (one, other) for _ in range(200))
+
+
+def test_a_report_tells_what_was_done_and_what_is_not_as_it_must_be() -> None:
+    jobs = [Job(measure, "bota", SEED, SPLITS) for measure in ("splits", "mutations", "talks")]
+    results = {(job.measure, job.device): outcome for job, outcome in map(Job.run, jobs)}
+    results["noise", "bota"] = Outcome("bota", amount=1 << 20, seconds=1.0)
+    told = document(tables(results, ["bota"]), verdicts(results))
+    assert told.endswith("All is as it must be.\n")
+    assert told.count("| bota |") == 4
+    results["noise", "bota"].false = 3
+    assert verdicts(results) == ["bota: noise: 3 believed, which is not within the bound of 0"]
+    results["splits", "bota"].faults.append("cut")
+    assert len(verdicts(results)) == 2
 
 
 def test_every_device_is_fuzzed() -> None:
