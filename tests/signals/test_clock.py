@@ -63,8 +63,9 @@ def test_the_known_delay_is_taken_off_with_and_without_a_line() -> None:
 def test_a_bad_call_says_what_would_be_right() -> None:
     with pytest.raises(ValueError, match="span_ns must be positive"):
         DeviceClock(0)
-    with pytest.raises(ValueError, match="delay_ns must not be negative"):
-        DeviceClock(None, delay_ns=-1)
+    for wrong in ({"delay_ns": -1}, {"poll_ns": -1}):
+        with pytest.raises(ValueError, match="must not be negative"):
+            DeviceClock(None, **wrong)
 
 
 @pytest.mark.parametrize("ppm", [-500.0, 0.0, 500.0])
@@ -98,6 +99,17 @@ def test_L12_reads_bunched_by_16_ms_are_told_by_the_device_clock() -> None:
         assert beyond <= 1e-3
         assert without < 0.03
         assert worst < 1.1e-3  # the time between two readings, where a receipt is late by up to 16 ms
+
+
+def test_L12_a_poll_that_no_read_shows_is_in_the_bound_where_it_is_told() -> None:
+    device, receipt, true = Stream(400.0, ppm=-450.0, delay_s=2e-5, poll_s=1e-3).readings(60.0, 1)
+    beyond = []
+    for poll_ns in (0, MS):
+        error, bound = follow(device, receipt, true, DeviceClock(None, poll_ns=poll_ns))
+        known = ~np.isnan(bound)
+        beyond.append(float(np.mean(np.abs(error[known]) > bound[known])))
+    assert beyond[1] <= 1e-3
+    assert beyond[0] > 0.1  # else the stream shows it after all, and nobody need tell
 
 
 @settings(max_examples=15, deadline=None)
@@ -137,7 +149,7 @@ def test_C3_a_reset_is_over_within_a_second_and_times_never_go_back() -> None:
 
 
 def test_C3_a_counter_that_wraps_is_no_reset() -> None:
-    beyond, without, _ = outside(Stream(1000.0, ppm=300.0), 20.0, 3, span_ns=7 * S)
+    beyond, without, _ = outside(Stream(1000.0, ppm=300.0, poll_s=0.016), 20.0, 3, span_ns=7 * S)
     assert beyond == 0.0
     assert without < 0.04
 

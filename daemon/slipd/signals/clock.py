@@ -7,7 +7,7 @@ What no stream that goes one way can show is a least delay that never changes: a
 here holds it; ``delay_ns`` takes off what is known of it. Readings that wait for a poll (a USB port) wait for up to the
 time between two readings, or, where there is one reading a poll, for up to a poll; how long depends on a phase that
 may beat for minutes. Where reads hold several readings the bound holds this wait; where each holds one, nothing shows
-it, and it counts as part of the least delay.
+it, and the bound holds it only where ``poll_ns`` tells of it.
 """
 
 from __future__ import annotations
@@ -56,21 +56,22 @@ class DeviceClock:
     Args:
         span_ns: The device's clock begins anew after so long; None where it never does.
         delay_ns: Known part of the least delay from acquisition to receipt.
+        poll_ns: Readings that come one by one may wait for a poll so long, e.g. 1 ms on a full-speed USB.
 
     Raises:
-        ValueError: A span that is not positive, a delay that is negative.
+        ValueError: A span that is not positive, a delay or a poll that is negative.
 
     Attributes:
         state: "none" (no device time), "settling", "locked", or "not_a_clock" (its rate is off by more than
             ``MAX_PPM``, it is stuck, or it jumps).
     """
 
-    def __init__(self, span_ns: int | None, *, delay_ns: int = 0) -> None:
+    def __init__(self, span_ns: int | None, *, delay_ns: int = 0, poll_ns: int = 0) -> None:
         if span_ns is not None and span_ns <= 0:
             raise ValueError(f"span_ns must be positive, or None for a clock that never begins anew, not {span_ns}")
-        if delay_ns < 0:
-            raise ValueError(f"delay_ns must not be negative, not {delay_ns}")
-        self._span_ns, self._delay_ns = span_ns, delay_ns
+        if delay_ns < 0 or poll_ns < 0:
+            raise ValueError(f"delay_ns and poll_ns must not be negative, not {delay_ns} and {poll_ns}")
+        self._span_ns, self._delay_ns, self._poll_ns = span_ns, delay_ns, poll_ns
         self._told_ns = self._wanted_ns = self._device_ns = self._first_ns = 0
         self._at_ns = self._lag_ns = self._base_ns = 0  # of the line, as its slope and bounds
         self._slope = self._bound_ns = self._rate_bound = self._shared = self._uneven = 0.0
@@ -194,7 +195,7 @@ class DeviceClock:
 
     def _lay(self, receipt_ns: int) -> None:
         shared = bool(self._opens) and self._shared > SHARED_READS
-        open_ns, period_ns = sorted(self._opens)[len(self._opens) // 2] if shared else (0, 0)
+        open_ns, period_ns = sorted(self._opens)[len(self._opens) // 2] if shared else (self._poll_ns,) * 2
         line = lowest_line(self._slices)
         if line is None:
             self._fail(receipt_ns)
