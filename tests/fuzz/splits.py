@@ -14,6 +14,9 @@ from fuzz.outcome import Outcome
 
 FRAMES = 200
 BYTEWISE = "in pieces of 1"
+LONGEST_PIECE = 64
+"""Bytes; longer ones cut as the cuts at one byte do."""
+
 DAMAGED = 10
 """Every so many frames one is damaged in the second recording, so that the counters have something to count."""
 
@@ -49,7 +52,7 @@ def _some_damaged(corpus: Corpus, frames: int, rng: Random) -> list[bytes]:
 
 
 def _splits(units: Iterable[bytes], messages: bool) -> Iterator[tuple[str, Iterable[bytes]]]:
-    """Every split that is tried: each frame cut at each of its bytes, and the whole in pieces of each length.
+    """Every split that is tried: each frame cut at each of its bytes, and the whole in short pieces of each length.
 
     Messages travel whole; all that can happen to them is to come in one read.
     """
@@ -58,7 +61,7 @@ def _splits(units: Iterable[bytes], messages: bool) -> Iterator[tuple[str, Itera
     for at in range(1, longest):
         yield f"each frame at byte {at}", _at_byte(units, at)
     stream = b"".join(units)
-    for length in range(1, longest + 1):
+    for length in range(1, min(longest, LONGEST_PIECE) + 1):
         yield f"in pieces of {length}", [stream[n : n + length] for n in range(0, len(stream), length)]
 
 

@@ -45,7 +45,9 @@ STRENGTHS: dict[str, Strength] = {
     "pvdf": Strength(40, "sync and version (24), CRC-16", 16, _CRC),
     "dsacon32": Strength(57, "preamble (24), id, length, content, and the Weiss sum (16)", 10, _WEISS),
     "wts": Strength(69, "preamble (24), id, length, content, and the Weiss sum (16)", 10, _WEISS),
-    "tsf85": Strength(26, "start (8) and tags that fill the length exactly", None, "no published check of the values"),
+    "tsf85": Strength(
+        52, "start (8) and tags that fill the length exactly, in two packets", None, "no published check of the values"
+    ),
     "papillarray": Strength(
         100, "markers (64), an index that fits to the last byte, a 16-bit sum", 8.5, "a sum, as of optoforce"
     ),
