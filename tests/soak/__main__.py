@@ -1,0 +1,72 @@
+"""Long runs on this machine: unplugging, floods, and two fingers for ten minutes.
+
+    PYTHONPATH=tests python -m soak [--quick] [--only unplug|flood|backlog] [--report FILE]
+
+What is measured is the daemon itself, with real pseudo-terminals, sockets and processes. Times are this machine's, and
+of what else it does meanwhile.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench.child import BenchError
+from bench.commit import measured_commit
+from bench.tables import Table
+from soak import backlog, flood, unplug
+
+PARTS = ("unplug", "flood", "backlog")
+
+
+def main() -> int:
+    """Measure and print; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m soak", description="Long runs of the daemon on this machine.")
+    parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be given again (default: all)")
+    parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
+    options = parser.parse_args()
+    header = _header()
+    print(f"slipd soak: {header}", flush=True)
+    pages = [f"# Long runs\n\n{header}."]
+    try:
+        for table in _sections(options.only or PARTS, quick=options.quick):
+            print(table.text(), flush=True)
+            pages.append(table.markdown())
+    except BenchError as error:
+        print(f"soak: {error}", file=sys.stderr)
+        return 1
+    if options.report:
+        options.report.write_text("\n".join(pages) + "\n", encoding="utf-8")
+    return 0
+
+
+def _sections(parts: tuple[str, ...], *, quick: bool) -> Iterator[Table]:
+    with tempfile.TemporaryDirectory(prefix="slipd-soak-") as name:
+        folder = Path(name)
+        os.environ["SLIPD_RUNTIME_DIR"] = str(folder / "run")
+        if "unplug" in parts:
+            yield from unplug.run(folder, quick=quick)
+        if "flood" in parts:
+            yield flood.run(folder, quick=quick)
+        if "backlog" in parts:
+            yield from backlog.run(folder, quick=quick)
+
+
+def _header() -> str:
+    load = " ".join(f"{value:.2f}" for value in os.getloadavg())
+    today = datetime.datetime.now(datetime.UTC).date()
+    return (
+        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
+        f"{os.cpu_count()} cores, load average {load}, {today}"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

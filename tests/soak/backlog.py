@@ -1,0 +1,197 @@
+"""Ten minutes of two fingers, each with 4000 force readings and 500 images of 128 taxels a second: does anything grow?
+
+The force comes as a Net F/T sends it, 40 records a datagram; the images on pseudo-terminals. Daemon, devices and
+subscriber are processes of their own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bench.child import BenchError, Child
+from bench.tables import Table
+from soak import devices
+
+from slipd.sim.contact import Pad
+from slipd_client.errors import NoAnswer, RequestRefused
+from slipd_client.requester import Requester
+from slipd_client.subscriber import Subscriber
+
+SECONDS, QUICK_SECONDS = 600.0, 10.0
+WARM_UP_S = 3.0
+OPEN_S = 60.0
+WINDOW_SHARE = 0.1
+"""The beginning and the end that are compared."""
+
+FINGERS = ("left", "right")
+PORTS = {"left": 49_170, "right": 49_171}
+HOSTS = {"left": "127.0.0.6", "right": "127.0.0.7"}
+"""Each Net F/T answers its inquiry on a port of its own, and so needs a host of its own."""
+
+
+def run(folder: Path, *, quick: bool) -> list[Table]:
+    """Measure.
+
+    Raises:
+        BenchError: A process failed.
+    """
+    seconds = QUICK_SECONDS if quick else SECONDS
+    force = {finger: f"udp://{HOSTS[finger]}:{PORTS[finger]}" for finger in FINGERS}
+    pads = {finger: str(folder / f"{finger}-pad") for finger in FINGERS}
+    config = folder / "load.toml"
+    config.write_text("".join(_finger(finger, force[finger], pads[finger]) for finger in FINGERS))
+    plan = json.dumps([(force[finger], pads[finger]) for finger in FINGERS])
+    emulate = [sys.executable, "-m", "soak.devices", plan]
+    daemon = [sys.executable, "-m", "slipd", "run", "--config", str(config)]
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    with Child(emulate, folder, env=environment) as hand, Child(daemon, folder, env=environment) as process:
+        hand.told(pads[FINGERS[-1]])
+        publish, requests = process.told("publish:"), process.told("requests:")
+        _wait(requests)
+        time.sleep(WARM_UP_S)
+        ear = _Ear(publish)
+        first, begin_s, cpu_s = _status(requests), time.monotonic(), _cpu_s(process.pid)
+        rows = _watch(process, requests, seconds)
+        took_s, cpu_s = time.monotonic() - begin_s, _cpu_s(process.pid) - cpu_s
+        last = _status(requests)
+        ear.stop()
+    return [
+        _streams(first, last, took_s, 100.0 * cpu_s / took_s),
+        _growth(rows, ear, seconds),
+    ]
+
+
+def _finger(name: str, force: str, pad: str) -> str:
+    return f"""
+[finger.{name}]
+mu = 0.55
+[finger.{name}.wrench]
+device = "netft"
+port = "{force}"
+rate_hz = {devices.FORCE_HZ}
+[finger.{name}.pad]
+device = "pvdf"
+port = "{pad}"
+rate_hz = {devices.IMAGE_HZ}
+rows = {Pad().rows}
+cols = {Pad().cols}
+pitch_m = {Pad().pitch_m}
+electrode_m = {Pad().electrode_m}
+axis_scale = [{1.0 / devices.COUNTS_PER_N}]
+threshold = 0.02
+"""
+
+
+class _Ear:
+    """A subscriber of slip messages: how old each was when it came."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.ages_ms: list[float] = []
+        self.at_s: list[float] = []
+        self.missed = 0
+        self._stopped = False
+        self._thread = threading.Thread(target=self._listen, args=(endpoint,))
+        self._thread.start()
+
+    def _listen(self, endpoint: str) -> None:
+        with Subscriber(endpoint, "slip.") as subscriber:
+            while not self._stopped:
+                message = subscriber.receive(0.1)
+                if message is not None:
+                    self.ages_ms.append(1e3 * message.age_s)
+                    self.at_s.append(time.monotonic())
+                    self.missed += message.missed
+
+    def stop(self) -> None:
+        self._stopped = True
+        self._thread.join()
+
+
+def _wait(requests: str) -> None:
+    until_s = time.monotonic() + OPEN_S
+    while time.monotonic() < until_s:
+        if all(stream["rate_hz"] for stream in _status(requests)["streams"].values()):
+            return
+        time.sleep(0.1)
+    raise BenchError(f"the streams do not come within {OPEN_S:g} s: {_status(requests)['streams']}")
+
+
+def _status(requests: str) -> dict[str, Any]:
+    for _ in range(10):
+        try:
+            with Requester(requests) as requester:
+                return requester.status()
+        except (NoAnswer, RequestRefused):  # the machine is busy
+            time.sleep(0.1)
+    raise BenchError("the daemon does not answer")
+
+
+def _watch(process: Child, requests: str, seconds: float) -> list[tuple[int, int]]:
+    """Every second: memory in kB, and bytes that wait in the sockets of the force sensors."""
+    rows = []
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        process.check()
+        status = Path(f"/proc/{process.pid}/status").read_text()
+        memory_kb = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS:"))
+        rows.append((memory_kb, _unread_udp()))
+        time.sleep(1.0)
+    return rows
+
+
+def _unread_udp() -> int:
+    """Bytes that the kernel holds for sockets connected to the force sensors."""
+    unread = 0
+    for line in Path("/proc/net/udp").read_text().splitlines()[1:]:
+        fields = line.split()
+        if int(fields[2].rpartition(":")[2], 16) in PORTS.values():
+            unread += int(fields[4].partition(":")[2], 16)
+    return unread
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _streams(first: dict[str, Any], last: dict[str, Any], took_s: float, cpu: float) -> Table:
+    table = Table(f"Two fingers, {took_s:.0f} s: readings", ("stream", "taken/s", "lost", "spoilt", "dropped"))
+    for name, told in last["streams"].items():
+        before = first["streams"][name]
+        counts = [told[key] - before[key] for key in ("lost", "bad", "dropped")]
+        table.rows.append((name, (told["samples"] - before["samples"]) / took_s, *counts))
+    levels = ", ".join(f"{name} {finger['level']}" for name, finger in last["fingers"].items())
+    table.notes += [
+        f"The daemon took {cpu:.1f} % of a core, publishing at the default rates; wanted: at most 40 %.",
+        f"Levels at the end: {levels}.",
+    ]
+    return table
+
+
+def _growth(rows: list[tuple[int, int]], ear: _Ear, seconds: float) -> Table:
+    head = ("what", "first tenth", "last tenth", "most")
+    table = Table(f"Two fingers, {seconds:.0f} s: what grows", head)
+    at_s, ages = np.array(ear.at_s), np.array(ear.ages_ms)
+    if not len(ages):
+        raise BenchError("no slip message came")
+    window_s = WINDOW_SHARE * (at_s[-1] - at_s[0])
+    early, late = ages[at_s <= at_s[0] + window_s], ages[at_s >= at_s[-1] - window_s]
+    for share in (50, 99):
+        name = f"age of a slip message, p{share}, ms"
+        table.rows.append((name, *(float(np.percentile(part, share)) for part in (early, late)), float(ages.max())))
+    part = max(1, round(WINDOW_SHARE * len(rows)))
+    for column, name in enumerate(("memory, kB", "unread bytes of force datagrams")):
+        values = [row[column] for row in rows]
+        table.rows.append((name, float(np.median(values[:part])), float(np.median(values[-part:])), max(values)))
+    table.notes += [
+        f"{len(ages)} slip messages, {ear.missed} missing by their numbers.",
+        "The age counts from the acquisition, so up to 10 ms of it are spent in the sensor, which fills a datagram.",
+    ]
+    return table

@@ -1,0 +1,58 @@
+"""The end of a device that floods, in a process of its own: ``python -m soak.flooder KIND RATE_HZ PATH``.
+
+KIND is "frames" (a Bota's) or "noise" (random bytes); RATE_HZ 0 writes as fast as the line takes it. Writes to a
+pseudo-terminal it makes at PATH, until standard input closes; then prints how many frames the line took.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import select
+import sys
+import time
+from pathlib import Path
+
+from slipd.devices import bota
+from slipd.sim.emulate import prepare_process
+from slipd.sim.port import Port
+
+CHUNK = 64
+"""Frames a write at full speed."""
+
+
+def main() -> None:
+    """Flood."""
+    kind, rate_hz, path = sys.argv[1], float(sys.argv[2]), Path(sys.argv[3])
+    frames = [bota.encode_frame((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), n * 1000) for n in range(4096)]
+    size = len(frames[0])
+    if kind == "noise":
+        frames = [random.Random(n).randbytes(size) for n in range(4096)]
+    port = Port(path)
+    poll = select.poll()
+    poll.register(port.fd, select.POLLIN)
+    poll.register(0, select.POLLIN)
+    prepare_process()
+    print("ready", flush=True)
+    begin_ns, sent, offered = time.monotonic_ns(), 0, 0
+    while True:
+        events = dict(poll.poll(0))
+        if 0 in events and not os.read(0, 100):
+            break
+        port.note(events.get(port.fd, 0))
+        port.read()
+        due = round((time.monotonic_ns() - begin_ns) * 1e-9 * rate_hz) if rate_hz else sent + CHUNK
+        count = min(due - sent, CHUNK)
+        if count > 0:
+            before = port.dropped
+            port.write(b"".join(frames[(sent + n) % len(frames)] for n in range(count)))
+            offered += count * size - (port.dropped - before)
+            sent += count
+        if rate_hz or port.dropped:
+            time.sleep(0.0005)
+    port.close()
+    print(offered // size, flush=True)
+
+
+if __name__ == "__main__":
+    main()
