@@ -84,7 +84,9 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
         return faults + device_faults
     axes = axes_of(pad)
     if axes not in (1, 3):
-        faults.append((f"{path}.pad.axis_scale", "give 1 for taxels that feel pressure, 3 for those that feel shear too"))
+        faults.append(
+            (f"{path}.pad.axis_scale", "give 1 for taxels that feel pressure, 3 for those that feel shear too")
+        )
     elif len(pad.axis_scale) != axes:
         faults.append((f"{path}.pad.axis_scale", f"{pad.device} measures {axes} component(s) a taxel: give {axes}"))
     if axes == 3 and pad.charge_tau_s is not None:

@@ -35,6 +35,8 @@ class Stream(_Model):
         baud: Line speed of a serial port, bit/s; None: the device's own default.
         rate_hz: Readings a second that are expected.
         delay_s: Known time from the acquisition of a reading to its earliest receipt, s, such as a filter's delay.
+        poll_s: How often the host asks the line what came, s, where a reading may wait for that and nothing shows it:
+            0.001 for most USB adapters at 1 kHz. Half of it is taken off, all of it is doubt.
         options: Of the device's decoder or session.
     """
 
@@ -45,6 +47,7 @@ class Stream(_Model):
     baud: int | None = Field(default=None, gt=0)
     rate_hz: Hertz
     delay_s: float = Field(default=0.0, ge=0.0, le=1.0)
+    poll_s: float = Field(default=0.0, ge=0.0, le=1.0)
     options: dict[str, Option] = {}
 
 

@@ -121,7 +121,8 @@ class Stream:
 def make_stream(name: str, config: StreamConfig) -> Stream:
     """The stream of a config's table."""
     device = DEVICES[config.device]
-    clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9))
+    poll_ns = round(config.poll_s * 1e9)
+    clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9), poll_ns=poll_ns)
     rows, cols = getattr(config, "rows", None), getattr(config, "cols", None)
     taxels = rows * cols if rows is not None and cols is not None else None
     return Stream(name, config.rate_hz, stale_after_ns(config), device.host_clock, clock, taxels)
