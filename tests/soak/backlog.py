@@ -101,7 +101,7 @@ class _Ear:
         self._thread.start()
 
     def _listen(self, endpoint: str) -> None:
-        with Subscriber(endpoint, "slip.") as subscriber:
+        with Subscriber(endpoint, ("slip.",)) as subscriber:
             while not self._stopped:
                 message = subscriber.receive(0.1)
                 if message is not None:

@@ -31,15 +31,16 @@ class Plan:
 def make(plan: Plan) -> list[tuple[str, Emulator, str]]:
     """The devices, held in a contact that the demo's pads have."""
     devices: list[tuple[str, Emulator, str]] = []
-    for seed, (force, pad) in enumerate(plan.fingers):
+    for seed, (force_at, pad_at) in enumerate(plan.fingers):
         sensor = NetftSensor(seed, rate_hz=FORCE_HZ, block=RECORDS_A_DATAGRAM)
         patch = Patch()
         x_m, y_m = patch.centre_m
-        turn = np.array((y_m * NORMAL_N, -x_m * NORMAL_N, x_m * PULL_N + SPIN_NM))
-        sensor.feel(np.array((0.0, PULL_N, NORMAL_N)), turn)
+        force = np.array((0.0, PULL_N, -NORMAL_N))  # the object pushes into the pad
+        torque = np.array((y_m * force[2], -x_m * force[2], x_m * force[1] + SPIN_NM))
+        sensor.feel(force, torque)
         image = PvdfLine(seed, PvdfElectronics(rate_hz=IMAGE_HZ, dwell_ns=DWELL_NS))
         image.press(COUNTS_PER_N * NORMAL_N * Pad().shares(patch))
-        devices += [("netft", sensor, force), ("pvdf", image, pad)]
+        devices += [("netft", sensor, force_at), ("pvdf", image, pad_at)]
     return devices
 
 

@@ -18,7 +18,7 @@ from slipd.sim.emulate import prepare_process
 from slipd.sim.port import Port
 
 CHUNK = 64
-"""Frames a write at full speed."""
+"""Frames a write at most; where the line takes no more, the flood pauses for a moment."""
 
 
 def main() -> None:
@@ -42,13 +42,14 @@ def main() -> None:
         port.note(events.get(port.fd, 0))
         port.read()
         due = round((time.monotonic_ns() - begin_ns) * 1e-9 * rate_hz) if rate_hz else sent + CHUNK
-        count = min(due - sent, CHUNK)
+        count, whole = min(due - sent, CHUNK), False
         if count > 0:
             before = port.dropped
             port.write(b"".join(frames[(sent + n) % len(frames)] for n in range(count)))
             offered += count * size - (port.dropped - before)
             sent += count
-        if rate_hz or port.dropped:
+            whole = port.dropped == before
+        if not whole:
             time.sleep(0.0005)
     port.close()
     print(offered // size, flush=True)

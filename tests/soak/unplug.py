@@ -107,7 +107,7 @@ async def _until(told: Told, condition: object) -> None:
 
 
 async def _talk(plug: Plug, state: str) -> None:
-    """Some readings, and what the state asks for; the session's own commands are never read: that is "commands unread"."""
+    """Some readings, and what the state asks for. The session's commands are never read."""
     frames = [bota.encode_frame((0.1, 0.2, 0.3), (0.0, 0.0, 0.0), n * 1000) for n in range(20)]
     plug.send(b"".join(frames))
     await asyncio.sleep(0.005)
