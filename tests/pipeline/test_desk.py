@@ -287,6 +287,10 @@ class TestGripper:
         bring_up(run)
         run.ask("gripper.close", force_n=5.0, width_m=0.0)
         run.serve_gripper(50)
+        assert code(run.ask("grip.set", force_n=12)) == ("not_ready", "force_n"), "nobody feels what it does"
+        assert code(run.ask("grip.set", force_n=4)) is None, "to ease it is no danger of that kind"
+        run.skin(5.0)
+        run.wrench(5.0)
         assert run.ask("grip.set", force_n=12)["result"] == {"applied_n": pytest.approx(12.0)}
         run.serve_gripper(50)
         assert (run.gripper.told.position, run.gripper.told.force) == (255, 90)

@@ -127,7 +127,7 @@ def test_T3_a_pad_that_repeats_itself_while_the_force_moves_hangs(hand: Hand) ->
         counts[:] = 50.0
 
     hand.hold(0.3, freeze)
-    assert hand.told == ("unknown", ("rotation_unobserved",))
+    assert hand.told == ("unknown", ("stuck", "rotation_unobserved"))
     assert (Health.ERROR, "its images repeat while the force moves: it hangs") in hand.conditions("pad")
     hand.hold(0.3)
     assert hand.told == ("stable", ())
@@ -139,7 +139,7 @@ def test_T1_a_dead_taxel_is_masked_and_told_within_a_second(hand: Hand) -> None:
 
     hand.hold(1.0, kill)
     assert hand.finger.image is not None
-    assert hand.finger.image.told(hand.t_ns)["masked"]["dead"] == [5]
+    assert hand.finger.image.told(hand.t_ns) == {"masked": [5], "taxel_faults": {"dead": [5]}}
     assert hand.finger.image.pressure[5] > 0.3, "its neighbours speak for it"
     assert (Health.WARN, "taxels that are not believed: dead 5") in hand.conditions("pad")
     assert hand.told == ("stable", ())
@@ -153,7 +153,7 @@ def test_T1_a_taxel_at_full_scale_is_told_as_saturated(make: Callable[..., Hand]
 
     hand.hold(1.2, saturate)
     assert hand.finger.image is not None
-    assert hand.finger.image.told(hand.t_ns)["masked"]["saturated"] == [10]
+    assert hand.finger.image.told(hand.t_ns)["taxel_faults"] == {"saturated": [10]}
 
 
 def test_T1_an_image_with_too_many_bad_taxels_is_not_used(make: Callable[..., Hand]) -> None:
@@ -179,7 +179,7 @@ def test_T1_masked_taxels_of_a_three_axis_pad_give_no_force_of_their_own(right: 
         state = finger.take_tactile(TactileSample(T0 + k * 10 * MS, None, counts))
     assert state is not None
     assert finger.image is not None
-    assert finger.image.told(T0)["masked"]["saturated"] == [6]
+    assert finger.image.told(T0)["taxel_faults"] == {"saturated": [6]}
     assert state.wrench is not None
     assert abs(state.wrench[0]) < 0.1
     assert state.wrench[2] == pytest.approx(-16 * 0.5, rel=0.3)
@@ -278,3 +278,24 @@ def test_a_tare_that_is_being_measured_is_given_up_by_its_undo(hand: Hand) -> No
     assert hand.finger.undo_tare()
     assert hand.finger.tare.current.id == 0
     assert not hand.finger.undo_tare()
+
+
+def test_F2_what_a_device_says_of_itself_shows_in_the_health_of_its_stream(hand: Hand) -> None:
+    reading = np.array((0.0, 0.0, -8.0)), np.zeros(3)
+    hand.finger.take_wrench(WrenchSample(T0, None, *reading, ("overload",)))
+    assert hand.conditions("wrench") == [(Health.ERROR, "the device reports: overload")]
+    hand.finger.take_wrench(WrenchSample(T0 + MS, None, *reading, ("skipped",)))
+    assert hand.conditions("wrench") == [(Health.WARN, "the device reports: skipped")]
+    hand.finger.take_tactile(TactileSample(T0, None, np.full(16, 50.0), ("saturated",)))
+    assert hand.conditions("pad") == [(Health.WARN, "the device reports: saturated")]
+
+
+def test_an_image_that_grows_old_takes_its_verdict_along_before_the_next_force_reading(hand: Hand) -> None:
+    hand.look(8.0)
+    hand.t_ns += 55 * MS
+    assert hand.read(8.0).verdict.level == "stable"
+    assert hand.finger.on_time(hand.t_ns + 3 * MS) is None
+    state = hand.finger.on_time(hand.t_ns + 5 * MS)
+    assert state is not None
+    assert (state.verdict.level, state.verdict.reasons, state.model) == ("unknown", ("rotation_unobserved",), "none")
+    assert hand.finger.on_time(hand.t_ns + 6 * MS) is None

@@ -145,7 +145,6 @@ def test_L11_a_frame_that_was_begun_before_the_line_was_lost_is_not_completed_be
     assert_sound(held)
 
 
-@pytest.mark.xfail(reason="an image is stale by its acquisition while the read that brings the next one is awaited")
 @pytest.mark.parametrize("seed", [1])
 def test_L12_reads_bunched_to_16_ms_keep_the_verdict(held, seed):
     for line in held.lines.values():

@@ -152,7 +152,15 @@ class Desk:
 
     def _grip_set(self, request: Request, t_ns: int) -> Result:
         force_n = float(request.body["force_n"])
-        return self._command(request, t_ns, lambda gripper: gripper.set_force(force_n), force_n)
+
+        def command(gripper: GripperControl) -> Result:
+            blind = [finger.name for finger in self._fingers.values() if not finger.trusted]
+            if blind and force_n > (gripper.force_command_n or 0.0):
+                message = f"not to be raised on a stale or doubtful sensor: {', '.join(blind)}; see status"
+                return Refusal("not_ready", message, "force_n")
+            return gripper.set_force(force_n)
+
+        return self._command(request, t_ns, command, force_n)
 
     def _close(self, request: Request, t_ns: int) -> Result:
         body = request.body

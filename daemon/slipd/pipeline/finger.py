@@ -9,7 +9,7 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Stream
 from slipd.fusion import Contact, contact_of
 from slipd.pipeline.decision import Verdict
-from slipd.pipeline.force import UNTRUSTED_FAULTS, ForceSide
+from slipd.pipeline.force import UNTRUSTED, UNTRUSTED_FAULTS, ForceSide
 from slipd.pipeline.image import UNFELT, Felt, PadImage, Shares, pad_image
 from slipd.pipeline.judge import Judge, State
 from slipd.samples import TactileSample, WrenchSample
@@ -24,9 +24,9 @@ MOVING_STDS = 6.0
 COMPARE_NS = 10_000_000
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
-#: Status words that make a reading's value untrustworthy.
-UNTRUSTED = frozenset({"overload", "invalid", "raw"})
 LOST = Verdict("unknown", ("stale",))
+#: Reasons with which nobody knows what the fingers feel.
+DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED | UNTRUSTED_FAULTS
 FREE = Verdict("no_contact", ())
 EXACT = (0.0, 0.0, 0.0, 0.0)
 
@@ -84,6 +84,11 @@ class Finger:
             return None
         return False if tared else shown
 
+    @property
+    def trusted(self) -> bool:
+        """The newest reading is fresh, and nothing speaks against its sensor."""
+        return DOUBTS.isdisjoint(self.state.verdict.reasons)
+
     def age_s(self, t_ns: int) -> float | None:
         """Age of the newest force reading, s; None before the first."""
         return None if self._received_ns is None else (t_ns - self._acquired_ns) * 1e-9
@@ -131,12 +136,16 @@ class Finger:
         return self._decide(sample, t_ns, self.image.wrench(), untrusted)
 
     def on_time(self, t_ns: int) -> State | None:
-        """Notices that the force stream fell silent; None where nothing changed."""
+        """Notices that a stream which the verdict stands on fell silent; None where nothing changed."""
         if self.state.verdict is LOST:
             return None
-        if self._received_ns is not None and t_ns - self._received_ns <= self._stale_ns:
-            return None
-        return self.lose(t_ns)
+        if self._received_ns is None or t_ns - self._received_ns > self._stale_ns:
+            return self.lose(t_ns)
+        if self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
+            verdict = Verdict("unknown", ("rotation_unobserved",))
+            self.state = replace(self.state, verdict=verdict, shares=None, utilisation=None, model="none")
+            return self.state
+        return None
 
     def disconnect(self, t_ns: int) -> State:
         """The force stream ended: a tare that is being measured would average what lies before and behind."""
@@ -181,9 +190,11 @@ class Finger:
             self._in_contact = True
             state.contact = contact
             self._note_normal(contact.normal_n)
-            self._judge.judge(state, contact, self._fresh_shares(t_ns, contact), noise[2:])
+            self._judge.judge(state, contact, self._fresh_shares(sample.t_ns, contact), noise[2:])
             if self._disagreement:
                 state.verdict = Verdict("unknown", ("disagreement", *self._disagreement))
+            elif state.shares is None and self.image is not None and self.image.hangs:
+                state.verdict = Verdict(state.verdict.level, ("stuck", *state.verdict.reasons))
         self.state = state
         if self.tare.busy and self.pressed():
             self.tare.abort("a contact began")
@@ -235,16 +246,19 @@ class Finger:
     def _shows_contact(self) -> bool | None:
         """What a fresh image says beside the force sensor; taxels that are the force sensor say nothing beside it."""
         image = self.image
-        if image is None or self.force is None or not self._is_fresh(image, self.state.t_ns):
+        if image is None or self.force is None or not self._is_fresh(image, self._received_ns or 0):
             return None
         return image.shows_contact()
 
-    def _is_fresh(self, image: PadImage, t_ns: int) -> bool:
-        return image.t_ns is not None and t_ns - image.t_ns <= self._image_stale_ns
+    def _is_fresh(self, image: PadImage, received_ns: int) -> bool:
+        """An image is old by its receipt, as a stream is; one that was old when it came is none."""
+        if image.t_ns is None or received_ns - image.received_ns > self._image_stale_ns:
+            return False
+        return image.received_ns - image.t_ns <= self._image_stale_ns
 
-    def _fresh_shares(self, t_ns: int, contact: Contact) -> Shares | None:
+    def _fresh_shares(self, received_ns: int, contact: Contact) -> Shares | None:
         image = self.image
-        if image is None or not self._is_fresh(image, t_ns):
+        if image is None or not self._is_fresh(image, received_ns):
             return None
         return image.shares(contact)
 

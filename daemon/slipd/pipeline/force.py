@@ -27,6 +27,8 @@ _FAULTS = {
     "garbage": (Health.ERROR, "its readings are out of range_n, or jump to and fro"),
     "intermittent": (Health.WARN, "it failed several times within 10 s"),
 }
+#: Status words that make a reading's value untrustworthy.
+UNTRUSTED = frozenset({"overload", "invalid", "raw"})
 _UNKNOWN = (math.nan, math.nan, math.nan)
 
 
@@ -60,6 +62,7 @@ class ForceSide:
             wrench.range_n or NO_RANGE_N, repeats=wrench.stuck_after or NEVER, gap_ns=max(stale_ns, 1)
         )
         self.fault = ""
+        self._status: tuple[str, ...] = ()
 
     @property
     def noise_n(self) -> float:
@@ -87,6 +90,7 @@ class ForceSide:
             sensor measures none. None where a number of the reading is not finite: it touches no state.
         """
         torque = sample.torque_nm
+        self._status = sample.status
         self.fault = self._watch.update(sample.force_n, torque, t_ns)
         trusted = trusted and self.fault not in UNTRUSTED_FAULTS
         numbers = sample.force_n.tolist() + ([0.0, 0.0, 0.0] if torque is None else torque.tolist())
@@ -134,6 +138,9 @@ class ForceSide:
     def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the sensor's readings."""
         found = [_FAULTS[self.fault]] if self.fault else []
+        if self._status:
+            level = Health.WARN if UNTRUSTED.isdisjoint(self._status) else Health.ERROR
+            found.append((level, f"the device reports: {', '.join(self._status)}"))
         if self.gravity.state(t_ns) == "unknown_orientation":
             force_n = self.gravity.uncertainty(t_ns)[0]
             found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))

@@ -74,7 +74,9 @@ class PadImage:
         tare: Offset of the readings, in counts.
         pressure: Normal force on each taxel above the threshold, shape (n,), else 0; in the unit of ``axis_scale``.
         t_ns: When the image was acquired; None before the first.
+        received_ns: When it was received.
         status: Conditions the device reported with it.
+        hangs: The images repeat while the force moves.
     """
 
     def __init__(self, pad: Pad, finger: Finger) -> None:
@@ -100,9 +102,10 @@ class PadImage:
         )
         noise_n = 0.0 if finger.wrench is None else finger.wrench.force_std_n
         self._frozen = FrozenImage(max(FROZEN_STDS * noise_n, finger.min_normal_n))
-        self._hangs = False
+        self.hangs = False
         self.pressure = np.zeros(taxels)
         self.t_ns: int | None = None
+        self.received_ns = 0
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
         self._known = False
@@ -119,7 +122,7 @@ class PadImage:
             felt: What the force sensor felt meanwhile.
         """
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
-        self._hangs = self._frozen.update(sample.values, t_ns, felt.normal_n)
+        self.hangs = self._frozen.update(sample.values, t_ns, felt.normal_n)
         values = self.tare.apply(sample.values, sample.t_ns)
         if self.three_axis and self.geometry.swap_xy:
             values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
@@ -133,7 +136,7 @@ class PadImage:
         free = felt.free if felt.normal_n is not None else None
         self._health.update(readings, t_ns, free, felt.moving, pressure)
         self._believe(values)
-        self.t_ns, self.status = t_ns, sample.status
+        self.t_ns, self.received_ns, self.status = t_ns, sample.t_ns, sample.status
         self._assumed_free = self._charge is not None and felt.free
 
     def _believe(self, values: Array) -> None:
@@ -146,7 +149,7 @@ class PadImage:
             values = -values[:, 2]
         elif mend is not None:
             values = mend(values)
-        self._known = self._health.usable and not self._hangs and bool(np.isfinite(values).all())
+        self._known = self._health.usable and not self.hangs and bool(np.isfinite(values).all())
         self.pressure = np.where(values > self._threshold, values, 0.0) if self._known else np.zeros_like(values)
         self._shared = False
 
@@ -165,7 +168,9 @@ class PadImage:
         """What people should know of the pad's readings."""
         del t_ns
         found = []
-        if self._hangs:
+        if self.status:
+            found.append((Health.WARN, f"the device reports: {', '.join(self.status)}"))
+        if self.hangs:
             found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))
         masked = "; ".join(f"{kind} {', '.join(map(str, at))}" for kind, at in self._health.report().items() if at)
         if masked and not self._health.usable:
@@ -179,7 +184,10 @@ class PadImage:
     def told(self, t_ns: int) -> dict[str, Any]:
         """What ``status.streams.<name>`` says of the conditioning."""
         del t_ns
-        return {"masked": self._health.report()}
+        return {
+            "masked": np.flatnonzero(self._health.masked).tolist(),
+            "taxel_faults": {kind: at for kind, at in self._health.report().items() if at},
+        }
 
     def wrench(self) -> tuple[float, ...] | None:
         """Force and torque about the pad's origin of three-axis taxels, N and N·m: six numbers; None where unknown."""

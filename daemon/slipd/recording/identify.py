@@ -19,7 +19,7 @@ from slipd.config import Config, Wrench, device_options
 from slipd.devices import DEVICES
 from slipd.errors import RecordingError
 from slipd.pipeline.events import Bytes, LinkDown, LinkUp, Request
-from slipd.pipeline.finger import UNTRUSTED
+from slipd.pipeline.force import UNTRUSTED
 from slipd.recording.reader import Recording, open_recording
 from slipd.samples import WrenchSample
 from slipd.signals.averaging import Average, most_std
