@@ -165,7 +165,12 @@ def test_a_missing_key_is_told_at_its_table(old: str, path: str, at: str) -> Non
 
 MEANING = [
     ('device = "bota"', 'device = "pvdf"', "finger.left.wrench.device", "'pvdf' is no wrench device; known: bota, "),
-    ('device = "pvdf"', 'device = "bota"', "finger.left.pad.device", "is no tactile device; known: dsacon32, external, "),
+    (
+        'device = "pvdf"',
+        'device = "bota"',
+        "finger.left.pad.device",
+        "is no tactile device; known: dsacon32, external, ",
+    ),
     ('device = "robotiq_2f"', 'device = "bota"', "gripper.device", "no gripper device; known: robotiq_2f"),
     ('device = "bota"', 'device = "botta"', "finger.left.wrench.device", "'botta' is no wrench device"),
     ('port = "/dev/left-pad"', 'port = "/dev/left-wrench"', "finger.left.pad.port", "is used by left.wrench too"),
