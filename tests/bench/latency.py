@@ -25,7 +25,7 @@ from tables import Table
 
 sys.path.append(str(Path(__file__).parents[1]))  # the scenes of the chart are measured, too
 
-from bench import first_call, ladder, million, ratios, units
+from bench import first_call, million, ratios, units
 from bench.commit import measured_commit
 
 SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 1.0
@@ -33,7 +33,7 @@ QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
 SHORTEST_S, LONGEST_S = 0.1, 20.0
 """Less has no percentiles; the readings carry their number as a pull, which grows too large for the grip in more."""
 
-PARTS = ("chain", "load", "ratios", "first", "units", "ladder", "million")
+PARTS = ("chain", "load", "ratios", "first", "units", "million")
 
 FULL_LOAD_TIMES = 6
 """The full load takes as many times as long as a round, to show what builds up."""
@@ -78,8 +78,6 @@ def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool)
         yield first_call.run(quick=quick)
     if "units" in parts:
         yield units.run(quick=quick)
-    if "ladder" in parts:
-        yield from ladder.run(quick=quick)
     if "million" in parts:
         yield from million.run(*((million.QUICK_SCENES, million.QUICK_CHECKED) if quick else ()))
 

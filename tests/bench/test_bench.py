@@ -28,9 +28,6 @@ SECTIONS = (
     "Friction limit: one public call",
     "Friction limit: the first call",
     "Friction limit: other units",
-    "Ladder: what settles",
-    "Ladder: passes",
-    "Ladder: processor time",
     "Torque limit certified",
     "Utilisation certified",
 )
