@@ -41,30 +41,39 @@ def _watch(
     first: int,
     count: int,
     oldest_s: float,
-    reading: tuple[float, float, float, float],
+    t_s: float,
+    load: float,
+    ratio: float,
+    utilisation: float,
     kept: float,
     armed_at: float,
-) -> tuple[int, int, bool]:
-    """Drops what is older than the window, looks for a fall, and adds the reading; returns first, count, fallen."""
+) -> int:
+    """Drops what is older than the window, looks for a fall, and adds the reading.
+
+    Returns:
+        Twice the place of the first reading that is kept, or the next place with a fall, which forgets all before;
+        odd with a fall.
+    """
     size = len(ring)
-    while count > 0 and ring[first, 0] < oldest_s:
-        first = (first + 1) % size
-        count -= 1
-    _, load, ratio, _ = reading
-    fell = False
     at = first
-    for _k in range(count):
+    left = count
+    while left > 0 and ring[at, 0] < oldest_s:
+        at += 1
+        left -= 1
+        if at == size:
+            at = 0
+    begin = at
+    fell = False
+    for _k in range(left):
         if ring[at, 3] >= armed_at and load <= kept * ring[at, 1] and ratio <= kept * ring[at, 2]:
             fell = True
             break
         at += 1
         if at == size:
             at = 0
-    if fell:
-        count = 0
-    newest = ring[(first + count) % size]
-    newest[0], newest[1], newest[2], newest[3] = reading
-    return first, count + 1, fell
+    end = (first + count) % size
+    ring[end, 0], ring[end, 1], ring[end, 2], ring[end, 3] = t_s, load, ratio, utilisation
+    return 2 * end + 1 if fell else 2 * begin
 
 
 class SlipDetector:
@@ -94,19 +103,25 @@ class SlipDetector:
             Whether the contact slips, or did within the last ``hold_s``.
         """
         settings = self._settings
-        if self._count == len(self._ring):
+        size = len(self._ring)
+        if self._count == size:
             self._ring = np.vstack((np.roll(self._ring, -self._first, axis=0), np.empty_like(self._ring)))
-            self._first = 0
-        reading = (t_s, load, load / normal_n, utilisation)
-        self._first, self._count, fell = _watch(
+            self._first, size = 0, 2 * size
+        found = _watch(
             self._ring,
             self._first,
             self._count,
             t_s - settings.window_s,
-            reading,
+            t_s,
+            load,
+            load / normal_n,
+            utilisation,
             1.0 - settings.drop,
             settings.armed_at,
         )
-        if fell:
+        end = self._first + self._count
+        self._first = found >> 1
+        self._count = (end - self._first) % size + 1
+        if found & 1:
             self._until_s = t_s + settings.hold_s
         return t_s < self._until_s

@@ -229,7 +229,7 @@ class Finger:
         if math.isnan(wrench[3]):
             found = contact_of((*wrench[:3], 0.0, 0.0, 0.0), least, force_std_n, torque_std_nm)
             nan = math.nan
-            return replace(found, cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
+            return found._replace(cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
         return contact_of(wrench, least, force_std_n, torque_std_nm)
 
     def _uncertainty(self, t_ns: int) -> tuple[float, float, float, float]:
