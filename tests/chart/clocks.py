@@ -237,7 +237,7 @@ def tables(runs: dict[str, Run]) -> list[Table]:
     bounds.notes += [
         "Where reads are polls, up to the time between two readings stays open: when the phase of both beats slowly,"
         " nobody can tell it from the clock's own drift. A stream of one reading a poll hides this wait wholly; it then"
-        " counts as part of the least delay, unless the clock is told of it (`poll_ns`).",
+        " counts as part of the least delay, unless the config tells of it (`poll_s`).",
     ]
     return [errors, bounds]
 

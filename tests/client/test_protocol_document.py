@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 from pathlib import Path
@@ -21,6 +22,7 @@ from slipd_client.messages import (
 )
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
+PIPELINE = Path(__file__).parents[2] / "daemon" / "slipd" / "pipeline"
 EXAMPLES = re.findall(r"```hex\n(.*?)```\s*```json\n(.*?)```", TEXT, re.DOTALL)
 
 
@@ -33,9 +35,24 @@ def test_every_level_stands_with_its_code(level: str) -> None:
     assert f"| `{level}` | {level_code(level)} |" in TEXT
 
 
-@pytest.mark.parametrize(("reason", "meaning"), REASONS.items())
-def test_every_reason_stands_with_its_meaning(reason: str, meaning: str) -> None:
-    assert f"| `{reason}` | {meaning} |" in TEXT
+def test_its_reasons_are_those_of_the_client_with_their_meanings() -> None:
+    table = TEXT.partition("| reason | meaning |\n")[2].partition("\n\n")[0]
+    assert re.findall(r"^\| `(\w+)` \| (.*) \|$", table, re.MULTILINE) == list(REASONS.items())
+
+
+def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
+    """Reasons stand in tuples, or are added to a list, in the files that make verdicts."""
+    given = {f"disagreement_{what}" for what in ("contact", "centroid", "force")}
+    for name in ("decision.py", "judge.py", "finger.py", "force.py"):
+        for node in ast.walk(ast.parse((PIPELINE / name).read_text(encoding="utf-8"))):
+            if isinstance(node, (ast.Tuple, ast.Set)):
+                words = node.elts
+            elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "append":
+                words = node.args
+            else:
+                continue
+            given |= {word.value for word in words if isinstance(word, ast.Constant) and isinstance(word.value, str)}
+    assert {word for word in given if " " not in word} - set(LEVELS) == set(REASONS)
 
 
 def test_its_error_codes_are_those_of_the_client() -> None:

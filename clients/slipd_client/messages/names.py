@@ -27,7 +27,11 @@ REASONS = {
     "raw": "the sensor sends values that it has not calibrated",
     "weight_unknown": "what the finger itself weighs is not known at this orientation, and may use up the margin",
     "stuck": "the sensor repeats itself while it should not",
+    "garbage": "the sensor's readings are beyond its range, or jump to and fro as no force does",
     "disagreement": "force sensor and pad image contradict each other",
+    "disagreement_contact": "about the contact: the sensor feels a clear force, and the image shows none",
+    "disagreement_centroid": "about where the contact is",
+    "disagreement_force": "about how much presses; only where the image is calibrated to newtons",
 }
 """Reason of a level → its meaning. A newer daemon may send further reasons: show them as they are."""
 
