@@ -5,10 +5,17 @@ from __future__ import annotations
 import random
 import subprocess
 import sys
+from collections.abc import Iterator
+from typing import Any
 
+import numpy as np
 import pytest
 
 from slipd.devices import DEVICES, Device
+from slipd.sim.emulators import make_emulator
+
+MS = 1_000_000
+READINGS = 5
 
 devices = pytest.mark.parametrize("device", list(DEVICES.values()), ids=list(DEVICES))
 
@@ -76,6 +83,54 @@ def test_a_session_starts_reads_noise_and_stops(device: Device) -> None:
         assert session.receive(bytes(range(256)), now_ns) == []
     session.stop()
     assert session.next_deadline() is None
+
+
+def listener_to(device: Device) -> Any:
+    return (device.session or device.decoder)(**make_emulator(device.name).options)
+
+
+def new_link(device: Device, listener: Any) -> Iterator[tuple[bytes, int]]:
+    """Begin anew, and yield what the device sends, and when; whoever asks for more has taken what came."""
+    emulator: Any = make_emulator(device.name)
+    emulator.opened(0)
+    session = listener if device.session is not None else None
+    said = emulator.receive(session.start(0), 0) if session else listener.forget() or []
+    if device.inquiry is not None and (inquiry := device.inquiry(**emulator.options)) is not None:
+        yield emulator.inquire(inquiry.request), 0
+    for now_ns in range(MS, 5_000 * MS, MS):
+        for data in said + emulator.advance(now_ns):
+            yield data, now_ns
+        said = []
+        while session and (due := session.next_deadline()) is not None and due <= now_ns:
+            said += emulator.receive(session.on_time(now_ns), now_ns)
+
+
+def first_readings(device: Device, listener: Any) -> tuple[list[Any], int]:
+    """The first readings of a new link, and how many pieces it took."""
+    readings: list[Any] = []
+    for taken, (data, now_ns) in enumerate(new_link(device, listener)):
+        for sample in listener.receive(data, now_ns):
+            fields = (getattr(sample, name) for name in sample.__slots__)
+            readings.append(tuple(field.tolist() if isinstance(field, np.ndarray) else field for field in fields))
+        if len(readings) >= READINGS:
+            return readings, taken
+    raise AssertionError(f"{device.name} says too little")
+
+
+@devices
+def test_L5_a_frame_that_an_unplug_tore_is_not_completed_by_what_comes_after(device: Device) -> None:
+    expected, last = first_readings(device, listener_to(device))
+    listener = listener_to(device)
+    for at, (data, now_ns) in enumerate(new_link(device, listener)):
+        if at == last:
+            break
+        listener.receive(data, now_ns)
+    listener.receive(data[: len(data) // 2], now_ns)
+    next(new_link(device, listener), None)  # the link is opened again
+    assert list(listener.receive(data[len(data) // 2 :], now_ns)) == []
+    before = listener.health.lost, listener.health.duplicates, listener.health.restarts
+    assert first_readings(device, listener)[0] == expected
+    assert (listener.health.lost, listener.health.duplicates, listener.health.restarts) == before
 
 
 def test_asking_for_a_device_loads_that_one_alone() -> None:

@@ -113,7 +113,7 @@ def test_D3_gap_duplicate_and_restart_are_told_apart() -> None:
 
 def test_a_counter_that_is_not_trusted_is_not_used() -> None:
     decoder = optoforce.Decoder(counted=False)
-    decoder.begin()
+    decoder.forget()
     for counter in (10, 20, 20, 30):
         decoder.receive(reading(counter), 0)
     assert decoder.health == DecoderHealth(good=4)

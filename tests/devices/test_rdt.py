@@ -110,7 +110,7 @@ def test_a_freshly_opened_stream_begins_at_any_number_and_drops_what_was_begun()
     health = DecoderHealth()
     records = rdt.Records(health, RESERVED)
     records.receive(record(9) + record(10)[:20])
-    records.begin()
+    records.forget()
     assert len(records.receive(record(500))[0]) == 1
     assert health == DecoderHealth(bad=1, bad_bytes=20)
 

@@ -377,6 +377,10 @@ def test_the_decoder_reads_status_replies_from_any_split(same_for_every_split: S
     ]
     stream = b"\x09\x03\x06" + replies[0] + ACTIVATE[:8] + b"".join(replies[1:])
     assert len(same_for_every_split(robotiq_2f.Decoder, stream)) == 5
+    decoder = robotiq_2f.Decoder()
+    decoder.receive(replies[0][:6], 0)
+    decoder.forget()
+    assert decoder.receive(replies[0][6:], 0) == []
 
 
 @pytest.mark.parametrize("unit", [0, 248, 9.0])

@@ -144,6 +144,22 @@ def test_out_of_step_a_packet_that_nothing_follows_is_dropped() -> None:
     assert (decoder.health.bad, decoder.health.bad_bytes) == (3, 2)
 
 
+def test_L5_what_an_unplug_tore_or_left_in_doubt_is_not_joined_to_what_comes_after() -> None:
+    torn, later = packet(1), [packet(2), packet(3)]
+    decoder = tsf85.Decoder()
+    assert decoder.receive(torn[:40], 0) == []
+    decoder.forget()
+    read = decoder.receive(torn[40:] + b"".join(later), 1)
+    assert [sample.values.tolist() for sample in read] == images(2, 3)
+    assert (decoder.health.bad_bytes, decoder.health.good) == (len(torn), 2)
+    decoder.receive(b"\x00" + packet(4), 2)
+    bad = decoder.health.bad
+    decoder.forget()
+    assert decoder.health.bad == bad + 1
+    read = decoder.receive(packet(5), 3)
+    assert [sample.values.tolist() for sample in read] == images(5)
+
+
 def test_D2_a_tag_of_a_later_firmware_is_refused_and_not_guessed() -> None:
     later = encode_packet(tsf85.AUTOSEND, encode_block(tsf85.STATIC, 0, image(1)) + b"\x80\1\2")
     found, decoder = decode(packet(0) + later * 5)

@@ -63,6 +63,15 @@ def test_the_options_of_the_config_reach_the_device(left: str, parse: Parse) -> 
     assert sample.values.shape == (6,)
 
 
+def test_L5_a_scan_that_an_unplug_tore_is_not_completed_by_what_comes_after(links: dict[str, Link]) -> None:
+    link, scan = links["left.pad"], pvdf.encode_scan(np.ones((4, 4), dtype=int), 1, 0.0, 5.0)
+    link.open("/dev/left-pad", T0)
+    link.receive(scan[:50], T0)
+    link.close("unplugged")
+    link.open("/dev/left-pad", T0)
+    assert link.receive(scan[50:], T0) == []
+
+
 def test_samples_that_share_a_port_are_told_apart_by_their_sensor(links: dict[str, Link]) -> None:
     found = links["right.pad"].receive(skin(1), T0)
     assert sorted((name, sample.source) for name, sample, _ in found) == [("right.pad", "2"), ("third.pad", "1")]
@@ -76,7 +85,10 @@ def test_images_of_another_size_are_a_fault_of_the_stream(links: dict[str, Link]
     link = links["right.pad"]
     link.open("server", T0)
     assert link.receive(skin(1, taxels=16), T0) == []
-    assert health(link, T0, "2") == (Health.ERROR, "images of 16 taxels, where rows and cols say 4")
+    assert health(link, T0, "2") == (
+        Health.ERROR,
+        "images of 16 taxels of three axes, where the config says 4 taxels of three axes",
+    )
     assert len(link.receive(skin(2), T0 + MS)) == 2
     assert health(link, T0 + MS, "2") == (Health.OK, "")
 

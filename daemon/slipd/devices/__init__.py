@@ -27,6 +27,10 @@ class Decoder(Protocol):
         """Take bytes received at ``t_ns`` and return the readings they complete."""
         ...
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        ...
+
 
 class Session(Protocol):
     """The conversation with a device that must be spoken to; it owns the decoder of the answers.

@@ -83,6 +83,10 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._frames.forget()
+
 
 def _checksum_holds(buffer: bytes, at: int) -> bool:
     return crc.x25_holds(buffer[at + 1 : at + FRAME_LENGTH])
@@ -152,6 +156,7 @@ class Session:
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link, by waiting for the banner or for frames."""
+        self.decoder.forget()
         self.identity = ""
         self._booted_ns = now_ns + BOOT_NS
         self._wait(now_ns)

@@ -72,6 +72,12 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._drop(len(self._tail))
+        self._tail = b""
+        self._numberings.clear()
+
     def _drop(self, count: int) -> None:
         """Count bytes that are no message."""
         if count:

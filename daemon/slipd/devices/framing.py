@@ -75,9 +75,13 @@ class Frames:
         return buffer, found
 
     def forget(self) -> None:
-        """Drop a begun frame: the line was closed, or has been silent too long for the rest of it to come."""
+        """Drop a begun frame: the line was closed, or has been silent too long for the rest of it to come.
+
+        What comes next follows nothing: a frame at its begin is in step.
+        """
         self._skip(self._tail)
         self._tail = b""
+        self._damage = 0
 
     def _begun_sync(self, buffer: bytes, done: int) -> int:
         """Return where a sync starts that the end of the buffer cuts, or the end of the buffer."""

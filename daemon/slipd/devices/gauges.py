@@ -80,6 +80,11 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._frames.forget()
+        self._numbering.forget()
+
 
 def _holds(buffer: bytes, at: int) -> bool:
     if buffer[at + len(_SYNC)] & _RESERVED_STATUS:

@@ -87,9 +87,9 @@ class Decoder:
             if self._internal_hz and calibration.internal_hz:
                 self._internal_hz = calibration.internal_hz
 
-    def begin(self) -> None:
-        """Expect the first record of a freshly opened stream."""
-        self._records.begin()
+    def forget(self) -> None:
+        """Drop a begun record, and expect the first one of a freshly opened stream."""
+        self._records.forget()
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         """Take bytes received at ``t_ns`` and return the readings they complete, in the sensor's frame."""
@@ -204,7 +204,7 @@ class Session:
         """Return the request that is due at ``now_ns``; empty when none is."""
         if not self._trouble:
             if request := self._talk.on_time(now_ns):
-                self.decoder.begin()
+                self.decoder.forget()
             return request
         if now_ns >= self._trouble_due_ns:
             self._stand_still("no calibration" if self._answer is not None else self._trouble, now_ns)

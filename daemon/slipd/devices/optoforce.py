@@ -92,9 +92,9 @@ class Decoder:
         self._records = rdt.Records(self.health, _UDP_RESERVED)
         self._read = self._read_records if wiring == "udp" else self._read_frames
 
-    def begin(self) -> None:
-        """Expect the first reading on a freshly opened link."""
-        self._records.begin()
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._records.forget()
         self._frames.forget()
         if self._numbering:
             self._numbering.forget()
@@ -210,7 +210,7 @@ class Session:
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link."""
         self.identity = ""
-        self.decoder.begin()
+        self.decoder.forget()
         self._talk.start(now_ns)
         return self._talk.on_time(now_ns)
 

@@ -56,6 +56,11 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._frames.forget()
+        self._numbering.forget()
+
     def _measure(self, buffer: bytes, at: int) -> int:
         """As `Frames` asks for; it asks once a frame."""
         length, body = frames.read(buffer, at)
@@ -92,6 +97,7 @@ class Session:
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link, with the command that sets the rate."""
+        self.decoder.forget()
         self._talk.start(now_ns)
         return self._talk.on_time(now_ns)
 

@@ -81,6 +81,12 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._frames.forget()
+        self.health.lost += self._open
+        self._scan, self._open = None, False
+
     def _checksum_holds(self, buffer: bytes, at: int) -> bool:
         return crc.x25_holds(buffer[at + _UNCHECKED : at + self._length])
 

@@ -100,8 +100,8 @@ class Records:
             heads = [(ticks, status | AT_RAIL * bool(at)) for (ticks, status), at in zip(heads, at_rail, strict=True)]
         return heads, counts
 
-    def begin(self) -> None:
-        """Expect the first record of a freshly opened stream."""
+    def forget(self) -> None:
+        """Drop a begun record, and expect the first one of a freshly opened stream."""
         self._frames.forget()
         self._numbering.forget()
         self._newest, self._in_step, self._handed_on = None, True, None

@@ -60,6 +60,10 @@ class Decoder:
         self.health.good += len(found)
         return [parse_status(_STATUS.unpack_from(buffer, at + _STATUS_AT), t_ns, None) for at, _ in found]
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._frames.forget()
+
 
 def _is_status(buffer: bytes, at: int) -> bool:
     if buffer[at + 1] not in (modbus.READ_HOLDING, modbus.READ_INPUT) or buffer[at + 2] != _STATUS.size:

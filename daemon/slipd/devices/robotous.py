@@ -84,6 +84,10 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._frames.forget()
+
 
 class Session:
     """Stops the sensor, sets its rate and filter where they differ, asks its name, and starts it; it never tares.
@@ -129,6 +133,7 @@ class Session:
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link."""
+        self.decoder.forget()
         self.identity = self._product = ""
         self._talk.start(now_ns)
         return self._talk.on_time(now_ns)

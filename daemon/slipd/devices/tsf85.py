@@ -83,6 +83,12 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._frames.forget()
+        self.health.bad += self._doubted is not None
+        self._doubted = None
+
     def _take(self, packet: bytes, t_ns: int) -> list[TactileSample]:
         content = packet[_HEAD_LENGTH:]
         if packet[2] != VERSION:
@@ -205,6 +211,7 @@ class Session:
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link."""
+        self.decoder.forget()
         self.decoder.firmware = ""
         self._talk.start(now_ns)
         return self._talk.on_time(now_ns)

@@ -63,6 +63,11 @@ class Decoder:
         self.health.good += len(samples)
         return samples
 
+    def forget(self) -> None:
+        """Drop a begun frame and what was expected to follow: the line was closed."""
+        self._drop(len(self._text))
+        self._number = None
+
     def _next_object(self) -> dict[str, Any] | None:
         """Take the next whole JSON object off the text; None when more text is needed."""
         while True:

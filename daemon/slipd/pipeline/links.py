@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
@@ -71,7 +71,11 @@ class Link:
         self.up, self._opened, self._message, self._stranger = True, identity, "", ""
         self._allowed_ns, self._allowed = t_ns, self._burst()
         self.interrupt()
-        greeting = self.session.start(t_ns) if self.session is not None else b""
+        greeting = b""
+        if self.session is not None:
+            greeting = self.session.start(t_ns)
+        else:
+            cast("Decoder", self._decoder).forget()
         self._recognise()
         return greeting
 
