@@ -224,6 +224,33 @@ def test_a_quaternion_that_is_no_rotation_is_told(quaternion: str, length: str) 
     assert message.endswith(f"this one has length {length}")
 
 
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("udp://", "names no host"),
+        ("udp://:49152", "names no host"),
+        ("udp://192.168.1.1", "names no port from 1 to 65535"),
+        ("udp://192.168.1.1:0", "names no port from 1 to 65535"),
+        ("udp://192.168.1.1:65536", "is no address (Port out of range 0-65535)"),
+        ("udp://[::1:49152", "is no address"),
+        ("udp://a..b:49152", "is no address"),
+        (f"udp://{64 * 'a'}:49152", "is no address"),
+    ],
+)
+def test_an_address_where_nothing_can_be_is_told(address: str, told: str) -> None:
+    text = GOOD.replace('device = "bota"\nport = "/dev/left-wrench"', f'device = "netft"\nport = "{address}"')
+    [(path, at, message)] = faults(text)
+    assert (path, at) == ("finger.left.wrench.port", line("/dev/left-wrench"))
+    assert told in message
+    assert message.endswith(": give udp://HOST:PORT")
+
+
+def test_a_server_of_a_websocket_may_be_at_the_port_of_its_kind() -> None:
+    assert config.parse(GOOD.replace("127.0.0.1:5000", "pads"), "rig.toml").finger["right"].pad is not None
+    [(path, _, _)] = faults(GOOD.replace("127.0.0.1:5000", ""))
+    assert path == "finger.right.pad.port"
+
+
 @pytest.mark.parametrize("endpoint", ["tcp://0.0.0.0:5555", "bogus", "ipc://", "ipc://relative", "tcp://127.0.0.1"])
 def test_an_endpoint_that_is_never_served_is_told(endpoint: str) -> None:
     [(path, at, message)] = faults(f'{GOOD}\n[bus]\npublish = "{endpoint}"\n')

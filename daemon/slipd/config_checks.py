@@ -6,6 +6,7 @@ import itertools
 import math
 import re
 from typing import Any
+from urllib.parse import urlsplit
 
 from slipd.config_model import Config, Finger, Gripper, Pad, Stream
 from slipd.devices import DEVICES
@@ -106,6 +107,9 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
     if transport_of(stream.port) not in device.transports:
         right = " or ".join(_ADDRESSES[transport] for transport in device.transports)
         return [(f"{path}.port", f"{stream.device} is not read at {stream.port!r}: give {right}")]
+    wrong = _wrong_address(stream.port)
+    if wrong:
+        return [(f"{path}.port", f"{stream.port!r} {wrong}: give {_ADDRESSES[transport_of(stream.port)]}")]
     if device.shared != bool(stream.sensor):
         right = (
             'say which sensor of the port, e.g. "1"' if device.shared else "leave it out: the port carries one sensor"
@@ -127,6 +131,24 @@ def transport_of(port: str) -> str:
     """How the bytes of a port travel, told by its address."""
     scheme, separator, _ = port.partition("://")
     return _TRANSPORTS.get(scheme, "serial") if separator else "serial"
+
+
+def _wrong_address(port: str) -> str:
+    """What is wrong with the address of a server, "" where nothing is; paths and endpoints are judged when opened."""
+    transport = transport_of(port)
+    if transport in ("serial", "external"):
+        return ""
+    try:
+        parts = urlsplit(port)
+        host, number = parts.hostname, parts.port
+        (host or "").encode("idna")
+    except ValueError as error:
+        return f"is no address ({error})"
+    if not host:
+        return "names no host"
+    if number == 0 or (number is None and transport != "websocket"):
+        return "names no port from 1 to 65535"
+    return ""
 
 
 def axes_of(pad: Pad) -> int:

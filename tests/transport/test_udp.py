@@ -155,6 +155,8 @@ async def test_a_write_beyond_a_datagram_is_a_loss_that_says_so(
         ("udp://127.0.0.1:70000", "no address"),
         ("udp://[::1:80", "no address"),
         ("udp://no-such-host.invalid:49152", "not reached"),
+        ("udp://a..b:49152", "not reached"),
+        (f"udp://{64 * 'a'}:49152", "not reached"),
     ],
 )
 async def test_an_address_that_leads_nowhere_is_told(

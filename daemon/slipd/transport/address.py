@@ -52,8 +52,8 @@ async def connected(address: str, kind: socket.SocketKind) -> socket.socket:
         raise LinkError(
             f"{address}: nothing answers within {OPEN_TIMEOUT_S:g} s; switch the device on, or correct the address"
         ) from None
-    except OSError as error:
-        reason = error.strerror or str(error)
+    except (OSError, UnicodeError) as error:  # a name with an empty or too long part cannot even be asked for
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise LinkError(f"{address}: not reached ({reason}); switch the device on, or correct the address") from error
 
 
