@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: Status words that make a reading's value untrustworthy.
+UNTRUSTED = frozenset({"overload", "invalid", "raw"})
+
 
 @dataclass(slots=True, eq=False)
 class WrenchSample:

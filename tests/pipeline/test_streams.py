@@ -40,7 +40,8 @@ def test_L12_readings_that_come_in_bunches_get_their_own_times(stream: Stream) -
 
 def test_without_a_device_clock_the_receipt_counts_less_what_waited(stream: Stream) -> None:
     assert stream.take(reading(T0, None), 0) == T0
-    assert stream.take(reading(T0 + MS, None), 300 * MS) == T0 - 299 * MS
+    assert stream.take(reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
+    assert stream.take(reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
     assert stream.told(T0)["clock"] == "none"
     assert stream.told(T0)["clock_uncertainty_s"] is None
 
@@ -66,7 +67,10 @@ def test_a_scan_is_dated_by_its_end(left: str, parse: Parse) -> None:
         acquired = stream.take(image, 0)
     assert acquired == pytest.approx(T0 + k * 10 * MS, abs=0.1 * MS)
     assert stream.take(TactileSample(T0, 0, np.zeros(9)), 0) is None
-    assert stream.level(T0) == (Health.ERROR, "images of 9 taxels, where rows and cols say 16")
+    assert stream.level(T0) == (
+        Health.ERROR,
+        "images of 9 taxels of one axis, where the config says 16 taxels of one axis",
+    )
 
 
 EXTERNAL = """
@@ -85,8 +89,22 @@ def test_a_pusher_on_this_host_tells_its_own_time(parse: Parse) -> None:
     assert stream.told(T0)["clock"] == "host"
     assert stream.level(T0) == (Health.OK, "")
     assert stream.take(reading(T0, None), 0) == T0
+    assert stream.take(reading(T0, T0 - 2 * MS), 0) == T0, "times never go back"
     assert stream.level(T0) == (Health.OK, "")
     assert stream.take(reading(T0, T0 + MS), 0) == T0, "a time to come is not believed"
     assert stream.level(T0)[0] == Health.WARN
     assert stream.take(reading(T0 + BAD_TIME_TOLD_NS, T0 + BAD_TIME_TOLD_NS), 0) == T0 + BAD_TIME_TOLD_NS
     assert stream.level(T0 + BAD_TIME_TOLD_NS) == (Health.OK, "")
+
+
+def test_a_pusher_that_sends_what_the_stream_is_not_is_told(parse: Parse) -> None:
+    stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
+    assert stream.take(TactileSample(T0, T0, np.zeros(16)), 0) is None
+    assert stream.level(T0) == (Health.ERROR, "readings that are a TactileSample, which this stream is not")
+    pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
+    pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
+    pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
+    pad = make_stream("left.pad", parse(pads.replace('"left.pad"', '"p"')).streams()["left.pad"])
+    assert pad.take(TactileSample(T0, T0, np.zeros((4, 3))), 0) is None
+    assert "4 taxels of three axes, where the config says 4 taxels of one axis" in pad.level(T0)[1]
+    assert pad.take(TactileSample(T0, T0, np.zeros(4)), 0) == T0

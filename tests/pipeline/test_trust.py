@@ -299,3 +299,107 @@ def test_an_image_that_grows_old_takes_its_verdict_along_before_the_next_force_r
     assert state is not None
     assert (state.verdict.level, state.verdict.reasons, state.model) == ("unknown", ("rotation_unobserved",), "none")
     assert hand.finger.on_time(hand.t_ns + 6 * MS) is None
+
+
+def test_a_tare_does_not_go_on_over_a_long_silence(hand: Hand) -> None:
+    hand.read(0.0)
+    hand.finger.begin_tare(hand.t_ns, 0.1, "someone")
+    hand.finger.on_time(hand.t_ns + 400 * MS)
+    assert hand.finger.tare.busy
+    hand.finger.on_time(hand.t_ns + 600 * MS)
+    assert (hand.finger.tare.busy, hand.finger.tare.aborted_reason) == (False, "the stream fell silent")
+
+
+@pytest.mark.parametrize("normal_n", [0.0, 0.3])
+def test_a_weight_that_may_hide_a_contact_makes_no_free_finger(make: Callable[..., Hand], normal_n: float) -> None:
+    hand = make("mass_kg = 0.1\n")
+    hand.finger.begin_tare(hand.t_ns, 0.01, "someone")
+    for _ in range(20):
+        hand.read(0.0)
+    assert hand.finger.tare.current.id == 1
+    hand.read(normal_n)
+    assert hand.told == ("unknown", ("weight_unknown",))
+    assert hand.finger.pressed() is None
+    force = hand.finger.force
+    assert force is not None
+    force.set_gravity([0.0, 0.0, -9.8], hand.t_ns)
+    force.begin_tare(hand.t_ns, 0.01, "someone")
+    for _ in range(20):
+        hand.read(0.0)
+    assert hand.told == ("no_contact", ())
+    assert hand.finger.pressed() is False
+    force.gravity.forget()
+    hand.read(normal_n)
+    assert hand.told == ("unknown", ("weight_unknown",)), "the host slept"
+
+
+def test_the_doubt_of_a_weight_is_a_bound_of_the_utilisation(make: Callable[..., Hand]) -> None:
+    hand = make("mass_kg = 0.1\n")
+    hand.look(2.0)
+    hand.read(2.0, 0.5)
+    assert hand.told[0] == "warning", "λ may reach (0.5 + 0.98 / μ...) / (2.0 − 0.98)"
+    hand.look(0.9)
+    hand.read(0.9, 0.1)
+    assert hand.told == ("warning", ("translation", "weight_unknown")), "the weight may be all that presses"
+
+
+def test_a_centroid_that_a_weight_may_have_moved_outside_is_a_danger(make: Callable[..., Hand]) -> None:
+    hand = make("mass_kg = 0.01\ncom_m = [0.0, 0.0, -0.6]\n")
+    hand.look(5.0)
+    hand.read(5.0)
+    level, reasons = hand.told
+    assert level in ("caution", "warning")
+    assert {"tipping", "weight_unknown"} <= set(reasons)
+
+
+def test_an_image_that_its_device_distrusts_shows_nothing(hand: Hand) -> None:
+    hand.finger.take_tactile(TactileSample(T0, None, np.full(16, 50.0), ("invalid",)))
+    hand.read(8.0)
+    assert hand.told == ("unknown", ("rotation_unobserved",))
+    assert hand.conditions("pad") == [(Health.ERROR, "the device reports: invalid")]
+
+
+def test_a_held_load_that_the_pad_does_not_show_is_no_drift(make: Callable[..., Hand]) -> None:
+    hand = make("drift_tau_s = 20.0\n")
+    force = hand.finger.force
+    assert force is not None
+    for _ in range(6000):
+        hand.t_ns += 99 * MS
+        hand.read(1.5)
+        hand.look(0.0)
+    assert force.told(hand.t_ns)["drift"][2] == pytest.approx(0.0, abs=0.01)
+    assert hand.told[1][0] == "disagreement"
+
+
+def test_the_readings_of_one_read_are_judged_as_if_they_came_singly(left: str, parse: Parse) -> None:
+    rng = np.random.default_rng(5)
+    forces = rng.normal(0.0, 1.0, (300, 3)) + np.array((1.0, 0.0, -2.0))
+    forces[::17, 2] = 0.3
+    samples = [WrenchSample(T0 + k * MS // 4, None, f, np.cross((0.001, 0.0, 0.0), f)) for k, f in enumerate(forces)]
+    told = []
+    for size in (1, 7, 300):
+        finger = Finger("left", parse(left).finger["left"], Levels())
+        finger.take_tactile(TactileSample(T0, None, np.full(16, 50.0)))
+        states = []
+        for at in range(0, len(samples), size):
+            some = samples[at : at + size]
+            states += list(finger.take_wrenches(some, [sample.t_ns for sample in some]))
+        told.append([(state.verdict, state.utilisation and state.utilisation[:3]) for state in states])
+    assert told[0] == told[1] == told[2]
+    assert {verdict.level for verdict, _ in told[0]} >= {"stable", "warning", "no_contact"}
+
+
+def test_a_tare_is_taken_from_readings_that_come_together(hand: Hand) -> None:
+    hand.finger.begin_tare(T0, 0.01, "someone")
+    samples = [WrenchSample(T0 + k * MS, None, np.full(3, 0.1), np.zeros(3)) for k in range(30)]
+    states = list(hand.finger.take_wrenches(samples, [sample.t_ns for sample in samples]))
+    assert hand.finger.tare.current.id == 1
+    assert states[0].wrench == pytest.approx((0.1, 0.1, 0.1, 0.0, 0.0, 0.0))
+    assert states[-1].wrench == pytest.approx((0.0,) * 6)
+
+
+def test_N1_a_three_axis_image_without_numbers_is_no_reading(right: str, parse: Parse) -> None:
+    finger = Finger("right", parse(right).finger["right"], Levels())
+    state = finger.take_tactile(TactileSample(T0, None, np.full((4, 3), math.nan)))
+    assert state is not None
+    assert (state.verdict.level, state.verdict.reasons, state.wrench) == ("unknown", ("not_finite",), None)

@@ -4,11 +4,18 @@ Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for t
 the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
 """
 
-from slipd.fusion.contact import Contact, contact_from_wrench, contact_of
+from slipd.fusion.contact import Contact, carry, contact_from_wrench, contact_of
 from slipd.fusion.grip_force import grip_needed_n
 from slipd.fusion.hull import Outline, tipping_margin
 from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, utilisations
-from slipd.fusion.limit_surface import TorqueLimit, Utilisation, torque_limit, utilisation, utilisation_of
+from slipd.fusion.limit_surface import (
+    TorqueLimit,
+    Utilisation,
+    torque_limit,
+    utilisation,
+    utilisation_of,
+    utilisations_of,
+)
 from slipd.fusion.loads import Loads, active_loads, binary_loads, grey_loads, matched_loads
 from slipd.fusion.shape import ContactShape, contact_shape
 from slipd.fusion.slip import SlipDetector, SlipSettings
@@ -26,6 +33,7 @@ __all__ = [
     "Utilisations",
     "active_loads",
     "binary_loads",
+    "carry",
     "contact_from_wrench",
     "contact_of",
     "contact_shape",
@@ -38,4 +46,5 @@ __all__ = [
     "utilisation",
     "utilisation_of",
     "utilisations",
+    "utilisations_of",
 ]

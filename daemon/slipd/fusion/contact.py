@@ -13,7 +13,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slipd.fusion.compiled import compiled
+
 Array = NDArray[np.float64]
+
+
+@compiled
+def carry(matrix: Array, offset: Array, weight: Array, readings: Array) -> Array:
+    """Moves readings into the pad frame: matrix (reading − offset) − weight, in one order whatever their number.
+
+    Args:
+        matrix: Shape (6, 6).
+        offset: In the sensor's frame, shape (6,).
+        weight: In the pad frame, shape (6,).
+        readings: Force, N, and torque, N·m, shape (n, 6).
+    """
+    out = np.empty(readings.shape)
+    for k in range(len(readings)):
+        for i in range(6):
+            total = 0.0
+            for j in range(6):
+                total += matrix[i, j] * (readings[k, j] - offset[j])
+            out[k, i] = total - weight[i]
+    return out
+
 
 #: Below this normal force the centroid's error (torque noise / normal force) exceeds the size of a fingertip.
 DEFAULT_MIN_NORMAL_N = 0.2

@@ -834,6 +834,37 @@ def utilisation_in(
 
 
 @compiled
+def follow_utilisation(
+    x: Array, y: Array, shares: Array, mu: float, wrench: Array, least: float, kept: float, in_contact: bool,
+    start: Twist, gap: float, passes: int,
+) -> Array:  # fmt: skip
+    """`solve_utilisation` for the readings of one read, each started from the one before, shape (n, 9).
+
+    A contact begins at the normal force ``least`` and lasts down to ``kept``; without one a row is NaN, and what comes
+    next starts anew. The shares are those of 1 N.
+    """
+    taxels = np.empty((3, x.size))
+    out = np.empty((len(wrench), 9))
+    none = (math.nan, math.nan, math.nan)
+    for k in range(len(wrench)):
+        normal = -wrench[k, 2]
+        in_contact = normal >= (kept if in_contact else least)
+        if not in_contact:
+            start = none
+            out[k] = math.nan
+            continue
+        fx, fy, mx, my = wrench[k, 0], wrench[k, 1], wrench[k, 3], wrench[k, 4]
+        spin = wrench[k, 5] - (mx * fx + my * fy) / normal
+        kind, value, lower, upper, px, py, vx, vy, om = utilisation_in(
+            taxels, x, y, shares, mu, fx / normal, fy / normal, spin / normal, my / normal, -mx / normal, start, gap,
+            passes
+        )  # fmt: skip
+        start = (vx, vy, om)
+        out[k] = np.array((float(kind), value, lower, upper, px, py, vx, vy, om))
+    return out
+
+
+@compiled
 def grown_gauge(taxels: Array, x: Array, y: Array, frame: Frame, f: float, s: float, growth: float) -> float:
     """The k with which gauge(f, s / k^growth) = k: Newton on log k, bracketed, each solve from the twist of the last.
 

@@ -11,12 +11,21 @@ Every answer is bracketed: any pole gives an upper bound of what friction can ca
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slipd.fusion.limit_kernels import GOAL, KINDS, MAX_PASSES, Twist, solve_torque_limit, solve_utilisation
+from slipd.fusion.limit_kernels import (
+    GOAL,
+    KINDS,
+    MAX_PASSES,
+    Twist,
+    follow_utilisation,
+    solve_torque_limit,
+    solve_utilisation,
+)
 
 Array = NDArray[np.float64]
 _NO_TWIST = (math.nan, math.nan, math.nan)
@@ -63,6 +72,9 @@ class Utilisation(NamedTuple):
     pole_m: Array | None
     kind: str
     twist: Twist
+
+
+NO_UTILISATION = Utilisation(math.nan, math.nan, math.nan, None, "none", _NO_TWIST)
 
 
 def torque_limit(
@@ -162,10 +174,49 @@ def utilisation_of(
     passes: int = MAX_PASSES,
 ) -> Utilisation:
     """`utilisation` for what needs no checking: contiguous float64 arrays of one shape, floats, a positive μ."""
-    kind, value, lower, upper, px, py, vx, vy, om = solve_utilisation(
-        x, y, loads, mu, tangential[0], tangential[1], spin, about[0], about[1], start or _NO_TWIST, gap, passes
+    return _told(
+        solve_utilisation(
+            x, y, loads, mu, tangential[0], tangential[1], spin, about[0], about[1], start or _NO_TWIST, gap, passes
+        )
     )
-    return Utilisation(value, lower, upper, _pole(px, py), KINDS[kind], (vx, vy, om))
+
+
+def utilisations_of(
+    x: Array,
+    y: Array,
+    shares: Array,
+    mu: float,
+    wrench: Array,
+    contact_n: tuple[float, float],
+    in_contact: bool,
+    start: Twist | None,
+    gap: float,
+) -> list[Utilisation]:
+    """`utilisation` of readings that follow each other, each started from the one before; nothing is checked.
+
+    Args:
+        x: Centres of the active taxels, shape (k,), contiguous float64, m.
+        y: Likewise, shape (k,), m.
+        shares: Load on each for a normal force of 1 N, shape (k,).
+        mu: Coefficient of static friction.
+        wrench: Force, N, and torque about the pad's origin, N·m, of each reading in the pad frame, shape (n, 6).
+        contact_n: Normal force at which a contact begins, and down to which it lasts, N.
+        in_contact: The reading before was in contact.
+        start: Twist of the reading before; None where there is none.
+        gap: Relative gap of the bounds at which to stop.
+
+    Returns:
+        One for each reading, NaN for those without contact.
+    """
+    rows = follow_utilisation(x, y, shares, mu, wrench, *contact_n, in_contact, start or _NO_TWIST, gap, MAX_PASSES)
+    return [_told(row) for row in rows.tolist()]
+
+
+def _told(row: Sequence[float]) -> Utilisation:
+    kind, value, lower, upper, px, py, vx, vy, om = row
+    if math.isnan(kind):
+        return NO_UTILISATION
+    return Utilisation(value, lower, upper, _pole(px, py), KINDS[int(kind)], (vx, vy, om))
 
 
 def _pole(px: float, py: float) -> Array | None:

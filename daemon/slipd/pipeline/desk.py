@@ -154,23 +154,28 @@ class Desk:
         force_n = float(request.body["force_n"])
 
         def command(gripper: GripperControl) -> Result:
-            blind = [finger.name for finger in self._fingers.values() if not finger.trusted]
-            if blind and force_n > (gripper.force_command_n or 0.0):
-                message = f"not to be raised on a stale or doubtful sensor: {', '.join(blind)}; see status"
-                return Refusal("not_ready", message, "force_n")
-            return gripper.set_force(force_n)
+            return self._blind(force_n, gripper.force_command_n or 0.0) or gripper.set_force(force_n)
 
         return self._command(request, t_ns, command, force_n)
 
     def _close(self, request: Request, t_ns: int) -> Result:
         body = request.body
         force_n = float(body["force_n"])
-        return self._command(
-            request,
-            t_ns,
-            lambda gripper: gripper.close(force_n, body.get("width_m"), body.get("speed_mps")),
-            force_n,
-        )
+
+        def command(gripper: GripperControl) -> Result:
+            held_n = gripper.force_command_n
+            refusal = None if held_n is None else self._blind(force_n, held_n)
+            return refusal or gripper.close(force_n, body.get("width_m"), body.get("speed_mps"))
+
+        return self._command(request, t_ns, command, force_n)
+
+    def _blind(self, force_n: float, held_n: float) -> Refusal | None:
+        """Refuses to raise a grip that nobody feels."""
+        blind = [finger.name for finger in self._fingers.values() if not finger.trusted]
+        if not blind or force_n <= held_n:
+            return None
+        message = f"not to be raised on a stale or doubtful sensor: {', '.join(blind)}; see status"
+        return Refusal("not_ready", message, "force_n")
 
     def _open(self, request: Request, t_ns: int) -> Result:
         body = request.body

@@ -6,6 +6,9 @@ its events is the run itself.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, cast
 
 from slipd import __version__
@@ -20,7 +23,7 @@ from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import Outlet, Pace
 from slipd.pipeline.streams import Stream
 from slipd.pipeline.voice import Voice
-from slipd.samples import GripperSample, Sample, WrenchSample
+from slipd.samples import GripperSample
 from slipd_client.messages import (
     GRIPPER_TOPIC,
     STATUS_TOPIC,
@@ -89,25 +92,34 @@ class Engine:
         return GripperControl(self._config.gripper, cast("GripperSession", self._links["gripper"].session))
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
-        for stream, sample, acquired_ns in link.receive(data, t_ns, self._lateness.late_ns):
-            self._take(stream, sample, acquired_ns, out)
+        received = link.receive(data, t_ns, self._lateness.late_ns)
+        for stream, group in groupby(received, key=itemgetter(0)):
+            samples, times_ns = zip(*((sample, acquired_ns) for _, sample, acquired_ns in group), strict=True)
+            self._take(stream, samples, times_ns, out)
         out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
 
-    def _take(self, stream: str, sample: Sample, acquired_ns: int, out: list[Output]) -> None:
-        if isinstance(sample, GripperSample):
-            gripper = cast("GripperControl", self._gripper)
+    def _take(self, stream: str, samples: Sequence[Any], times_ns: Sequence[int], out: list[Output]) -> None:
+        """Takes the readings of one stream that came in one read."""
+        owner, _, kind = stream.partition(".")
+        if not kind:
+            self._take_gripper(samples, out)
+            return
+        finger, voice = self._fingers[owner], self._voices[owner]
+        if kind == "wrench":
+            for state in finger.take_wrenches(samples, times_ns):
+                voice.tell(state, out)
+            return
+        for sample, acquired_ns in zip(samples, times_ns, strict=True):
+            decided = finger.take_tactile(sample, acquired_ns)
+            if decided is not None:
+                voice.tell(decided, out)
+            voice.tell_image(acquired_ns, out)
+
+    def _take_gripper(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
+        gripper = cast("GripperControl", self._gripper)
+        for sample in samples:
             gripper.take(sample)
             out.append(self._outlet.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, gripper.body(sample.t_ns)))
-            return
-        name = stream.partition(".")[0]
-        finger, voice = self._fingers[name], self._voices[name]
-        if isinstance(sample, WrenchSample):
-            voice.tell(finger.take_wrench(sample, acquired_ns), out)
-        else:
-            state = finger.take_tactile(sample, acquired_ns)
-            if state is not None:
-                voice.tell(state, out)
-            voice.tell_image(acquired_ns, out)
 
     def _tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:
         slept = 0 if self._suspended_ns is None else suspended_ns - self._suspended_ns
@@ -130,6 +142,8 @@ class Engine:
             link.interrupt()
         for name, finger in self._fingers.items():
             finger.disconnect_image()
+            if finger.force is not None:
+                finger.force.gravity.forget()
             self._voices[name].tell(finger.disconnect(t_ns), out)
 
     def _lose(self, name: str, t_ns: int, out: list[Output]) -> None:

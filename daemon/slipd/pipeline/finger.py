@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Stream
 from slipd.fusion import Contact, contact_of
 from slipd.pipeline.decision import Verdict
-from slipd.pipeline.force import UNTRUSTED, UNTRUSTED_FAULTS, ForceSide
+from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, Doubt, ForceSide
 from slipd.pipeline.image import UNFELT, Felt, PadImage, Shares, pad_image
-from slipd.pipeline.judge import Judge, State
-from slipd.samples import TactileSample, WrenchSample
-from slipd.signals.agreement import Agreement
+from slipd.pipeline.judge import Ahead, Judge, State
+from slipd.samples import UNTRUSTED, TactileSample, WrenchSample
+from slipd.signals.agreement import CLEAR, STDS, Agreement
 from slipd.signals.tare import Tare
 
 #: A contact that exists is lost only below this share of the least normal force.
@@ -22,13 +24,18 @@ CONTACT_HYSTERESIS = 0.8
 MOVING_STDS = 6.0
 #: Force and image are compared at most every 10 ms: a disagreement counts only once it has lasted for longer.
 COMPARE_NS = 10_000_000
+#: A tare bears a moment's silence; over a longer one nobody knows what touched the finger.
+LONGEST_TARE_GAP_NS = 500_000_000
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
 LOST = Verdict("unknown", ("stale",))
 #: Reasons with which nobody knows what the fingers feel.
 DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED | UNTRUSTED_FAULTS
 FREE = Verdict("no_contact", ())
-EXACT = (0.0, 0.0, 0.0, 0.0)
+#: The finger's own weight may be a contact, or hide one.
+HIDDEN = Verdict("unknown", ("weight_unknown",))
+#: Of readings this far apart one is kept for an image of its time; the longest scan is a tenth of a second old.
+PAST_NS, PASTS = 1_000_000, 128
 
 
 class Finger:
@@ -60,6 +67,7 @@ class Finger:
         self._disagreement: tuple[str, ...] = ()
         self._compared_ns = 0
         self._low_n, self._high_n = math.inf, -math.inf
+        self._past: deque[tuple[int, tuple[float, ...]]] = deque(maxlen=PASTS)
         self._image_stale_ns = stale_after_ns(config.pad) if config.pad is not None else 0
         self._in_contact = False
         self._free = False
@@ -80,7 +88,7 @@ class Finger:
         shown = self._shows_contact()
         if shown or (tared and self._in_contact):
             return True
-        if self.state.contact is None:
+        if self.state.contact is None or self.state.verdict is HIDDEN:
             return None
         return False if tared else shown
 
@@ -105,23 +113,24 @@ class Finger:
         return self.force.undo_tare() if self.force is not None else self.tare.undo()
 
     def take_wrench(self, sample: WrenchSample, acquired_ns: int | None = None) -> State:
-        """Decides on a reading of the force sensor.
+        """Decides on a reading of the force sensor, acquired when it was received unless ``acquired_ns`` says when."""
+        (state,) = self.take_wrenches((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,))
+        return state
+
+    def take_wrenches(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Iterator[State]:
+        """Decides on the readings of one read, each when it is asked for.
 
         Args:
-            sample: The reading.
-            acquired_ns: When it was acquired, CLOCK_MONOTONIC; None: when it was received.
+            samples: The readings, received together.
+            times_ns: When each was acquired, CLOCK_MONOTONIC.
         """
         if self.force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
-        status = sample.status
-        untrusted = tuple(sorted(UNTRUSTED.intersection(status))) if status else ()
-        t_ns = sample.t_ns if acquired_ns is None else acquired_ns
-        wrench = self.force.take(
-            sample, t_ns, trusted=not untrusted, untouched=self._untouched() if self.force.drifts else None
-        )
-        if self.force.fault in UNTRUSTED_FAULTS:
-            untrusted = (*untrusted, self.force.fault)
-        return self._decide(sample, t_ns, wrench, untrusted)
+        readings = self.force.take(samples, times_ns, self._untouched() if self.force.drifts else None)
+        ahead = self._ahead([reading.wrench for reading in readings])
+        for at, (sample, t_ns, reading) in enumerate(zip(samples, times_ns, readings, strict=True)):
+            ahead.at = at
+            yield self._decide(sample, t_ns, reading.wrench, reading.untrusted, ahead)
 
     def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> State | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
@@ -133,17 +142,25 @@ class Finger:
         if self.force is not None or not self.image.three_axis:
             return None
         untrusted = tuple(sorted(UNTRUSTED.intersection(sample.status)))
-        return self._decide(sample, t_ns, self.image.wrench(), untrusted)
+        wrench = self.image.wrench()
+        if wrench is None:
+            return self._decide(sample, t_ns, (), untrusted or ("not_finite",), self._ahead([]))
+        return self._decide(sample, t_ns, wrench, untrusted, self._ahead([wrench]))
 
     def on_time(self, t_ns: int) -> State | None:
         """Notices that a stream which the verdict stands on fell silent; None where nothing changed."""
+        silent_ns = 0 if self._received_ns is None else t_ns - self._received_ns
+        if self.tare.busy and silent_ns > LONGEST_TARE_GAP_NS:
+            self.tare.abort("the stream fell silent")
         if self.state.verdict is LOST:
             return None
-        if self._received_ns is None or t_ns - self._received_ns > self._stale_ns:
+        if self._received_ns is None or silent_ns > self._stale_ns:
             return self.lose(t_ns)
         if self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
             verdict = Verdict("unknown", ("rotation_unobserved",))
-            self.state = replace(self.state, verdict=verdict, shares=None, utilisation=None, model="none")
+            self.state = replace(
+                self.state, verdict=verdict, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
+            )
             return self.state
         return None
 
@@ -169,36 +186,41 @@ class Finger:
         self,
         sample: WrenchSample | TactileSample,
         t_ns: int,
-        wrench: tuple[float, ...] | None,
+        wrench: tuple[float, ...],
         untrusted: tuple[str, ...],
+        ahead: Ahead,
     ) -> State:
         self._received_ns, self._acquired_ns = sample.t_ns, t_ns
         if sample.t_ns - t_ns > self._stale_ns:
             return self.lose(t_ns)
-        state = State(t_ns, LOST, wrench, status=sample.status)
-        noise = self._uncertainty(t_ns)
-        contact = None if untrusted or wrench is None else self._contact(wrench, noise)
         self._free = False
-        if contact is None:
-            state.verdict = Verdict("unknown", untrusted or ("not_finite",))
-        elif not contact.valid:
-            self._note_normal(contact.normal_n)
-            self._end_contact()
-            self._free = True
-            state.contact, state.verdict = contact, FREE
-        else:
+        if untrusted:
+            self.state = State(t_ns, Verdict("unknown", untrusted), wrench or None, status=sample.status)
+            return self.state
+        doubt = self._doubt(t_ns)
+        contact = self._contact(wrench, doubt)
+        state = State(t_ns, FREE, wrench, contact, status=sample.status)
+        self._note(t_ns, wrench, contact.normal_n)
+        if contact.valid:
             self._in_contact = True
-            state.contact = contact
-            self._note_normal(contact.normal_n)
-            self._judge.judge(state, contact, self._fresh_shares(sample.t_ns, contact), noise[2:])
+            self._judge.judge(state, contact, self._fresh_shares(sample.t_ns, contact), ahead, doubt)
             if self._disagreement:
                 state.verdict = Verdict("unknown", ("disagreement", *self._disagreement))
             elif state.shares is None and self.image is not None and self.image.hangs:
                 state.verdict = Verdict(state.verdict.level, ("stuck", *state.verdict.reasons))
+        else:
+            self._end_contact()
+            self._free = contact.normal_n + doubt.force_n < self.config.min_normal_n
+            if not self._free:
+                state.verdict = HIDDEN
         self.state = state
         if self.tare.busy and self.pressed():
             self.tare.abort("a contact began")
         return state
+
+    def _ahead(self, wrenches: list[tuple[float, ...]]) -> Ahead:
+        least = self.config.min_normal_n
+        return Ahead(wrenches, (least, CONTACT_HYSTERESIS * least))
 
     def _felt(self) -> Felt:
         """What the force sensor felt since the image before."""
@@ -210,38 +232,47 @@ class Finger:
         return Felt(self._free, contact.normal_n, moving, not self._disagreement)
 
     def _compare(self, t_ns: int) -> None:
-        """Compares a new image with what the force sensor tells of the contact."""
-        image, contact, agreement = self.image, self.state.contact, self._agreement
-        if image is None or agreement is None or contact is None or not image.known:
+        """Compares a new image with what the force sensor told of the contact at its time."""
+        image, agreement = self.image, self._agreement
+        if image is None or agreement is None or self.state.contact is None or not image.known:
             self._forget_comparison()
             return
-        if t_ns - self._compared_ns < COMPARE_NS or (math.isnan(contact.spin_nm) and contact.valid):
-            return  # without torque there is no centroid
+        if t_ns - self._compared_ns < COMPARE_NS:
+            return
         self._compared_ns = t_ns
-        noise_n, _, weight_n, _ = self._uncertainty(t_ns)
-        told = agreement.update(t_ns, contact, noise_n + weight_n, image.x, image.y, image.pressure)
+        doubt = self._doubt(t_ns)
+        _, wrench = min(self._past, key=lambda past: abs(past[0] - t_ns))
+        shift = doubt._replace(force_n=doubt.force_n / STDS, torque_nm=doubt.torque_nm / STDS)
+        contact = self._contact(wrench, shift)
+        told = agreement.update(t_ns, contact, doubt.force_std_n + doubt.force_n, image.x, image.y, image.pressure)
         self._disagreement = tuple(f"disagreement_{what}" for what in told)
 
-    def _contact(self, wrench: tuple[float, ...], noise: tuple[float, float, float, float]) -> Contact:
+    def _contact(self, wrench: tuple[float, ...], doubt: Doubt) -> Contact:
         """The contact as the force sensor sees it; without torque, its centroid and spin are unknown."""
         least = self.config.min_normal_n * (CONTACT_HYSTERESIS if self._in_contact else 1.0)
-        force_std_n, torque_std_nm = noise[0] + noise[2], noise[1] + noise[3]
+        force_std_n, torque_std_nm = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
         if math.isnan(wrench[3]):
             found = contact_of((*wrench[:3], 0.0, 0.0, 0.0), least, force_std_n, torque_std_nm)
             nan = math.nan
             return found._replace(cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
         return contact_of(wrench, least, force_std_n, torque_std_nm)
 
-    def _uncertainty(self, t_ns: int) -> tuple[float, float, float, float]:
-        """Noise of force, N, and torque, N·m; then what an uncompensated weight may add to them."""
-        return EXACT if self.force is None else self.force.uncertainty(t_ns)
+    def _doubt(self, t_ns: int) -> Doubt:
+        """How far a reading at ``t_ns`` may be off."""
+        return NO_DOUBT if self.force is None else self.force.doubt(t_ns)
 
     def _untouched(self) -> bool | None:
-        """Whether nothing touches the finger, by the image where it is a witness of its own, else by the force."""
+        """Whether nothing touches the finger; None where that is in doubt.
+
+        The image is a witness of its own where it has something to say; it must not speak for a force it does not show.
+        """
+        contact = self.state.contact
+        if self._disagreement or contact is None:
+            return None
         shown = self._shows_contact()
-        if shown is not None:
-            return not shown
-        return True if self._free else None
+        if shown is None:
+            return True if self._free else None
+        return not shown and contact.normal_n < CLEAR * self.config.min_normal_n
 
     def _shows_contact(self) -> bool | None:
         """What a fresh image says beside the force sensor; taxels that are the force sensor say nothing beside it."""
@@ -262,7 +293,11 @@ class Finger:
             return None
         return image.shares(contact)
 
-    def _note_normal(self, normal_n: float) -> None:
+    def _note(self, t_ns: int, wrench: tuple[float, ...], normal_n: float) -> None:
+        """Keeps what an image will be compared with."""
+        past = self._past
+        if not past or t_ns - past[-1][0] >= PAST_NS:
+            past.append((t_ns, wrench))
         if normal_n < self._low_n:
             self._low_n = normal_n
         if normal_n > self._high_n:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from slipd.config import Wrench
-from slipd.samples import Array, WrenchSample
+from slipd.fusion import carry
+from slipd.samples import UNTRUSTED, Array, WrenchSample
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
@@ -27,9 +29,44 @@ _FAULTS = {
     "garbage": (Health.ERROR, "its readings are out of range_n, or jump to and fro"),
     "intermittent": (Health.WARN, "it failed several times within 10 s"),
 }
-#: Status words that make a reading's value untrustworthy.
-UNTRUSTED = frozenset({"overload", "invalid", "raw"})
+NO_WEIGHT = np.zeros(6)
+_NO_TORQUE = [0.0, 0.0, 0.0]
 _UNKNOWN = (math.nan, math.nan, math.nan)
+
+
+class Doubt(NamedTuple):
+    """How far a reading may be off: noise, and what an uncompensated weight may add.
+
+    Attributes:
+        force_std_n: Standard deviation of each force component, N.
+        torque_std_nm: Likewise of each torque component, N·m.
+        force_n: Most that the weight adds, N.
+        torque_nm: Likewise, N·m.
+    """
+
+    force_std_n: float = 0.0
+    torque_std_nm: float = 0.0
+    force_n: float = 0.0
+    torque_nm: float = 0.0
+
+
+NO_DOUBT = Doubt()
+
+
+@dataclass(slots=True)
+class Reading:
+    """One reading of the force sensor, on the pad.
+
+    Attributes:
+        untrusted: What speaks against it; empty when nothing does.
+        torque: The sensor measures torque.
+        wrench: Force on the finger in the pad frame, N, and torque about the pad's origin, N·m; the torque is NaN where
+            the sensor measures none.
+    """
+
+    untrusted: tuple[str, ...]
+    torque: bool
+    wrench: tuple[float, ...] = ()
 
 
 class ForceSide:
@@ -49,7 +86,7 @@ class ForceSide:
         self._noise = (wrench.force_std_n, wrench.torque_std_nm)
         self.tare = Tare(np.zeros(6), np.repeat(self._noise, 3))
         self._mass_kg = wrench.mass_kg
-        self._certain = (*self._noise, 0.0, 0.0)
+        self._noise_alone = Doubt(*self._noise)
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
         pose = wrench.pad_from_sensor
         self._to_pad: Array = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
@@ -74,38 +111,52 @@ class ForceSide:
         """Its zero is followed."""
         return self._drift is not None
 
-    def take(
-        self, sample: WrenchSample, t_ns: int, *, trusted: bool, untouched: bool | None
-    ) -> tuple[float, ...] | None:
-        """Takes a reading.
+    def take(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: bool | None) -> list[Reading]:
+        """Takes the readings of one read.
 
         Args:
-            sample: The reading.
-            t_ns: When it was acquired.
-            trusted: The device has nothing to say against it.
+            samples: The readings.
+            times_ns: When each was acquired.
             untouched: Nothing touches the finger; None where that is not known.
-
-        Returns:
-            Force on the finger in the pad frame, N, and torque about the pad's origin, N·m; the torque is NaN where the
-            sensor measures none. None where a number of the reading is not finite: it touches no state.
         """
-        torque = sample.torque_nm
-        self._status = sample.status
-        self.fault = self._watch.update(sample.force_n, torque, t_ns)
-        trusted = trusted and self.fault not in UNTRUSTED_FAULTS
-        numbers = sample.force_n.tolist() + ([0.0, 0.0, 0.0] if torque is None else torque.tolist())
-        if not math.isfinite(sum(numbers)):
-            return None
-        wrench = self._to_pad @ self.tare.apply(np.array(numbers), t_ns, trusted=trusted)
+        if self.tare.busy and len(samples) > 1:
+            singly = zip(samples, times_ns, strict=True)
+            return [reading for sample, t_ns in singly for reading in self.take((sample,), (t_ns,), untouched)]
+        found, rows = [], []
+        for sample, t_ns in zip(samples, times_ns, strict=True):
+            reading, numbers = self._check(sample, t_ns)
+            found.append(reading)
+            rows.append(numbers)
+        if self.tare.busy and math.isfinite(sum(rows[0])):
+            self.tare.apply(np.array(rows[0]), times_ns[0], trusted=not found[0].untrusted)
         if self.tare.current is not self._offset:
             self._take_offset()
-        if self.gravity.correction is not None:
-            wrench = wrench - self.gravity.correction
+        weight = self.gravity.correction
+        wrenches = carry(self._to_pad, self._offset.value, NO_WEIGHT if weight is None else weight, np.array(rows))
         if self._drift is not None:
-            self._drift.update(wrench, t_ns, untouched if self._may_learn(t_ns, trusted=trusted) else None)
-            wrench = wrench - self._drift.value
-        listed = wrench.tolist()
-        return tuple(listed) if torque is not None else (*listed[:3], *_UNKNOWN)
+            for wrench, reading, t_ns in zip(wrenches, found, times_ns, strict=True):
+                learns = not reading.untrusted and self._may_learn(t_ns)
+                self._drift.update(wrench, t_ns, untouched if learns else None)
+                wrench -= self._drift.value
+        for reading, wrench in zip(found, wrenches.tolist(), strict=True):
+            if reading.torque:
+                reading.wrench = tuple(wrench)
+            else:
+                reading.wrench = (*wrench[:3], *_UNKNOWN)
+        return found
+
+    def _check(self, sample: WrenchSample, t_ns: int) -> tuple[Reading, list[float]]:
+        """What speaks against a reading, and its six numbers; a torque that the sensor does not measure is 0."""
+        torque = sample.torque_nm
+        self._status = status = sample.status
+        self.fault = fault = self._watch.update(sample.force_n, torque, t_ns)
+        untrusted = tuple(sorted(UNTRUSTED.intersection(status))) if status else ()
+        if fault in UNTRUSTED_FAULTS:
+            untrusted = (*untrusted, fault)
+        numbers: list[float] = sample.force_n.tolist() + (_NO_TORQUE if torque is None else torque.tolist())
+        if not math.isfinite(sum(numbers)):
+            untrusted = untrusted or ("not_finite",)
+        return Reading(untrusted, torque is not None), numbers
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
         """Starts to average readings; the weight at the present orientation becomes part of the offset."""
@@ -128,12 +179,11 @@ class ForceSide:
             if turned_n > self._noise[0]:
                 self.tare.abort("the finger was turned")
 
-    def uncertainty(self, t_ns: int) -> tuple[float, float, float, float]:
-        """Noise of a force component, N, and of a torque component, N·m; then what the weight may add, likewise."""
+    def doubt(self, t_ns: int) -> Doubt:
+        """How far a reading at ``t_ns`` may be off."""
         if self._mass_kg == 0.0:
-            return self._certain
-        force_n, torque_nm = self.gravity.uncertainty(t_ns)
-        return (*self._noise, force_n, torque_nm)
+            return self._noise_alone
+        return Doubt(*self._noise, *self.gravity.uncertainty(t_ns))
 
     def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the sensor's readings."""
@@ -161,9 +211,9 @@ class ForceSide:
             "drift_frozen": None if drift is None else drift.frozen,
         }
 
-    def _may_learn(self, t_ns: int, *, trusted: bool) -> bool:
+    def _may_learn(self, t_ns: int) -> bool:
         """A zero is learned only from readings of which nothing else is in doubt."""
-        return trusted and not self.tare.busy and self.gravity.state(t_ns) != "unknown_orientation"
+        return not self.tare.busy and self.gravity.state(t_ns) != "unknown_orientation"
 
     def _take_offset(self) -> None:
         """Another offset is in force: by a tare, or by its undo, which has a lower id."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from slipd.config import Finger, Pad, axes_of
 from slipd.fusion import Contact, ContactShape, Loads, Outline, active_loads, contact_shape, grey_loads
-from slipd.samples import Array, TactileSample
+from slipd.samples import UNTRUSTED, Array, TactileSample
 from slipd.signals.charge import ChargeReconstruction
 from slipd.signals.frozen import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
@@ -122,6 +122,7 @@ class PadImage:
             felt: What the force sensor felt meanwhile.
         """
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
+        doubtful = not UNTRUSTED.isdisjoint(sample.status)
         self.hangs = self._frozen.update(sample.values, t_ns, felt.normal_n)
         values = self.tare.apply(sample.values, sample.t_ns)
         if self.three_axis and self.geometry.swap_xy:
@@ -130,16 +131,17 @@ class PadImage:
         readings = -values[:, 2] if self.three_axis else values
         pressure = None
         if self._charge is not None:
-            if self._calibrated and felt.agrees and felt.normal_n is not None:
+            anchored = felt.agrees and not doubtful and not self._health.masked.any()
+            if self._calibrated and anchored and felt.normal_n is not None:
                 self._charge.anchor(felt.normal_n)
             values = pressure = self._charge.update(values, t_ns * 1e-9, felt.free)
         free = felt.free if felt.normal_n is not None else None
         self._health.update(readings, t_ns, free, felt.moving, pressure)
-        self._believe(values)
+        self._believe(values, doubtful=doubtful)
         self.t_ns, self.received_ns, self.status = t_ns, sample.t_ns, sample.status
         self._assumed_free = self._charge is not None and felt.free
 
-    def _believe(self, values: Array) -> None:
+    def _believe(self, values: Array, *, doubtful: bool) -> None:
         """Makes pressures of forces, with the masked taxels mended."""
         mend = self._health.repair if self._health.masked.any() else None
         if self.three_axis:
@@ -149,7 +151,8 @@ class PadImage:
             values = -values[:, 2]
         elif mend is not None:
             values = mend(values)
-        self._known = self._health.usable and not self.hangs and bool(np.isfinite(values).all())
+        usable = self._health.usable and not self.hangs and not doubtful
+        self._known = usable and bool(np.isfinite(values).all())
         self.pressure = np.where(values > self._threshold, values, 0.0) if self._known else np.zeros_like(values)
         self._shared = False
 
@@ -169,7 +172,8 @@ class PadImage:
         del t_ns
         found = []
         if self.status:
-            found.append((Health.WARN, f"the device reports: {', '.join(self.status)}"))
+            level = Health.WARN if UNTRUSTED.isdisjoint(self.status) else Health.ERROR
+            found.append((level, f"the device reports: {', '.join(self.status)}"))
         if self.hangs:
             found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))
         masked = "; ".join(f"{kind} {', '.join(map(str, at))}" for kind, at in self._health.report().items() if at)

@@ -9,8 +9,9 @@ import numpy as np
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
-from slipd.fusion import Contact, Loads, SlipDetector, SlipSettings, Utilisation, utilisation_of
-from slipd.pipeline.decision import NAMES, STABLE, LevelGate, Verdict, danger_reasons
+from slipd.fusion import Contact, Loads, SlipDetector, SlipSettings, Utilisation, utilisation_of, utilisations_of
+from slipd.pipeline.decision import CAUTION, NAMES, STABLE, LevelGate, Verdict, danger_reasons
+from slipd.pipeline.force import Doubt
 from slipd.pipeline.image import Shares
 from slipd.samples import Array
 
@@ -19,6 +20,35 @@ ROTATION_SHARE = 0.7
 #: Relative gap of the bounds of utilisation: far below what a threshold, or a message, can tell apart.
 DECISION_GAP = 1e-6
 HOLDS = Verdict("stable", ())
+
+
+class Ahead:
+    """The utilisation of the readings of one read, found together when the first of them needs it.
+
+    Args:
+        wrenches: Force and torque on the pad of each reading, six numbers each.
+        contact_n: Normal force at which a contact begins, and down to which it lasts, N.
+
+    Attributes:
+        at: The reading whose turn it is.
+    """
+
+    def __init__(self, wrenches: list[tuple[float, ...]], contact_n: tuple[float, float]) -> None:
+        self._wrenches, self._contact_n = wrenches, contact_n
+        self.at = 0
+        self._first = 0
+        self._found: list[Utilisation] = []
+
+    def utilisation(self, shares: Shares, mu: float, twist: tuple[float, float, float] | None) -> Utilisation:
+        """λ of the reading, which is in contact; the image and μ are those of the whole read."""
+        if not self._found:
+            self._first = self.at
+            wrenches = np.array(self._wrenches[self.at :])
+            loads = shares.loads.loads
+            self._found = utilisations_of(
+                shares.x, shares.y, loads, mu, wrenches, self._contact_n, True, twist, DECISION_GAP
+            )
+        return self._found[self.at - self._first]
 
 
 @dataclass(slots=True)
@@ -90,16 +120,15 @@ class Judge:
         self._rotation_slip.reset()
         self._twist = None
 
-    def judge(
-        self, state: State, contact: Contact, shares: Shares | None, doubt: tuple[float, ...] = (0.0, 0.0)
-    ) -> None:
+    def judge(self, state: State, contact: Contact, shares: Shares | None, ahead: Ahead, doubt: Doubt) -> None:
         """Fills in what a valid contact means.
 
         Args:
             state: Of the reading; its time is set.
             contact: The contact, valid; without torque, its centroid and spin are NaN.
             shares: Of a fresh image; None where there is none.
-            doubt: Force, N, and torque, N·m, that the readings may hold beside the contact's.
+            ahead: The utilisation of this reading and of those read with it.
+            doubt: What the readings may hold beside the contact's load.
         """
         mu = self._mu
         state.shares = shares
@@ -115,44 +144,37 @@ class Judge:
             state.verdict = self._without_rotation(translation, slips)
             return
         state.model = "exact"
-        normal_n = contact.normal_n
-        used = utilisation_of(
-            shares.x,
-            shares.y,
-            shares.loads.loads,
-            mu,
-            (contact.fx_n / normal_n, contact.fy_n / normal_n),
-            contact.spin_nm / normal_n,
-            (contact.cx_m, contact.cy_m),
-            start=self._twist,
-            gap=DECISION_GAP,
-        )
+        used = ahead.utilisation(shares, mu, self._twist)
         self._twist = used.twist
         state.utilisation = used
         slips = self._slips(state.t_ns, contact, used.value, translation)
-        doubted = self._doubted(shares, contact, mu, doubt) if doubt[0] > 0.0 else 0.0
-        upper = math.inf if math.isnan(used.upper) else used.upper + doubted  # no number is no safety
-        state.verdict = self._with_image(used, upper, self._tips(state, contact), translation, slips)
+        upper = math.inf if math.isnan(used.upper) else used.upper  # no number is no safety
+        if doubt.force_n > 0.0:
+            upper = self._doubted(shares, contact, mu, upper, doubt)
+        state.verdict = self._with_image(used, upper, self._tips(state, contact, doubt), translation, slips)
 
-    def _doubted(self, shares: Shares, contact: Contact, mu: float, doubt: tuple[float, ...]) -> float:
-        """Most that an unknown force and torque add to λ, which is a gauge and so grows by no more than its parts."""
-        shift = doubt[0] * math.hypot(1.0, contact.friction_ratio) / (mu * contact.normal_n)
+    def _doubted(self, shares: Shares, contact: Contact, mu: float, upper: float, doubt: Doubt) -> float:
+        """Largest λ with an unknown force and torque beside the load: the gauge grows by no more than its parts."""
+        normal_n, force_n = contact.normal_n, doubt.force_n
+        if normal_n <= force_n:
+            return math.inf
         at = (contact.cx_m, contact.cy_m)
-        turn = utilisation_of(shares.x, shares.y, shares.loads.loads, mu, (0.0, 0.0), doubt[1] / contact.normal_n, at)
-        return shift + turn.upper
+        turn = utilisation_of(shares.x, shares.y, shares.loads.loads, mu, (0.0, 0.0), doubt.torque_nm / normal_n, at)
+        return (upper * normal_n + force_n / mu + turn.upper * normal_n) / (normal_n - force_n)
 
-    def _with_image(self, used: Utilisation, upper: float, tips: int, translation: float, slips: bool) -> Verdict:
+    def _with_image(
+        self, used: Utilisation, upper: float, tips: tuple[int, tuple[str, ...]], translation: float, slips: bool
+    ) -> Verdict:
         step = self._gate.update(upper)
-        if step == tips == STABLE and not slips:
+        tipping, why = tips
+        if step == tipping == STABLE and not slips:
             return HOLDS
         reasons = danger_reasons(used.value, translation, self._caution) if step > STABLE else ()
-        if tips > STABLE:
-            step, reasons = max(step, tips), (*reasons, "tipping")
-        if step > STABLE and used.upper < self._caution and "tipping" not in reasons:
-            reasons = (*reasons, "weight_unknown")
+        if step > STABLE and used.upper < self._caution and "weight_unknown" not in why:
+            reasons = (*reasons, "weight_unknown") if upper > used.upper else reasons
         if slips:
-            return Verdict("slipping", ("slip_detected", *reasons))
-        return Verdict(NAMES[step], reasons)
+            return Verdict("slipping", ("slip_detected", *reasons, *why))
+        return Verdict(NAMES[max(step, tipping)], (*reasons, *why))
 
     def _without_rotation(self, translation: float, slips: bool) -> Verdict:
         """Translation alone can only prove a grip unsafe, never safe."""
@@ -162,11 +184,20 @@ class Judge:
             return Verdict("slipping", ("slip_detected", *reasons))
         return Verdict("warning" if unsafe else "unknown", reasons)
 
-    def _tips(self, state: State, contact: Contact) -> int:
-        """Step that the tipping margin asks for: taxels sense over a cell, so the hull is uncertain by half a pitch."""
-        noise_m = 2.0 * max(contact.cx_std_m, contact.cy_std_m)
-        outside = -(state.tipping_margin_m + noise_m) / (0.5 * self._pitch_m)
-        return STABLE + (outside > 0.0) + (outside > 1.0)
+    def _tips(self, state: State, contact: Contact, doubt: Doubt) -> tuple[int, tuple[str, ...]]:
+        """Step that the tipping margin asks for: taxels sense over a cell, so the hull is uncertain by half a pitch.
+
+        Noise excuses a centroid that lies outside; a doubt of the weight does not, for it may as well hide one.
+        """
+        std_m = math.hypot(doubt.torque_std_nm, math.hypot(contact.cx_m, contact.cy_m) * doubt.force_std_n)
+        outside = -(state.tipping_margin_m + 2.0 * std_m / contact.normal_n) / (0.5 * self._pitch_m)
+        step = STABLE + (outside > 0.0) + (outside > 1.0)
+        if step > STABLE or doubt.force_n == 0.0:
+            return step, ("tipping",) if step > STABLE else ()
+        arm_nm = doubt.torque_nm + math.hypot(contact.cx_m, contact.cy_m) * doubt.force_n
+        shift_m = arm_nm / max(contact.normal_n - doubt.force_n, 1e-9)
+        hidden = state.tipping_margin_m < shift_m - 0.5 * self._pitch_m
+        return (CAUTION, ("tipping", "weight_unknown")) if hidden else (STABLE, ())
 
     def _slips(self, t_ns: int, contact: Contact, used: float, translation: float) -> bool:
         """Watches force and spin; the spin only where it is most of the load, for else its fall is noise."""

@@ -82,7 +82,7 @@ class Link:
     def interrupt(self) -> None:
         """Time passed that nobody saw: what was learned of the device's clock is over."""
         for stream in self.streams.values():
-            stream.clock.forget()
+            stream.forget()
 
     def close(self, reason: str) -> None:
         """The link went down or could not be opened."""
@@ -99,7 +99,7 @@ class Link:
             late_ns: How long the bytes may have waited for the daemon.
         """
         samples = self._decoder.receive(data, t_ns)
-        if self.session is not None and self.session.identity != self._first_said:
+        if self.session is not None and (self._stranger or self.session.identity != self._first_said):
             self._recognise()
         if not samples or self._stranger:
             return []
@@ -169,6 +169,8 @@ class Link:
                 if said
                 else f"waits for the device to say that it is {wanted!r}"
             )
+        elif not said and self._first_said and self.session is not None and self.session.state != "running":
+            self._stranger = "waits for the device to say who it is: another one may have taken its place"
         elif said != self._first_said and said:
             self._stranger = f"another device answers: {said!r}, where {self._first_said!r} was; start the daemon anew"
         elif self._opened != self._first_opened:

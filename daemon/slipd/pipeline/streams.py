@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from slipd.config import Pad, Wrench, axes_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.pipeline.finger import stale_after_ns
 from slipd.pipeline.report import number
-from slipd.samples import Sample, TactileSample
+from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock, host_time
 from slipd_client.messages import Health
 
@@ -28,10 +29,11 @@ class Stream:
     Attributes:
         name: e.g. ``left.wrench``.
         expected_hz: Rate that the config expects.
-        taxels: Taxels of an image; None where the readings are no images.
+        kind: What its readings are.
+        shape: Of an image; empty where the readings are no images.
         last_ns: When the newest reading was received; None before the first.
         count: Readings handed on.
-        misfit: Taxels of a newest image that has another number of them; None where it fits.
+        misfit: Why the newest reading does not fit the config; "" where it does.
     """
 
     name: str
@@ -39,12 +41,14 @@ class Stream:
     stale_ns: int
     host_clock: bool
     clock: DeviceClock
-    taxels: int | None = None
+    kind: type[Sample]
+    shape: tuple[int, ...] = ()
     last_ns: int | None = None
     count: int = 0
     rate_hz: float | None = None
     damage: int = 0
-    misfit: int | None = None
+    misfit: str = ""
+    _acquired_ns: int = field(default=0, repr=False)
     _bad_time_ns: int | None = field(default=None, repr=False)
     _since_ns: int | None = field(default=None, repr=False)
     _counted: int = field(default=0, repr=False)
@@ -57,10 +61,9 @@ class Stream:
             sample: The reading.
             late_ns: How long it may have waited for the daemon; nothing else tells where the device has no clock.
         """
-        if isinstance(sample, TactileSample) and len(sample.values) != self.taxels:
-            self.misfit = len(sample.values)
+        self.misfit = self._misfit(sample)
+        if self.misfit:
             return None
-        self.misfit = None
         receipt_ns = sample.t_ns
         self.last_ns = receipt_ns
         self.count += 1
@@ -69,11 +72,27 @@ class Stream:
             acquired_ns, believed = host_time(device_ns, receipt_ns)
             if not believed and device_ns is not None:
                 self._bad_time_ns = receipt_ns
-            return acquired_ns
+            return self._in_order(acquired_ns)
         if isinstance(sample, TactileSample) and device_ns is not None:
             device_ns += (len(sample.values) - 1) * sample.dwell_ns  # the end of the scan is what was sent at once
         acquired_ns = self.clock.map(device_ns, receipt_ns)
-        return acquired_ns - late_ns if late_ns and self.clock.state != "locked" else acquired_ns
+        return self._in_order(acquired_ns - late_ns if late_ns and self.clock.state != "locked" else acquired_ns)
+
+    def forget(self) -> None:
+        """The link was opened anew, or the host slept: what was learned of the device's clock is over."""
+        self.clock.forget()
+
+    def _in_order(self, acquired_ns: int) -> int:
+        """What integrates over time needs times that never go back."""
+        self._acquired_ns = max(acquired_ns, self._acquired_ns)
+        return self._acquired_ns
+
+    def _misfit(self, sample: Sample) -> str:
+        if not isinstance(sample, self.kind):
+            return f"readings that are a {type(sample).__name__}, which this stream is not"
+        if isinstance(sample, TactileSample) and sample.values.shape != self.shape:
+            return f"images of {_shape(sample.values.shape)}, where the config says {_shape(self.shape)}"
+        return ""
 
     def measure(self, t_ns: int, bad_bytes: int) -> None:
         """Takes rate and damage of the time since they were last taken; ``bad_bytes`` is the link's running count."""
@@ -86,8 +105,8 @@ class Stream:
 
     def level(self, t_ns: int) -> tuple[Health, str]:
         """How the stream of an open link is doing, and what to tell people of it."""
-        if self.misfit is not None:
-            return Health.ERROR, f"images of {self.misfit} taxels, where rows and cols say {self.taxels}"
+        if self.misfit:
+            return Health.ERROR, self.misfit
         if self.last_ns is None:
             return Health.STALE, "open, but no reading yet"
         age_ns = t_ns - self.last_ns
@@ -123,6 +142,16 @@ def make_stream(name: str, config: StreamConfig) -> Stream:
     device = DEVICES[config.device]
     poll_ns = round(config.poll_s * 1e9)
     clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9), poll_ns=poll_ns)
-    rows, cols = getattr(config, "rows", None), getattr(config, "cols", None)
-    taxels = rows * cols if rows is not None and cols is not None else None
-    return Stream(name, config.rate_hz, stale_after_ns(config), device.host_clock, clock, taxels)
+    kind: type[Sample] = GripperSample
+    shape: tuple[int, ...] = ()
+    if isinstance(config, Wrench):
+        kind = WrenchSample
+    elif isinstance(config, Pad):
+        taxels = config.rows * config.cols
+        kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)
+    return Stream(name, config.rate_hz, stale_after_ns(config), device.host_clock, clock, kind, shape)
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    axes = "three axes" if len(shape) > 1 else "one axis"
+    return f"{shape[0]} taxels of {axes}"

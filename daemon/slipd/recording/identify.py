@@ -19,9 +19,8 @@ from slipd.config import Config, Wrench, device_options
 from slipd.devices import DEVICES
 from slipd.errors import RecordingError
 from slipd.pipeline.events import Bytes, LinkDown, LinkUp, Request
-from slipd.pipeline.force import UNTRUSTED
 from slipd.recording.reader import Recording, open_recording
-from slipd.samples import WrenchSample
+from slipd.samples import UNTRUSTED, WrenchSample
 from slipd.signals.averaging import Average, most_std
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
 from slipd.signals.identify import Identification, identify

@@ -110,6 +110,10 @@ class GravityCompensation:
         self._fresh_until_ns = t_ns + FRESH_NS
         self._correct()
 
+    def forget(self) -> None:
+        """Time passed that no clock counted: the orientation is not fresh any more."""
+        self._fresh_until_ns = None
+
     def retare(self, gravity_mps2: Array | None) -> None:
         """Another offset came into force, by a tare or its undo.
 
