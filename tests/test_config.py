@@ -179,6 +179,9 @@ MEANING = [
     ('sensor = "2"', "# no sensor", "finger.right.pad.sensor", "say which sensor of the port"),
     ("cols = 16", 'cols = 16\nsensor = "1"', "finger.left.pad.sensor", "leave it out"),
     ("axis_scale = [0.001, 0.001, -0.001]", "axis_scale = [0.001]", "finger.right.pad.axis_scale", "give 3"),
+    ("axis_scale = [0.001, 0.001", "axis_scale = [0.001, 0", "finger.right.pad.axis_scale", "a 0 leaves nothing"),
+    ("rate_hz = 800", "rate_hz = 800\ndelay_s = 0.02", "finger.left.wrench.delay_s", "less than 0.02 s"),
+    ("rate_hz = 60.0", "rate_hz = 60.0\ndelay_s = 0.05", "finger.right.pad.delay_s", "less than 0.05 s"),
     ("electrode_m = 0.0015", "axis_scale = [1.0, 1.0]\nelectrode_m = 0.0015", "finger.left.pad.axis_scale", "give 1"),
     ("electrode_m = 0.0015", "tare = [1.0]\nelectrode_m = 0.0015", "finger.left.pad.tare", "needs 128 values, not 1"),
     ("max_force_n = 25.0", "max_force_n = 30.5", "gripper.max_force_n", "above the gripper's own 30.0 N"),
@@ -357,6 +360,51 @@ def test_two_pads_of_one_server_read_it_alike() -> None:
     twin = other[0].replace("finger.right", "finger.third").replace('"2"', '"1"')
     found = faults(GOOD + twin.replace('sensor = "1"', 'sensor = "1"\noptions = { calibrated = true }'))
     assert [path for path, _, _ in found] == ["finger.third.pad.options"]
+
+
+@pytest.mark.parametrize(("key", "value"), [("baud", "9600"), ("hardware_id", '"S/N 1"')])
+def test_two_sensors_of_one_port_are_behind_one_device(key: str, value: str) -> None:
+    other = re.search(r"\[finger\.right\.pad\]\n(.*\n)+?\n", GOOD)
+    assert other is not None
+    twin = other[0].replace("finger.right", "finger.third").replace('"2"', '"1"')
+    found = faults(GOOD + twin.replace('sensor = "1"', f'sensor = "1"\n{key} = {value}'))
+    assert [path for path, _, _ in found] == [f"finger.third.pad.{key}"]
+
+
+PADS = [
+    ("tsf85", "7", "4", "", ""),
+    ("tsf85", "4", "4", "finger.right.pad.rows", "4 rows of 4 taxels: tsf85 has 28 a sensor"),
+    ("papillarray", "3", "3", "", ""),
+    ("papillarray", "9", "3", "finger.right.pad.rows", "papillarray has 9 a sensor"),
+]
+
+
+@pytest.mark.parametrize(("device", "rows", "cols", "path", "told"), PADS)
+def test_a_pad_has_the_taxels_and_the_sensors_of_its_device(
+    device: str, rows: str, cols: str, path: str, told: str
+) -> None:
+    scale = "axis_scale = [1.0, 1.0, 1.0]" if device == "papillarray" else "axis_scale = [1.0]"
+    text = GOOD.replace(
+        "[finger.right]", '[finger.right]\nwrench = { device = "bota", port = "/dev/w", rate_hz = 800 }'
+    )
+    for old, new in (
+        ('"xela"', f'"{device}"'),
+        ("ws://127.0.0.1:5000", "/dev/pads"),
+        ('sensor = "2"', 'sensor = "1"'),
+        ("rows = 4", f"rows = {rows}"),
+        ("cols = 4", f"cols = {cols}"),
+        ("axis_scale = [0.001, 0.001, -0.001]", scale),
+    ):
+        text = text.replace(old, new)
+    if path:
+        [(found, _, message)] = faults(text)
+        assert found == path
+        assert told in message
+    else:
+        assert config.parse(text, "rig.toml").finger["right"].pad is not None
+    [(found, _, message)] = faults(text.replace('sensor = "1"', 'sensor = "2"'))
+    assert found == "finger.right.pad.sensor"
+    assert message == f'{device} has no sensor \'2\': it has "0" and "1"'
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,9 @@ _ADDRESSES = {
 }
 #: A quaternion written with four digits is still a unit quaternion.
 QUATERNION_TOLERANCE = 1e-3
+#: A stream is stale after so many periods without a reading, and no sooner than after the least.
+STALE_PERIODS = 3.0
+STALE_LEAST_S = 0.02
 #: A gripper's own settings are bytes.
 MAX_UNITS = 255
 
@@ -88,8 +91,14 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
         faults.append(
             (f"{path}.pad.axis_scale", "give 1 for taxels that feel pressure, 3 for those that feel shear too")
         )
+    elif 0.0 in pad.axis_scale:
+        faults.append((f"{path}.pad.axis_scale", "a 0 leaves nothing of what is felt: give newtons a count, or 1"))
     elif len(pad.axis_scale) != axes:
         faults.append((f"{path}.pad.axis_scale", f"{pad.device} measures {axes} component(s) a taxel: give {axes}"))
+    taxels = DEVICES[pad.device].taxels
+    if taxels not in (None, pad.rows * pad.cols):
+        message = f"{pad.rows} rows of {pad.cols} taxels: {pad.device} has {taxels} a sensor"
+        faults.append((f"{path}.pad.rows", message))
     if axes == 3 and pad.charge_tau_s is not None:
         faults.append((f"{path}.pad.charge_tau_s", f"{pad.device} measures force itself, no charge: leave it out"))
     if pad.tare and len(pad.tare) != axes * pad.rows * pad.cols:
@@ -115,6 +124,13 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
             'say which sensor of the port, e.g. "1"' if device.shared else "leave it out: the port carries one sensor"
         )
         return [(f"{path}.sensor", right)]
+    if device.sensors and stream.sensor not in device.sensors:
+        known = " and ".join(f'"{sensor}"' for sensor in device.sensors)
+        return [(f"{path}.sensor", f"{stream.device} has no sensor {stream.sensor!r}: it has {known}")]
+    stale_s = max(STALE_PERIODS / stream.rate_hz, STALE_LEAST_S)
+    if stream.delay_s >= stale_s:
+        message = f"every reading would be stale on arrival: less than {stale_s:g} s, as rate_hz is, can be used"
+        return [(f"{path}.delay_s", message)]
     own = sorted({"rows", "cols"} & stream.options.keys())
     if own:
         return [(f"{path}.options", f"{' and '.join(own)} stand beside options, as keys of the pad itself")]
@@ -182,9 +198,10 @@ def _ports(config: Config) -> list[Fault]:
                 (f"{path}.port", f"{port} is used by {users[0][0]} too; give each its own, or its own 'sensor'")
             )
         for name, stream in users[1:]:
-            if shared and (stream.options, stream.baud) != (users[0][1].options, users[0][1].baud):
-                message = f"differs from {users[0][0]} on the same port, which is read in one way: give both alike"
-                faults.append((f"finger.{name}.options", message))
+            for key in ("options", "baud", "hardware_id"):
+                if shared and getattr(stream, key) != getattr(users[0][1], key):
+                    message = f"differs from {users[0][0]} on the same port, which is read in one way: give both alike"
+                    faults.append((f"finger.{name}.{key}", message))
     return faults
 
 

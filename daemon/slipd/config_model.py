@@ -82,7 +82,7 @@ class Wrench(Stream):
     com_m: Vector3 = [0.0, 0.0, 0.0]
     force_std_n: NotNegative = 0.02
     torque_std_nm: NotNegative = 0.0005
-    range_n: Positive | None = None
+    range_n: float | None = Field(default=None, gt=0.0, le=1e6)
     stuck_after: int = Field(default=50, ge=0)
     drift_tau_s: Positive | None = None
     drift_limit_n: Positive = 1.0

@@ -101,7 +101,9 @@ class Device:
         axes: Components a taxel measures: 1 or 3; 0 for devices without taxels.
         sized: The decoder must be told the pad's ``rows`` and ``cols``.
         wired: The decoder must be told how its bytes travel (option ``wiring``): they differ.
+        taxels: Of each of its pads; None where pads differ.
         shared: One port carries several sensors, told apart by the ``source`` of their samples.
+        sensors: Names of those sensors; empty where they are not known beforehand.
         clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
         host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
         inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
@@ -117,7 +119,9 @@ class Device:
     axes: int = 0
     sized: bool = False
     wired: bool = False
+    taxels: int | None = None
     shared: bool = False
+    sensors: tuple[str, ...] = ()
     clock_span_ns: int | None = None
     host_clock: bool = False
     inquiry: Callable[..., Inquiry | None] | None = None

@@ -127,4 +127,15 @@ def encode_rate(rate_hz: int) -> bytes:
     return f"f{rate_hz}\n".encode()
 
 
-DEVICE = Device("papillarray", "tactile", ("serial",), Decoder, Session, baud=115_200, axes=3, shared=True)
+DEVICE = Device(
+    "papillarray",
+    "tactile",
+    ("serial",),
+    Decoder,
+    Session,
+    baud=115_200,
+    axes=3,
+    taxels=frames.PILLARS,
+    shared=True,
+    sensors=tuple(map(str, range(frames.SENSORS))),
+)

@@ -239,4 +239,15 @@ class Session:
         return encode_packet(AUTOSEND, b"\0")
 
 
-DEVICE = Device("tsf85", "tactile", ("serial",), Decoder, Session, baud=115_200, axes=1, shared=True)
+DEVICE = Device(
+    "tsf85",
+    "tactile",
+    ("serial",),
+    Decoder,
+    Session,
+    baud=115_200,
+    axes=1,
+    taxels=TAXELS,
+    shared=True,
+    sensors=tuple(map(str, range(FINGERS))),
+)
