@@ -22,7 +22,7 @@ from slipd_client.messages import (
 )
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
-PIPELINE = Path(__file__).parents[2] / "daemon" / "slipd" / "pipeline"
+DAEMON = Path(__file__).parents[2] / "daemon" / "slipd"
 EXAMPLES = re.findall(r"```hex\n(.*?)```\s*```json\n(.*?)```", TEXT, re.DOTALL)
 
 
@@ -43,8 +43,8 @@ def test_its_reasons_are_those_of_the_client_with_their_meanings() -> None:
 def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
     """Reasons stand in tuples, or are added to a list, in the files that make verdicts."""
     given = {f"disagreement_{what}" for what in ("contact", "centroid", "force")}
-    for name in ("decision.py", "judge.py", "finger.py", "force.py"):
-        for node in ast.walk(ast.parse((PIPELINE / name).read_text(encoding="utf-8"))):
+    for name in ("samples", "pipeline/decision", "pipeline/judge", "pipeline/finger", "pipeline/force"):
+        for node in ast.walk(ast.parse((DAEMON / f"{name}.py").read_text(encoding="utf-8"))):
             if isinstance(node, (ast.Tuple, ast.Set)):
                 words = node.elts
             elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "append":

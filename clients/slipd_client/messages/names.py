@@ -25,7 +25,7 @@ REASONS = {
     "overload": "the sensor is beyond its range",
     "invalid": "the sensor marks its reading as invalid",
     "raw": "the sensor sends values that it has not calibrated",
-    "weight_unknown": "what the finger itself weighs is not known at this orientation, and may use up the margin",
+    "weight_unknown": "the pull of the finger's own weight is not known, and may use up the margin or hide a contact",
     "stuck": "the sensor repeats itself while it should not",
     "garbage": "the sensor's readings are beyond its range, or jump to and fro as no force does",
     "disagreement": "force sensor and pad image contradict each other",
