@@ -254,6 +254,12 @@ def test_a_server_of_a_websocket_may_be_at_the_port_of_its_kind() -> None:
     assert path == "finger.right.pad.port"
 
 
+def test_a_range_that_no_sensor_has_is_told() -> None:
+    [(path, _, message)] = faults(broken("rate_hz = 800", "rate_hz = 800\nrange_n = 1e7"))
+    assert path == "finger.left.wrench.range_n"
+    assert "less than or equal to 1000000" in message
+
+
 @pytest.mark.parametrize("endpoint", ["tcp://0.0.0.0:5555", "bogus", "ipc://", "ipc://relative", "tcp://127.0.0.1"])
 def test_an_endpoint_that_is_never_served_is_told(endpoint: str) -> None:
     [(path, at, message)] = faults(f'{GOOD}\n[bus]\npublish = "{endpoint}"\n')

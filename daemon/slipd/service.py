@@ -26,7 +26,7 @@ from slipd.bus.requests import RequestServer
 from slipd.bus.runtime import RuntimeDirectory
 from slipd.config import Config
 from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Event, LinkDown, LinkUp, Publish, Reply, Request, Tick, Write
+from slipd.pipeline.events import Event, Publish, Reply, Request, Tick, Write
 from slipd.pipeline.warm_up import warm_up
 from slipd.recording.writer import Recorder
 from slipd.transport import Links
@@ -147,10 +147,6 @@ class _Run:
             raise self._failure
 
     def _handle(self, event: Event, t_ns: int) -> None:
-        if isinstance(event, LinkUp):
-            _log.info("%s: open (%s)", event.link, event.identity)
-        elif isinstance(event, LinkDown):
-            _log.warning("%s: %s", event.link, event.reason)
         recorder = self._recorder
         if recorder is not None:
             recorder.event(event, t_ns)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable
 
 import pytest
@@ -81,6 +82,19 @@ async def test_a_reason_is_told_again_after_the_link_was_up() -> None:
     events = await play([b"1", b"2"])
     once = [LinkUp("left.wrench", "what was opened"), LinkDown("left.wrench", "pulled")]
     assert [event for event in events if not isinstance(event, Bytes)] == 2 * once
+
+
+@pytest.mark.usefixtures("pauses")
+async def test_the_log_hears_of_a_link_that_opens_and_dies_once_until_bytes_came(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A UDP device that is off: its socket opens, and the first request is refused."""
+    caplog.set_level(logging.INFO)
+    silent: list[str | bytes] = [b""] * 20
+    events = await play([*silent, b"alive", *silent])
+    once = ["left.wrench: open (what was opened)", "left.wrench: pulled"]
+    assert caplog.messages == [*once, once[1], once[0]]
+    assert sum(isinstance(event, LinkDown) for event in events) == 41
 
 
 async def test_pauses_double_from_the_first_to_the_longest_with_jitter(pauses: list[float]) -> None:

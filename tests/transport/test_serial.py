@@ -192,7 +192,7 @@ async def test_L6_a_path_that_may_become_another_devices_is_warned_of_once(
     async with serving(numbered, stable) as (_, events):
         await eventually(lambda: len(events) == 2)
         await asyncio.sleep(0.05)
-    warned = [record.message for record in caplog.records if "by-id" in record.message]
+    warned = [record.message for record in caplog.records if "goes to" in record.message]
     assert warned == [
         "/dev/ttyUSB4711: goes to whichever device is plugged in first; /dev/serial/by-id has paths that stay"
     ]

@@ -10,6 +10,7 @@ import asyncio
 import logging
 import random
 import time
+from collections import deque
 from collections.abc import Awaitable, Callable
 from typing import NoReturn, Protocol
 
@@ -28,6 +29,9 @@ LOOK_S = 0.02
 
 JITTER = 0.2
 """Share by which pauses vary, so that links that were lost together do not return in step."""
+
+LINES_HELD = 8
+"""What was logged last of one link and is not logged again: it goes back and forth between two or three reasons."""
 
 _log = logging.getLogger(__name__)
 
@@ -80,7 +84,8 @@ class Link:
     """One link: open it, hand on what arrives, and open it again, for ever.
 
     Events of one link come in order: LinkUp, its Bytes, LinkDown. A reason why the link is down is told once, and
-    again only when another takes its place. Closing by cancellation tells nothing: whoever cancels knows.
+    again only when another takes its place. Closing by cancellation tells nothing: whoever cancels knows. The log hears
+    of the same once until bytes have come: a UDP device that is off opens and is lost for ever.
 
     Attributes:
         refused_writes: Writes that were dropped because the link was down or the device did not read.
@@ -97,6 +102,7 @@ class Link:
         self._connection: Connection | None = None
         self._overruns = 0
         self._told = ""
+        self._logged: deque[str] = deque(maxlen=LINES_HELD)
         self._taking = True
         self._delay_s = FIRST_DELAY_S
 
@@ -161,6 +167,7 @@ class Link:
         self._connection = connection
         self._taking = True
         self._told = ""
+        self._tell_log(logging.INFO, f"open ({connection.identity})")
         try:
             self._on_event(LinkUp(self._spec.name, connection.identity))
             if answer:
@@ -174,9 +181,16 @@ class Link:
     def _hand_on(self, data: bytes) -> None:
         # only bytes prove that the device is well: a port that opens and dies at once keeps its growing pause
         self._delay_s = FIRST_DELAY_S
+        self._logged.clear()
         self._on_event(Bytes(self._spec.name, data))
 
     def _tell_down(self, reason: str) -> None:
         if reason != self._told:
             self._told = reason
+            self._tell_log(logging.WARNING, reason)
             self._on_event(LinkDown(self._spec.name, reason))
+
+    def _tell_log(self, level: int, line: str) -> None:
+        if line not in self._logged:
+            self._logged.append(line)
+            _log.log(level, "%s: %s", self._spec.name, line)
