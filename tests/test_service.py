@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import signal
 import subprocess
@@ -19,12 +20,13 @@ import pytest
 import zmq
 
 from slipd import config, service
-from slipd.devices import bota, pvdf
+from slipd.devices import bota, modbus, pvdf, robotiq_registers
 from slipd.errors import LinkError, RecordingError
 from slipd.pipeline.engine import Engine
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.service import Endpoints
+from slipd.sim.emulators import make_emulator
 from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
 
 PATIENCE_S = 30.0
@@ -78,14 +80,19 @@ class Device:
         self.path.unlink(missing_ok=True)
 
     def send(self, data: bytes) -> None:
-        try:
+        with contextlib.suppress(OSError):  # nobody has the port open
             os.write(self._fd, data)
-            os.read(self._fd, 65536)  # what the daemon says to the device is heard, so that the line never fills
-        except OSError:  # nothing to read, or nobody has the port open
-            pass
+
+    def hear(self) -> bytes:
+        """What the daemon said since the last time."""
+        try:
+            return os.read(self._fd, 65536)
+        except OSError:  # nothing, or nobody has the port open
+            return b""
 
     def send_wrench(self, normal_n: float = 10.0) -> None:
         self._sent += 1
+        self.hear()  # so that the line never fills
         self.send(bota.encode_frame((1.0, 0.0, -normal_n), (0.0, 0.0, 0.0), 10_000 * self._sent))
 
     def send_image(self) -> None:
@@ -313,6 +320,44 @@ async def test_a_failure_of_the_engine_ends_the_run_and_is_told(rig: Rig, monkey
     monkeypatch.setattr(Engine, "handle", fail)
     with pytest.raises(ZeroDivisionError, match="what nobody thought of"):
         await asyncio.wait_for(service.serve(rig.config), PATIENCE_S)
+
+
+GRIPPER = """
+[gripper]
+device = "robotiq_2f"
+port = "{port}"
+rate_hz = 50.0
+force_table = [[0, 3.0], [255, 30.0]]
+width_table = [[0.0, 0.085], [1.0, 0.0]]
+max_force_n = 25.0
+"""
+
+
+async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_gripping(rig: Rig, tmp_path: Path) -> None:
+    jaws = Device(tmp_path / "jaws")
+    jaws.plug()
+    gripper, sensor = make_emulator("robotiq_2f"), make_emulator("bota")
+    commands = b""
+
+    def talk() -> None:
+        nonlocal commands
+        heard = jaws.hear()
+        commands += heard
+        for reply in gripper.receive(heard, 0):
+            jaws.send(reply)
+        rig.send()
+
+    text = rig.file.read_text(encoding="utf-8") + GRIPPER.format(port=jaws.path)
+    async with serving(config.parse(text, "rig.toml")) as client:
+        await until(lambda: client.hear("wrench.left") and client.hear("gripper"), talk)
+    sensor.opened(0)
+    assert sensor.advance(10**9)
+    sensor.receive(rig.wrench.hear(), 10**9)
+    assert sensor.advance(2 * 10**9) == []
+    requests, rest = modbus.take_requests(commands + jaws.hear(), robotiq_registers.UNIT)
+    assert {request.function for request in requests} == {modbus.READ_INPUT}
+    assert rest == b""
+    jaws.unplug()
 
 
 async def test_the_end_of_a_run_gives_the_signals_back(rig: Rig) -> None:

@@ -81,6 +81,7 @@ async def serve(
             on_ready(run.endpoints)
             await stop.wait()
             ticker.cancel()
+            run.end()
     run.raise_failure()
 
 
@@ -95,6 +96,7 @@ class _Run:
         self._config, self._record, self._stop = config, record, stop
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._failure: BaseException | None = None
+        self._over = False
         self._stack = ExitStack()
 
     def __enter__(self) -> _Run:
@@ -127,8 +129,17 @@ class _Run:
         stack.callback(recorder.close)
         return recorder
 
+    def end(self) -> None:
+        """Stops the sensors, unless the engine failed; what comes while the links close is not taken any more."""
+        self._over = True
+        if self.links is not None and self._failure is None:
+            for write in self.engine.farewell():
+                self.links.write(write.link, write.data)
+
     def take(self, event: Event) -> None:
         """Takes one event now; a failure ends the run."""
+        if self._over:
+            return
         try:
             self._handle(event, time.monotonic_ns())
         except Exception as error:  # whatever it is: the run must end and say so

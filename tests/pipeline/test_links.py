@@ -72,6 +72,14 @@ def test_L5_a_scan_that_an_unplug_tore_is_not_completed_by_what_comes_after(link
     assert link.receive(scan[50:], T0) == []
 
 
+def test_only_an_open_link_to_a_device_that_listens_says_farewell(links: dict[str, Link]) -> None:
+    assert links["left.wrench"].farewell() == b""
+    for link in links.values():
+        link.open("address", T0)
+    said = {name: link.farewell() for name, link in links.items()}
+    assert said == {"left.wrench": bota_text.CONFIGURE.encode(), "left.pad": b"", "right.pad": b"", "gripper": b""}
+
+
 def test_samples_that_share_a_port_are_told_apart_by_their_sensor(links: dict[str, Link]) -> None:
     found = links["right.pad"].receive(skin(1), T0)
     assert sorted((name, sample.source) for name, sample, _ in found) == [("right.pad", "2"), ("third.pad", "1")]

@@ -86,6 +86,11 @@ class Engine:
                 self._publish_status(t_ns, out)
         return out
 
+    def farewell(self) -> list[Write]:
+        """Ends the run, and returns what the sensors hear last; the gripper hears nothing: it goes on gripping."""
+        sensors = {name: link for name, link in self._links.items() if name != "gripper"}
+        return [Write(name, last) for name, link in sensors.items() if (last := link.farewell())]
+
     def _make_gripper(self) -> GripperControl | None:
         if self._config.gripper is None:
             return None

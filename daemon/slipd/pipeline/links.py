@@ -90,6 +90,10 @@ class Link:
         if self.session is not None:
             self.session.stop()
 
+    def farewell(self) -> bytes:
+        """Ends the conversation; returns what the device hears last, if anything."""
+        return self.session.stop() if self.session is not None and self.up else b""
+
     def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, Sample, int]]:
         """Decodes bytes into samples, each with its stream's name and when it was acquired, CLOCK_MONOTONIC.
 
