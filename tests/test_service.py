@@ -23,10 +23,12 @@ from slipd import config, service
 from slipd.devices import bota, modbus, pvdf, robotiq_registers
 from slipd.errors import LinkError, RecordingError
 from slipd.pipeline.engine import Engine
+from slipd.pipeline.events import LinkSpec
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.service import Endpoints
 from slipd.sim.emulators import make_emulator
+from slipd.transport import Links
 from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
 
 PATIENCE_S = 30.0
@@ -358,6 +360,28 @@ async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_grippin
     assert {request.function for request in requests} == {modbus.READ_INPUT}
     assert rest == b""
     jaws.unplug()
+
+
+async def test_what_was_lost_on_this_host_is_logged_when_it_grows_and_at_the_end(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def told() -> list[str]:
+        return [record.message for record in caplog.records if record.name == "slipd.service"]
+
+    monkeypatch.setattr(service, "LOSSES_TOLD_S", 0.01)
+    specs = [LinkSpec(name, "serial", str(tmp_path / name)) for name in ("absent", "unused")]
+    async with asyncio.TaskGroup() as tasks, Links(tasks, specs, lambda _: None) as links:
+        teller = tasks.create_task(service._tell_losses(links))
+        links.write("absent", b"x")
+        await until(told)
+        await asyncio.sleep(0.05)
+        once = ["absent: 1 writes dropped, 0 datagrams lost unread so far"]
+        assert told() == once
+        monkeypatch.setattr(service, "LOSSES_TOLD_S", PATIENCE_S)
+        await asyncio.sleep(0.05)
+        links.write("absent", b"x")
+        teller.cancel()
+    assert told() == [*once, "absent: 2 writes dropped, 0 datagrams lost unread so far"]
 
 
 async def test_the_end_of_a_run_gives_the_signals_back(rig: Rig) -> None:

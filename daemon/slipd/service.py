@@ -36,6 +36,9 @@ from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
 #: How often time itself enters the engine: sessions and staleness (20 ms at the least) are judged by it.
 TICK_S = 0.005
 
+#: How often it is told that more was lost on this host: often enough to find the cause, too seldom to flood the log.
+LOSSES_TOLD_S = 10.0
+
 _log = logging.getLogger(__name__)
 
 
@@ -78,10 +81,12 @@ async def serve(
         async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.take) as links:
             run.links = links
             ticker = tasks.create_task(_tick(run.take), name="ticker")
+            teller = tasks.create_task(_tell_losses(links), name="losses")
             on_ready(run.endpoints)
             await stop.wait()
             ticker.cancel()
             run.end()
+            teller.cancel()
     run.raise_failure()
 
 
@@ -186,6 +191,20 @@ async def _tick(take: Callable[[Event], None]) -> None:
         take(Tick(time.clock_gettime_ns(time.CLOCK_BOOTTIME) - awake_ns))
         due = max(due + TICK_S, loop.time())
         await asyncio.sleep(due - loop.time())
+
+
+async def _tell_losses(links: Links) -> None:
+    """Logs, now and then and at the end, what links lost on this host; the engine cannot know of it."""
+    told: dict[str, tuple[int, int]] = {}
+    while True:
+        try:
+            await asyncio.sleep(LOSSES_TOLD_S)
+        finally:
+            for name, refused in links.refused_writes.items():
+                lost = refused, links.overruns[name]
+                if lost != told.get(name, (0, 0)):
+                    _log.warning("%s: %d writes dropped, %d datagrams lost unread so far", name, *lost)
+                told[name] = lost
 
 
 @contextlib.contextmanager
