@@ -12,6 +12,8 @@ import pytest
 from slipd.devices import modbus, robotiq_2f, robotiq_registers
 from slipd.samples import GripperSample
 
+ILLEGAL_FUNCTION = 1  # of Modbus exceptions
+
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
 MS = 1_000_000
@@ -44,7 +46,7 @@ class Gripper:
 
     def answer(self, request: modbus.Request) -> bytes:
         if request.function in self.refuses:
-            return modbus.encode_exception(request, modbus.ILLEGAL_FUNCTION)
+            return modbus.encode_exception(request, ILLEGAL_FUNCTION)
         if request.function == modbus.WRITE:
             written = robotiq_registers.write_output(self.output, request)
             if written is None:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from slipd.devices import dsacon32, weiss, weiss_tactile, wts
+from slipd.devices import dsacon32, weiss, wts
 from slipd.devices import dsacon32_messages as messages
+from slipd.devices.conversation import ANSWER_NS
 from slipd.devices.weiss_tactile import TactileSession
 from slipd.samples import TactileSample
 from slipd.sim.emulated_dsacon32 import Dsacon32
@@ -421,5 +422,5 @@ def test_stop_ends_the_images_and_the_deadlines(make: Callable[[], Bench]) -> No
 def test_nothing_is_asked_before_it_is_due() -> None:
     session = wts.Session()
     assert session.start(5) == wts.ask(wts.SYSTEM)
-    assert session.next_deadline() == 5 + weiss_tactile.ANSWER_NS
+    assert session.next_deadline() == 5 + ANSWER_NS
     assert session.on_time(6) == b""

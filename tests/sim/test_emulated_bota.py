@@ -23,9 +23,10 @@ def listen(made, begin_ns, end_ns, step_ns=MS):
 def test_the_frames_carry_the_wrench_to_the_pad_frame_through_the_mounting():
     mount = BotaMount((0.01, -0.02, 0.03), (0.1, 0.2, 0.3, 0.927362), bias=np.zeros(6), noise_n=0.0, noise_nm=0.0)
     samples = bota.Decoder().receive(listen(sensor(mount), 0, 300 * MS), 0)
-    force, torque = Mounting(mount.xyz_m, mount.quat_xyzw).to_pad(samples[-1].force_n, samples[-1].torque_nm)
-    assert force == pytest.approx(FORCE_N, abs=1e-5)
-    assert torque == pytest.approx(TORQUE_NM, abs=1e-6)
+    felt = np.concatenate((samples[-1].force_n, samples[-1].torque_nm))
+    wrench = Mounting(mount.xyz_m, mount.quat_xyzw).matrix @ felt
+    assert wrench[:3] == pytest.approx(FORCE_N, abs=1e-5)
+    assert wrench[3:] == pytest.approx(TORQUE_NM, abs=1e-6)
 
 
 def test_what_it_reads_unloaded_is_its_bias():

@@ -41,9 +41,9 @@ def played():
 def contact(samples, mount, t_s):
     """Mean contact of one finger in the 50 ms before a time, found as the daemon finds it."""
     chosen = [s for s in samples if t_s - 0.05 < s.t_ns * 1e-9 <= t_s]
-    force = np.mean([s.force_n for s in chosen], axis=0) - np.array(mount.bias[:3])
-    torque = np.mean([s.torque_nm for s in chosen], axis=0) - np.array(mount.bias[3:])
-    return contact_from_wrench(*Mounting(mount.xyz_m, mount.quat_xyzw).to_pad(force, torque))
+    felt = np.mean([np.concatenate((s.force_n, s.torque_nm)) for s in chosen], axis=0) - np.array(mount.bias)
+    wrench = Mounting(mount.xyz_m, mount.quat_xyzw).matrix @ felt
+    return contact_from_wrench(wrench[:3], wrench[3:])
 
 
 def test_the_scene_begins_when_the_gripper_is_told_to_activate(played):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.devices.conversation import ANSWER_NS, ATTEMPTS, RETRY_PAUSE_NS, SILENCE_NS
 from slipd.devices.health import DecoderHealth
 from slipd.devices.weiss import Packet, Packets, encode, status_word
 from slipd.samples import TactileSample
@@ -35,16 +36,8 @@ _CELL_BYTES = 2
 _MS_SPAN = 1 << 32
 _STATUS_BYTES = 2
 
-ANSWER_NS = 500_000_000
-"""An answer waits behind one image, 90 ms at 115200 bit/s; after so long without one it is lost."""
-ATTEMPTS = 3
-"""A device that answered before and leaves so many questions unanswered is asked from the beginning again."""
-RETRY_PAUSE_NS = 1_000_000_000
-"""Before a refused question is asked again."""
 PAUSE_NS = 300_000_000
 """The bytes of one packet follow each other: after so long a pause a new one begins."""
-SILENCE_NS = 1_000_000_000
-"""Thirty periods of the usual rate: the device no longer runs."""
 
 Units = NDArray[np.uint16]
 

@@ -21,7 +21,8 @@ class Mounting:
         sign: +1 where the sensor reports the load on the finger, −1 where it reports the load by it.
 
     Attributes:
-        matrix: Takes (F, M) of the sensor to (F, M) of the pad in one product, shape (6, 6); not to be written to.
+        matrix: Takes (F, M) of the sensor, N and N·m about its origin, to that on the finger in the pad frame, about the
+            pad's origin: F = s R F_sensor, M = s (R M_sensor + r × R F_sensor). Shape (6, 6); not to be written to.
 
     Raises:
         ValueError: Values that are not finite, a quaternion of length 0, a sign other than ±1.
@@ -46,18 +47,3 @@ class Mounting:
         lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # r × F as a matrix
         self.matrix: Array = sign * np.block([[rotation, np.zeros((3, 3))], [lever @ rotation, rotation]])
         self.matrix.flags.writeable = False
-        self._force, self._torque = sign * rotation, self.matrix[3:]
-
-    def to_pad(self, force_n: Array, torque_nm: Array) -> tuple[Array, Array]:
-        """Moves a wrench to the pad frame: F = s R F_sensor, M = s (R M_sensor + r × R F_sensor).
-
-        Args:
-            force_n: Force in the sensor frame, shape (3,), N.
-            torque_nm: Torque about the sensor's origin, shape (3,), N·m.
-
-        Returns:
-            Force on the finger (3,), N, and torque about the pad's origin (3,), N·m, both in the pad frame; what is
-            infinite makes NaN of what it enters. A torque that is NaN leaves the force as it is.
-        """
-        with np.errstate(invalid="ignore", over="ignore"):
-            return self._force @ force_n, self._torque @ np.concatenate((force_n, torque_nm))
