@@ -21,8 +21,8 @@ class Mounting:
         sign: +1 where the sensor reports the load on the finger, −1 where it reports the load by it.
 
     Attributes:
-        matrix: Takes (F, M) of the sensor, N and N·m about its origin, to that on the finger in the pad frame, about the
-            pad's origin: F = s R F_sensor, M = s (R M_sensor + r × R F_sensor). Shape (6, 6); not to be written to.
+        matrix: Takes (F, M) of the sensor, N and N·m about its origin, to (F, M) on the finger in the pad frame, about
+            the pad's origin: F = s R F_sensor, M = s (R M_sensor + r × R F_sensor). Shape (6, 6); read-only.
 
     Raises:
         ValueError: Values that are not finite, a quaternion of length 0, a sign other than ±1.
