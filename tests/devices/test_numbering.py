@@ -122,3 +122,17 @@ def test_after_forgetting_any_number_is_the_next() -> None:
     numbering.forget()
     assert numbering.take(7)
     assert counted(health) == (0, 0, 0)
+
+
+def test_a_false_number_on_a_line_that_keeps_order_costs_one_reading() -> None:
+    health = DecoderHealth()
+    numbering = Numbering(256, health, in_order=True)
+    assert [numbering.take(number) for number in (5, 21, 7, 8, 9, 10)] == [True, True, False, True, True, True]
+    assert (health.duplicates, health.lost) == (1, 15)
+    overtaken = Numbering(256, DecoderHealth())
+    assert [overtaken.take(number) for number in (5, 21, 7, 8, 9)] == [True, True, False, False, False]
+
+
+def test_a_reading_that_is_sent_twice_stays_old_on_a_line_that_keeps_order() -> None:
+    numbering = Numbering(256, DecoderHealth(), in_order=True)
+    assert [numbering.take(number) for number in (5, 5, 6, 6, 7, 7)] == [True, False, True, False, True, False]

@@ -5,6 +5,8 @@ Nothing here waits, sleeps or draws a number that the seed does not fix: the sam
 
 from __future__ import annotations
 
+import copy
+import functools
 import hashlib
 from collections import deque
 from dataclasses import dataclass, field, replace
@@ -143,7 +145,7 @@ class Bed:
         self.engine = self.engine_at(WALL_NS)
         self.now_ns, self._world_ns, self._event_ns = BEGIN_NS, 0, BEGIN_NS
         self.events: list[tuple[int, Event]] = []
-        self._told = hashlib.sha256()
+        self._told = b""  # a digest of all that was told
         self.watch = Watch(self.settings)
         streams = self.settings.streams()
         self.lines = {line: Line(line.replace("-", "."), _listener(streams[line.replace("-", ".")])) for line in LINES}
@@ -229,7 +231,7 @@ class Bed:
         self.events.append((self._event_ns, event))
         reply = None
         for output in self.engine.handle(event, self._event_ns):
-            self._told.update(_bytes_of(output))
+            self._told = hashlib.sha256(self._told + _bytes_of(output)).digest()
             if isinstance(output, Write):
                 line = self.line(output.link)
                 if not line.deaf:
@@ -322,11 +324,21 @@ class Bed:
 
     def replays(self) -> bool:
         """Whether the same events tell the same, to the byte."""
-        engine, told = self.engine_at(self.wall_ns), hashlib.sha256()
+        engine, told = self.engine_at(self.wall_ns), b""
         for t_ns, event in self.events:
             for output in engine.handle(event, t_ns):
-                told.update(_bytes_of(output))
-        return told.digest() == self._told.digest()
+                told = hashlib.sha256(told + _bytes_of(output)).digest()
+        return told == self._told
+
+
+@functools.cache
+def _held(seed: int) -> Bed:
+    return Bed(seed).hold()
+
+
+def held_bed(seed: int) -> Bed:
+    """A bed that holds the box, of its own: what all of one seed have in common is run once."""
+    return copy.deepcopy(_held(seed))
 
 
 def quiet_script() -> Script:

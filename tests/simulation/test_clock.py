@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from simulation.bed import MS, SECOND, Bed
+from simulation.bed import MS, SECOND, Bed, held_bed
 from simulation.edits import pad, wrench
 from simulation.faults import Bunch, Delay, Edit
 
@@ -12,7 +12,7 @@ US_SPAN = 1 << 32
 
 @pytest.fixture
 def held(seed):
-    return Bed(seed).hold()
+    return held_bed(seed)
 
 
 def assert_sound(bed):

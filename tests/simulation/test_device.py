@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from simulation.bed import Bed
+from simulation.bed import held_bed
 from simulation.edits import gripper, pad, wrench
 from simulation.faults import Drop, Edit, Text
 
@@ -14,7 +14,7 @@ from slipd.devices import crc
 
 @pytest.fixture
 def held(seed):
-    return Bed(seed).hold()
+    return held_bed(seed)
 
 
 def assert_sound(bed):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from simulation.bed import Bed
+from simulation.bed import Bed, held_bed
 from simulation.edits import Frozen, wrench
 from simulation.faults import Bursts, Drop, Edit
 
@@ -13,7 +13,7 @@ DISTRUSTED = {2: "overload", 4: "invalid", 8: "raw"}
 
 @pytest.fixture
 def held(seed):
-    return Bed(seed).hold()
+    return held_bed(seed)
 
 
 def assert_sound(bed):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from simulation.bed import READY_S, Bed
+from simulation.bed import READY_S, Bed, held_bed
 from simulation.faults import Bunch, Chain, Drop, Flood, Garbage, Noise, Split, Trickle
 from simulation.size import size_of
 
@@ -12,7 +12,7 @@ STREAMS = ("left.wrench", "left.pad")
 
 @pytest.fixture
 def held(seed):
-    return Bed(seed).hold()
+    return held_bed(seed)
 
 
 def assert_sound(bed):

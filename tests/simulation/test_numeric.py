@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from simulation.bed import Bed
+from simulation.bed import held_bed
 from simulation.edits import pad, wrench
 from simulation.faults import Edit
 
@@ -15,7 +15,7 @@ TINY = 1e-42
 
 @pytest.fixture
 def held(seed):
-    return Bed(seed).hold()
+    return held_bed(seed)
 
 
 def assert_sound(bed):

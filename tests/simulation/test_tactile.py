@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from simulation.bed import Bed
+from simulation.bed import Bed, held_bed
 from simulation.edits import Frozen, pad
 from simulation.faults import Drop, Edit, Split
 
@@ -17,7 +17,7 @@ UNDER_LOAD = (3, 8)
 
 @pytest.fixture
 def held(seed):
-    return Bed(seed).hold()
+    return held_bed(seed)
 
 
 def assert_sound(bed):

@@ -61,7 +61,7 @@ class Decoder:
         self._matrix = np.eye(CHANNELS) if matrix is None else _checked_matrix(matrix)
         self._offset = _array("offset", offset, (CHANNELS,), float(_US_SPAN))
         self.health = DecoderHealth()
-        self._numbering = Numbering(_SEQUENCE_SPAN, self.health)
+        self._numbering = Numbering(_SEQUENCE_SPAN, self.health, in_order=True)
         self._frames = FixedFrames(_SYNC, FRAME_LENGTH, _holds, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:

@@ -87,7 +87,7 @@ class Decoder:
         """What the last bytes answered to a session: header and body of each frame."""
         self._counts_per_unit = np.array([*counts_per_n, *counts_per_nm], dtype=np.float64)
         self._channel_at = _COUNTS_AT + channel * _ONE_COUNTS.size
-        self._numbering = Numbering(_COUNTER_SPAN, self.health) if counted else None
+        self._numbering = Numbering(_COUNTER_SPAN, self.health, in_order=True) if counted else None
         self._frames = Frames(frames.SYNC, frames.measure, frames.TYPICAL_LENGTH, self.health)
         self._records = rdt.Records(self.health, _UDP_RESERVED)
         self._read = self._read_records if wiring == "udp" else self._read_frames

@@ -38,7 +38,7 @@ class Decoder:
     def __init__(self) -> None:
         self.health = DecoderHealth()
         self._frames = Frames(frames.START, self._measure, _TYPICAL_LENGTH, self.health)
-        self._numbering = Numbering(_COUNTER_SPAN, self.health)
+        self._numbering = Numbering(_COUNTER_SPAN, self.health, in_order=True)
         self._bodies: list[frames.Body] = []
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:

@@ -43,7 +43,7 @@ class Desk:
         self._status = status
         self._ops: dict[str, Handler] = {
             "hello": self._hello,
-            "status": lambda _, t_ns: self._status(t_ns),
+            "status": self._status_now,
             "tare": self._tare,
             "tare.get": self._tare_get,
             "tare.undo": self._tare_undo,
@@ -72,6 +72,9 @@ class Desk:
 
     def _hello(self, _: Request, t_ns: int) -> Result:
         return {"boot": self._boot, "t_ns": t_ns, "version": PROTOCOL_VERSION, "fingers": list(self._fingers)}
+
+    def _status_now(self, _: Request, t_ns: int) -> Result:
+        return self._status(t_ns)
 
     def _finger(self, request: Request) -> Finger | Refusal:
         name = request.body["finger"]
