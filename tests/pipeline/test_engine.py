@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from slipd import config
-from slipd.devices import bota, pvdf, xela
+from slipd.devices import bota, bota_text, pvdf, xela
 from slipd.pipeline.engine import Engine
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Request, Tick, Write
 from slipd.pipeline.warm_up import warm_up
@@ -46,6 +46,10 @@ def test_a_reading_becomes_a_message_in_the_call_that_brings_it(run: Run) -> Non
     told = [output for output in out if isinstance(output, Publish)]
     assert [message.topic for message in told] == ["warning", "slip.left", "wrench.left"]
     assert {message.body["t_ns"] for message in told} == {run.t_ns}
+
+
+def test_the_last_word_goes_to_the_sensors_that_listen_and_never_to_the_gripper(run: Run) -> None:
+    assert run.engine.farewell() == [Write("left.wrench", bota_text.CONFIGURE.encode())]
 
 
 @pytest.mark.parametrize("level", CONTACTS)
