@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from slipd.config_checks import axes_of, device_options, meaning_faults, transport_of
+from slipd.config_checks import axes_of, device_options, meaning_faults, stale_after_ns, transport_of
 from slipd.config_model import Bus, Config, Finger, Gripper, Levels, Pad, Pose, Rates, Slip, Stream, Wrench
 from slipd.errors import ConfigError, ConfigFault
 from slipd.toml_lines import key_lines, line_of
@@ -35,6 +35,7 @@ __all__ = [
     "load",
     "parse",
     "shipped",
+    "stale_after_ns",
     "transport_of",
 ]
 

@@ -27,7 +27,7 @@ _ADDRESSES = {
 QUATERNION_TOLERANCE = 1e-3
 #: A stream is stale after so many periods without a reading, and no sooner than after the least.
 STALE_PERIODS = 3.0
-STALE_LEAST_S = 0.02
+STALE_LEAST_NS = 20_000_000
 #: A gripper's own settings are bytes.
 MAX_UNITS = 255
 
@@ -127,7 +127,7 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
     if device.sensors and stream.sensor not in device.sensors:
         known = " and ".join(f'"{sensor}"' for sensor in device.sensors)
         return [(f"{path}.sensor", f"{stream.device} has no sensor {stream.sensor!r}: it has {known}")]
-    stale_s = max(STALE_PERIODS / stream.rate_hz, STALE_LEAST_S)
+    stale_s = stale_after_ns(stream) * 1e-9
     if stream.delay_s >= stale_s:
         message = f"every reading would be stale on arrival: less than {stale_s:g} s, as rate_hz is, can be used"
         return [(f"{path}.delay_s", message)]
@@ -165,6 +165,11 @@ def _wrong_address(port: str) -> str:
     if number == 0 or (number is None and transport != "websocket"):
         return "names no port from 1 to 65535"
     return ""
+
+
+def stale_after_ns(stream: Stream) -> int:
+    """Age at which a stream is stale for the verdict."""
+    return max(round(STALE_PERIODS * 1e9 / stream.rate_hz), STALE_LEAST_NS)
 
 
 def axes_of(pad: Pad) -> int:

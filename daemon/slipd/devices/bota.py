@@ -25,6 +25,9 @@ SINC_LENGTHS = (64, 1024)
 
 BOOT_NS = 10_000_000_000
 """Opening a port may restart the sensor; its own example waits so long for the banner."""
+QUIET_NS = 2_000_000_000
+"""A sensor that was stopped and not restarted by the opening says nothing: after so long it is asked. One that boots
+does not hear it."""
 SETTLE_NS = 500_000_000
 """From the banner to the first command, as in the sensor's own example."""
 ACK_TIMEOUT_NS = 500_000_000
@@ -219,7 +222,7 @@ class Session:
         """Wait for the banner or for frames."""
         self.state = "waiting"
         self._heard = self._banner = b""
-        self._pause("boot", now_ns + BOOT_NS)
+        self._pause("boot", now_ns + QUIET_NS)
 
     def _read_identity(self, data: bytes) -> None:
         """Look for the sensor's name in what follows the begin of a banner."""

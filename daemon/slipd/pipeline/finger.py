@@ -6,9 +6,10 @@ import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import cast
 
 from slipd.config import Finger as FingerConfig
-from slipd.config import Levels, Stream
+from slipd.config import Levels, stale_after_ns
 from slipd.fusion import Contact, contact_of
 from slipd.pipeline.decision import Verdict
 from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, Doubt, ForceSide
@@ -26,8 +27,6 @@ MOVING_STDS = 6.0
 COMPARE_NS = 10_000_000
 #: A tare bears a moment's silence; over a longer one nobody knows what touched the finger.
 LONGEST_TARE_GAP_NS = 500_000_000
-STALE_PERIODS = 3.0
-STALE_LEAST_NS = 20_000_000
 LOST = Verdict("unknown", ("stale",))
 #: Reasons with which nobody knows what the fingers feel.
 DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED | UNTRUSTED_FAULTS
@@ -52,15 +51,15 @@ class Finger:
     """
 
     def __init__(self, name: str, config: FingerConfig, levels: Levels) -> None:
+        main = config.wrench or config.pad
+        if main is None:
+            raise ValueError(f"finger {name} has no stream")
         self.name = name
         self.config = config
+        self._stale_ns = stale_after_ns(main)
         self.image: PadImage | None = pad_image(config)
-        self._stale_ns = stale_after_ns(config.wrench or config.pad)
         self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
-        side = self.force or self.image
-        if side is None:
-            raise ValueError(f"finger {name} has no stream")
-        self.tare: Tare = side.tare
+        self.tare: Tare = cast("ForceSide | PadImage", self.force or self.image).tare
         self.state = State(0, LOST)
         self._judge = Judge(config, levels)
         self._agreement = _agreement(config)
@@ -313,13 +312,6 @@ class Finger:
         self._disagreement = ()
         if self._agreement is not None:
             self._agreement.reset()
-
-
-def stale_after_ns(stream: Stream | None) -> int:
-    """Age at which a stream is stale for the verdict."""
-    if stream is None:
-        return 0
-    return max(round(STALE_PERIODS * 1e9 / stream.rate_hz), STALE_LEAST_NS)
 
 
 def _agreement(config: FingerConfig) -> Agreement | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from slipd.config import Finger as FingerConfig
@@ -29,6 +30,16 @@ def vector(values: Array | None) -> list[float] | None:
     return listed if all(map(math.isfinite, listed)) else None
 
 
+def finite(values: Sequence[float]) -> list[float] | None:
+    """A list of finite floats, or nil where one is unknown."""
+    return list(values) if all(map(math.isfinite, values)) else None
+
+
+def pair(x: float, y: float) -> list[float] | None:
+    """Two finite floats, or nil."""
+    return [x, y] if math.isfinite(x) and math.isfinite(y) else None
+
+
 def slip_body(finger: Finger, t_ns: int) -> Body:
     """``slip.<finger>`` at ``t_ns``, exact while in contact."""
     state = finger.state
@@ -37,10 +48,10 @@ def slip_body(finger: Finger, t_ns: int) -> Body:
     return {
         **verdict_body(finger, state),
         "normal_n": None if state.contact is None else number(state.contact.normal_n),
-        "tangential_n": None if contact is None else vector(contact.tangential_n),
+        "tangential_n": None if contact is None else pair(contact.fx_n, contact.fy_n),
         "spin_nm": None if contact is None else number(contact.spin_nm),
-        "centroid_m": None if contact is None else vector(contact.centroid_m),
-        "centroid_std_m": None if contact is None else vector(contact.centroid_std_m),
+        "centroid_m": None if contact is None else pair(contact.cx_m, contact.cy_m),
+        "centroid_std_m": None if contact is None else pair(contact.cx_std_m, contact.cy_std_m),
         "friction_ratio": None if contact is None else number(contact.friction_ratio),
         "friction_ratio_std": None if contact is None else number(contact.friction_ratio_std),
         "gravity": None if finger.force is None else finger.force.gravity.state(t_ns),
@@ -53,7 +64,7 @@ def slip_body(finger: Finger, t_ns: int) -> Body:
         "pole_m": None if used is None else vector(used.pole_m),
         "tipping_margin_m": number(state.tipping_margin_m),
         "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,
-        "centroid_residual_m": None if state.loads is None else number(state.loads.centroid_residual_m),
+        "centroid_residual_m": None if state.shares is None else number(state.shares.loads.centroid_residual_m),
         "model": state.model,
         "tare_id": finger.tare.current.id,
         "age_s": finger.age_s(t_ns),
@@ -72,21 +83,21 @@ def verdict_body(finger: Finger, state: State) -> Body:
 
 def _limits(state: State, config: FingerConfig) -> Body:
     """The torque limit in the sense of the spin, and the grip that would hold the load."""
-    contact, loads = state.contact, state.loads
-    shares = state.shares
+    contact, shares, loads = state.contact, state.shares, state.loads
     if contact is None or loads is None or shares is None or state.utilisation is None:
         return {"torque_limit_nm": None, "grip_needed_n": None}
     mu = config.mu or math.nan
     sense = 1 if contact.spin_nm >= 0.0 else -1
-    limit = torque_limit(shares.x, shares.y, loads.loads, mu, contact.tangential_n, contact.centroid_m, sense)
+    force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
+    limit = torque_limit(shares.x, shares.y, loads.loads, mu, force, about, sense)
     needed = grip_needed_n(
         shares.x,
         shares.y,
         loads.loads,
         mu,
-        contact.tangential_n,
+        force,
         contact.spin_nm,
-        contact.centroid_m,
+        about,
         growth=config.contact_growth,
         safety=config.grip_safety,
     )
@@ -96,13 +107,13 @@ def _limits(state: State, config: FingerConfig) -> Body:
 def wrench_body(finger: Finger, t_ns: int) -> Body:
     """``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
     state = finger.state
-    tangential = None if state.force_n is None else vector(state.force_n[:2])
+    wrench = state.wrench
     return {
         "finger": finger.name,
-        "force_n": vector(state.force_n),
-        "torque_nm": vector(state.torque_nm),
-        "normal_n": None if state.force_n is None else number(-float(state.force_n[2])),
-        "tangential_n": tangential,
+        "force_n": None if wrench is None else finite(wrench[:3]),
+        "torque_nm": None if wrench is None else finite(wrench[3:]),
+        "normal_n": None if wrench is None else number(-wrench[2]),
+        "tangential_n": None if wrench is None else finite(wrench[:2]),
         "status": list(state.status),
         "tare_id": finger.tare.current.id,
         "age_s": finger.age_s(t_ns),

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from slipd.config import Pad, Wrench, axes_of
+from slipd.config import Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
-from slipd.pipeline.finger import stale_after_ns
 from slipd.pipeline.report import number
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock, host_time
