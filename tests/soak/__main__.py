@@ -1,6 +1,7 @@
 """Long runs on this machine: unplugging, floods, and two fingers for ten minutes.
 
-    PYTHONPATH=tests python -m soak [--quick] [--only unplug|flood|backlog] [--report FILE]
+    PYTHONPATH=tests python -m soak [--quick] [--only unplug|flood|backlog] [--minutes M]
+        [--report FILE]
 
 What is measured is the daemon itself, with real pseudo-terminals, sockets and processes. Times are this machine's, and
 of what else it does meanwhile.
@@ -29,6 +30,7 @@ def main() -> int:
     """Measure and print; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m soak", description="Long runs of the daemon on this machine.")
     parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be given again (default: all)")
+    parser.add_argument("--minutes", type=float, default=10.0, metavar="M", help="of the backlog (default 10)")
     parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
     options = parser.parse_args()
@@ -36,18 +38,18 @@ def main() -> int:
     print(f"slipd soak: {header}", flush=True)
     pages = [f"# Long runs\n\n{header}."]
     try:
-        for table in _sections(options.only or PARTS, quick=options.quick):
+        for table in _sections(options.only or PARTS, 60.0 * options.minutes, quick=options.quick):
             print(table.text(), flush=True)
             pages.append(table.markdown())
+            if options.report:  # what was measured stays, whatever comes
+                options.report.write_text("\n".join(pages) + "\n", encoding="utf-8")
     except BenchError as error:
         print(f"soak: {error}", file=sys.stderr)
         return 1
-    if options.report:
-        options.report.write_text("\n".join(pages) + "\n", encoding="utf-8")
     return 0
 
 
-def _sections(parts: tuple[str, ...], *, quick: bool) -> Iterator[Table]:
+def _sections(parts: tuple[str, ...], backlog_s: float, *, quick: bool) -> Iterator[Table]:
     with tempfile.TemporaryDirectory(prefix="slipd-soak-") as name:
         folder = Path(name)
         os.environ["SLIPD_RUNTIME_DIR"] = str(folder / "run")
@@ -56,7 +58,7 @@ def _sections(parts: tuple[str, ...], *, quick: bool) -> Iterator[Table]:
         if "flood" in parts:
             yield flood.run(folder, quick=quick)
         if "backlog" in parts:
-            yield from backlog.run(folder, quick=quick)
+            yield from backlog.run(folder, backlog_s, quick=quick)
 
 
 def _header() -> str:

@@ -24,7 +24,7 @@ from slipd_client.errors import NoAnswer, RequestRefused
 from slipd_client.requester import Requester
 from slipd_client.subscriber import Subscriber
 
-SECONDS, QUICK_SECONDS = 600.0, 10.0
+QUICK_SECONDS = 10.0
 SILENT_SECONDS = 30.0
 SILENT = "".join(["[rates]\n", *(f"{topic}_hz = 0.001\n" for topic in ("slip", "wrench", "tactile", "status"))])
 WARM_UP_S = 3.0
@@ -38,13 +38,13 @@ HOSTS = {"left": "127.0.0.6", "right": "127.0.0.7"}
 """Each Net F/T answers its inquiry on a port of its own, and so needs a host of its own."""
 
 
-def run(folder: Path, *, quick: bool) -> list[Table]:
+def run(folder: Path, seconds: float, *, quick: bool) -> list[Table]:
     """Measure.
 
     Raises:
         BenchError: A process failed.
     """
-    seconds = QUICK_SECONDS if quick else SECONDS
+    seconds = QUICK_SECONDS if quick else seconds
     silent_s = QUICK_SECONDS if quick else SILENT_SECONDS
     first, last, took_s, cpu_s, _, _ = _load(folder / "silent", silent_s, SILENT)
     silent = 100.0 * cpu_s / took_s
