@@ -174,7 +174,8 @@ class Packets(Frames):
         end += _CRC_LENGTH
         if end > len(buffer):
             return 0
-        return end - at if checksum(buffer[at + len(PREAMBLE) : end], self._seed) == 0 else -1
+        sent = int.from_bytes(buffer[end - 2 : end], "little")  # other sums than the right one leave a residue of 0 too
+        return end - at if checksum(buffer[at + len(PREAMBLE) : end - 2], self._seed) == sent else -1
 
     @staticmethod
     def _size(buffer: bytes, at: int) -> int:
