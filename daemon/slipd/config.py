@@ -17,17 +17,34 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from slipd.config_checks import axes_of, device_options, meaning_faults, stale_after_ns, transport_of
-from slipd.config_model import Bus, Config, Finger, Gripper, Levels, Pad, Pose, Rates, Slip, Stream, Wrench
+from slipd.config_model import (
+    Bus,
+    Config,
+    Finger,
+    Grasp,
+    Gripper,
+    Levels,
+    Pad,
+    PadPlace,
+    Pose,
+    Rates,
+    Reflex,
+    Slip,
+    Stream,
+    Wrench,
+)
 from slipd.errors import ConfigError, ConfigFault
 from slipd.toml_lines import key_lines, line_of
 
 __all__ = [
     "Config",
     "Finger",
+    "Grasp",
     "Gripper",
     "Levels",
     "Pad",
     "Rates",
+    "Reflex",
     "Stream",
     "Wrench",
     "axes_of",
@@ -46,6 +63,8 @@ _TABLES: dict[str, type[BaseModel]] = {
     "slip": Slip,
     "pad_from_sensor": Pose,
     "gripper": Gripper,
+    "grasp": Grasp,
+    "reflex": Reflex,
     "levels": Levels,
     "rates": Rates,
     "bus": Bus,
@@ -136,5 +155,9 @@ def _keys_beside(path: tuple[str, ...]) -> list[str]:
     tables = path[:-1]
     if not tables:
         return sorted(Config.model_fields)
-    model = Finger if tables[0] == "finger" and len(tables) == 2 else _TABLES.get(tables[-1], Config)
+    model = _TABLES.get(tables[-1], Config)
+    if tables[0] == "finger" and len(tables) == 2:
+        model = Finger
+    elif tables[:2] == ("grasp", "pads") and len(tables) == 3:
+        model = PadPlace
     return sorted(model.model_fields)

@@ -8,7 +8,7 @@ import re
 from typing import Any
 from urllib.parse import urlsplit
 
-from slipd.config_model import Config, Finger, Gripper, Pad, Stream
+from slipd.config_model import Config, Finger, Gripper, Pad, Stream, Table
 from slipd.devices import DEVICES
 
 Fault = tuple[str, str]
@@ -39,6 +39,7 @@ def meaning_faults(config: Config) -> list[Fault]:
         faults += _finger(f"finger.{name}", finger)
     if config.gripper is not None:
         faults += _stream("gripper", config.gripper, "gripper") + _gripper(config.gripper)
+    faults += _grasp(config) + _reflex(config)
     if config.levels.caution >= config.levels.warning:
         faults.append(("levels.caution", f"must be below levels.warning, {config.levels.warning}"))
     if config.levels.hysteresis >= config.levels.caution:
@@ -185,6 +186,9 @@ def device_options(stream: Stream) -> dict[str, Any]:
         options |= {"rows": stream.rows, "cols": stream.cols}
     if device.wired:
         options["wiring"] = transport_of(stream.port)
+    if isinstance(stream, Gripper) and device.tabled and stream.force_table and stream.width_table:
+        options |= {"force_table": stream.force_table, "width_table": stream.width_table}
+        options["speed_table"] = stream.speed_table
     return options
 
 
@@ -211,10 +215,34 @@ def _ports(config: Config) -> list[Fault]:
 
 
 def _gripper(gripper: Gripper) -> list[Fault]:
+    if gripper.device not in DEVICES:
+        return []
+    faults = _limits(gripper)
+    tables = {"force_table": gripper.force_table, "width_table": gripper.width_table}
+    tabled = DEVICES[gripper.device].tabled
+    for key, table in tables.items():
+        if tabled and table is None:
+            faults.append((f"gripper.{key}", f"is missing: {gripper.device} knows only units of its own"))
+    for key, table in (tables | {"speed_table": gripper.speed_table}).items():
+        if not tabled and table is not None:
+            faults.append((f"gripper.{key}", f"leave it out: {gripper.device} is told metres and newtons"))
+    if gripper.force_table is None or gripper.width_table is None or not tabled:
+        return faults
+    return faults + _tables(gripper, gripper.force_table, gripper.width_table)
+
+
+def _limits(gripper: Gripper) -> list[Fault]:
+    low = gripper.min_force_n
+    if gripper.max_force_n is not None and low is not None and low >= gripper.max_force_n:
+        return [("gripper.max_force_n", f"must be above the least force, {low} N")]
+    return []
+
+
+def _tables(gripper: Gripper, force_table: Table, width_table: Table) -> list[Fault]:
     faults = []
-    _, forces = zip(*gripper.force_table, strict=True)
-    closures, widths = zip(*gripper.width_table, strict=True)
-    if not _settings_rise(gripper.force_table):
+    _, forces = zip(*force_table, strict=True)
+    closures, widths = zip(*width_table, strict=True)
+    if not _settings_rise(force_table):
         faults.append(("gripper.force_table", f"device units must rise within 0…{MAX_UNITS}, newtons from 0 or more"))
     if not (_rising(closures) and _rising(widths[::-1]) and closures[0] >= 0.0 and closures[-1] <= 1.0):
         faults.append(("gripper.width_table", "closure must rise within 0…1 while the width falls"))
@@ -224,12 +252,43 @@ def _gripper(gripper: Gripper) -> list[Fault]:
         return faults
     if gripper.max_force_n > forces[-1]:
         faults.append(("gripper.max_force_n", f"is above the gripper's own {forces[-1]} N of force_table"))
-    low = forces[0] if gripper.min_force_n is None else gripper.min_force_n
-    if low < forces[0]:
+    if gripper.min_force_n is not None and gripper.min_force_n < forces[0]:
         faults.append(("gripper.min_force_n", f"is below the gripper's own {forces[0]} N of force_table"))
-    if low >= gripper.max_force_n:
-        faults.append(("gripper.max_force_n", f"must be above the least force, {low} N"))
+    if gripper.min_force_n is None and forces[0] >= gripper.max_force_n:
+        faults.append(("gripper.max_force_n", f"must be above the least force, {forces[0]} N"))
     return faults
+
+
+def _grasp(config: Config) -> list[Fault]:
+    """Pads that are not two known fingers, or cannot be placed."""
+    if config.grasp is None:
+        return []
+    faults = []
+    for name, place in config.grasp.pads.items():
+        path = f"grasp.pads.{name}"
+        if name not in config.finger:
+            faults.append((path, f"there is no finger {name!r}; known: {', '.join(config.finger)}"))
+        if not _rising(tuple(row[0] for row in place.positions)):
+            faults.append((f"{path}.positions", "the widths, first of each row, must rise"))
+        length = math.hypot(*place.quat_xyzw)
+        if abs(length - 1.0) > QUATERNION_TOLERANCE:
+            message = f"must be a unit quaternion x, y, z, w; this one has length {length:.4g}"
+            faults.append((f"{path}.quat_xyzw", message))
+    return faults
+
+
+def _reflex(config: Config) -> list[Fault]:
+    """A reflex that could not act, or that would be asked for more than the gripper may."""
+    reflex, gripper = config.reflex, config.gripper
+    if not reflex.enabled:
+        return []
+    if gripper is None or gripper.max_force_n is None:
+        return [("reflex.enabled", "needs [gripper] with max_force_n: without a limit nothing is moved")]
+    if config.grasp is None:
+        return [("reflex.enabled", "needs [grasp], which tells what grip the object needs")]
+    if reflex.ceiling_n is not None and reflex.ceiling_n > gripper.max_force_n:
+        return [("reflex.ceiling_n", f"is above gripper.max_force_n, {gripper.max_force_n} N")]
+    return []
 
 
 def _settings_rise(table: list[tuple[float, float]]) -> bool:

@@ -151,23 +151,77 @@ class Finger(_Model):
 
 
 class Gripper(Stream):
-    """``[gripper]``.
+    """``[gripper]``. Every force is the normal force on one pad.
 
     Attributes:
-        force_table: (device units, N on one pad), both rising; between the points it is linear.
-        width_table: (closure 0…1, m between the pads), closure rising and width falling.
+        force_table: (device units, N on one pad), both rising; between the points it is linear. Only for grippers that
+            are not told newtons.
+        width_table: (closure 0…1, m between the pads), closure rising and width falling; likewise.
         speed_table: (device units, m/s of the jaws), both rising; None: ``speed_mps`` may not be requested.
-        max_force_n: Largest force that may be requested, N on one pad; None: nothing may be requested.
-        min_force_n: Least force that may be requested, N on one pad.
+        max_force_n: Largest force that may be requested, N; None: nothing may be requested.
+        min_force_n: Least force that may be requested, N.
+        step_n: Largest change of the force of a held object by one request, N.
+        raise_n_per_s: How fast requests may raise it, N/s.
+        lower_n_per_s: How fast requests may lower it, N/s.
+        budget_n: Most that all raises of one grasp may add up to, N; None: as much as ``max_force_n``.
         max_lease_ms: Longest life of a lease without renewal.
+        lease_end: What the end of a lease that was not given back does to fingers that move: "hold" nothing, "stop"
+            stops them where they are. Neither opens them.
     """
 
-    force_table: Table
-    width_table: Table
+    force_table: Table | None = None
+    width_table: Table | None = None
     speed_table: Table | None = None
     max_force_n: Positive | None = None
     min_force_n: NotNegative | None = None
-    max_lease_ms: int = Field(default=1000, gt=0, le=10_000)
+    step_n: Positive = 2.0
+    raise_n_per_s: Positive = 10.0
+    lower_n_per_s: Positive = 2.0
+    budget_n: Positive | None = None
+    max_lease_ms: int = Field(default=200, gt=0, le=200)
+    lease_end: Literal["hold", "stop"] = "hold"
+
+
+class PadPlace(_Model):
+    """``[grasp.pads.X]``: where the pad of a finger is in the gripper frame.
+
+    Attributes:
+        positions: Rows of (width m, x m, y m, z m): the origin of the pad frame at some widths between the pads, width
+            rising; linear between the rows, and not known beyond them.
+        quat_xyzw: Takes pad coordinates to gripper coordinates.
+    """
+
+    positions: list[Annotated[tuple[float, float, float, float], Strict(False)]] = Field(min_length=2)
+    quat_xyzw: Quaternion
+
+
+class Grasp(_Model):
+    """``[grasp]``: two fingers as one grasp; ``pads`` names both."""
+
+    pads: dict[str, PadPlace] = Field(min_length=2, max_length=2)
+
+
+class Reflex(_Model):
+    """``[reflex]``: raises the grip by itself on a warning, where ``enabled``; needs ``[grasp]`` and ``[gripper]``.
+
+    Attributes:
+        enabled: It acts.
+        raise_n_per_s: How fast it raises the force on one pad, N/s.
+        ceiling_n: Most that it asks for, N on one pad; None: ``gripper.max_force_n``.
+        slip_gain: Where a finger slips although the grip should hold, μ was believed too high: it then asks for so many
+            times the present force.
+        lead_time_s: How long before the drop a warning comes, s; `slipd check` tells what can be gained in it.
+        calm_s: It lowers again only after so long without need, s.
+        lower_n_per_s: How fast it lowers to what is needed, N/s; 0: never.
+    """
+
+    enabled: bool = False
+    raise_n_per_s: Positive = 50.0
+    ceiling_n: Positive | None = None
+    slip_gain: float = Field(default=1.2, ge=1.0, le=3.0)
+    lead_time_s: Positive = 0.1
+    calm_s: Positive = 2.0
+    lower_n_per_s: NotNegative = 0.0
 
 
 class Levels(_Model):
@@ -202,6 +256,8 @@ class Config(_Model):
     rates: Rates = Rates()
     finger: dict[str, Finger] = Field(min_length=1)
     gripper: Gripper | None = None
+    grasp: Grasp | None = None
+    reflex: Reflex = Reflex()
     _text: str = PrivateAttr(default="")
 
     @property

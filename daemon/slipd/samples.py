@@ -66,24 +66,26 @@ class GripperSample:
         t_ns: CLOCK_MONOTONIC when the reply was received.
         device_time_ns: Always None for the grippers known so far.
         active: The gripper is activated and takes commands.
-        closure: Position between 0 (fully open) and 1 (fully closed); the config maps it to a width.
+        width_m: Width between the pads, m; None where it is not known.
         moving: The fingers are moving.
         object: "moving", "contact_opening", "contact_closing" or "none" (at the requested position, or lost).
         fault: Name of the fault the gripper reports, "" when none.
-        echo_ok: The gripper echoes the position that was last requested; None before the first command.
-        current_a: Motor current, A.
+        echo_ok: The gripper repeats what was last requested; None before the first command.
+        current_a: Motor current, A; None where the gripper does not measure it.
+        force_n: Force on one pad that the gripper measures, N; None where it does not.
         source: Always "".
     """
 
     t_ns: int
     device_time_ns: int | None
     active: bool
-    closure: float
+    width_m: float | None
     moving: bool
     object: str
     fault: str
     echo_ok: bool | None
-    current_a: float
+    current_a: float | None = None
+    force_n: float | None = None
     source: str = ""
 
 

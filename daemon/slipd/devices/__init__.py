@@ -72,6 +72,58 @@ class Session(Protocol):
         ...
 
 
+class GripperSession(Session, Protocol):
+    """The conversation with a gripper, in metres between the pads and newtons on one pad.
+
+    Nothing moves but on request, and a request that the gripper cannot take sends nothing.
+
+    Attributes:
+        command_lost: The last command was refused by the gripper, or never acknowledged.
+    """
+
+    command_lost: bool
+
+    @property
+    def width_range_m(self) -> tuple[float, float]:
+        """Least and largest width between the pads; (0, inf) while the gripper has not told."""
+        ...
+
+    @property
+    def speed_range_mps(self) -> tuple[float, float] | None:
+        """Least and largest speed; None where no speed can be asked for."""
+        ...
+
+    @property
+    def force_range_n(self) -> tuple[float, float]:
+        """Least and largest force; (0, inf) while the gripper has not told."""
+        ...
+
+    def activate(self, now_ns: int) -> None:
+        """Make the gripper ready; some open and close fully while they do this."""
+        ...
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> float | None:
+        """Go to a width with a force, N on one pad.
+
+        Returns:
+            The force that the gripper is told, never above ``force_n`` but for the gripper's least; None, and nothing
+            will be sent, where it is not active.
+        """
+        ...
+
+    def set_force(self, force_n: float) -> float | None:
+        """Change the force at the width last asked for; returns as `move`."""
+        ...
+
+    def halt(self) -> bool:
+        """Stop the fingers where they are; False, and nothing will be sent, where it is not active."""
+        ...
+
+    def acknowledge(self) -> None:
+        """Tell the gripper that its fault was seen, where it wants to be told; moves nothing."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Inquiry:
     """A question that is put to a device over TCP before its stream is opened.
@@ -104,6 +156,8 @@ class Device:
         taxels: Of each of its pads; None where pads differ.
         shared: One port carries several sensors, told apart by the ``source`` of their samples.
         sensors: Names of those sensors; empty where they are not known beforehand.
+        tabled: A gripper with units of its own: the session must be told ``force_table``, ``width_table`` and
+            ``speed_table`` (None where there is none).
         clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
         host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
         inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
@@ -122,6 +176,7 @@ class Device:
     taxels: int | None = None
     shared: bool = False
     sensors: tuple[str, ...] = ()
+    tabled: bool = False
     clock_span_ns: int | None = None
     host_clock: bool = False
     inquiry: Callable[..., Inquiry | None] | None = None
