@@ -13,7 +13,7 @@ from typing import Any, cast
 
 from slipd import __version__
 from slipd.config import Config
-from slipd.devices.robotiq_2f import Session as GripperSession
+from slipd.devices import GripperSession
 from slipd.pipeline.desk import Desk
 from slipd.pipeline.events import Bytes, Event, LinkSpec, LinkUp, Output, Request, Tick, Write
 from slipd.pipeline.finger import Finger
