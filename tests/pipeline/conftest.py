@@ -72,7 +72,6 @@ force_table = [[0, 3.0], [255, 28.5]]
 width_table = [[0.0, 0.085], [1.0, 0.0]]
 speed_table = [[0, 0.02], [255, 0.15]]
 max_force_n = 25.0
-max_lease_ms = 1000
 """
 FULL_IMAGE = np.full((4, 4), 100)
 NO_IMAGE = np.zeros((4, 4), dtype=int)
