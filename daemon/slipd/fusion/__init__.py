@@ -1,10 +1,20 @@
-"""The contact mechanics and the slip decision of one contact; pure.
+"""The contact mechanics and the slip decision of one contact, and the grasp that two of them make; pure.
 
 Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for taxels; all in the pad frame (origin at
 the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
 """
 
 from slipd.fusion.contact import Contact, carry, contact_from_wrench, contact_of
+from slipd.fusion.grasp import (
+    ExternalWrench,
+    PadPose,
+    asymmetry,
+    external_wrench,
+    grasp_needed_n,
+    grasp_utilisation,
+    internal_force,
+    load_share,
+)
 from slipd.fusion.grip_force import grip_needed_n
 from slipd.fusion.hull import Outline, tipping_margin
 from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, utilisations
@@ -23,8 +33,10 @@ from slipd.fusion.slip import SlipDetector, SlipSettings
 __all__ = [
     "Contact",
     "ContactShape",
+    "ExternalWrench",
     "Loads",
     "Outline",
+    "PadPose",
     "SlipDetector",
     "SlipSettings",
     "TorqueLimit",
@@ -32,13 +44,19 @@ __all__ = [
     "Utilisation",
     "Utilisations",
     "active_loads",
+    "asymmetry",
     "binary_loads",
     "carry",
     "contact_from_wrench",
     "contact_of",
     "contact_shape",
+    "external_wrench",
+    "grasp_needed_n",
+    "grasp_utilisation",
     "grey_loads",
     "grip_needed_n",
+    "internal_force",
+    "load_share",
     "matched_loads",
     "tipping_margin",
     "torque_limit",
