@@ -167,10 +167,10 @@ def test_move_and_force_are_the_published_bytes_and_go_before_the_next_poll(acti
     assert active.session.next_deadline() == active.now_ns + 5 * MS
     active.steps(1)
     assert active.set_force(90)
-    active.steps(1)
+    active.steps(2)
     assert active.move(0, 255, 255)
     active.steps(1)
-    assert [data for _, data in active.sent] == [GO, FORCE, OPEN]
+    assert [data for _, data in active.sent] == [GO, FORCE, POLL, OPEN]
     assert robotiq_registers.parse_output(active.gripper.output).position == 0
 
 
@@ -207,7 +207,7 @@ def test_halt_clears_go_and_keeps_the_gripper_active(active: Bench) -> None:
     active.steps(1)
     active.session.halt()
     active.set_force(90)
-    active.steps(2)
+    active.steps(3)
     assert active.gripper.output == (0x0100, 200, 0x805A)
     active.steps(1)
     assert active.samples[-1].active
@@ -276,7 +276,7 @@ def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: 
     assert active.session.state == "command lost"
 
 
-def test_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench) -> None:
+def test_A6_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench) -> None:
     active.gripper.mute = True
     active.move(200, 128, 60)
     active.steps(3)
@@ -290,7 +290,7 @@ def test_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench
     assert all(later - earlier == 100 * MS for earlier, later in pairwise(times))
 
 
-def test_after_silence_nothing_is_sent_before_a_status_came_again(active: Bench) -> None:
+def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_status_came_again(active: Bench) -> None:
     active.gripper.mute = True
     active.steps(5)
     assert active.session.state == "no reply"
@@ -350,7 +350,7 @@ def test_a_lost_clear_never_leads_to_a_bare_activation() -> None:
     assert bench.session.command_lost
 
 
-def test_a_refused_command_is_not_repeated(active: Bench) -> None:
+def test_A6_a_refused_command_is_not_repeated(active: Bench) -> None:
     active.gripper.refuses = (modbus.WRITE,)
     active.move(200, 128, 60)
     active.steps(4)
@@ -385,6 +385,44 @@ def test_the_echo_is_judged_against_the_position_last_sent(active: Bench) -> Non
     active.session.activate(active.now_ns)
     active.steps(3)
     assert active.samples[-1].echo_ok is None
+
+
+def test_D5_an_echo_that_differs_shows_in_every_status_while_it_lasts(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.gripper.echo = 0
+    active.steps(4)
+    assert [sample.echo_ok for sample in active.samples[-3:]] == [False] * 3
+    active.set_force(90)
+    active.steps(2)
+    assert active.samples[-1].echo_ok is False
+    active.gripper.echo = None
+    active.steps(1)
+    assert active.samples[-1].echo_ok is True
+
+
+@pytest.mark.parametrize("stage", [0, 1, 3])
+@pytest.mark.parametrize("fault", [*range(5, 16), 0x30])
+def test_D4_a_fault_is_shown_and_nothing_is_tried_against_it(active: Bench, fault: int, stage: int) -> None:
+    active.move(200, 128, 60)
+    active.steps(2)
+    active.gripper.fault = fault
+    for _ in range(10):
+        active.gripper.stage = stage
+        active.steps(1)
+    assert active.commands() == [GO]
+    assert {(sample.fault == "", sample.active) for sample in active.samples[-10:]} == {(False, stage == 3)}
+    assert (active.set_force(90) is None) == (stage != 3)
+    active.session.acknowledge()
+    active.steps(3)
+    assert active.commands()[1:] == ([FORCE] if stage == 3 else [])
+
+
+def test_a_flood_of_commands_leaves_every_third_turn_to_the_poll(active: Bench) -> None:
+    active.now_ns += 20 * MS
+    for force in range(9):
+        active.set_force(force)
+        active.steps(1)
+    assert [data == POLL for _, data in active.sent] == [False, False, True] * 3
 
 
 def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:

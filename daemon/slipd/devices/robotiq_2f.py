@@ -35,6 +35,8 @@ REPLY_TIMEOUT_NS = 100_000_000
 """A reply takes 5 to 10 ms; a USB adapter under load may hold it for several times its 16 ms."""
 ATTEMPTS = 3
 """So many unanswered transactions in a row are "no reply"; a command repeated later would come as a surprise."""
+COMMANDS_IN_A_ROW = 2
+"""A command goes before a poll that is due, but no flood of them hides what becomes of them."""
 
 _STATUS = struct.Struct(f">{REGISTERS}H")
 _STATUS_AT = 3
@@ -133,6 +135,7 @@ class Session:
         self._pending: list[modbus.Request] = []
         self._outstanding: modbus.Request | None = None
         self._unanswered = 0
+        self._commands_in_a_row = 0
         self._heard = b""
         self._poll_at_ns = self._free_at_ns = self._reply_by_ns = now_ns
 
@@ -245,7 +248,8 @@ class Session:
             return b""
         if self._outstanding is not None:
             self._time_out(self._outstanding)
-        if self._pending:
+        overdue = now_ns >= self._poll_at_ns and self._commands_in_a_row >= COMMANDS_IN_A_ROW
+        if self._pending and not overdue:
             request = self._pending.pop(0)
             if _goes(request):
                 self._requested = self._goal[0]
@@ -297,6 +301,7 @@ class Session:
     def _take_reply(self, request: modbus.Request, reply: modbus.Reply, now_ns: int) -> list[GripperSample]:
         samples: list[GripperSample] = []
         if request.function == modbus.WRITE:
+            self._commands_in_a_row += 1
             self.command_lost = False
             if reply.error:
                 self._give_up()
@@ -310,6 +315,7 @@ class Session:
     def _take_status(self, registers: tuple[int, ...], now_ns: int) -> GripperSample:
         sample = parse_status(registers, now_ns, self._requested, self._units.width_m)
         self.health.good += 1
+        self._commands_in_a_row = 0
         if self._activation not in self._pending:
             self._stage = parse_stage(registers)
             self._active = sample.active
