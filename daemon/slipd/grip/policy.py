@@ -44,10 +44,10 @@ class GripLimits:
 
     min_n: float
     max_n: float | None
-    step_n: float = 2.0
-    raise_n_per_s: float = 10.0
-    lower_n_per_s: float = 2.0
-    budget_n: float = math.inf
+    step_n: float
+    raise_n_per_s: float
+    lower_n_per_s: float
+    budget_n: float
 
 
 class GripPolicy:

@@ -73,6 +73,17 @@ class Reflex:
         self._t_ns = 0
         self._forget()
 
+    def _forget(self) -> None:
+        """Nothing is gripped: what was known of the grasp is void."""
+        self._told_n: float | None = None
+        self._told_ns = 0
+        self._lack_n = 0.0
+        self._goal_n: float | None = None
+        self._calm_ns: int | None = None
+        self._line_n: float | None = None
+        self._act: ReflexAct | None = None
+        self._act_ns = self._raise_ns = -SETTLE_NS
+
     def decide(
         self, level: str, needed_n: float | None, internal_n: float | None, trusted: bool, t_ns: int
     ) -> ReflexAct | None:
@@ -104,17 +115,6 @@ class Reflex:
             return self._hand_out(self._raise(wanted_n, level == "slipping", force_n))
         return None
 
-    def _forget(self) -> None:
-        """Nothing is gripped: what was known of the grasp is void."""
-        self._told_n: float | None = None
-        self._told_ns = 0
-        self._lack_n = 0.0
-        self._goal_n: float | None = None
-        self._calm_ns: int | None = None
-        self._line_n: float | None = None
-        self._act: ReflexAct | None = None
-        self._act_ns = self._raise_ns = -SETTLE_NS
-
     def _follow(self, force_n: float, internal_n: float | None) -> None:
         """Learns by how much the grip felt stays behind the force told, once the gripper had time to follow."""
         if force_n != self._told_n:
@@ -137,7 +137,7 @@ class Reflex:
         wanted_n = min(wanted_n, self._settings.ceiling_n, most_n)
         base_n = force_n
         if self._act is not None and self._act.from_n == force_n and self._t_ns - self._raise_ns < SETTLE_NS:
-            base_n = self._act.force_n  # it was too little for the gripper to show: the rise goes on from there
+            base_n = max(force_n, self._act.force_n)  # the gripper has not shown it: the rise goes on from there
         if wanted_n <= base_n + DEAD_BAND_N:
             return None
         step_n = self._settings.raise_n_per_s * PERIOD_NS * 1e-9
