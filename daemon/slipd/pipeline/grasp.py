@@ -93,7 +93,7 @@ class GraspView:
             number(internal_force(*normal_n)),
             number(grasp_needed_n(normal_n, (_needed_n(first), _needed_n(second)))),
             number(grasp_utilisation(_utilisation(first), _utilisation(second))),
-            width_m,
+            number(width_m),
         )
         return self.state
 
