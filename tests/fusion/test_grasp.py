@@ -25,7 +25,7 @@ NAN, INF = math.nan, math.inf
 #: Pads 60 mm apart that look at each other along the gripper's Y; Z is the approach.
 LEFT = PadPose(np.array(((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))), np.array((0.0, 0.03, 0.1)))
 RIGHT = PadPose(np.array(((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))), np.array((0.0, -0.03, 0.1)))
-forces = st.floats(-50.0, 50.0)
+forces = st.integers(-5000, 5000).map(lambda hundredths: hundredths / 100)
 loads = st.floats(0.0, 100.0)
 vectors = st.tuples(forces, forces, forces).map(np.array)
 
