@@ -51,7 +51,9 @@ class GripLimits:
 
 
 class GripPolicy:
-    """The lease, the limits, and what is in force. Time is an argument, and an earlier time than the last counts as it.
+    """The lease, the limits, and what is in force.
+
+    Time is an argument; an earlier one than the latest counts as the latest, so that a late loop revives nothing.
 
     Args:
         limits: Limits of the forces.
@@ -77,8 +79,8 @@ class GripPolicy:
 
     def holder(self, t_ns: int) -> bytes | None:
         """Client that holds the lease at ``t_ns``; a lease that was once seen to have run out stays so."""
-        self._now_ns = max(self._now_ns, t_ns)
-        if self._holder is not None and self._now_ns >= self._expires_ns:
+        now_ns = self._now(t_ns)
+        if self._holder is not None and now_ns >= self._expires_ns:
             self.end_lease()
         return self._holder
 
@@ -128,6 +130,10 @@ class GripPolicy:
             return None
         return Refusal("no_lease", "acquire the lease first: lease.acquire {ttl_ms}; it may have expired")
 
+    def _now(self, t_ns: int) -> int:
+        self._now_ns = max(self._now_ns, t_ns)
+        return self._now_ns
+
     # Forces
 
     @property
@@ -171,7 +177,7 @@ class GripPolicy:
             allowed = f"by at most {self._limits.step_n:g} N from the {self._force_n:g} N in force"
             return Refusal("out_of_range", f"force_n may change {allowed}, not to {force_n:g}", "force_n")
         allowance = self._raising if change_n > 0.0 else self._lowering
-        wait_ms = allowance.wait_ms(abs(change_n), t_ns)
+        wait_ms = allowance.wait_ms(abs(change_n), self._now(t_ns))
         too_fast = f"force_n {force_n:g} N may be asked for again in {wait_ms} ms: at most {allowance.rate:g} N/s"
         return self._check_budget(change_n) or (Refusal("too_fast", too_fast, "force_n") if wait_ms else None)
 
@@ -182,7 +188,7 @@ class GripPolicy:
             return refusal
         if self._force_n is None or self._asked_n is None:
             return Refusal("not_ready", "nothing is gripped")
-        if force_n < min(self._asked_n, self._force_n):
+        if force_n < self._asked_n - ROUNDING_N:
             return Refusal("out_of_range", f"the reflex does not lower below the {self._asked_n:g} N asked for")
         return self._check_budget(force_n - self._force_n)
 
@@ -197,7 +203,7 @@ class GripPolicy:
         if self._force_n is not None:
             change_n = force_n - self._force_n
             self._raised_n += max(change_n, 0.0)
-            (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), t_ns)
+            (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), self._now(t_ns))
         self._force_n = force_n
         if not reflex:
             self._asked_n = force_n
@@ -240,7 +246,7 @@ class GripPolicy:
 
 
 class _Allowance:
-    """Newtons by which a force may change now: they grow with time up to one step."""
+    """Newtons by which a force may change now: they grow with time, which never runs backwards, up to one step."""
 
     def __init__(self, rate_n_per_s: float, most_n: float) -> None:
         self.rate = rate_n_per_s
@@ -259,6 +265,5 @@ class _Allowance:
         self._left_n = max(self._left_n - amount_n, 0.0)
 
     def _grow(self, t_ns: int) -> None:
-        if t_ns > self._t_ns:
-            self._left_n = min(self._left_n + self.rate * (t_ns - self._t_ns) * 1e-9, self._most_n)
-            self._t_ns = t_ns
+        self._left_n = min(self._left_n + self.rate * (t_ns - self._t_ns) * 1e-9, self._most_n)
+        self._t_ns = t_ns

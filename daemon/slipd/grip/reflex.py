@@ -108,7 +108,7 @@ class Reflex:
         self._follow(force_n, _known(internal_n) if trusted else None)
         need_n = _known(needed_n)
         if trusted and level == "stable" and need_n is not None and elapsed_ns <= LONGEST_GAP_NS:
-            return self._hand_out(self._lower(KEEP * need_n + self._lack_n, force_n, elapsed_ns))
+            return self._hand_out(self._lower(KEEP * need_n + max(self._lack_n, 0.0), force_n, elapsed_ns))
         self._calm_ns = self._line_n = None
         if trusted and level in ("warning", "slipping"):
             wanted_n = None if need_n is None else need_n + self._lack_n
