@@ -256,12 +256,21 @@ def test_a_load_that_no_grip_holds_has_no_number(hand: Hand) -> None:
     assert body["internal_n"] == pytest.approx(10.0)
 
 
-def test_the_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
-    hand.press("left", 10.0, (4.0, 0.0))
-    hand.press("right", 10.0, (4.6, 0.0))
-    assert (hand.body()["level"], hand.body()["reasons"]) == ("warning", ["translation"])
+def test_level_and_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
+    def told() -> tuple[str, list[str]]:
+        body = hand.body()
+        return body["level"], body["reasons"]
+
+    hand.press("left", 10.0, (3.7, 0.0))
+    assert told() == ("caution", ["translation"]), "more alarming than a finger of which nothing is known"
+    hand.press("right", 10.0)
+    assert told() == ("caution", ["translation"])
+    hand.press("right", 10.0, (0.0, 0.0), 0.02)
+    assert told() == ("warning", ["rotation"]), "the finger at caution has no say"
     hand.press("left", 10.0, (4.6, 0.0))
-    assert hand.body()["reasons"] == ["translation"], "each once"
+    assert told() == ("warning", ["translation", "rotation"])
+    hand.press("right", 10.0, (4.6, 0.0))
+    assert told() == ("warning", ["translation"]), "each once"
 
 
 def test_a_finger_whose_own_weight_is_unknown_tells_the_grip_but_not_the_load(make_hand: MakeHand) -> None:
