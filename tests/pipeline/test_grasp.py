@@ -265,7 +265,7 @@ def test_level_and_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
     assert told() == ("caution", ["translation"]), "more alarming than a finger of which nothing is known"
     hand.press("right", 10.0)
     assert told() == ("caution", ["translation"])
-    hand.press("right", 10.0, (0.0, 0.0), 0.02)
+    hand.press("right", 10.0, (0.0, 0.0), 0.028)
     assert told() == ("warning", ["rotation"]), "the finger at caution has no say"
     hand.press("left", 10.0, (4.6, 0.0))
     assert told() == ("warning", ["translation", "rotation"])
