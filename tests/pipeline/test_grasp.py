@@ -269,8 +269,12 @@ def test_level_and_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
     assert told() == ("warning", ["rotation"]), "the finger at caution has no say"
     hand.press("left", 10.0, (4.6, 0.0))
     assert told() == ("warning", ["translation", "rotation"])
+
+
+def test_a_reason_of_both_fingers_is_told_once(hand: Hand) -> None:
+    hand.press("left", 10.0, (4.6, 0.0))
     hand.press("right", 10.0, (4.6, 0.0))
-    assert told() == ("warning", ["translation"]), "each once"
+    assert hand.body()["reasons"] == ["translation"]
 
 
 def test_a_finger_whose_own_weight_is_unknown_tells_the_grip_but_not_the_load(make_hand: MakeHand) -> None:
