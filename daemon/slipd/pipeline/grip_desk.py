@@ -53,10 +53,7 @@ class GripDesk:
         return self._policy.acquire(request.client, ttl_ms, t_ns) or {"ttl_ms": ttl_ms}
 
     def _grip_set(self, request: Request, t_ns: int) -> Result:
-        refusal = self._refuse(request, t_ns)
-        if refusal is None and self._policy.force_n is None:
-            refusal = _NOTHING_GRIPPED
-        return refusal or self._set_force(float(request.body["force_n"]), t_ns)
+        return self._refuse(request, t_ns) or self._set_force(float(request.body["force_n"]), t_ns)
 
     def _grip_adjust(self, request: Request, t_ns: int) -> Result:
         refusal = self._refuse(request, t_ns)
@@ -67,7 +64,10 @@ class GripDesk:
         return replace(found, field="delta_n") if isinstance(found, Refusal) and found.field else found
 
     def _set_force(self, force_n: float, t_ns: int) -> Result:
-        return self._check_force(force_n, t_ns) or self._gripper.set_force(force_n, t_ns)
+        refusal = self._check_force(force_n, t_ns)
+        if refusal is None and self._policy.force_n is None:
+            refusal = _NOTHING_GRIPPED
+        return refusal or self._gripper.set_force(force_n, t_ns)
 
     def _close(self, request: Request, t_ns: int) -> Result:
         body = request.body

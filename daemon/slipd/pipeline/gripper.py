@@ -15,9 +15,9 @@ from slipd_client.messages import Health
 
 Result = dict[str, Any] | Refusal
 
-#: A gripper that was not heard for so long, or for three of its periods, does not answer: a reply may be late, and a
-#: poll is repeated twice before it counts.
-SILENCE_NS, SILENT_PERIODS = 300_000_000, 3.0
+#: A gripper that was not heard for so long, or for three of its periods, does not answer. A session that repeats an
+#: unanswered command twice gives it up first.
+SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
 _NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
 _NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
 
@@ -102,7 +102,7 @@ class GripperControl:
     def activate(self, t_ns: int) -> Result:
         """Activates the gripper, which opens and closes it fully."""
         self._session.activate(t_ns)
-        self._watch.activate()
+        self._watch.activate(t_ns)
         self._let_go()
         self.force_command_n = None
         return {}

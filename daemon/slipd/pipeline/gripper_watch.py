@@ -7,6 +7,9 @@ from slipd.samples import GripperSample
 #: A gripper repeats the command before in the reading that crosses it; three in a row are a mismatch.
 ECHO_READINGS = 3
 
+#: An activation during which no reading said "inactive" for so long was done at once, or was none.
+ACTIVATION_NS = 1_000_000_000
+
 COMMAND_LOST = "command_lost"
 LINK_LOST = "link_lost"
 NO_ANSWER = "no_answer"
@@ -21,16 +24,17 @@ class GripperWatch:
         self._fault = ""
         self._wrong_echoes = 0
         self._active = False
-        self._activation = ""  # "asked", then "under way" until the gripper is active
+        self._activation = ""  # "asked", then "under way" from the first inactive reading to the next active one
+        self._asked_ns = 0
         self._command_lost = False
 
     def forget(self) -> None:
         """Nothing is heard of the gripper any more: whether it stays active is for a later reading to say."""
         self._active, self._activation = False, ""
 
-    def activate(self) -> None:
+    def activate(self, t_ns: int) -> None:
         """An activation was asked for: the gripper is inactive, and reports what it likes, until it is done."""
-        self._activation = "asked"
+        self._activation, self._asked_ns = "asked", t_ns
 
     def acknowledge(self) -> None:
         """What was told was looked at: an echo that is still wrong is told anew.
@@ -44,7 +48,7 @@ class GripperWatch:
         """Takes a reading; returns the fault that begins with it, "" for none."""
         if self._activation == "asked" and not sample.active:
             self._activation, self._fault = "under way", ""
-        elif self._activation == "under way" and sample.active:
+        elif sample.active and (self._activation == "under way" or sample.t_ns - self._asked_ns > ACTIVATION_NS):
             self._activation = ""
         self._wrong_echoes = self._wrong_echoes + 1 if sample.echo_ok is False else 0
         began = "" if self._activation == "under way" else self._begun(sample)
