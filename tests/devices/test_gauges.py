@@ -17,7 +17,7 @@ from slipd.devices import crc, gauges
 from slipd.devices.health import DecoderHealth
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[[bytes, int], Iterator[bytes]]
+Damage = Callable[..., Iterator[bytes]]
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "devices.md"
 COUNTS = (100, -200, 300_000, -4, 5, 6)

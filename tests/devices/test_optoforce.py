@@ -14,7 +14,7 @@ from slipd.devices.conversation import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS
 from slipd.devices.health import DecoderHealth
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[[bytes, int], Iterator[bytes]]
+Damage = Callable[..., Iterator[bytes]]
 
 PUBLISHED = bytes.fromhex("AA 07 08 0A 2D 6A 00 00 FF F7 FF FB 00 07 05 51")
 """From a capture of a three-axis sensor."""

@@ -16,7 +16,7 @@ from slipd.devices import papillarray_frames as frames
 from slipd.devices.conversation import SILENCE_NS
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[[bytes, int], Iterator[bytes]]
+Damage = Callable[..., Iterator[bytes]]
 
 WORKED = bytes.fromhex(
     "55 66 77 88 02 01 00 0D 00 03 00 19 00 04 00 3B 00 07 00 00 00 40 E2 01 00 00 00 00 00 01 00 04 00 01 00 04 00 02"

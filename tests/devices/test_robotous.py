@@ -14,7 +14,7 @@ from slipd.devices.conversation import ANSWER_NS, RETRY_PAUSE_NS
 from slipd.devices.health import DecoderHealth
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[[bytes, int], Iterator[bytes]]
+Damage = Callable[..., Iterator[bytes]]
 
 WORKED = bytes.fromhex("55 0B 02 69 FF 83 13 29 00 FA FF AC 00 03 08 00 00 E4 AA")
 COUNTS = (617, -125, 4905, 250, -84, 3)

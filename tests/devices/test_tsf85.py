@@ -15,7 +15,7 @@ from slipd.devices import tsf85
 from slipd.devices.tsf85 import encode_block, encode_packet
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-Damage = Callable[[bytes, int], Iterator[bytes]]
+Damage = Callable[..., Iterator[bytes]]
 
 SMALL = bytes.fromhex("9A 00 58 06 20 00 04 24 FF FD")
 WORKED = bytes.fromhex(
