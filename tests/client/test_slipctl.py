@@ -179,7 +179,7 @@ def test_new_keys_are_files_that_the_next_call_uses(
     daemon: Daemon, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("robot", "slipd"):
-        assert main(["keys", "new", name, "--directory", str(tmp_path)]) == 0
+        assert main(["keys", "new", name, "--dir", str(tmp_path)]) == 0
     assert f"{tmp_path}/robot.key_secret" in capsys.readouterr().out
     keys = ["--key", f"{tmp_path}/robot.key_secret", "--server-key", f"{tmp_path}/slipd.key"]
     assert main(["--requests", daemon.endpoint, *keys, "status"]) == 1, "this daemon has no such key"
