@@ -20,7 +20,8 @@ class ServerClock:
 
     def hear(self, sent_ns: int, received_ns: int, server_ns: int) -> None:
         """Take in that the daemon's clock showed ``server_ns`` at some instant between the other two."""
-        low_ns, high_ns = server_ns - received_ns, server_ns - sent_ns
+        drift_ns = _drift_ns(received_ns - sent_ns)
+        low_ns, high_ns = server_ns - received_ns - drift_ns, server_ns - sent_ns + drift_ns
         if self._heard_ns is not None:
             grown_ns = self._grown_ns(received_ns)
             narrowed = max(low_ns, self._low_ns - grown_ns), min(high_ns, self._high_ns + grown_ns)
@@ -51,4 +52,8 @@ class ServerClock:
         return now_ns + self._low_ns - self._grown_ns(now_ns)
 
     def _grown_ns(self, now_ns: int) -> int:
-        return 0 if self._heard_ns is None else abs(now_ns - self._heard_ns) * DRIFT_PPM // 1_000_000
+        return 0 if self._heard_ns is None else _drift_ns(abs(now_ns - self._heard_ns))
+
+
+def _drift_ns(passed_ns: int) -> int:
+    return -(-passed_ns * DRIFT_PPM // 1_000_000)

@@ -23,7 +23,7 @@ def test_nothing_is_known_before_the_first_reply_nor_after_another_daemon() -> N
 def test_the_error_is_half_the_way_there_and_back() -> None:
     clock = ServerClock()
     clock.hear(1_000, 3_000, 502_000)
-    assert clock.error_ns(3_000) == 1_000
+    assert clock.error_ns(3_000) == 1_001, "half of 2 µs, and what the clocks may part meanwhile"
     assert clock.server_ns(2_000) == 502_000
     assert clock.local_ns(502_000) == 2_000
 
