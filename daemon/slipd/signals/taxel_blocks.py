@@ -1,0 +1,127 @@
+"""Gathers a pad's images into blocks of about 0.1 s, and keeps what each taxel did in the last of them.
+
+Taxels are judged (`slipd.signals.taxel_faults`) by their means, by how their readings move from image to image, alone
+and with the others, and by how long their bits have not changed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BLOCK_NS = 90_000_000
+"""A block ends with the first image this long after the last block's end: three images at 30 Hz."""
+WINDOW = 8
+"""Blocks that are judged together: what is lost shows within 0.9 s, and a slow press has time to move something."""
+GAP_NS = 500_000_000
+"""After a longer silence what was gathered is forgotten: nobody saw what happened."""
+BLOCK_IMAGES = 64
+"""Images a block keeps; at more than 700 Hz the rest of its time is not looked at."""
+
+
+class Blocks:
+    """The last blocks of one pad's images, written round; all arrays but `run` begin with (WINDOW, …).
+
+    Args:
+        taxels: Of an image.
+
+    Attributes:
+        count: Blocks since the last silence.
+        means: Mean reading, shape (WINDOW, taxels); likewise those that follow.
+        pressures: Pressure at the block's end.
+        least: Smallest magnitude of a reading.
+        squares: Sum of the squares of its steps from image to image.
+        rough: Likewise of the steps' own steps.
+        shared: Sum of the products of its steps with the sum of all others' steps.
+        rest: Sum of the squares of the others' sum.
+        changes: Images in which its bits were new.
+        new: Images in which any bits were new, shape (WINDOW,).
+        free: Nothing touched the pad throughout, shape (WINDOW,).
+        steady: The force did not move throughout, shape (WINDOW,).
+        run: New images since its bits last changed, shape (taxels,).
+    """
+
+    def __init__(self, taxels: int) -> None:
+        self.count = 0
+        self.means, self.least, self.pressures = np.zeros((3, WINDOW, taxels))
+        self.squares, self.rough, self.shared, self.rest = np.zeros((4, WINDOW, taxels))
+        self.changes = np.zeros((WINDOW, taxels), dtype=np.int64)
+        self.new = np.zeros(WINDOW, dtype=np.int64)
+        self.free = np.zeros(WINDOW, dtype=bool)
+        self.steady = np.zeros(WINDOW, dtype=bool)
+        self.run = np.zeros(taxels, dtype=np.int64)
+        self._images = np.empty((BLOCK_IMAGES + 2, taxels))  # the first two are the last of the block before
+        self._last_ns: int | None = None
+
+    def take(self, values: Array, t_ns: int, *, free: bool, steady: bool, pressure: Array | None) -> bool:
+        """Takes an image; True where it ends a block.
+
+        Args:
+            values: Readings, shape (taxels,), all finite.
+            t_ns: Time of the image.
+            free: Nothing touches the pad.
+            steady: The force does not move.
+            pressure: Shape (taxels,), NaN where it is not known; None where the readings are the pressure.
+        """
+        if self._last_ns is None or not 0 <= t_ns - self._last_ns <= GAP_NS:
+            self._begin(values, t_ns)
+        self._last_ns = t_ns
+        if self._filled < len(self._images):
+            self._images[self._filled] = values
+            self._filled += 1
+        self._all_free &= free
+        self._all_steady &= steady
+        if t_ns - self._block_ns < BLOCK_NS:
+            return False
+        self._end_block(t_ns, pressure)
+        return True
+
+    def last(self, blocks: int) -> NDArray[np.int64]:
+        """Returns the indices of the last blocks, the newest first."""
+        return (self.count - 1 - np.arange(blocks)) % WINDOW
+
+    def jitter(self) -> Array:
+        """Returns the noise of each taxel that would make its steps, standard deviation, shape (taxels,)."""
+        jitter: Array = np.sqrt(self.squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
+        return jitter
+
+    def change_rate(self) -> Array:
+        """Returns the share of the new images in which each taxel's bits were new, shape (taxels,)."""
+        rate: Array = self.changes.sum(axis=0) / max(int(self.new.sum()), 1)
+        return rate
+
+    def _begin(self, values: Array, t_ns: int) -> None:
+        self._images[:2] = values
+        self._filled = 2
+        self._all_free = self._all_steady = True
+        self._block_ns = t_ns
+        self.count = 0
+        self.run[:] = 0
+
+    def _end_block(self, t_ns: int, pressure: Array | None) -> None:
+        """Puts what the block's images tell in place of the oldest block."""
+        images = self._images[: self._filled]
+        steps = np.diff(images, axis=0)
+        slot = self.count % WINDOW
+        self.means[slot] = images[2:].mean(axis=0)
+        self.pressures[slot] = self.means[slot] if pressure is None else np.nan_to_num(pressure)
+        self.least[slot] = np.abs(images[2:]).min(axis=0)
+        self.squares[slot] = np.square(steps[1:]).sum(axis=0)
+        self.rough[slot] = np.square(np.diff(steps, axis=0)).sum(axis=0)
+        rest = steps[1:].sum(axis=1, keepdims=True) - steps[1:]
+        self.shared[slot] = (steps[1:] * rest).sum(axis=0)
+        self.rest[slot] = np.square(rest).sum(axis=0)
+        changed = steps[1:] != 0.0
+        changed = changed[changed.any(axis=1)]  # an image that repeats the one before says nothing of a taxel
+        self.new[slot] = len(changed)
+        self.changes[slot] = changed.sum(axis=0)
+        if len(changed):
+            since = np.argmax(changed[::-1], axis=0)
+            self.run = np.where(self.changes[slot] > 0, since, self.run + len(changed))
+        self.free[slot], self.steady[slot] = self._all_free, self._all_steady
+        self.count += 1
+        self._images[:2] = images[-2:]
+        self._filled, self._block_ns = 2, t_ns
+        self._all_free = self._all_steady = True

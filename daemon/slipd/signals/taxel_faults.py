@@ -1,0 +1,262 @@
+"""Says of each taxel of a pad whether it is still, frozen, hot or saturated, by what its neighbours do.
+
+Nothing else says what a taxel ought to read. Four tests look at the last blocks of images, and each says bad, well or
+nothing of each taxel:
+
+* still: it rests while all the neighbours around it move together, as they do under a load that changes. The edge of a
+  contact has neighbours that rest, a pivot line neighbours that move against each other: neither is judged.
+* frozen: its bits stay the same for longer than chance allows while its neighbours' bits keep changing.
+* hot: it is high while nothing touches the pad, or far above loaded neighbours, or it jitters by itself.
+* saturated: it is at full scale.
+
+What images cannot tell: a hole of one taxel in a contact looks like a dead taxel, and a straight groove over one row
+like a lost row. A first or last row that reads noise round zero looks like the far side of a contact's edge, and is
+not told; neither is a constant high reading beside a contact, before the pad is free.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.signals.pad import STEPS, neighbours
+from slipd.signals.taxel_blocks import WINDOW, Blocks
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+STILL = 0.15
+"""A taxel that moves less than this share of its neighbours' mean is still; gains differ by far less."""
+MOVING = 0.3
+"""A taxel that moves at least this share is well."""
+ABOVE_NOISE = 4.0
+"""Movement that counts, over the neighbours' jitter: four times what block means of three images do by chance."""
+PLATEAU = 0.8
+"""A corner is judged only where its three neighbours move at least this share of the pad's largest movement: a rounded
+contact that leaves the corner out has lost more of its pressure there."""
+CHANGING = 0.5
+"""Share of images with new bits from which noise is wide enough that no taxel rests within one count."""
+CHANCE = -math.log(1e-12)
+"""A run of unchanged bits is told where chance makes it less often than once in 1e12: once a year on 128 taxels."""
+SHORTEST_RUN = 9
+"""No run of unchanged bits is told that is shorter."""
+FREE_BLOCKS = 5
+"""Blocks that a taxel must be high for: longer than a touch that is on its way to be felt by the force sensor."""
+HOT = 12.0
+"""Hot is this many times the noise, or the spread of the resting pad, above the pad's median."""
+SLOWLY = 0.01
+"""Share of a rise that is taken for a change of the pad at rest; a fall is taken at once."""
+HOT_THRESHOLDS = 10.0
+"""Hot is this many times the threshold from which a taxel counts as active."""
+AFTER_EFFECT = 0.1
+"""Share of the largest reading that rubber may go on pressing with after a release."""
+PEAK_TIMES = 300.0
+"""Judgements, about a minute, after which the largest reading is forgotten."""
+SPIRE = 6.0
+"""Loaded neighbours all round make a reading this many times theirs impossible: rubber spreads a point."""
+LOADED = 4.0
+"""A taxel is pressed from this many times the spread of the resting pad; where it counts, several are at once."""
+AROUND = 0.6
+"""Share of the neighbours that must be loaded for that."""
+JITTER = 8.0
+"""A jitter counts from this many times the pad's noise."""
+ALONE = 5.0
+"""A taxel jitters by itself from this many times its neighbours' jitter, or the pad's, relative to the load."""
+ROUGH = 1.6
+"""Mean square of second over first differences: 3 for white noise, 2 for jumps, below 1 for motion well sampled."""
+SHAKEN = 0.3
+"""Of the load, what a force that does not move can shake it by."""
+EXPLAINED = 0.2
+"""A jitter of which the pad's own explains more than this share is that of the force."""
+JUMPY_BLOCKS = 3
+"""Blocks of the window with such a jitter: one alone may be a step, such as a tare."""
+SATURATED = 0.97
+"""Share of full scale at which a taxel is saturated: taxels with offsets of their own stop a little apart."""
+SATURATED_BLOCKS = 2
+
+_OTHER_ROWS = [k for k, (down, _) in enumerate(STEPS) if down]
+_OTHER_COLS = [k for k, (_, right) in enumerate(STEPS) if right]
+
+
+class Kind(IntEnum):
+    """What a taxel is judged to be; the index of its row in what `TaxelFaults.judge` returns."""
+
+    STILL = 0
+    FROZEN = 1
+    HOT = 2
+    SATURATED = 3
+
+
+class TaxelFaults:
+    """The four tests on one pad, and what they remember of the pad at rest.
+
+    Args:
+        blocks: What the taxels did lately.
+        rows: Rows of the scan.
+        cols: Columns of the scan.
+        full_scale: As of `TaxelHealth`; infinite where it is not known.
+        threshold: As of `TaxelHealth`.
+        light_touch: Likewise.
+
+    Attributes:
+        away: Taxels that were last far from where the pad rests, shape (taxels,).
+    """
+
+    def __init__(
+        self, blocks: Blocks, rows: int, cols: int, full_scale: float, threshold: float, light_touch: float
+    ) -> None:
+        self._blocks = blocks
+        self._grid = rows, cols
+        self._full = SATURATED * full_scale
+        self._threshold, self._light_touch = threshold, light_touch
+        taxels = rows * cols
+        self._around = neighbours(rows, cols)
+        self._within = self._around >= 0
+        self._corner = self._within.sum(axis=1) == 3
+        row, col = np.divmod(np.arange(taxels), cols)
+        self._inner_rows = (row > 0) & (row < rows - 1)
+        self._inner_cols = (col > 0) & (col < cols - 1)
+        self._noise = self._spread = math.inf
+        self._peak = 0.0
+        self._active = self._pressed = threshold
+        self._noisy_rest = False
+        self._masked: Mask = np.zeros(taxels, dtype=bool)
+        self.away: Mask = np.zeros(taxels, dtype=bool)
+
+    def judge(self, masked: Mask) -> tuple[Mask, Mask]:
+        """Judges the last blocks.
+
+        Args:
+            masked: Taxels that are not believed, shape (taxels,): they say nothing of their neighbours.
+
+        Returns:
+            Where each test says bad, and where it says well, each of shape (4, taxels) by `Kind`.
+        """
+        self._masked = masked
+        jitter = self._blocks.jitter()
+        floor = float(np.partition(jitter, jitter.size // 4)[jitter.size // 4])
+        self._noise = _lowest(self._noise, floor)
+        mean = self._blocks.means[self._blocks.last(1)[0]]
+        self._peak *= 1.0 - 1.0 / PEAK_TIMES
+        self._peak = max(self._peak, float(np.where(masked, 0.0, mean).max()))
+        middle = float(np.median(mean))
+        self._spread = _lowest(self._spread, 1.4826 * float(np.median(np.abs(mean - middle))))
+        self._active = max(self._threshold, JITTER * self._noise)
+        self._pressed = max(self._active, LOADED * self._spread)
+        rest = max(HOT_THRESHOLDS * self._threshold, HOT * self._noise, HOT * self._spread)
+        self.away = np.abs(mean) > rest
+        believed = np.append(~masked, False)[self._around]
+        full, _ = saturated = self._saturated()
+        tests = (
+            self._still(jitter, believed),
+            self._frozen(np.abs(mean) <= self._pressed, believed),
+            self._hot(jitter, rest, max(middle, 0.0), believed),
+        )
+        bad, well = zip(*((bad & ~full, well) for bad, well in tests), saturated, strict=True)
+        return np.array(bad), np.array(well)
+
+    def _still(self, jitter: Array, believed: Mask) -> tuple[Mask, Mask]:
+        """Tells what rests while its surroundings move: one taxel by all its neighbours, a line by those beside it."""
+        span = np.ptp(self._blocks.means, axis=0)
+        near = np.append(self._blocks.means, np.zeros((WINDOW, 1)), axis=1)[:, self._around]
+        near_span, near_jitter = np.append(span, 0.0)[self._around], np.append(jitter, 0.0)[self._around]
+        pressed = near.max(axis=0) > self._active
+
+        def surroundings(use: Mask) -> tuple[Array, Mask]:
+            count = use.sum(axis=1)
+            n = np.maximum(count, 1)
+            moves = np.ptp(np.einsum("wtk,tk->wt", near, use) / n, axis=0)
+            loud = moves > np.maximum(self._threshold, ABOVE_NOISE * np.einsum("tk,tk->t", near_jitter, use) / n)
+            along = (use & pressed & (near_span >= MOVING * moves[:, None])).sum(axis=1)
+            return moves, loud & (count >= 3) & (along >= count - (count >= 7))
+
+        moves, judged = surroundings(believed)
+        plateau = near_span.min(axis=1, where=self._within, initial=math.inf) >= PLATEAU * span.max()
+        bad = judged & (span <= STILL * moves) & (plateau | ~self._corner)
+        well = judged & (span >= MOVING * moves)
+        rests = span <= np.maximum(self._threshold, ABOVE_NOISE * jitter)
+        for inner, beside, axis in ((self._inner_rows, _OTHER_ROWS, 1), (self._inner_cols, _OTHER_COLS, 0)):
+            if self._lines(rests & inner, axis).any():
+                use = np.zeros_like(believed)
+                use[:, beside] = believed[:, beside]
+                moves, judged = surroundings(use)
+                still = judged & inner & (span <= STILL * moves)
+                bad |= self._lines(still | rests, axis) & self._several(still, axis)
+            if self._masked.any():
+                well |= self._lines(well | self._masked, axis) & self._several(well, axis)
+        return bad, well
+
+    def _lines(self, which: Mask, axis: int) -> Mask:
+        """Leaves of the taxels those in lines where all are so."""
+        every = which.reshape(self._grid).all(axis=axis, keepdims=True)
+        return np.broadcast_to(every, self._grid).ravel()
+
+    def _several(self, which: Mask, axis: int) -> Mask:
+        """Tells the taxels in lines where at least three are so."""
+        several = which.reshape(self._grid).sum(axis=axis, keepdims=True) >= 3
+        return np.broadcast_to(several, self._grid).ravel()
+
+    def _frozen(self, resting: Mask, believed: Mask) -> tuple[Mask, Mask]:
+        """Tells whose bits rest for longer than chance allows; at rest only on a pad whose rest is noisy."""
+        rate = self._blocks.change_rate()
+        resting = resting & ~self._masked
+        if 2 * np.count_nonzero(resting) > resting.size:  # else a lost row might be most of what rests
+            self._noisy_rest = float(np.median(rate[resting])) >= CHANGING
+        near = np.append(rate, 1.0)[self._around]
+
+        def frozen(use: Mask, least: int) -> Mask:
+            lowest = np.partition(np.where(use, near, 1.0), 1, axis=1)[:, 1]  # a frozen neighbour does not hide it
+            unlikely = -self._blocks.run * np.log1p(-np.minimum(lowest, 0.95))
+            told: Mask = (use.sum(axis=1) >= least) & (lowest >= CHANGING) & (unlikely >= CHANCE)
+            return told
+
+        bad = frozen(believed, 3)
+        for beside, axis in ((_OTHER_ROWS, 1), (_OTHER_COLS, 0)):
+            if not self._lines(self._blocks.run >= SHORTEST_RUN, axis).any():
+                continue
+            use = np.zeros_like(believed)
+            use[:, beside] = believed[:, beside]
+            bad |= self._lines(frozen(use, 2), axis)
+        return bad & (self.away | self._noisy_rest), rate >= 0.5 * CHANGING
+
+    def _hot(self, jitter: Array, rest: float, middle: float, believed: Mask) -> tuple[Mask, Mask]:
+        """Tells what is high for no reason, or jitters by itself."""
+        recent = self._blocks.last(FREE_BLOCKS)
+        limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + middle
+        bad = self._blocks.means[recent].min(axis=0) > (limit if self._blocks.free[recent].all() else math.inf)
+        low, top = self._blocks.pressures[recent].min(axis=0), self._blocks.pressures[recent].max(axis=0)
+        near_low, near_top = np.append(low, 0.0)[self._around], np.append(top, 0.0)[self._around]
+        loaded = (believed & (near_low > self._pressed)).sum(axis=1)
+        highest = near_top.max(axis=1, where=believed, initial=0.0)
+        bad |= (loaded >= 3) & (loaded >= AROUND * believed.sum(axis=1)) & (low > SPIRE * highest)
+        bad |= self._jitters_alone(jitter, believed)
+        return bad, ~bad & ((loaded >= 3) | ~self.away)
+
+    def _jitters_alone(self, jitter: Array, believed: Mask) -> Mask:
+        count = believed.sum(axis=1, keepdims=True)
+        near = np.sort(np.where(believed, np.append(jitter, 0.0)[self._around], math.inf), axis=1)
+        usual = np.take_along_axis(near, np.minimum(count // 2, near.shape[1] - 1), axis=1)[:, 0]
+        blocks = self._blocks.squares > 2 * self._active**2 * np.maximum(self._blocks.new, 1)[:, None]
+        alone: Mask = (jitter > np.maximum(self._active, ALONE * usual)) & (blocks.sum(axis=0) >= JUMPY_BLOCKS)
+        alone &= self._blocks.rough.sum(axis=0) > ROUGH * self._blocks.squares.sum(axis=0)
+        power = self._blocks.squares.sum(axis=0) * self._blocks.rest.sum(axis=0)
+        alone &= np.square(self._blocks.shared.sum(axis=0)) < EXPLAINED * power
+        if self._blocks.free.all():
+            return alone
+        load = self._blocks.means.mean(axis=0)
+        alone &= jitter > SHAKEN * np.abs(load)
+        pressed = int(np.count_nonzero(~self._masked & (load > self._pressed)))
+        return alone if self._blocks.steady.all() or pressed >= 4 else np.zeros_like(alone)
+
+    def _saturated(self) -> tuple[Mask, Mask]:
+        recent = self._blocks.last(SATURATED_BLOCKS)
+        bad = self._blocks.least[recent].min(axis=0) >= self._full
+        return bad, ~bad
+
+
+def _lowest(known: float, seen: float) -> float:
+    """What the pad does at rest: a contact raises it for a while, and that is forgotten slowly."""
+    return seen if seen < known else known + SLOWLY * (seen - known)

@@ -1,0 +1,89 @@
+"""Blocks of images: where they end, what they keep, and what a silence or a flood of images makes of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
+from taxel_images import END_S, LOST_S, NOISE, WIDE, counts, feed, swing, watch
+
+from slipd.signals.taxel_blocks import BLOCK_IMAGES, BLOCK_NS, GAP_NS, WINDOW, Blocks
+
+
+def fill(blocks: Blocks, images: np.ndarray, *, begin_ns: int = 0, period_ns: int = BLOCK_NS // 3) -> list[int]:
+    """Gives images in time; tells which of them ended a block."""
+    return [
+        k
+        for k, image in enumerate(images)
+        if blocks.take(image, begin_ns + k * period_ns, free=bool(image.sum() < 7.5), steady=k % 6 < 4, pressure=None)
+    ]
+
+
+def test_a_block_keeps_how_each_taxel_moved_alone_and_with_the_others() -> None:
+    images = np.array([[0, 0, 1], [1, 0, 1], [1, 0, 1], [4, 0, 3], [4, 0, 3], [5, 0, 3], [5, 1, 2]], dtype=float)
+    blocks = Blocks(3)
+    assert fill(blocks, images) == [3, 6]
+    newest, before = blocks.last(2)
+    assert_allclose(blocks.means[before], images[:4].mean(axis=0))
+    assert_allclose(blocks.means[newest], images[4:].mean(axis=0))
+    assert_allclose(blocks.pressures, blocks.means)
+    assert_array_equal(blocks.least[[before, newest]], [[0, 0, 1], [4, 0, 2]])
+    assert_array_equal(blocks.squares[[before, newest]], [[10, 0, 4], [1, 1, 1]])
+    assert_array_equal(blocks.rough[newest], [11, 1, 5])
+    assert_array_equal(blocks.shared[before], [6, 0, 6])
+    assert_array_equal(blocks.rest[before], [4, 26, 10])
+    assert_array_equal(blocks.changes[[before, newest]], [[2, 0, 1], [1, 1, 1]])
+    assert_array_equal(blocks.new[[before, newest]], [2, 2])
+    assert_array_equal(blocks.run, [1, 0, 0])
+    assert_array_equal(blocks.free[[before, newest]], [True, False])
+    assert_array_equal(blocks.steady[[before, newest]], [True, False])
+    assert_allclose(blocks.jitter(), np.sqrt(np.array([11, 1, 5]) / 8))
+    assert_allclose(blocks.change_rate(), [0.75, 0.25, 0.5])
+
+
+def test_the_window_is_written_round_and_a_pressure_is_kept_beside_the_readings() -> None:
+    blocks = Blocks(1)
+    for k in range(WINDOW + 3):
+        blocks.take(np.array([float(k)]), k * BLOCK_NS, free=True, steady=True, pressure=np.array([np.nan]))
+    assert blocks.count == WINDOW + 2
+    assert_array_equal(blocks.means[blocks.last(WINDOW), 0], np.arange(WINDOW + 2, 2, -1))
+    assert_array_equal(blocks.pressures, np.zeros((WINDOW, 1)))
+
+
+def test_a_silence_and_a_clock_that_goes_back_begin_anew() -> None:
+    for later_ns in (2 * BLOCK_NS + GAP_NS + 1, BLOCK_NS):
+        blocks = Blocks(1)
+        fill(blocks, np.zeros((7, 1)))
+        assert (blocks.count, blocks.run[0]) == (2, 0)
+        blocks.take(np.array([3.0]), later_ns, free=True, steady=True, pressure=None)
+        assert blocks.count == 0
+
+
+def test_repeated_images_and_silences_are_no_fault_of_a_taxel() -> None:
+    t_s = np.arange(0.0, 4.0, 1 / 60)
+    images = counts(swing(t_s), WIDE, np.random.default_rng(11))
+    images[1::12] = images[0::12][: len(images[1::12])]
+    health = watch()
+    assert feed(health, images, 60.0, swing(t_s)) == []
+    assert feed(health, images, 60.0, swing(t_s), begin_s=5.0) == []
+    frozen = np.broadcast_to(images[-1], images.shape)
+    assert feed(health, frozen, 60.0, swing(t_s), begin_s=20.0) == [], "the whole array hangs: no neighbour tells"
+
+
+def test_a_flood_of_images_is_judged_by_a_part_of_it() -> None:
+    rate_hz = 20.0 * BLOCK_IMAGES
+    t_s = np.arange(0.0, END_S, 1 / rate_hz)
+    images = counts(swing(t_s), WIDE, np.random.default_rng(12))
+    images[t_s >= LOST_S, 64] = 0.0
+    health = watch()
+    feed(health, images, rate_hz, swing(t_s))
+    assert_array_equal(np.flatnonzero(health.masked), [64])
+
+
+def test_what_moved_before_a_silence_is_not_held_against_what_rests_after_it() -> None:
+    """A contact with a hole is gripped while nobody looks; a hole and a dead taxel look the same then."""
+    rng = np.random.default_rng(17)
+    held = counts(np.full(300, 10.0), WIDE, rng)
+    held[:, 70] = np.rint(NOISE * rng.normal(size=300))
+    health = watch()
+    assert feed(health, counts(np.zeros(300), WIDE, rng), 100.0, np.zeros(300)) == []
+    assert feed(health, held, 100.0, np.full(300, 10.0), begin_s=10.0) == []
