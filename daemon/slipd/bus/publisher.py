@@ -13,8 +13,8 @@ from slipd.zeromq.endpoint import USER_ALONE, Access, serving
 SEND_HWM = 1000
 """Messages kept for one slow subscriber, about a second of everything; beyond it the newest are dropped for it."""
 
-MAX_SUBSCRIPTION_BYTES = 256
-"""Longest message taken from a subscriber, which only ever sends the beginning of a topic."""
+MAX_SUBSCRIPTION_BYTES = 1024
+"""Longest message taken from a subscriber: it sends the beginning of a topic, or some 300 bytes to prove its key."""
 
 REST_S = 0.002
 """How long subscriptions wait when very many come at once."""

@@ -30,6 +30,9 @@ PER_SECOND = 50.0
 REST_S = 0.002
 """How long a flood waits between gulps of 32 requests: some 12,000 a second are looked at, a tenth of the loop."""
 
+SEAL_BYTES = 33
+"""By how much encryption lengthens a message (RFC 26: command name, nonce, authenticator and flags)."""
+
 _FRAMES = 2
 """Route and request."""
 
@@ -82,8 +85,9 @@ class RequestServer:
         self._refusals = RateLimit(per_second)
 
     def __enter__(self) -> RequestServer:
+        sealing = 0 if self._access.secret is None else SEAL_BYTES
         options: dict[int, int] = {
-            zmq.MAXMSGSIZE: REQUEST_LIMITS.data_bytes,  # who sends more is disconnected
+            zmq.MAXMSGSIZE: REQUEST_LIMITS.data_bytes + sealing,  # who sends more is disconnected
             zmq.RCVHWM: RECEIVE_HWM,
             zmq.SNDHWM: SEND_HWM,
             zmq.ROUTER_MANDATORY: 1,  # a reply that cannot be delivered is counted, not lost unseen
