@@ -4,29 +4,49 @@ Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for t
 the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
 """
 
-from slipd.fusion.contact import Contact, carry, contact_from_wrench, contact_of
+from slipd.fusion.contact import (
+    FREE,
+    LATE,
+    TOUCHING,
+    UNTRUSTED,
+    USABLE,
+    Contact,
+    carry,
+    contact_from_wrench,
+    contact_of,
+    find_contacts,
+)
 from slipd.fusion.grip_force import grip_needed_n
 from slipd.fusion.hull import Outline, tipping_margin
 from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, utilisations
 from slipd.fusion.limit_surface import (
     TorqueLimit,
     Utilisation,
+    follow_readings,
     torque_limit,
     utilisation,
     utilisation_of,
-    utilisations_of,
+    utilisation_told,
 )
 from slipd.fusion.loads import Loads, active_loads, binary_loads, grey_loads, matched_loads
 from slipd.fusion.shape import ContactShape, contact_shape
-from slipd.fusion.slip import SlipDetector, SlipSettings
+from slipd.fusion.slip import ContactWatch, Doubt, Found, SlipSettings, Thresholds
 
 __all__ = [
+    "FREE",
+    "LATE",
+    "TOUCHING",
+    "UNTRUSTED",
+    "USABLE",
     "Contact",
     "ContactShape",
+    "ContactWatch",
+    "Doubt",
+    "Found",
     "Loads",
     "Outline",
-    "SlipDetector",
     "SlipSettings",
+    "Thresholds",
     "TorqueLimit",
     "TorqueLimits",
     "Utilisation",
@@ -37,6 +57,8 @@ __all__ = [
     "contact_from_wrench",
     "contact_of",
     "contact_shape",
+    "find_contacts",
+    "follow_readings",
     "grey_loads",
     "grip_needed_n",
     "matched_loads",
@@ -45,6 +67,6 @@ __all__ = [
     "torque_limits",
     "utilisation",
     "utilisation_of",
+    "utilisation_told",
     "utilisations",
-    "utilisations_of",
 ]

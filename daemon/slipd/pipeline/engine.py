@@ -111,13 +111,13 @@ class Engine:
             return
         finger, voice = self._fingers[owner], self._voices[owner]
         if kind == "wrench":
-            for state in finger.take_wrenches(samples, times_ns):
-                voice.tell(state, out)
+            for judged in finger.take_wrenches(samples, times_ns):
+                voice.tell_read(judged, out)
             return
         for sample, acquired_ns in zip(samples, times_ns, strict=True):
             decided = finger.take_tactile(sample, acquired_ns)
             if decided is not None:
-                voice.tell(decided, out)
+                voice.tell_read(decided, out)
             voice.tell_image(acquired_ns, out)
 
     def _take_gripper(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
