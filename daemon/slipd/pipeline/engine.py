@@ -7,8 +7,6 @@ its events is the run itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
-from operator import itemgetter
 from typing import Any, cast
 
 from slipd import __version__
@@ -97,9 +95,7 @@ class Engine:
         return GripperControl(self._config.gripper, cast("GripperSession", self._links["gripper"].session))
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
-        received = link.receive(data, t_ns, self._lateness.late_ns)
-        for stream, group in groupby(received, key=itemgetter(0)):
-            samples, times_ns = zip(*((sample, acquired_ns) for _, sample, acquired_ns in group), strict=True)
+        for stream, samples, times_ns in link.receive(data, t_ns, self._lateness.late_ns):
             self._take(stream, samples, times_ns, out)
         out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
 

@@ -251,11 +251,20 @@ class Finger:
             return
         self._compared_ns = t_ns
         doubt = self._doubt(t_ns)
-        _, wrench = min(self._past, key=lambda past: abs(past[0] - t_ns))
+        wrench = self._felt_at(t_ns)
         shift = doubt._replace(force_n=doubt.force_n / STDS, torque_nm=doubt.torque_nm / STDS)
         contact = self._contact(wrench, shift)
         told = agreement.update(t_ns, contact, doubt.force_std_n + doubt.force_n, image.x, image.y, image.pressure)
         self._disagreement = tuple(f"disagreement_{what}" for what in told)
+
+    def _felt_at(self, t_ns: int) -> Array:
+        """The reading of the force sensor that was nearest in time."""
+        nearest = self._past[-1]
+        for past in reversed(self._past):
+            if abs(past[0] - t_ns) > abs(nearest[0] - t_ns):
+                break
+            nearest = past
+        return nearest[1]
 
     def _contact(self, wrench: Array, doubt: Doubt) -> Contact:
         """The contact as the force sensor sees it; without torque, its centroid and spin are unknown."""
