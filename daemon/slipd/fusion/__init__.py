@@ -14,6 +14,7 @@ from slipd.fusion.contact import (
     carry,
     contact_from_wrench,
     contact_of,
+    contact_told,
     find_contacts,
 )
 from slipd.fusion.grip_force import grip_needed_n
@@ -57,6 +58,7 @@ __all__ = [
     "contact_from_wrench",
     "contact_of",
     "contact_shape",
+    "contact_told",
     "find_contacts",
     "follow_readings",
     "grey_loads",

@@ -146,7 +146,7 @@ USABLE = FREE
 
 
 def find_contacts(
-    wrench: Array, usable: Array, contact_n: tuple[float, float], in_contact: bool, force_std_n: float,
+    wrench: Array, usable: NDArray[np.int8], contact_n: tuple[float, float], in_contact: bool, force_std_n: float,
     torque_std_nm: float,
 ) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
     """`contact_of` of readings that follow each other; a contact lasts down to a lower force than it begins at.
@@ -167,9 +167,15 @@ def find_contacts(
     return _find(wrench, usable, *contact_n, in_contact, force_std_n, torque_std_nm)
 
 
+def contact_told(row: Array, *, touches: bool) -> Contact:
+    """Makes a `Contact` of a row of numbers."""
+    cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std = row.tolist()
+    return Contact(cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touches)
+
+
 @compiled
 def _find(
-    wrench: Array, usable: Array, begins_n: float, lasts_n: float, in_contact: bool, force_std: float,
+    wrench: Array, usable: NDArray[np.int8], begins_n: float, lasts_n: float, in_contact: bool, force_std: float,
     torque_std: float,
 ) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
     count = len(wrench)

@@ -835,7 +835,7 @@ def utilisation_in(
 
 @compiled
 def follow_utilisation(
-    x: Array, y: Array, shares: Array, mu: float, contacts: Array, touch: Indices, start: Twist, gap: float,
+    x: Array, y: Array, shares: Array, mu: float, contacts: Array, touch: NDArray[np.int8], start: Twist, gap: float,
     passes: int,
 ) -> Array:  # fmt: skip
     """`solve_utilisation` for the readings of one read, each started from the one before, shape (n, 9).

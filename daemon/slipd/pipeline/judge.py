@@ -20,6 +20,7 @@ from slipd.fusion import (
     Doubt,
     SlipSettings,
     Thresholds,
+    contact_told,
     find_contacts,
     follow_readings,
     utilisation_of,
@@ -106,7 +107,7 @@ class Judge:
         margins_m = np.full(len(touch), math.nan)
         touching = np.flatnonzero(touch == TOUCHING)
         if touching.size:
-            shares = shares_of(Contact(*contacts[touching[0]].tolist(), True))
+            shares = shares_of(contact_told(contacts[touching[0]], touches=True))
         if shares is not None:
             margins_m = shares.outline.margins_m(contacts)
             if self.mu is not None:

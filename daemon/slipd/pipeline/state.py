@@ -6,9 +6,21 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import NDArray
 
-from slipd.fusion import FREE, LATE, TOUCHING, UNTRUSTED, Contact, Found, Loads, Utilisation, utilisation_told
+from slipd.fusion import (
+    FREE,
+    LATE,
+    TOUCHING,
+    UNTRUSTED,
+    Contact,
+    Found,
+    Loads,
+    Utilisation,
+    contact_told,
+    utilisation_told,
+)
 from slipd.pipeline.decision import STABLE, WARNING, Verdict, danger_reasons
 from slipd.pipeline.image import Shares
 from slipd.samples import Array
@@ -134,7 +146,7 @@ class Judged:
             state.status = read.statuses[at]
         if touch == UNTRUSTED:
             return state
-        state.contact = Contact(*self.contacts[at].tolist(), bool(touch == TOUCHING))
+        state.contact = contact_told(self.contacts[at], touches=bool(touch == TOUCHING))
         if touch == FREE:
             return state
         state.shares = self.shares
