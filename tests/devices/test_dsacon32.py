@@ -163,6 +163,29 @@ def test_L3_a_wrong_length_is_seen_when_the_next_image_comes(rle: bool) -> None:
     assert seen == [33, 66]
 
 
+@pytest.mark.parametrize("size", [101, 1001, 4001])
+def test_L3_a_length_that_lies_is_seen_once_a_whole_packet_has_come_behind_it(size: int) -> None:
+    one, two, three = frames(3, rle=True)
+    lie = one[:4] + size.to_bytes(2, "little") + one[6:]
+    assert decode(lie, two)[0] == [33]
+    assert decode(lie, weiss.PREAMBLE[:2], two, three)[0] == [33, 66]
+    assert decode(messages.encode_matrix(6, 14)[:10], frames(1, rle=True, cells=4)[0])[0] == [0]
+
+
+def test_L1_every_split_reads_the_same_behind_a_length_that_lies(same_for_every_split: SplitCheck) -> None:
+    one, *rest = frames(4, rle=True)
+    lie = one[:4] + (1001).to_bytes(2, "little") + one[6:]
+    assert len(same_for_every_split(dsacon32.Decoder, rest[0] + lie + b"".join(rest[1:]))) == 3
+
+
+def test_an_image_that_holds_what_only_looks_like_a_packet_is_one() -> None:
+    cells = [0xAAA] * 10 + [0xAA] * 3 + [0] * 3
+    assert weiss.PREAMBLE in dsacon32.encode_frame(cells, 0, rle=True)[3:]
+    assert decode(dsacon32.encode_frame(cells, 33, rle=True))[0] == [33]
+    unknown = weiss.encode(9, b"\0\x10\0", BEHIND_PREAMBLE)
+    assert decode(payload_frame("21 00 00 00 01" + unknown.hex() + "00 00 00" * (len(unknown) % 2)))[0] == [33]
+
+
 @pytest.mark.parametrize("rle", [False, True])
 @pytest.mark.parametrize("cells", [1, 11, 13, 24])
 def test_T2_an_image_of_another_size_is_dropped_whole(cells: int, rle: bool) -> None:

@@ -73,11 +73,20 @@ class Gripper:
             self.position = told.position
 
 
+def session() -> robotiq_2f.Session:
+    """One whose force byte is a newton less, whose position byte is the millimetres closed, its speed byte mm/s."""
+    return robotiq_2f.Session(
+        force_table=[(0, 1.0), (255, 256.0)],
+        width_table=[(0.0, 0.255), (1.0, 0.0)],
+        speed_table=[(0, 0.0), (255, 0.255)],
+    )
+
+
 @dataclass
 class Bench:
     """Drives the session with a fake clock; a reply takes 6 ms."""
 
-    session: robotiq_2f.Session = field(default_factory=robotiq_2f.Session)
+    session: robotiq_2f.Session = field(default_factory=session)
     gripper: Gripper = field(default_factory=Gripper)
     now_ns: int = 0
     sent: list[tuple[int, bytes]] = field(default_factory=list)
@@ -102,6 +111,12 @@ class Bench:
             assert due is not None
             self.now_ns = max(self.now_ns, due)
             self.transact(self.session.on_time(self.now_ns))
+
+    def move(self, position: int, speed: int, force: int) -> float | None:
+        return self.session.move((255 - position) / 1000, speed / 1000, force + 1.0)
+
+    def set_force(self, force: int) -> float | None:
+        return self.session.set_force(force + 1.0)
 
     def commands(self) -> list[bytes]:
         return [data for _, data in self.sent if data not in (POLL, OLD_POLL)]
@@ -129,7 +144,7 @@ def test_starting_only_polls_and_never_moves_anything() -> None:
 def test_activation_clears_then_activates_and_waits_until_the_gripper_says_so() -> None:
     bench = Bench().start()
     bench.session.activate(bench.now_ns)
-    assert bench.session.move(1, 2, 3) is False
+    assert bench.move(1, 2, 3) is None
     bench.steps(3)
     assert bench.commands() == [CLEAR, ACTIVATE]
     assert (bench.session.state, bench.samples[-1].active, bench.samples[-1].moving) == ("activating", False, True)
@@ -142,27 +157,27 @@ def test_activation_asked_for_while_a_poll_is_out_is_not_undone_by_its_reply(act
     reply = active.gripper.hear(active.session.on_time(active.now_ns))
     active.session.activate(active.now_ns)
     active.session.receive(reply, active.now_ns)
-    assert active.session.move(1, 2, 3) is False
+    assert active.move(1, 2, 3) is None
     active.steps(2)
     assert active.commands() == [CLEAR, ACTIVATE]
 
 
 def test_move_and_force_are_the_published_bytes_and_go_before_the_next_poll(active: Bench) -> None:
-    assert active.session.move(200, 128, 60)
+    assert active.move(200, 128, 60)
     assert active.session.next_deadline() == active.now_ns + 5 * MS
     active.steps(1)
-    assert active.session.set_force(90)
+    assert active.set_force(90)
+    active.steps(2)
+    assert active.move(0, 255, 255)
     active.steps(1)
-    assert active.session.move(0, 255, 255)
-    active.steps(1)
-    assert [data for _, data in active.sent] == [GO, FORCE, OPEN]
+    assert [data for _, data in active.sent] == [GO, FORCE, POLL, OPEN]
     assert robotiq_registers.parse_output(active.gripper.output).position == 0
 
 
 def test_commands_keep_five_milliseconds_from_the_last_reply_and_one_transaction_at_a_time(active: Bench) -> None:
     active.now_ns += 20 * MS
     assert active.session.on_time(active.now_ns) == POLL
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     assert active.session.on_time(active.now_ns + 50 * MS) == b""
     active.session.receive(active.gripper.hear(POLL), active.now_ns + 50 * MS)
     assert active.session.on_time(active.now_ns + 55 * MS - 1) == b""
@@ -170,51 +185,81 @@ def test_commands_keep_five_milliseconds_from_the_last_reply_and_one_transaction
 
 
 def test_a_newer_command_replaces_one_that_was_not_sent_yet(active: Bench) -> None:
-    active.session.move(10, 1, 1)
-    active.session.move(200, 128, 9)
-    active.session.set_force(60)
+    active.move(10, 1, 1)
+    active.move(200, 128, 9)
+    active.set_force(60)
     active.steps(1)
     assert active.sent[-1][1] == GO
-    active.session.set_force(1)
-    active.session.set_force(90)
+    active.set_force(1)
+    active.set_force(90)
     active.steps(2)
     assert active.commands() == [GO, FORCE]
 
 
 def test_force_without_a_move_keeps_the_position_register_alone(active: Bench) -> None:
-    active.session.set_force(90)
+    active.set_force(90)
     active.steps(1)
     assert active.gripper.output == (0x0100, 0, 90)
 
 
 def test_halt_clears_go_and_keeps_the_gripper_active(active: Bench) -> None:
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.steps(1)
     active.session.halt()
-    active.session.set_force(90)
-    active.steps(2)
+    active.set_force(90)
+    active.steps(3)
     assert active.gripper.output == (0x0100, 200, 0x805A)
     active.steps(1)
     assert active.samples[-1].active
 
 
-@pytest.mark.parametrize("value", [-1, 256, 1.5, float("nan"), "1", None])
-def test_a_byte_out_of_range_is_refused(active: Bench, value: Any) -> None:
-    for ask in (
-        lambda: active.session.move(value, 0, 0),
-        lambda: active.session.move(0, value, 0),
-        lambda: active.session.move(0, 0, value),
-        lambda: active.session.set_force(value),
-    ):
-        with pytest.raises(ValueError, match="0 to 255"):
+@pytest.mark.parametrize("value", [-0.001, 0.256, float("nan"), float("inf")])
+def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(active: Bench, value: float) -> None:
+    with pytest.raises(ValueError, match=r"a width of .*: 0 to 0\.255 m can"):
+        active.session.move(value, 0.1, 5.0)
+    with pytest.raises(ValueError, match=r"a speed of .*: 0 to 0\.255 m/s can"):
+        active.session.move(0.1, value, 5.0)
+    active.steps(5)
+    assert active.commands() == []
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_N2_a_force_that_is_no_number_is_refused(active: Bench, value: float) -> None:
+    for ask in (lambda: active.session.move(0.1, None, value), lambda: active.session.set_force(value)):
+        with pytest.raises(ValueError, match="a finite one"):
             ask()
     active.steps(5)
     assert active.commands() == []
 
 
+def test_the_force_told_is_that_of_the_byte_below_the_one_asked_for(active: Bench) -> None:
+    assert active.session.move(0.1, None, 5.9) == 5.0
+    assert active.session.set_force(7.999) == 7.0
+    assert active.session.set_force(0.2) == 1.0, "the gripper's least"
+    assert active.session.set_force(1e9) == 256.0
+    active.steps(1)
+    told = robotiq_registers.parse_output(active.gripper.output)
+    assert (told.position, told.speed, told.force) == (155, 128, 255)
+
+
+def test_the_ranges_are_those_of_the_tables(active: Bench) -> None:
+    told = active.session
+    assert (told.width_range_m, told.speed_range_mps, told.force_range_n) == ((0.0, 0.255), (0.0, 0.255), (1.0, 256.0))
+    without = robotiq_2f.Session(speed_table=None)
+    assert without.speed_range_mps is None
+    with pytest.raises(ValueError, match="leave the speed out"):
+        without.move(0.0, 0.1, 30.0)
+
+
+def test_the_width_is_read_by_the_table(active: Bench) -> None:
+    active.gripper.position = 55
+    active.steps(1)
+    assert active.samples[-1].width_m == pytest.approx(0.2)
+
+
 def test_nothing_is_commanded_to_a_gripper_that_is_not_active() -> None:
     bench = Bench().start()
-    assert (bench.session.move(1, 2, 3), bench.session.set_force(1), bench.session.halt()) == (False, False, False)
+    assert (bench.move(1, 2, 3), bench.set_force(1), bench.session.halt()) == (None, None, False)
     bench.steps(5)
     assert bench.commands() == []
 
@@ -222,7 +267,7 @@ def test_nothing_is_commanded_to_a_gripper_that_is_not_active() -> None:
 def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: Bench) -> None:
     active.now_ns += 20 * MS
     poll = active.session.on_time(active.now_ns)
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.gripper.stage = 0
     active.session.receive(active.gripper.hear(poll), active.now_ns)
     active.steps(5)
@@ -231,9 +276,9 @@ def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: 
     assert active.session.state == "command lost"
 
 
-def test_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench) -> None:
+def test_A6_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench) -> None:
     active.gripper.mute = True
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.steps(3)
     assert active.session.state == "active"
     active.steps(4)
@@ -245,15 +290,15 @@ def test_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench
     assert all(later - earlier == 100 * MS for earlier, later in pairwise(times))
 
 
-def test_after_silence_nothing_is_sent_before_a_status_came_again(active: Bench) -> None:
+def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_status_came_again(active: Bench) -> None:
     active.gripper.mute = True
     active.steps(5)
     assert active.session.state == "no reply"
-    assert active.session.move(1, 2, 3) is False
+    assert active.move(1, 2, 3) is None
     active.gripper.mute = False
     active.steps(2)
     assert active.session.state == "active"
-    assert active.session.move(200, 128, 60)
+    assert active.move(200, 128, 60)
     active.steps(1)
     assert active.commands() == [GO]
     assert not active.session.command_lost
@@ -261,9 +306,9 @@ def test_after_silence_nothing_is_sent_before_a_status_came_again(active: Bench)
 
 def test_a_newer_move_takes_the_place_of_an_unanswered_one(active: Bench) -> None:
     active.gripper.mute = True
-    active.session.move(1, 1, 1)
+    active.move(1, 1, 1)
     active.steps(1)
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.gripper.mute = False
     active.steps(3)
     assert [data == GO for data in active.commands()] == [False, True]
@@ -271,13 +316,13 @@ def test_a_newer_move_takes_the_place_of_an_unanswered_one(active: Bench) -> Non
 
 
 def test_an_unanswered_force_is_not_repeated_after_a_newer_one(active: Bench) -> None:
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.steps(1)
     active.gripper.mute = True
-    active.session.set_force(1)
+    active.set_force(1)
     active.steps(1)
     active.session.halt()
-    active.session.set_force(90)
+    active.set_force(90)
     active.gripper.mute = False
     active.steps(4)
     assert active.gripper.output == (0x0100, 200, 0x805A)
@@ -285,9 +330,9 @@ def test_an_unanswered_force_is_not_repeated_after_a_newer_one(active: Bench) ->
 
 def test_an_unanswered_force_is_not_repeated_after_a_newer_move(active: Bench) -> None:
     active.gripper.mute = True
-    active.session.set_force(1)
+    active.set_force(1)
     active.steps(1)
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.gripper.mute = False
     active.steps(4)
     assert active.gripper.output == (0x0900, 200, 0x803C)
@@ -305,14 +350,14 @@ def test_a_lost_clear_never_leads_to_a_bare_activation() -> None:
     assert bench.session.command_lost
 
 
-def test_a_refused_command_is_not_repeated(active: Bench) -> None:
+def test_A6_a_refused_command_is_not_repeated(active: Bench) -> None:
     active.gripper.refuses = (modbus.WRITE,)
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.steps(4)
     assert active.commands() == [GO]
     assert active.session.state == "command lost"
     active.gripper.refuses = ()
-    active.session.set_force(90)
+    active.set_force(90)
     active.steps(1)
     assert active.session.state == "active"
 
@@ -331,7 +376,7 @@ def test_a_gripper_with_the_older_status_function_is_found(mute_first: bool) -> 
 
 def test_the_echo_is_judged_against_the_position_last_sent(active: Bench) -> None:
     assert active.samples[-1].echo_ok is None
-    active.session.move(200, 128, 60)
+    active.move(200, 128, 60)
     active.steps(2)
     assert active.samples[-1].echo_ok is True
     active.gripper.echo = 199
@@ -340,6 +385,44 @@ def test_the_echo_is_judged_against_the_position_last_sent(active: Bench) -> Non
     active.session.activate(active.now_ns)
     active.steps(3)
     assert active.samples[-1].echo_ok is None
+
+
+def test_D5_an_echo_that_differs_shows_in_every_status_while_it_lasts(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.gripper.echo = 0
+    active.steps(4)
+    assert [sample.echo_ok for sample in active.samples[-3:]] == [False] * 3
+    active.set_force(90)
+    active.steps(2)
+    assert active.samples[-1].echo_ok is False
+    active.gripper.echo = None
+    active.steps(1)
+    assert active.samples[-1].echo_ok is True
+
+
+@pytest.mark.parametrize("stage", [0, 1, 3])
+@pytest.mark.parametrize("fault", [*range(5, 16), 0x30])
+def test_D4_a_fault_is_shown_and_nothing_is_tried_against_it(active: Bench, fault: int, stage: int) -> None:
+    active.move(200, 128, 60)
+    active.steps(2)
+    active.gripper.fault = fault
+    for _ in range(10):
+        active.gripper.stage = stage
+        active.steps(1)
+    assert active.commands() == [GO]
+    assert {(sample.fault == "", sample.active) for sample in active.samples[-10:]} == {(False, stage == 3)}
+    assert (active.set_force(90) is None) == (stage != 3)
+    active.session.acknowledge()
+    active.steps(3)
+    assert active.commands()[1:] == ([FORCE] if stage == 3 else [])
+
+
+def test_a_flood_of_commands_leaves_every_third_turn_to_the_poll(active: Bench) -> None:
+    active.now_ns += 20 * MS
+    for force in range(9):
+        active.set_force(force)
+        active.steps(1)
+    assert [data == POLL for _, data in active.sent] == [False, False, True] * 3
 
 
 def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:

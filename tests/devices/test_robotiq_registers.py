@@ -23,17 +23,18 @@ def test_worked_grasp_is_read() -> None:
     (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 B9 00 00 FF BD 00 5C 9A"), 77)
     assert (sample.t_ns, sample.device_time_ns, sample.echo_ok) == (77, None, None)
     assert (sample.active, sample.moving, sample.object, sample.fault) == (True, False, "contact_closing", "")
-    assert sample.closure == 189 / 255
+    assert sample.width_m is None
+    assert parse_status((0xB900, 0x00FF, 0xBD00), 0, None, lambda position: position / 1000).width_m == 0.189
 
 
 def test_worked_opening_done_is_read() -> None:
     (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 F9 00 00 00 0D 00 17 AA"), 0)
-    assert (sample.active, sample.moving, sample.object, sample.closure) == (True, False, "none", 13 / 255)
+    assert (sample.active, sample.moving, sample.object, sample.current_a) == (True, False, "none", 0.0)
 
 
 def test_worked_motion_is_read() -> None:
     (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 03 06 39 00 00 FF 0E 0A F7 8B"), 0)
-    assert (sample.moving, sample.object, sample.closure) == (True, "moving", 14 / 255)
+    assert (sample.moving, sample.object) == (True, "moving")
     assert sample.current_a == pytest.approx(0.1)
 
 
@@ -75,7 +76,7 @@ def test_status_words_say_what_the_gripper_does(stage: int, found: int, go: bool
     assert sample.moving == moving
     names = ("moving" if moving else "none", "contact_opening", "contact_closing", "none")
     assert sample.object == ("moving" if stage == 1 and found == 0 else names[found])
-    assert (sample.closure, sample.current_a, sample.echo_ok) == (0.2, 0.5, True)
+    assert (sample.current_a, sample.echo_ok) == (0.5, True)
     assert parse_stage(registers) == ("inactive", "activating", "inactive", "active")[stage]
 
 

@@ -68,7 +68,7 @@ def key(sample: Sample) -> Key:
     if isinstance(sample, GripperSample):
         return (
             sample.active,
-            sample.closure,
+            sample.width_m,
             sample.moving,
             sample.object,
             sample.fault,

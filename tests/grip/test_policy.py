@@ -17,7 +17,7 @@ ANN, BEN = b"ann", b"ben"
 
 @pytest.fixture
 def policy() -> GripPolicy:
-    return GripPolicy(GripLimits(3.0, 25.0), max_lease_ms=1000)
+    return GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), max_lease_ms=1000)
 
 
 def code(refusal: Refusal | None) -> str | None:
@@ -115,13 +115,13 @@ def test_a_force_that_is_no_number_is_refused(policy: GripPolicy, force_n: float
 
 @given(force_n=st.floats())
 def test_only_forces_between_the_limits_ever_pass(force_n: float) -> None:
-    passed = GripPolicy(GripLimits(3.0, 25.0), 1000).check_force(force_n) is None
+    passed = GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), 1000).check_force(force_n) is None
     assert passed == (3.0 <= force_n <= 25.0)
 
 
 @given(force_n=st.floats())
 def test_without_a_limit_nothing_may_be_asked(force_n: float) -> None:
-    assert code(GripPolicy(GripLimits(0.0, None), 1000).check_force(force_n)) == "no_limit"
+    assert code(GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 1000).check_force(force_n)) == "no_limit"
 
 
 @given(
@@ -135,7 +135,7 @@ def test_without_a_limit_nothing_may_be_asked(force_n: float) -> None:
     )
 )
 def test_two_clients_never_hold_the_lease_at_once(steps: list[tuple[str, bytes, int]]) -> None:
-    policy = GripPolicy(GripLimits(3.0, 25.0), max_lease_ms=250)
+    policy = GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), max_lease_ms=250)
     t_ns, held_by, until_ns, ttl_ns = T0, None, 0, 0
     for step, client, amount in steps:
         if t_ns >= until_ns:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,6 @@ force_table = [[0, 3.0], [255, 28.5]]
 width_table = [[0.0, 0.085], [1.0, 0.0]]
 speed_table = [[0, 0.02], [255, 0.15]]
 max_force_n = 25.0
-max_lease_ms = 1000
 """
 FULL_IMAGE = np.full((4, 4), 100)
 NO_IMAGE = np.zeros((4, 4), dtype=int)
@@ -96,6 +96,8 @@ class GripperLine:
         self.outputs: tuple[int, ...] = (0, 0, 0)
         self.stage, self.found, self.fault, self.position = 0, 0, 0, 0
         self.silent = False
+        self.activates = False  # an activation takes its time
+        self.echo: int | None = None  # what it repeats in place of what it was told
         self.writes: list[tuple[int, ...]] = []
 
     @property
@@ -116,18 +118,30 @@ class GripperLine:
         if not self.told.activate:
             self.stage = 0
         elif self.stage == 0:
-            self.stage = 3
+            self.stage = 1 if self.activates else 3
         return modbus.encode_reply(request)
 
     def _status(self) -> tuple[int, int, int]:
+        told = self.told if self.echo is None else replace(self.told, position=self.echo)
         return robotiq_registers.status_registers(
-            self.told,
+            told,
             stage=self.stage,
             found=self.found,
             fault=self.fault,
             position=self.position,
             current_a=0.1,
         )
+
+
+def refusal_of(reply: dict[str, Any]) -> tuple[str, str] | None:
+    """Code and field of a refusal; None where it was done."""
+    assert set(reply) == {"v", "id", "t_ns", "ok", "result" if reply["ok"] else "error"}
+    assert reply["v"] == 1
+    if reply["ok"]:
+        return None
+    assert set(reply["error"]) == {"code", "message", "field"}
+    assert reply["error"]["message"]
+    return reply["error"]["code"], reply["error"]["field"]
 
 
 class Run:
@@ -142,6 +156,7 @@ class Run:
         self._message = 0
         self._asked = 0
         self._unheard = b""
+        self._renewed_ns: int | None = None
 
     def feed(self, event: Event) -> list[Output]:
         """Hands over an event now; checks that whatever comes out may go out."""
@@ -198,6 +213,55 @@ class Run:
         assert [reply.client for reply in replies] == [client]
         return replies[0].body
 
+    def refusal(self, op: str, client: bytes = b"ann", **fields: Any) -> tuple[str, str] | None:
+        """Code and field with which a request is refused; None where it was done."""
+        return refusal_of(self.ask(op, client, **fields))
+
+    def lease(self) -> None:
+        """ann holds the lease, and renews it while the gripper is served."""
+        assert self.refusal("lease.acquire", ttl_ms=200) is None
+        self._renewed_ns = self.t_ns
+
+    def let_lease_be(self) -> None:
+        """ann renews the lease no more."""
+        self._renewed_ns = None
+
+    def bring_up(self, *, tare: bool = True) -> None:
+        """Both fingers free and tared, the gripper active, its lease with ann."""
+        for _ in range(3):
+            self.image(NO_IMAGE)
+            self.wrench(0.0)
+            self.skin(0.0)
+        if tare:
+            self.ask("tare", finger="left", seconds=0.01)
+            for _ in range(20):
+                self.wrench(0.0)
+        self.lease()
+        self.serve_gripper(50)
+        assert self.refusal("gripper.activate", drop=True) is None
+        self.serve_gripper(100)
+        self.feel(0.0)
+        self.writes()
+
+    def feel(self, normal_n: float) -> None:
+        """Fresh readings of both fingers."""
+        self.skin(normal_n, ms=1.0)
+        self.wrench(normal_n)
+
+    def grip(self, force_n: float = 5.0) -> None:
+        """The gripper closes with a force and finds an object, which both fingers feel."""
+        assert self.refusal("gripper.close", force_n=force_n) is None
+        self.serve_gripper(50)
+        self.gripper.found = 2
+        self.serve_gripper(50)
+        self.feel(force_n)
+        self.writes()
+
+    def writes(self) -> list[tuple[int, ...]]:
+        """Registers that were written since the last call."""
+        done, self.gripper.writes = self.gripper.writes, []
+        return done
+
     def told(self, topic: str) -> list[dict[str, Any]]:
         """Bodies of every message of a topic so far."""
         return [output.body for _, output in self.out if isinstance(output, Publish) and output.topic == topic]
@@ -212,6 +276,9 @@ class Run:
         for _ in range(round(ms / 5)):
             self.wait(5)
             self.tick()
+            if self._renewed_ns is not None and self.t_ns - self._renewed_ns >= 50 * MS:
+                self._renewed_ns = self.t_ns
+                self.ask("lease.renew")
             heard, self._unheard = self._unheard, b""
             answer = self.gripper.answer(heard)
             if answer:
@@ -234,6 +301,12 @@ def right() -> str:
 def gripper() -> str:
     """Config text of a gripper."""
     return GRIPPER
+
+
+@pytest.fixture
+def rig() -> str:
+    """Config text of both fingers and the gripper, open for further keys of the gripper."""
+    return LEFT + RIGHT + GRIPPER
 
 
 @pytest.fixture

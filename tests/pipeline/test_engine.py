@@ -244,7 +244,7 @@ class TestSuspension:
         run.image()
         run.wrench(10.0, (1.0, 0.0))
         run.skin(5.0)
-        assert run.ask("lease.acquire", ttl_ms=1000)["ok"]
+        assert run.ask("lease.acquire", ttl_ms=200)["ok"]
         run.wait(5)
         run.tick(suspended_ns=7 * 10**9 + 50 * MS)
         assert run.level()[0] == "stable", "50 ms may be two clocks read one after the other"
@@ -292,17 +292,17 @@ class TestGripperLine:
 
     def test_its_loss_is_told_and_ends_the_lease(self, run: Run) -> None:
         run.serve_gripper(100)
-        assert run.ask("lease.acquire", ttl_ms=1000)["ok"]
+        assert run.ask("lease.acquire", ttl_ms=200)["ok"]
         run.down("gripper")
         assert run.told("gripper")[-1]["active"] is None
         assert run.ask("status")["result"]["lease"]["held"] is False
 
     def test_a_request_is_written_in_the_call_that_brings_it(self, run: Run) -> None:
         run.serve_gripper(100)
-        run.ask("lease.acquire", ttl_ms=1000)
+        run.ask("lease.acquire", ttl_ms=200)
         run.wait(6)  # no poll is under way, and the gripper's own pause is over
-        envelope = {"v": 1, "id": 1, "boot": "b00t", "deadline_ns": run.t_ns + MS}
-        out = run.feed(Request(b"ann", envelope | {"op": "gripper.activate"}))
+        envelope = {"v": 1, "id": "once", "boot": "b00t", "deadline_ns": run.t_ns + MS}
+        out = run.feed(Request(b"ann", envelope | {"op": "gripper.activate", "drop": True}))
         assert [type(output).__name__ for output in out] == ["Reply", "Write"]
 
 

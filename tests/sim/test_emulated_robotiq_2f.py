@@ -17,7 +17,7 @@ def write(gripper, registers, t_ns, at=OUT):
 def status(gripper, t_ns, function=modbus.READ_INPUT):
     request = modbus.Request(UNIT, function, IN, 3)
     reply = modbus.find_reply(gripper.receive(modbus.encode_request(request), t_ns), request)
-    return robotiq_registers.parse_status(reply.registers, t_ns, None)
+    return robotiq_registers.parse_status(reply.registers, t_ns, None, lambda position: 0.085 * (1 - position / 255))
 
 
 def active():
@@ -77,7 +77,7 @@ def test_the_status_tells_what_the_scene_did():
     write(gripper, (0x0900, 255, 0), ACTIVATION_NS)
     moving = status(observed(gripper, width_m=0.07, moving=True), ACTIVATION_NS)
     assert (moving.object, moving.moving) == ("moving", True)
-    assert moving.closure == pytest.approx(1 - 0.07 / 0.085, abs=0.002)
+    assert moving.width_m == pytest.approx(0.07, abs=2e-4)
     held = status(observed(gripper, width_m=0.06, in_contact=True, normal_n=7.0), ACTIVATION_NS, modbus.READ_HOLDING)
     assert (held.object, held.moving) == ("contact_closing", False)
     assert held.current_a == pytest.approx(0.14)
@@ -131,7 +131,7 @@ def test_write_and_read_go_in_one_request():
 def test_half_a_request_is_forgotten_after_a_pause():
     gripper = active()
     gripper.receive(bytes((UNIT, modbus.WRITE, 0x03, 0xE8, 0x00, 0x03, 0xFF)), MS)  # 255 bytes are to follow
-    assert status(gripper, MS + FRAME_GAP_NS + 1).closure == 0.0
+    assert status(gripper, MS + FRAME_GAP_NS + 1).width_m == 0.085
 
 
 def test_a_request_may_come_in_pieces_and_damaged_ones_are_not_answered():
@@ -142,7 +142,7 @@ def test_a_request_may_come_in_pieces_and_damaged_ones_are_not_answered():
 
 
 def test_the_daemons_session_activates_and_grips():
-    gripper, scene, session = Gripper2F(), Scene(), Session()
+    gripper, scene, session = Gripper2F(), Scene(), Session(force_table=FORCE_TABLE)
     samples, now_ns = [], 0
     said = gripper.receive(session.start(now_ns), now_ns)
     session.activate(now_ns)
@@ -151,7 +151,7 @@ def test_the_daemons_session_activates_and_grips():
         samples += session.receive(said, now_ns)
         said = b""
         if now_ns == 1_000 * MS:
-            assert session.move(255, 128, 60)
+            assert session.move(0.0, None, 8.0) == pytest.approx(8.0, abs=0.1)
         while (due := session.next_deadline()) is not None and due <= now_ns:
             said += gripper.receive(session.on_time(now_ns), now_ns)
         scene.step(now_ns * 1e-9, gripper.command(now_ns))
@@ -160,5 +160,5 @@ def test_the_daemons_session_activates_and_grips():
     assert session.health.lost == session.health.bad == 0
     assert samples[-1].object == "contact_closing"
     assert samples[-1].echo_ok
-    assert samples[-1].closure == pytest.approx(1 - 0.060 / 0.085, abs=0.003)
-    assert scene.normal_n == pytest.approx(7.5)
+    assert samples[-1].width_m == pytest.approx(0.060, abs=3e-4)
+    assert 7.9 < scene.normal_n <= 8.0

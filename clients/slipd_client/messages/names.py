@@ -62,15 +62,22 @@ ErrorCode = Literal[
     "bad_type",
     "not_finite",
     "out_of_range",
+    "too_fast",  # the force of a held object may change so far again only later
+    "budget_spent",  # the raises of this grasp add up to all that is allowed
     "wrong_boot",  # meant for another run of the daemon
     "deadline_passed",
     "deadline_too_far",
+    "repeated_id",  # this client used the id for another request
+    "replayed",  # another client sent this very request before
+    "busy",  # too many requests: what they asked must be remembered until their deadlines
+    "read_only",  # the client's key may not request
     "no_lease",  # the client holds no lease
     "lease_held",  # another client holds it
     "no_limit",  # the config gives no force limit, so nothing is moved
     "not_active",  # the gripper is not activated
     "in_contact",  # opening would drop an object, taring would erase its load
     "gripper_fault",
+    "fault_latched",  # something went wrong: say fault.ack once it has been looked at
     "no_gripper",  # the config names none, or it does not answer
     "unknown_finger",
     "not_ready",  # what the request needs is not there, e.g. fresh readings

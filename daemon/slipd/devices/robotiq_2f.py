@@ -2,13 +2,12 @@
 
 Three registers are written (what to do), three are read (what is). Nothing moves but on request: the session polls,
 and sends a command only when `activate`, `move`, `set_force` or `halt` asked for it. Positions, speeds and forces are
-the gripper's own bytes; what they are in metres and newtons is the config's to say.
+the gripper's own bytes; what they are in metres and newtons the tables of the config say.
 Source: Robotiq 2F instruction manual, control over Modbus RTU.
 """
 
 from __future__ import annotations
 
-import operator
 import struct
 
 from slipd.devices import Device, crc, modbus
@@ -25,6 +24,7 @@ from slipd.devices.robotiq_registers import (
     parse_stage,
     parse_status,
 )
+from slipd.devices.robotiq_units import FORCE_TABLE, SPEED_TABLE, WIDTH_TABLE, Table, Units
 from slipd.samples import GripperSample
 
 LAST_UNIT = 247
@@ -35,6 +35,8 @@ REPLY_TIMEOUT_NS = 100_000_000
 """A reply takes 5 to 10 ms; a USB adapter under load may hold it for several times its 16 ms."""
 ATTEMPTS = 3
 """So many unanswered transactions in a row are "no reply"; a command repeated later would come as a surprise."""
+COMMANDS_IN_A_ROW = 2
+"""A command goes before a poll that is due, but no flood of them hides what becomes of them."""
 
 _STATUS = struct.Struct(f">{REGISTERS}H")
 _STATUS_AT = 3
@@ -44,7 +46,8 @@ _STATUS_LENGTH = _STATUS_AT + _STATUS.size + 2
 class Decoder:
     """Makes gripper samples of the status replies in a stream; everything else in it is passed over.
 
-    ``echo_ok`` is None: the replies alone do not say what was requested. `Session` knows.
+    ``echo_ok`` and ``width_m`` are None: the replies alone do not say what was requested, nor how wide the pads are
+    apart. `Session` knows.
 
     Args:
         unit: Modbus address of the gripper.
@@ -81,9 +84,15 @@ class Session:
     Attributes:
         command_lost: The last command was refused, never acknowledged, or met a gripper that was no longer active.
 
+    ``echo_ok`` of a sample compares the position last sent with the gripper's echo of it, in every status while they
+    differ. Force and speed are not echoed; that they arrived is known by the acknowledgement of the write alone.
+
     Args:
         unit: Modbus address of the gripper.
         poll_period_s: Time from one status poll to the next, s, at least 0.005.
+        force_table: (force byte, N on one pad), both rising.
+        width_table: (position byte / 255, m between the pads), the first rising and the second falling.
+        speed_table: (speed byte, m/s), both rising; None: no speed can be asked for.
 
     Raises:
         ValueError: A poll period shorter than the gripper's own pause, or an address that none has.
@@ -91,7 +100,14 @@ class Session:
 
     identity = ""
 
-    def __init__(self, unit: int = UNIT, poll_period_s: float = 0.02) -> None:
+    def __init__(
+        self,
+        unit: int = UNIT,
+        poll_period_s: float = 0.02,
+        force_table: Table = FORCE_TABLE,
+        width_table: Table = WIDTH_TABLE,
+        speed_table: Table | None = SPEED_TABLE,
+    ) -> None:
         if not poll_period_s * 1e9 >= COMMAND_PAUSE_NS:
             raise ValueError(f"a poll period of {poll_period_s} s is too short: 0.005 s is the least")
         if not (isinstance(unit, int) and 1 <= unit <= LAST_UNIT):
@@ -99,6 +115,7 @@ class Session:
         self.health = DecoderHealth()
         self.state = "closed"
         self._unit = unit
+        self._units = Units(force_table, width_table, speed_table)
         self._period_ns = round(poll_period_s * 1e9)
         self._clear = self._write((0, 0, 0))
         self._activation = self._write((ACTIVATE << 8, 0, 0))
@@ -118,6 +135,7 @@ class Session:
         self._pending: list[modbus.Request] = []
         self._outstanding: modbus.Request | None = None
         self._unanswered = 0
+        self._commands_in_a_row = 0
         self._heard = b""
         self._poll_at_ns = self._free_at_ns = self._reply_by_ns = now_ns
 
@@ -141,42 +159,61 @@ class Session:
         self._stage = "activating"
         self._poll_at_ns = now_ns
 
-    def move(self, position: int, speed: int, force: int) -> bool:
-        """Ask for a position, 0 (open) to 255 (closed), with speed and force bytes of 0 to 255.
+    @property
+    def width_range_m(self) -> tuple[float, float]:
+        """Least and largest width between the pads."""
+        return self._units.width_range_m
+
+    @property
+    def speed_range_mps(self) -> tuple[float, float] | None:
+        """Least and largest speed; None where no speed can be asked for."""
+        return self._units.speed_range_mps
+
+    @property
+    def force_range_n(self) -> tuple[float, float]:
+        """Least and largest force, N on one pad."""
+        return self._units.force_range_n
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> float | None:
+        """Ask for a width, with a speed (None: a middle one) and a force, N on one pad.
 
         A move that was asked for but not yet sent is replaced.
 
         Returns:
-            False, and nothing will be sent, unless the gripper reports that it is active: the same bytes would
-            activate one that is not.
+            The force of the byte that is sent, never above ``force_n`` but for that of byte 0; None, and nothing will
+            be sent, unless the gripper reports that it is active: the same bytes would activate one that is not.
 
         Raises:
-            ValueError: A byte is out of range or not an integer.
+            ValueError: The gripper has no such width or speed, or the force is no number.
         """
-        position, speed, force = _byte("position", position), _byte("speed", speed), _byte("force", force)
+        units = self._units
+        goal = units.position(width_m), units.speed(speed_mps), units.force(force_n)
         if not self._active:
-            return False
-        self._goal = (position, speed, force)
+            return None
+        self._goal = goal
         self._pending = [self._go()]
-        return True
+        return units.newtons(goal[2])
 
-    def set_force(self, force: int) -> bool:
-        """Ask for another force byte at the position last requested; see `move`."""
-        force = _byte("force", force)
+    def set_force(self, force_n: float) -> float | None:
+        """Ask for another force at the position last requested; see `move`."""
+        force = self._units.force(force_n)
         if not self._active:
-            return False
+            return None
         position, speed, _ = self._goal
         self._goal = (position, speed, force)
         latest = self._pending[-1] if self._pending else self._outstanding
         write = self._go() if _goes(latest) else self._write((speed << 8 | force,), FORCE_ADDRESS)
         self._pending = [*(request for request in self._pending if request is self._halt), write]
-        return True
+        return self._units.newtons(force)
 
     def halt(self) -> bool:
         """Ask the fingers to stop where they are, by clearing "go to position"; see `move`."""
         if self._active:
             self._pending = [self._halt]
         return self._active
+
+    def acknowledge(self) -> None:
+        """Do nothing: its lesser faults end by themselves, the others with the next activation."""
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Take bytes received at ``now_ns`` and return the status reading they complete, if any."""
@@ -211,7 +248,8 @@ class Session:
             return b""
         if self._outstanding is not None:
             self._time_out(self._outstanding)
-        if self._pending:
+        overdue = now_ns >= self._poll_at_ns and self._commands_in_a_row >= COMMANDS_IN_A_ROW
+        if self._pending and not overdue:
             request = self._pending.pop(0)
             if _goes(request):
                 self._requested = self._goal[0]
@@ -263,6 +301,7 @@ class Session:
     def _take_reply(self, request: modbus.Request, reply: modbus.Reply, now_ns: int) -> list[GripperSample]:
         samples: list[GripperSample] = []
         if request.function == modbus.WRITE:
+            self._commands_in_a_row += 1
             self.command_lost = False
             if reply.error:
                 self._give_up()
@@ -274,8 +313,9 @@ class Session:
         return samples
 
     def _take_status(self, registers: tuple[int, ...], now_ns: int) -> GripperSample:
-        sample = parse_status(registers, now_ns, self._requested)
+        sample = parse_status(registers, now_ns, self._requested, self._units.width_m)
         self.health.good += 1
+        self._commands_in_a_row = 0
         if self._activation not in self._pending:
             self._stage = parse_stage(registers)
             self._active = sample.active
@@ -295,14 +335,4 @@ def _goes(request: modbus.Request | None) -> bool:
     return request is not None and len(request.registers) == REGISTERS and bool(request.registers[0] >> 8 & GO)
 
 
-def _byte(name: str, value: int) -> int:
-    try:
-        byte = operator.index(value)
-    except TypeError:
-        byte = -1
-    if not 0 <= byte <= 255:
-        raise ValueError(f"{name} {value!r} is no byte: an integer from 0 to 255 is")
-    return byte
-
-
-DEVICE = Device("robotiq_2f", "gripper", ("serial",), Decoder, Session, baud=115_200)
+DEVICE = Device("robotiq_2f", "gripper", ("serial",), Decoder, Session, baud=115_200, tabled=True)

@@ -6,6 +6,7 @@ each register first. Source: Robotiq 2F instruction manual, gripper register map
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from slipd.devices import modbus
@@ -102,7 +103,9 @@ def status_registers(
     return flags << 8, fault << 8 | output.position, position << 8 | current
 
 
-def parse_status(registers: tuple[int, ...], t_ns: int, requested: int | None) -> GripperSample:
+def parse_status(
+    registers: tuple[int, ...], t_ns: int, requested: int | None, width_m: Callable[[int], float] | None = None
+) -> GripperSample:
     """Read the input registers 2000 to 2002, received at ``t_ns``.
 
     The object bits mean "moving" only while the gripper goes to a position; a contact stays one after a halt.
@@ -110,7 +113,9 @@ def parse_status(registers: tuple[int, ...], t_ns: int, requested: int | None) -
     Args:
         registers: The three registers.
         t_ns: When the reply was received.
-        requested: The position byte that was last requested, for ``echo_ok``; None when none was.
+        requested: The position byte that was last requested, for ``echo_ok``; None when none was. It is all that the
+            gripper echoes: force and speed are not.
+        width_m: Makes a width of a position byte; None where that is not known.
     """
     flags, (fault, echo) = registers[0] >> 8, divmod(registers[1], 256)
     position, current = divmod(registers[2], 256)
@@ -120,7 +125,7 @@ def parse_status(registers: tuple[int, ...], t_ns: int, requested: int | None) -
         t_ns=t_ns,
         device_time_ns=None,
         active=bool(flags & ACTIVATE) and stage == _STAGE_ACTIVE,
-        closure=position / 255,
+        width_m=None if width_m is None else width_m(position),
         moving=moving,
         object=_OBJECTS[found] if found or moving else "none",
         fault=_fault_name(fault),

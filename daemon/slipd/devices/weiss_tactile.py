@@ -6,6 +6,7 @@ meanwhile.
 
 from __future__ import annotations
 
+import re
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from slipd.devices.conversation import ANSWER_NS, ATTEMPTS, RETRY_PAUSE_NS, SILENCE_NS
 from slipd.devices.health import DecoderHealth
-from slipd.devices.weiss import Packet, Packets, encode, status_word
+from slipd.devices.weiss import PREAMBLE, Packet, Packets, encode, status_word
 from slipd.samples import TactileSample
 
 FRAME = 0x00
@@ -32,6 +33,7 @@ FULL_SCALE = 4095
 """The converters have 12 bits."""
 
 _FRAME_HEAD = struct.Struct("<IB")  # timestamp in ms, flags
+_HEADS = re.compile(PREAMBLE[:1] + b"(?=" + PREAMBLE[1:] + b"(.)(..))", re.DOTALL)  # id and size, wherever they stand
 _CELL_BYTES = 2
 _MS_SPAN = 1 << 32
 _STATUS_BYTES = 2
@@ -72,6 +74,7 @@ class TactileDecoder(ABC):
     def __init__(self, seed: int, replies: Mapping[int, int], typical: int, text: bytes = b"") -> None:
         self.health = DecoderHealth()
         self.reply_sizes = replies
+        self._seed = seed
         self._stream = Packets(seed, self._admits, typical, self.health, text=text)
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
@@ -96,6 +99,19 @@ class TactileDecoder(ABC):
         self._stream.forget()
 
     def _admits(self, packet_id: int, size: int, begun: bytes) -> bool:
+        return self._fits(packet_id, size, begun) and not self._swallows(begun)
+
+    def _swallows(self, begun: bytes) -> bool:
+        """Say whether a payload holds a whole packet: its length lies, and would make those that follow wait."""
+        for head in _HEADS.finditer(begun):
+            packet_id, size = head[1][0], int.from_bytes(head[2], "little")
+            payload = begun[head.end(2) :][:size]
+            whole = encode(packet_id, payload, self._seed)
+            if begun.startswith(whole, head.start()) and self._fits(packet_id, size, payload):
+                return True
+        return False
+
+    def _fits(self, packet_id: int, size: int, begun: bytes) -> bool:
         if packet_id != FRAME:
             return size in (_STATUS_BYTES, self.reply_sizes.get(packet_id)) and packet_id in self.reply_sizes
         count, odd = divmod(size - _FRAME_HEAD.size, _CELL_BYTES)

@@ -1,4 +1,4 @@
-"""The contact mechanics and the slip decision of one contact; pure.
+"""The contact mechanics and the slip decision of one contact, and the grasp that two of them make; pure.
 
 Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for taxels; all in the pad frame (origin at
 the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
@@ -16,6 +16,16 @@ from slipd.fusion.contact import (
     contact_of,
     contact_told,
     find_contacts,
+)
+from slipd.fusion.grasp import (
+    ExternalWrench,
+    PadPose,
+    asymmetry,
+    external_wrench,
+    grasp_needed_n,
+    grasp_utilisation,
+    internal_force,
+    load_share,
 )
 from slipd.fusion.grip_force import grip_needed_n
 from slipd.fusion.hull import Outline, tipping_margin
@@ -43,9 +53,11 @@ __all__ = [
     "ContactShape",
     "ContactWatch",
     "Doubt",
+    "ExternalWrench",
     "Found",
     "Loads",
     "Outline",
+    "PadPose",
     "SlipSettings",
     "Thresholds",
     "TorqueLimit",
@@ -53,16 +65,22 @@ __all__ = [
     "Utilisation",
     "Utilisations",
     "active_loads",
+    "asymmetry",
     "binary_loads",
     "carry",
     "contact_from_wrench",
     "contact_of",
     "contact_shape",
     "contact_told",
+    "external_wrench",
     "find_contacts",
     "follow_readings",
+    "grasp_needed_n",
+    "grasp_utilisation",
     "grey_loads",
     "grip_needed_n",
+    "internal_force",
+    "load_share",
     "matched_loads",
     "tipping_margin",
     "torque_limit",

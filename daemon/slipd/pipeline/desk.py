@@ -5,28 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from slipd.grip.once import OnceOnly
 from slipd.grip.policy import Refusal
 from slipd.pipeline.events import Reply, Request
 from slipd.pipeline.finger import Finger
+from slipd.pipeline.grip_desk import GripDesk, Handler, without_gripper
 from slipd.pipeline.gripper import GripperControl, Result
-from slipd.pipeline.requests import check_request
+from slipd.pipeline.recordings import Recordings
+from slipd.pipeline.requests import OPS, check_request
 from slipd.signals.gravity import gravity_fault
 from slipd_client.messages import PROTOCOL_VERSION
-
-Handler = Callable[[Request, int], Result]
 
 DEFAULT_TARE_S = 0.5
 #: A longer average waits for drift, not for noise.
 LONGEST_TARE_S = 10.0
+#: Rubber on rough glass reaches 2 to 3; beyond this somebody mistook a unit.
+MOST_MU = 10.0
 
 
 class Desk:
-    """Judges requests and carries them out.
+    """Judges requests and carries them out, each at most once.
 
     Args:
         boot: Id of this run.
         fingers: The fingers by name.
         gripper: The gripper; None where the config names none.
+        recordings: The recordings on request.
         status: Makes the body of the ``status`` message for an instant.
     """
 
@@ -35,11 +39,12 @@ class Desk:
         boot: str,
         fingers: dict[str, Finger],
         gripper: GripperControl | None,
+        recordings: Recordings,
         status: Callable[[int], dict[str, Any]],
     ) -> None:
         self._boot = boot
         self._fingers = fingers
-        self._gripper = gripper
+        self._once = OnceOnly()
         self._status = status
         self._ops: dict[str, Handler] = {
             "hello": self._hello,
@@ -48,27 +53,25 @@ class Desk:
             "tare.get": self._tare_get,
             "tare.undo": self._tare_undo,
             "gravity.set": self._gravity_set,
-            "lease.acquire": self._lease_acquire,
-            "lease.renew": self._lease_renew,
-            "lease.release": self._lease_release,
-            "grip.set": self._grip_set,
-            "gripper.activate": self._activate,
-            "gripper.close": self._close,
-            "gripper.open": self._open,
-            "gripper.stop": self._stop,
+            "friction.set": self._friction_set,
+            "record.start": lambda _, t_ns: recordings.start(t_ns),
+            "record.stop": lambda _, __: recordings.stop(),
         }
+        grip_ops = {} if gripper is None else GripDesk(fingers, gripper).ops
+        self._ops = dict.fromkeys(OPS, without_gripper) | self._ops | grip_ops
 
     def answer(self, request: Request, t_ns: int) -> Reply:
         """Judges a request at ``t_ns`` and carries it out where nothing speaks against it."""
         body = request.body
-        found: Result | None = check_request(body, self._boot, t_ns)
-        if found is None:
-            found = self._ops[body["op"]](request, t_ns)
-        head = {"v": PROTOCOL_VERSION, "id": body.get("id"), "t_ns": t_ns}
-        if isinstance(found, Refusal):
-            error = {"code": found.code, "message": found.message, "field": found.field}
-            return Reply(request.client, head | {"ok": False, "error": error})
-        return Reply(request.client, head | {"ok": True, "result": found})
+        refusal = check_request(body, self._boot, t_ns)
+        if refusal is not None:
+            return _reply(request, refusal, t_ns)
+        seen = self._once.seen(request.client, body, t_ns)
+        if seen is None:
+            reply = _reply(request, self._ops[body["op"]](request, t_ns), t_ns)
+            self._once.keep(request.client, body, reply.body, t_ns)
+            return reply
+        return _reply(request, seen, t_ns) if isinstance(seen, Refusal) else Reply(request.client, seen)
 
     def _hello(self, _: Request, t_ns: int) -> Result:
         return {"boot": self._boot, "t_ns": t_ns, "version": PROTOCOL_VERSION, "fingers": list(self._fingers)}
@@ -138,85 +141,24 @@ class Desk:
         finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
         return {"gravity": finger.force.gravity.state(t_ns)}
 
-    def _lease_acquire(self, request: Request, t_ns: int) -> Result:
-        gripper = self._gripper
-        if gripper is None:
-            return _NO_GRIPPER
-        ttl_ms = request.body["ttl_ms"]
-        return gripper.policy.acquire(request.client, ttl_ms, t_ns) or {"ttl_ms": ttl_ms}
-
-    def _lease_renew(self, request: Request, t_ns: int) -> Result:
-        gripper = self._gripper
-        return _NO_GRIPPER if gripper is None else gripper.policy.renew(request.client, t_ns) or {}
-
-    def _lease_release(self, request: Request, t_ns: int) -> Result:
-        gripper = self._gripper
-        return _NO_GRIPPER if gripper is None else gripper.policy.release(request.client, t_ns) or {}
-
-    def _grip_set(self, request: Request, t_ns: int) -> Result:
-        force_n = float(request.body["force_n"])
-
-        def command(gripper: GripperControl) -> Result:
-            return self._blind(force_n, gripper.force_command_n or 0.0) or gripper.set_force(force_n)
-
-        return self._command(request, t_ns, command, force_n)
-
-    def _close(self, request: Request, t_ns: int) -> Result:
+    def _friction_set(self, request: Request, _: int) -> Result:
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
         body = request.body
-        force_n = float(body["force_n"])
-
-        def command(gripper: GripperControl) -> Result:
-            held_n = gripper.force_command_n
-            refusal = None if held_n is None else self._blind(force_n, held_n)
-            return refusal or gripper.close(force_n, body.get("width_m"), body.get("speed_mps"))
-
-        return self._command(request, t_ns, command, force_n)
-
-    def _blind(self, force_n: float, held_n: float) -> Refusal | None:
-        """Refuses to raise a grip that nobody feels."""
-        blind = [finger.name for finger in self._fingers.values() if not finger.trusted]
-        if not blind or force_n <= held_n:
-            return None
-        message = f"not to be raised on a stale or doubtful sensor: {', '.join(blind)}; see status"
-        return Refusal("not_ready", message, "force_n")
-
-    def _open(self, request: Request, t_ns: int) -> Result:
-        body = request.body
-
-        def command(gripper: GripperControl) -> Result:
-            touching = [finger.name for finger in self._fingers.values() if finger.pressed() is not False]
-            if touching and not body.get("drop", False):
-                message = f"not known to be free: {', '.join(touching)}; drop: true opens all the same"
-                return Refusal("in_contact", message, "drop")
-            return gripper.open(body.get("width_m"), body.get("speed_mps"))
-
-        return self._command(request, t_ns, command)
-
-    def _stop(self, request: Request, t_ns: int) -> Result:
-        return self._command(request, t_ns, lambda gripper: gripper.halt())
-
-    def _activate(self, request: Request, t_ns: int) -> Result:
-        gripper = self._gripper
-        if gripper is None:
-            return _NO_GRIPPER
-        refusal = gripper.policy.check_lease(request.client, t_ns) or gripper.may_activate()
-        return refusal or gripper.activate(t_ns)
-
-    def _command(
-        self,
-        request: Request,
-        t_ns: int,
-        command: Callable[[GripperControl], Result],
-        force_n: float | None = None,
-    ) -> Result:
-        """Carries out a command for the holder of the lease, within the limits, on a gripper that can take it."""
-        gripper = self._gripper
-        if gripper is None:
-            return _NO_GRIPPER
-        refusal = gripper.policy.check_lease(request.client, t_ns)
-        if refusal is None and force_n is not None:
-            refusal = gripper.policy.check_force(force_n)
-        return refusal or gripper.refuse() or command(gripper)
+        mu_s = float(body["mu_s"])
+        mu_d = float(body.get("mu_d", mu_s))
+        if not 0.0 < mu_s <= MOST_MU:
+            return Refusal("out_of_range", f"mu_s must be above 0 and at most {MOST_MU:g}, not {mu_s:g}", "mu_s")
+        if not 0.0 < mu_d <= mu_s:
+            return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, not {mu_d:g}", "mu_d")
+        finger.set_friction(mu_s, mu_d if "mu_d" in body else None)
+        return {"finger": finger.name, "mu": finger.mu, "mu_source": finger.mu_source}
 
 
-_NO_GRIPPER = Refusal("no_gripper", "the config has no [gripper]")
+def _reply(request: Request, found: Result, t_ns: int) -> Reply:
+    head = {"v": PROTOCOL_VERSION, "id": request.body.get("id"), "t_ns": t_ns}
+    if isinstance(found, Refusal):
+        error = {"code": found.code, "message": found.message, "field": found.field}
+        return Reply(request.client, head | {"ok": False, "error": error})
+    return Reply(request.client, head | {"ok": True, "result": found})

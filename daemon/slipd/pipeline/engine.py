@@ -7,18 +7,30 @@ its events is the run itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 from slipd import __version__
 from slipd.config import Config
-from slipd.devices.robotiq_2f import Session as GripperSession
+from slipd.devices import GripperSession
 from slipd.pipeline.desk import Desk
-from slipd.pipeline.events import Bytes, Event, LinkSpec, LinkUp, Output, Request, Tick, Write
+from slipd.pipeline.events import (
+    Bytes,
+    Event,
+    LinkSpec,
+    LinkUp,
+    Output,
+    RecordingFailed,
+    Request,
+    Tick,
+    Write,
+)
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.lateness import Lateness
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import Outlet, Pace
+from slipd.pipeline.recordings import Recordings
 from slipd.pipeline.streams import Stream
 from slipd.pipeline.voice import Voice
 from slipd.samples import GripperSample
@@ -30,6 +42,8 @@ from slipd_client.messages import (
 #: Sleep of the host that ends what was known of the present: streams are stale, leases over.
 SUSPENSION_NS = 50_000_000
 NO_FRAME = ""
+GRIPPER_LINK = "gripper"
+NO_LEASE: dict[str, Any] = {"held": False, "expires_in_s": None}
 
 
 class Engine:
@@ -48,7 +62,8 @@ class Engine:
         self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
         self._voices = {name: Voice(finger, self._outlet, config.rates) for name, finger in self._fingers.items()}
         self._gripper = self._make_gripper()
-        self._desk = Desk(boot, self._fingers, self._gripper, self._status)
+        self._recordings = Recordings(boot, wall_minus_monotonic_ns)
+        self._desk = Desk(boot, self._fingers, self._gripper, self._recordings, self._status)
         self._status_pace = Pace(config.rates.status_hz)
         self._started_ns: int | None = None
         self._suspended_ns: int | None = None
@@ -71,8 +86,10 @@ class Engine:
             case Tick(suspended_ns):
                 self._tick(suspended_ns, t_ns, out)
             case Request():
-                out.append(self._desk.answer(event, t_ns))
-                self._write_due(t_ns, out)
+                self._answer(event, t_ns, out)
+            case RecordingFailed():
+                self._recordings.fail(event)
+                self._publish_status(t_ns, out)
             case LinkUp(name, identity):
                 greeting = self._links[name].open(identity, t_ns)
                 if greeting:
@@ -86,18 +103,38 @@ class Engine:
 
     def farewell(self) -> list[Write]:
         """Ends the run, and returns what the sensors hear last; the gripper hears nothing: it goes on gripping."""
-        sensors = {name: link for name, link in self._links.items() if name != "gripper"}
+        sensors = {name: link for name, link in self._links.items() if name != GRIPPER_LINK}
         return [Write(name, last) for name, link in sensors.items() if (last := link.farewell())]
 
     def _make_gripper(self) -> GripperControl | None:
         if self._config.gripper is None:
             return None
-        return GripperControl(self._config.gripper, cast("GripperSession", self._links["gripper"].session))
+        return GripperControl(self._config.gripper, cast("GripperSession", self._links[GRIPPER_LINK].session))
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
         for stream, samples, times_ns in link.receive(data, t_ns, self._lateness.late_ns):
             self._take(stream, samples, times_ns, out)
         out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
+        if link.spec.name == GRIPPER_LINK:
+            self._watch_gripper(t_ns, out)
+
+    def _answer(self, request: Request, t_ns: int, out: list[Output]) -> None:
+        self._watch_gripper(t_ns, out)  # a lease that ran out ends before the request is judged
+        out.append(self._desk.answer(request, t_ns))
+        self._write_due(t_ns, out)
+        for record in self._recordings.due():
+            out.append(replace(record, opened=self._opened()) if record.name else record)
+            self._publish_status(t_ns, out)
+
+    def _opened(self) -> tuple[LinkUp, ...]:
+        return tuple(LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
+
+    def _watch_gripper(self, t_ns: int, out: list[Output]) -> None:
+        """Tells at once what began with the gripper that nobody asked for."""
+        gripper = self._gripper
+        if gripper is not None and gripper.on_time(t_ns):
+            out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns)))
+            self._publish_status(t_ns, out)
 
     def _take(self, stream: str, samples: Sequence[Any], times_ns: Sequence[int], out: list[Output]) -> None:
         """Takes the readings of one stream that came in one read."""
@@ -131,6 +168,7 @@ class Engine:
             state = finger.on_time(t_ns)
             if state is not None:
                 self._voices[name].tell(state, out)
+        self._watch_gripper(t_ns, out)
         self._write_due(t_ns, out)
         if self._status_pace.passes(t_ns):
             self._publish_status(t_ns, out)
@@ -168,7 +206,7 @@ class Engine:
         out.append(self._outlet.message(STATUS_TOPIC, t_ns, NO_FRAME, self._status(t_ns)))
 
     def _status(self, t_ns: int) -> dict[str, Any]:
-        lease = None if self._gripper is None else self._gripper.policy.expires_in_s(t_ns)
+        gripper = None if self._gripper is None else self._gripper.body(t_ns)
         fingers = {
             name: {
                 "level": finger.state.verdict.level,
@@ -190,7 +228,9 @@ class Engine:
             "streams": streams,
             "publisher": {"messages": self._outlet.published},
             "late_s": self._lateness.worst_ns(t_ns) * 1e-9,
-            "lease": {"held": lease is not None, "expires_in_s": lease},
+            "lease": NO_LEASE if gripper is None else gripper["lease"],
+            "gripper": gripper,
+            "recording": self._recordings.body(),
         }
 
     def _stream_body(self, link: Link, stream: Stream, t_ns: int) -> dict[str, Any]:
@@ -201,6 +241,8 @@ class Engine:
         if side is not None:
             conditions += side.conditions(t_ns)
             body |= side.told(t_ns)
+        elif self._gripper is not None and not kind:
+            conditions += self._gripper.conditions()
         worst = max(health for health, _ in conditions)
         message = "; ".join(text for _, text in sorted(conditions, key=lambda told: -told[0]) if text)
         return {"health": int(worst), "message": message, **body}

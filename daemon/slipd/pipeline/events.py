@@ -71,7 +71,15 @@ class Tick:
     suspended_ns: int = 0
 
 
-Event = Bytes | LinkUp | LinkDown | Request | Tick
+@dataclass(slots=True, frozen=True)
+class RecordingFailed:
+    """A recording that was requested could not be begun, or stopped; ``reason`` is for people."""
+
+    name: str
+    reason: str
+
+
+Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingFailed
 
 
 @dataclass(slots=True, frozen=True)
@@ -98,4 +106,17 @@ class Reply:
     body: dict[str, Any]
 
 
-Output = Publish | Write | Reply
+@dataclass(slots=True, frozen=True)
+class Record:
+    """Begin a recording, or end the one that runs.
+
+    Attributes:
+        name: Of its file; "" ends the one that runs.
+        opened: The links that are open as it begins: its first events, without which a replay would not hear them.
+    """
+
+    name: str
+    opened: tuple[LinkUp, ...] = ()
+
+
+Output = Publish | Write | Reply | Record

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from slipd.config import Gripper as GripperConfig
-from slipd.devices.robotiq_2f import Session
-from slipd.grip.force_map import ForceMap, interpolate
+from slipd.devices import GripperSession
 from slipd.grip.policy import GripLimits, GripPolicy, Refusal
+from slipd.pipeline.gripper_watch import LINK_LOST, NO_ANSWER, GripperWatch
 from slipd.pipeline.report import number
 from slipd.samples import GripperSample
+from slipd_client.messages import Health
 
-FULL = 255
 Result = dict[str, Any] | Refusal
-_NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
 
-#: Speed where none is asked for: the middle of the gripper's range.
-DEFAULT_SPEED = 128
+#: A gripper that was not heard for so long, or for three of its periods, does not answer. A session that repeats an
+#: unanswered command twice gives it up first.
+SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
+_NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
+_NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
 
 
 class GripperControl:
@@ -25,36 +28,58 @@ class GripperControl:
     Args:
         config: ``[gripper]``.
         session: The conversation with it.
+
+    Attributes:
+        policy: The lease, the limits, the force in force and the latched fault.
+        sample: The newest reading; None while nothing is known.
+        force_command_n: The force that the gripper was told last; None where it was told none, or is not active.
     """
 
-    def __init__(self, config: GripperConfig, session: Session) -> None:
+    def __init__(self, config: GripperConfig, session: GripperSession) -> None:
         self._config = config
         self._session = session
-        self._forces = ForceMap(config.force_table)
-        self._closures = [(width, closure) for closure, width in reversed(config.width_table)]
-        least = config.force_table[0][1] if config.min_force_n is None else config.min_force_n
-        self.policy = GripPolicy(GripLimits(least, config.max_force_n), config.max_lease_ms)
+        self._watch = GripperWatch()
+        self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
+        self.policy = GripPolicy(_limits(config), config.max_lease_ms)
         self.sample: GripperSample | None = None
         self.force_command_n: float | None = None
+        self._held = False  # in this grasp, the gripper has said that something stopped it
+        self._goal_m = math.inf
+        self._commanded_ns = 0
 
     def take(self, sample: GripperSample) -> None:
         """Takes a status reading."""
         self.sample = sample
+        self._latch(self._watch.take(sample))
         if not sample.active:
+            self._let_go()
             self.force_command_n = None
+        elif sample.t_ns > self._commanded_ns:
+            if self._held and sample.object == "none":
+                self._let_go()
+            self._held = sample.object.startswith("contact")
+
+    def on_time(self, t_ns: int) -> bool:
+        """Lets time pass; True where something began that nobody asked for: a fault, or the end of a lease."""
+        before = self.policy.fault
+        self._latch(self._watch.take_command(lost=self._session.command_lost))
+        if self.sample is not None and t_ns - self.sample.t_ns > self._silence_ns:
+            self._forget(NO_ANSWER)
+        lapsed = self.policy.lapsed(t_ns)
+        if lapsed and self._config.lease_end == "stop" and self._moves():
+            self._session.halt()
+        return lapsed or self.policy.fault != before
 
     def lose(self) -> None:
         """The link went down: nothing is known of the gripper, and nobody holds the lease."""
-        self.sample = None
+        self._forget(LINK_LOST)
         self.policy.end_lease()
 
     def may_activate(self) -> Refusal | None:
-        """Why the gripper may not be activated: without a force limit nothing may be moved."""
+        """Why the gripper may not be activated: without a force limit, or while a fault is latched, nothing moves."""
         if self._config.max_force_n is None:
             return Refusal("no_limit", "gripper.max_force_n is not configured, so nothing may be moved")
-        if self.sample is None or self._session.state == "no reply":
-            return Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
-        return None
+        return self.policy.check_fault() or (_NO_ANSWER if self.sample is None else None)
 
     def refuse(self) -> Refusal | None:
         """Why the gripper cannot move now; None where it can."""
@@ -63,83 +88,168 @@ class GripperControl:
             return refusal
         if self.sample.fault:
             return Refusal("gripper_fault", f"the gripper reports {self.sample.fault}")
-        if not self.sample.active:
-            return _NOT_ACTIVE
-        return None
+        return None if self.sample.active else _NOT_ACTIVE
 
-    def activate(self, t_ns: int) -> dict[str, Any]:
+    def check_force(self, force_n: float) -> Refusal | None:
+        """Refuses a force outside the configured limits, or outside what the gripper says it can do."""
+        refusal = self.policy.check_force(force_n)
+        least_n, most_n = self._session.force_range_n
+        if refusal is None and not least_n <= force_n <= most_n:
+            allowed = f"{least_n:g} to {most_n:g} N"
+            return Refusal("out_of_range", f"force_n: the gripper has {allowed} on one pad, not {force_n:g}", "force_n")
+        return refusal
+
+    def activate(self, t_ns: int) -> Result:
         """Activates the gripper, which opens and closes it fully."""
         self._session.activate(t_ns)
+        self._watch.activate(t_ns)
+        self._let_go()
+        self.force_command_n = None
         return {}
 
-    def close(self, force_n: float, width_m: float | None, speed_mps: float | None) -> Result:
+    def close(self, force_n: float, width_m: float | None, speed_mps: float | None, t_ns: int) -> Result:
         """Closes to a width with a force; never opens."""
-        position = FULL if width_m is None else self._position(width_m)
-        if self.sample is not None and position < round(FULL * self.sample.closure):
-            now_m = interpolate(self._config.width_table, self.sample.closure)
-            return Refusal("out_of_range", f"width_m must be at most the present {now_m:.4f} m: it closes", "width_m")
-        return self._check_goal(width_m, speed_mps) or self._move(position, force_n, speed_mps)
+        refusal = self._check_goal(width_m, speed_mps) or self._check_closes(width_m)
+        if refusal is not None:
+            return refusal
+        goal_m = self._session.width_range_m[0] if width_m is None else width_m
+        applied_n = self._session.move(goal_m, speed_mps, force_n)
+        if applied_n is not None:
+            self.policy.grip(applied_n, t_ns)
+        return self._sent(applied_n, t_ns, goal_m)
 
-    def open(self, width_m: float | None, speed_mps: float | None) -> Result:
-        """Opens to a width with the least force."""
-        position = 0 if width_m is None else self._position(width_m)
-        return self._check_goal(width_m, speed_mps) or self._move(position, self._forces.newtons(0), speed_mps)
+    def open(self, width_m: float | None, speed_mps: float | None, t_ns: int) -> Result:
+        """Opens to a width with the least force that may be asked for; ends the grasp."""
+        refusal = self._check_goal(width_m, speed_mps)
+        goal_m = self._session.width_range_m[1] if width_m is None else width_m
+        if refusal is None and math.isinf(goal_m):
+            refusal = Refusal("not_ready", "the gripper has not told its widths yet: give width_m", "width_m")
+        if refusal is not None:
+            return refusal
+        least_n = max(self._session.force_range_n[0], self._config.min_force_n or 0.0)
+        applied_n = self._session.move(goal_m, speed_mps, least_n)
+        if applied_n is not None:
+            self._let_go()
+        return self._sent(applied_n, t_ns, goal_m)
 
-    def set_force(self, force_n: float) -> Result:
+    def set_force(self, force_n: float, t_ns: int) -> Result:
         """Sets the force while holding."""
-        units = self._forces.units(force_n)
-        return self._applied(units) if self._session.set_force(units) else _NOT_ACTIVE
+        applied_n = self._session.set_force(force_n)
+        if applied_n is not None:
+            self.policy.grip(applied_n, t_ns)
+        return self._sent(applied_n, t_ns, self._goal_m)
 
     def halt(self) -> Result:
-        """Stops the fingers where they are."""
-        return {} if self._session.halt() else _NOT_ACTIVE
+        """Stops the fingers where they are, whatever else is wrong."""
+        return {} if self._session.halt() else (self.may_activate() or _NOT_ACTIVE)
+
+    def hold(self) -> Result:
+        """Keeps what is: moving fingers stop, a force in force stays."""
+        if self._moves() or self.sample is None or not self.sample.active:
+            stopped = self.halt()
+            if isinstance(stopped, Refusal):
+                return stopped
+        return {"force_n": number(self.policy.force_n)}
+
+    def acknowledge(self) -> Result:
+        """Clears the latched fault; returns which it was."""
+        fault = self.policy.fault
+        self.policy.acknowledge()
+        self._watch.acknowledge()
+        self._session.acknowledge()
+        return {"fault": fault or None}
+
+    def lease(self, t_ns: int) -> dict[str, Any]:
+        """``lease`` of the messages."""
+        expires_in_s = self.policy.expires_in_s(t_ns)
+        return {"held": expires_in_s is not None, "expires_in_s": expires_in_s}
+
+    def conditions(self) -> list[tuple[Health, str]]:
+        """What ails the gripper, for the status of its stream."""
+        fault = self.policy.fault
+        return [(Health.ERROR, f"{fault} is latched: say fault.ack once it was looked at")] if fault else []
 
     def body(self, t_ns: int) -> dict[str, Any]:
         """The ``gripper`` message."""
         sample = self.sample
-        config = self._config
         return {
-            "width_m": None if sample is None else interpolate(config.width_table, sample.closure),
+            "width_m": None if sample is None else number(sample.width_m),
             "force_command_n": number(self.force_command_n),
-            "force_limit_n": config.max_force_n,
+            "force_limit_n": self._config.max_force_n,
             "active": None if sample is None else sample.active,
             "object": None if sample is None else sample.object,
             "moving": None if sample is None else sample.moving,
             "fault": None if sample is None else sample.fault,
+            "latched_fault": self.policy.fault,
             "echo_ok": None if sample is None else sample.echo_ok,
-            "current_a": None if sample is None else sample.current_a,
+            "current_a": None if sample is None else number(sample.current_a),
+            "force_n": None if sample is None else number(sample.force_n),
+            "lease": self.lease(t_ns),
             "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
         }
 
+    def _latch(self, fault: str) -> None:
+        if fault:
+            self.policy.latch(fault)
+
+    def _forget(self, fault: str) -> None:
+        """Nothing is heard of the gripper any more; a fault only where it has something to hold."""
+        if self.policy.force_n is not None:
+            self.policy.latch(fault)
+        self._watch.forget()
+        self.sample = None
+
+    def _let_go(self) -> None:
+        """The grasp ended: its force and its budget with it."""
+        self.policy.let_go()
+        self._held = False
+
+    def _moves(self) -> bool:
+        """Whether the fingers move, or may have begun to since the newest reading."""
+        return self.sample is not None and (self.sample.moving or self.sample.t_ns <= self._commanded_ns)
+
+    def _check_closes(self, width_m: float | None) -> Refusal | None:
+        """Refuses a width beyond the present one, and beyond the one that moving fingers are on their way to."""
+        if width_m is None:
+            return None
+        now_m = None if self.sample is None else self.sample.width_m
+        if now_m is None:
+            return Refusal("not_ready", "the present width is not known: leave width_m out", "width_m")
+        most_m = min(now_m, self._goal_m) if self._moves() else now_m
+        if width_m <= most_m:
+            return None
+        return Refusal("out_of_range", f"width_m must be at most the present {most_m:.4f} m: it closes", "width_m")
+
     def _check_goal(self, width_m: float | None, speed_mps: float | None) -> Refusal | None:
         """Refuses a width or speed that the gripper does not have."""
-        widths = [width for _, width in self._config.width_table]
-        if width_m is not None and not widths[-1] <= width_m <= widths[0]:
-            allowed = f"{widths[-1]:g} to {widths[0]:g} m"
-            return Refusal("out_of_range", f"width_m must be {allowed}, not {width_m:g}", "width_m")
+        least_m, most_m = self._session.width_range_m
+        if width_m is not None and not least_m <= width_m <= most_m:
+            return Refusal("out_of_range", f"width_m must be {least_m:g} to {most_m:g} m, not {width_m:g}", "width_m")
         if speed_mps is None:
             return None
-        if self._config.speed_table is None:
-            return Refusal("out_of_range", "gripper.speed_table is not configured: leave the speed out", "speed_mps")
-        speeds = [speed for _, speed in self._config.speed_table]
-        if not speeds[0] <= speed_mps <= speeds[-1]:
-            allowed = f"{speeds[0]:g} to {speeds[-1]:g} m/s"
+        speeds = self._session.speed_range_mps
+        if speeds is None:
+            return Refusal("out_of_range", "this gripper is told no speed: leave it out", "speed_mps")
+        if not speeds[0] <= speed_mps <= speeds[1]:
+            allowed = f"{speeds[0]:g} to {speeds[1]:g} m/s"
             return Refusal("out_of_range", f"speed_mps must be {allowed}, not {speed_mps:g}", "speed_mps")
         return None
 
-    def _move(self, position: int, force_n: float, speed_mps: float | None) -> Result:
-        units = self._forces.units(force_n)
-        return self._applied(units) if self._session.move(position, self._speed(speed_mps), units) else _NOT_ACTIVE
+    def _sent(self, applied_n: float | None, t_ns: int, goal_m: float) -> Result:
+        """What the gripper is told is told: its settings may be steps, and never exceed what was asked for."""
+        if applied_n is None:
+            return _NOT_ACTIVE
+        self.force_command_n, self._goal_m, self._commanded_ns = applied_n, goal_m, t_ns
+        return {"applied_n": applied_n}
 
-    def _applied(self, units: int) -> dict[str, Any]:
-        """The device setting is whole, so what is applied is told; it never exceeds what was asked for."""
-        self.force_command_n = self._forces.newtons(units)
-        return {"applied_n": self.force_command_n}
 
-    def _position(self, width_m: float) -> int:
-        return round(FULL * interpolate(self._closures, width_m))
-
-    def _speed(self, speed_mps: float | None) -> int:
-        if speed_mps is None or self._config.speed_table is None:
-            return DEFAULT_SPEED
-        return round(interpolate([(speed, units) for units, speed in self._config.speed_table], speed_mps))
+def _limits(config: GripperConfig) -> GripLimits:
+    budget_n = config.max_force_n if config.budget_n is None else config.budget_n
+    return GripLimits(
+        min_n=config.min_force_n or 0.0,
+        max_n=config.max_force_n,
+        step_n=config.step_n,
+        raise_n_per_s=config.raise_n_per_s,
+        lower_n_per_s=config.lower_n_per_s,
+        budget_n=budget_n or 0.0,
+    )

@@ -81,6 +81,11 @@ class Link:
         self._recognise()
         return greeting
 
+    @property
+    def opened(self) -> str:
+        """What was opened last: a path, an address; "" before."""
+        return self._opened
+
     def interrupt(self) -> None:
         """Time passed that nobody saw: what was learned of the device's clock is over."""
         for stream in self.streams.values():

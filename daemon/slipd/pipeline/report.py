@@ -79,27 +79,38 @@ def verdict_body(finger: Finger, state: State) -> Body:
     }
 
 
+def needed_n(state: State, finger: Finger) -> float | None:
+    """The least normal force on this pad that holds its load with the configured safety, N.
+
+    None where it is not known, and where no force would do.
+    """
+    contact, shares, loads = state.contact, state.shares, state.loads
+    if contact is None or loads is None or shares is None or state.utilisation is None:
+        return None
+    found = grip_needed_n(
+        shares.x,
+        shares.y,
+        loads.loads,
+        finger.mu or math.nan,
+        (contact.fx_n, contact.fy_n),
+        contact.spin_nm,
+        (contact.cx_m, contact.cy_m),
+        growth=finger.config.contact_growth,
+        safety=finger.config.grip_safety,
+    )
+    return number(found)
+
+
 def _limits(state: State, finger: Finger) -> Body:
     """The torque limit in the sense of the spin, and the grip that would hold the load."""
     contact, shares, loads = state.contact, state.shares, state.loads
     if contact is None or loads is None or shares is None or state.utilisation is None:
         return {"torque_limit_nm": None, "grip_needed_n": None}
-    mu, config = finger.mu or math.nan, finger.config
+    mu = finger.mu or math.nan
     sense = 1 if contact.spin_nm >= 0.0 else -1
     force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
     limit = torque_limit(shares.x, shares.y, loads.loads, mu, force, about, sense)
-    needed = grip_needed_n(
-        shares.x,
-        shares.y,
-        loads.loads,
-        mu,
-        force,
-        contact.spin_nm,
-        about,
-        growth=config.contact_growth,
-        safety=config.grip_safety,
-    )
-    return {"torque_limit_nm": number(limit.torque_nm), "grip_needed_n": number(needed)}
+    return {"torque_limit_nm": number(limit.torque_nm), "grip_needed_n": needed_n(state, finger)}
 
 
 def wrench_body(finger: Finger, state: State) -> Body:

@@ -35,7 +35,9 @@ OPS: dict[str, dict[str, Field]] = {
     "lease.renew": {},
     "lease.release": {},
     "grip.set": {"force_n": Field("number")},
-    "gripper.activate": {},
+    "grip.adjust": {"delta_n": Field("number")},
+    "grip.hold": {},
+    "gripper.activate": {"drop": Field("flag", required=False)},
     "gripper.close": {
         "force_n": Field("number"),
         "width_m": Field("number", required=False),
@@ -47,6 +49,10 @@ OPS: dict[str, dict[str, Field]] = {
         "drop": Field("flag", required=False),
     },
     "gripper.stop": {},
+    "fault.ack": {},
+    "friction.set": {"finger": Field("text"), "mu_s": Field("number"), "mu_d": Field("number", required=False)},
+    "record.start": {},
+    "record.stop": {},
 }
 
 

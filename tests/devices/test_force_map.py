@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.grip.force_map import ForceMap, interpolate
+from slipd.devices.force_map import ForceMap, interpolate
 
 TABLE = [(0.0, 3.0), (60.0, 7.5), (120.0, 13.0), (255.0, 30.0)]
 
