@@ -301,7 +301,7 @@ async def test_two_daemons_do_not_share_a_runtime_directory(rig: Rig, runtime: P
 
 
 async def test_endpoints_of_the_config_need_no_runtime_directory(rig: Rig, runtime: Path) -> None:
-    bus = '[bus]\npublish = "tcp://127.0.0.1:*"\nrequests = "tcp://127.0.0.1:*"\n'
+    bus = '[bus]\npublish = "tcp://127.0.0.1:*"\nrequests = "tcp://127.0.0.1:*"\nallow_local_tcp = true\n'
     with_bus = config.parse(rig.file.read_text(encoding="utf-8") + bus, "rig.toml")
     async with serving(with_bus) as client:
         await until(lambda: client.hear("wrench.left"), rig.send)

@@ -1,9 +1,10 @@
 """Every exception the client raises on purpose.
 
     ClientError
-    ├── Silence           no message came for longer than the caller allows
+    ├── Silence           nothing was heard for longer than the caller allows
     ├── NoAnswer          no reply came in time; whether the request was carried out is not known
-    └── RequestRefused    the daemon answered, and did not do it
+    ├── RequestRefused    the daemon answered, and did not do it
+    └── LeaseLost         the lease of this block has ended; nothing was sent
 
 A bad call (an endpoint that is none, a time that is no time) raises ValueError.
 """
@@ -16,11 +17,15 @@ class ClientError(Exception):
 
 
 class Silence(ClientError):  # noqa: N818 - it names what happened
-    """No message came for longer than the caller allows."""
+    """Nothing was heard for longer than the caller allows: whatever was heard last says nothing of now."""
 
 
 class NoAnswer(ClientError):  # noqa: N818 - it names what happened
     """No reply came in time; whether the request was carried out is not known, unless the text says so."""
+
+
+class LeaseLost(ClientError):  # noqa: N818 - it names what happened
+    """The lease has ended, and another client may hold the gripper; the request was not sent."""
 
 
 class RequestRefused(ClientError):  # noqa: N818 - it names what happened

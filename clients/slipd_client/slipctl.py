@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import sys
-import time
 from collections.abc import Sequence
 from typing import Any
 
+from slipd_client import keys, keys_command, slipctl_parser
 from slipd_client.errors import ClientError
+from slipd_client.grip import GripClient
 from slipd_client.messages import STATUS_TOPIC
-from slipd_client.requester import LEASE_MS, TARE_S, Requester
 from slipd_client.view import View
 from slipd_client.watch import print_view, watch
 
 DONE, FAULT = 0, 1  # a wrong call exits with argparse's own 2
 
-RENEW_S = LEASE_MS / 1000 / 3
-"""Two renewals may come late before the lease ends."""
+ENDED_BY_HAND = ("watch", "grip set", "grip adjust")
+"""Commands that Ctrl-C ends as they are meant to be ended."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,64 +28,90 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         0 done, 1 fault at run time (told on standard error); a wrong call exits with 2.
     """
-    parser = _parser()
+    parser = slipctl_parser.parser()
     chosen = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")  # type: ignore[union-attr] # a terminal without our signs shows "?"
     try:
-        chosen.run(chosen)
+        _run(chosen)
         sys.stdout.flush()
     except ClientError as error:
         print(f"slipctl: {error}", file=sys.stderr)
         return FAULT
-    except ValueError as error:  # an endpoint that is none
+    except ValueError as error:  # an endpoint or a key file that is none
         parser.error(str(error))
     except BrokenPipeError:  # the reader of a pipe has seen enough; Python must not flush into it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
-        if chosen.run not in (_watch, _grip):
+        if chosen.command not in ENDED_BY_HAND:
             print("slipctl: interrupted", file=sys.stderr)
             return FAULT
     return DONE
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="slipctl", description="Look at a running slipd, and ask it for things.")
-    parser.add_argument("--publish", metavar="ENDPOINT", help="where slipd publishes")
-    parser.add_argument("--requests", metavar="ENDPOINT", help="where slipd takes requests")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-
-    look = commands.add_parser("watch", help="show levels, forces and health as they change")
-    look.add_argument("--json", action="store_true", help="every message, one a line")
-    look.add_argument("--once", action="store_true", help="show the last messages and end")
-    look.set_defaults(run=_watch)
-
-    status = commands.add_parser("status", help="ask what the daemon and its streams are doing")
-    status.add_argument("--json", action="store_true", help="the whole map")
-    status.set_defaults(run=_status)
-
-    tare = commands.add_parser("tare", help="take a finger's present wrench as zero; nothing may touch it")
-    tare.add_argument("finger", metavar="FINGER")
-    tare.add_argument("--seconds", type=_positive, default=TARE_S, metavar="S", help="mean over so long (%(default)s)")
-    tare.set_defaults(run=_tare)
-
-    grip = commands.add_parser("grip", help="set the normal force on one pad")
-    grip.add_argument("force_n", type=_positive, metavar="FORCE_N")
-    grip.add_argument(
-        "--hold", type=_not_negative, default=0.0, metavar="SECONDS", help="keep the lease so long (0); no end moves it"
-    )
-    grip.set_defaults(run=_grip)
-    return parser
+def _run(chosen: argparse.Namespace) -> None:
+    command: str = chosen.command
+    if command.startswith("keys "):
+        keys_command.run(chosen)
+    elif command == "watch":
+        watch(chosen.publish, keys=_keys(chosen), as_json=chosen.json, once=chosen.once)
+    else:
+        with GripClient(chosen.requests, keys=_keys(chosen)) as client:
+            if command == "status":
+                _print_status(client.status(), chosen.json)
+            elif command.startswith("grip "):
+                _grip(client, chosen)
+            else:
+                _print_result(_asked(client, chosen))
 
 
-def _watch(chosen: argparse.Namespace) -> None:
-    watch(chosen.publish, as_json=chosen.json, once=chosen.once)
+def _asked(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
+    """The result of a command that needs no lease."""
+    command = chosen.command
+    if command == "tare take":
+        return client.tare(chosen.finger, chosen.seconds)
+    if command == "tare get":
+        return client.tare_get(chosen.finger)
+    if command == "tare undo":
+        return client.tare_undo(chosen.finger)
+    if command == "friction":
+        return client.friction_set(chosen.finger, chosen.mu_s, chosen.mu_d)
+    return client.record_start() if command == "record start" else client.record_stop()
 
 
-def _status(chosen: argparse.Namespace) -> None:
-    with Requester(chosen.requests) as requester:
-        status = requester.status()
-    if chosen.json:
+def _grip(client: GripClient, chosen: argparse.Namespace) -> None:
+    with client.lease() as lease:
+        _print_result(_moved(client, chosen))
+        if seconds := getattr(chosen, "hold", 0.0):
+            lease.wait(seconds)
+
+
+def _moved(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
+    """The result of a command that needs the lease."""
+    command = chosen.command
+    if command == "grip set":
+        return client.grip_set(chosen.force_n)
+    if command == "grip adjust":
+        return client.grip_adjust(chosen.delta_n)
+    if command == "grip hold":
+        return client.grip_hold()
+    if command == "grip close":
+        return client.gripper_close(chosen.force_n, chosen.width_m, chosen.speed_mps)
+    if command == "grip open":
+        return client.gripper_open(drop=chosen.drop, width_m=chosen.width_m, speed_mps=chosen.speed_mps)
+    if command == "grip activate":
+        return client.gripper_activate(drop=chosen.drop)
+    return client.gripper_stop() if command == "grip stop" else client.fault_ack()
+
+
+def _keys(chosen: argparse.Namespace) -> keys.Keys | None:
+    if (chosen.key is None) != (chosen.server_key is None):
+        raise ValueError("--key and --server-key belong together: this client's secret, and whom it trusts")
+    return None if chosen.key is None else keys.load(chosen.key, chosen.server_key)
+
+
+def _print_status(status: dict[str, Any], as_json: bool) -> None:
+    if as_json:
         print(json.dumps(status))
         return
     view = View()
@@ -94,40 +119,9 @@ def _status(chosen: argparse.Namespace) -> None:
     print_view(view)
 
 
-def _tare(chosen: argparse.Namespace) -> None:
-    with Requester(chosen.requests) as requester:
-        _print_result(requester.tare(chosen.finger, chosen.seconds))
-
-
-def _grip(chosen: argparse.Namespace) -> None:
-    with Requester(chosen.requests) as requester, requester.lease(LEASE_MS):
-        _print_result(requester.grip_set(chosen.force_n))
-        until = time.monotonic() + chosen.hold
-        while (left_s := until - time.monotonic()) > 0:
-            time.sleep(min(left_s, RENEW_S))
-            requester.renew()
-
-
 def _print_result(result: dict[str, Any]) -> None:
     for field, value in result.items():
         print(f"{field}: {json.dumps(value)}", flush=True)
-
-
-def _positive(text: str) -> float:
-    value = _not_negative(text)
-    if value == 0:
-        raise argparse.ArgumentTypeError("must be more than 0")
-    return value
-
-
-def _not_negative(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-    if not 0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is no finite number from 0 up")
-    return value
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ def _finger_lines(finger: str, body: dict[str, Any], silent: bool) -> list[list[
         (f"  {facts}", ""),
     ]
     if "tare_busy" in body:  # what ``status`` tells of a finger holds no quantities
-        first = [*named, (f"tare {_text(body.get('tare_id'))}", "")]
+        first = [*named, (f"tare {_value(body, 'tare_id', '', 0)}", "")]
     reasons = "stale" if silent else _reasons(body)
     return [first, [(" " * NAME_CELLS + reasons, colour)]] if reasons else [first]
 

@@ -7,12 +7,15 @@ import os
 import shutil
 import sys
 import time
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from slipd_client.errors import Silence
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.view import View, change_line
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
 
 TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
 """What the view draws; forces and pad images come more often than anyone can read."""
@@ -30,14 +33,14 @@ REDRAW_S = 0.1
 LINE_S = 1.0
 
 
-def watch(endpoint: str | None, *, as_json: bool, once: bool) -> None:
+def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once: bool) -> None:
     """Show messages on standard output until interrupted, or only the last of each topic with ``once``.
 
     Raises:
         Silence: No message came within ``FIRST_S``.
         ValueError: The endpoint is none.
     """
-    with Subscriber(endpoint, ("",) if as_json else TOPICS) as subscriber:
+    with Subscriber(endpoint, ("",) if as_json else TOPICS, keys=keys, silence_s=None) as subscriber:
         first = subscriber.receive(FIRST_S)
         if first is None:
             unreadable = f"; {subscriber.bad} unreadable, the last: {subscriber.bad_reason}" if subscriber.bad else ""
@@ -70,7 +73,7 @@ def _show_once(newest: dict[str, Message], as_json: bool) -> None:
         return
     view = View()
     for message in newest.values():
-        view.update(message.topic, message.body)
+        view.update(message.topic, message.raw)
     print_view(view)
 
 
@@ -92,7 +95,7 @@ def _print_json_line(message: Message) -> None:
 
 
 def _json_line(message: Message) -> str:
-    return json.dumps({"topic": message.topic, **message.body}, default=bytes.hex)
+    return json.dumps({"topic": message.topic, **message.raw}, default=bytes.hex)
 
 
 def _follow(subscriber: Subscriber, first: Message) -> None:
@@ -124,8 +127,8 @@ class Display:
     def take(self, message: Message) -> None:
         """Take a message into the picture; a change of level is a line of its own where there is no terminal."""
         if message.topic == WARNING_TOPIC and not self.redraws:
-            print(change_line(message.body), flush=True)
-        self._view.update(message.topic, message.body)
+            print(change_line(message.raw), flush=True)
+        self._view.update(message.topic, message.raw)
 
     def wait_s(self) -> float:
         """How long until `refresh` has something to do."""

@@ -37,6 +37,7 @@ from slipd.errors import ConfigError, ConfigFault
 from slipd.toml_lines import key_lines, line_of
 
 __all__ = [
+    "Bus",
     "Config",
     "Finger",
     "Grasp",

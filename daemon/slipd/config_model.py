@@ -14,6 +14,7 @@ Hertz = Annotated[float, Field(ge=1e-3, le=1e6)]
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 Point = Annotated[tuple[float, float], Strict(False)]  # TOML has no tuples
+File = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]+$")]
 Option = bool | int | float | str | list[float] | list[list[float]]
 Table = Annotated[list[Point], Field(min_length=2)]
 
@@ -242,10 +243,26 @@ class Rates(_Model):
 
 
 class Bus(_Model):
-    """``[bus]``: ZeroMQ endpoints; None: in the private runtime directory."""
+    """``[bus]``: where clients come, and who may.
+
+    Attributes:
+        publish: ZeroMQ endpoint of the messages; None: in the private runtime directory. One over TCP needs
+            ``secret_key`` and ``readers``.
+        requests: Likewise of the requests; one over TCP needs ``secret_key`` and ``requesters``.
+        secret_key: File with the daemon's secret key (``slipctl keys new`` makes one).
+        readers: Directory of the public keys that may subscribe, ``*.key``; None: no keys are asked for.
+        requesters: Likewise of those that may request. Who may do both stands in both.
+        allow_local_tcp: TCP ports of this machine are served without keys: every user of it may then move the gripper.
+        requests_hz: How many requests a second one client may send.
+    """
 
     publish: str | None = None
     requests: str | None = None
+    secret_key: File | None = None
+    readers: File | None = None
+    requesters: File | None = None
+    allow_local_tcp: bool = False
+    requests_hz: float = Field(default=50.0, ge=1.0, le=10_000.0)
 
 
 class Config(_Model):

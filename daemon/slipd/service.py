@@ -21,6 +21,7 @@ from typing import Any
 
 import zmq
 
+from slipd.bus.authentication import Authenticator, guard
 from slipd.bus.publisher import Publisher
 from slipd.bus.requests import RequestServer
 from slipd.bus.runtime import RuntimeDirectory
@@ -30,6 +31,7 @@ from slipd.pipeline.events import Event, Publish, Reply, Request, Tick, Write
 from slipd.pipeline.warm_up import warm_up
 from slipd.recording.writer import Recorder
 from slipd.transport import Links
+from slipd.zeromq.gate import raise_descriptor_limit
 from slipd_client.messages import encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
 
@@ -66,10 +68,11 @@ async def serve(
         stop: Set it to end the run.
 
     Raises:
-        LinkError: An endpoint cannot be bound, or another daemon holds the runtime directory.
+        LinkError: An endpoint cannot be bound, a key file is none, or another daemon holds the runtime directory.
         RecordingError: The recording cannot be created.
     """
     warm_up()
+    raise_descriptor_limit()
     stop = stop or asyncio.Event()
     with ExitStack() as stack:
         run = stack.enter_context(_Run(config, record, stop))
@@ -106,21 +109,37 @@ class _Run:
 
     def __enter__(self) -> _Run:
         with ExitStack() as stack:
-            if self._config.bus.publish is None or self._config.bus.requests is None:
-                stack.enter_context(RuntimeDirectory(runtime_dir()))
-            self._recorder = self._open_recorder(stack)
-            context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-            stack.callback(context.term)
-            bus = self._config.bus
-            self._publisher = stack.enter_context(Publisher(context, bus.publish or publish_endpoint()))
-            requests = RequestServer(context, bus.requests or requests_endpoint(), self._on_request)
-            self._requests = stack.enter_context(requests)
-            self.endpoints = Endpoints(self._publisher.endpoint, self._requests.endpoint)
+            self._open_bus(stack)
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *error: object) -> None:
         self._stack.close()
+
+    def _open_bus(self, stack: ExitStack) -> None:
+        bus = self._config.bus
+        allowed = guard(bus)
+        home = stack.enter_context(RuntimeDirectory(runtime_dir())) if None in (bus.publish, bus.requests) else None
+        self._recorder = self._open_recorder(stack)
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        stack.callback(context.term)
+        if allowed.keys:
+            stack.enter_context(Authenticator(context, allowed.keys))
+        publisher = Publisher(context, bus.publish or publish_endpoint(), allowed.publish)
+        self._publisher = stack.enter_context(publisher)
+        requests = RequestServer(
+            context,
+            bus.requests or requests_endpoint(),
+            self._on_request,
+            allowed.requests,
+            requesters=allowed.requesters,
+            per_second=bus.requests_hz,
+        )
+        self._requests = stack.enter_context(requests)
+        self.endpoints = Endpoints(self._publisher.endpoint, self._requests.endpoint)
+        if home is not None:
+            home.share(self._publisher.endpoint)
+            home.share(self._requests.endpoint)
 
     def _open_recorder(self, stack: ExitStack) -> Recorder | None:
         if self._record is None:

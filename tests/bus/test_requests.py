@@ -11,6 +11,7 @@ import pytest
 import zmq
 
 from slipd.bus.requests import RequestServer
+from slipd.zeromq.endpoint import USER_ALONE, Access
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
 if TYPE_CHECKING:
@@ -24,12 +25,14 @@ HELLO = {"v": 1, "id": "1", "op": "hello"}
 class Answering:
     """Answers every request with what it asked."""
 
-    def __init__(self, context: Context, endpoint: str) -> None:
+    def __init__(self, context: Context, endpoint: str, access: Access = USER_ALONE, per_second: float = 1e6) -> None:
         self.requests: list[dict[str, Any]] = []
-        self.server = RequestServer(context, endpoint, self._on_request)
+        self.clients: list[bytes] = []
+        self.server = RequestServer(context, endpoint, self._on_request, access, per_second=per_second)
 
     def _on_request(self, client: bytes, body: dict[str, Any]) -> None:
         self.requests.append(body)
+        self.clients.append(client)
         self.server.reply(client, {"v": PROTOCOL_VERSION, "id": body.get("id"), "ok": True, "result": {}})
 
 
@@ -160,7 +163,7 @@ async def test_a_reply_to_a_client_that_is_gone_is_counted(
     answering: Answering, dealer: Callable[..., Peer], eventually: Eventually
 ) -> None:
     with answering.server as server:
-        server.reply(b"nobody", {"ok": True})
+        server.reply(b"\0nobody", {"ok": True})
         assert server.undelivered == 1
         await expect_service(dealer(), eventually)
 
@@ -223,7 +226,7 @@ async def test_a_second_client_under_the_name_of_another_gets_nothing_of_it(
 async def test_connections_that_do_not_speak_zeromq_keep_nobody_out(
     context: Context, peer: Callable[..., Peer], eventually: Eventually
 ) -> None:
-    answering = Answering(context, "tcp://127.0.0.1:*")
+    answering = Answering(context, "tcp://127.0.0.1:*", Access(local_tcp=True))
     with answering.server as server:
         port = int(server.endpoint.rpartition(":")[2])
         raw = [socket.create_connection(("127.0.0.1", port)) for _ in range(50)]
@@ -242,7 +245,7 @@ async def test_a_request_whose_wake_up_was_used_by_a_reply_is_not_forgotten(
         await expect_service(client, eventually)
         client.socket.send(encode(HELLO | {"id": "second"}))
         for _ in range(50):
-            server.reply(b"client", {"id": None})
+            server.reply(answering.clients[0], {"id": None})
             time.sleep(0.002)  # noqa: ASYNC251 - the loop must not look meanwhile
         await eventually(lambda: any(reply["id"] == "second" for reply in replies(client)))
 

@@ -86,7 +86,7 @@ def test_a_link_to_a_directory_is_refused(path: Path, tmp_path: Path) -> None:
 def test_a_file_in_the_place_of_the_directory_is_refused(path: Path) -> None:
     path.parent.mkdir()
     path.write_text("")
-    with pytest.raises(LinkError, match="cannot be used"):
+    with pytest.raises(LinkError, match="no directory of its own"):
         RuntimeDirectory(path).__enter__()
 
 

@@ -13,9 +13,18 @@ from typing import Any
 import pytest
 import zmq
 
+from slipd_client import holding
 from slipd_client.messages import PROTOCOL_VERSION, decode, encode
 
 PATIENCE_MS = 10_000
+
+NEEDED: dict[str, dict[str, Any]] = {
+    "slip": {"finger": "left", "level": "stable"},
+    "warning": {"finger": "left", "level": "stable", "previous": "unknown", "rising": False},
+    "wrench": {"finger": "left"},
+    "tactile": {"finger": "left", "rows": 1, "cols": 1},
+}
+"""What a message of each topic has at least."""
 
 Handler = Callable[[dict[str, Any]], dict[str, Any] | bytes | None]
 
@@ -31,7 +40,10 @@ class Publisher:
         self._socket.bind(endpoint)
 
     def wait_for_subscriber(self, meanwhile: Callable[[], object] = lambda: None) -> bytes:
-        """``meanwhile``: a subscriber of this thread joins a second publisher only while it receives."""
+        """The beginning of topics that somebody subscribed to; each subscription is told once.
+
+        ``meanwhile``: a subscriber of this thread joins a second publisher only while it receives.
+        """
         until = time.monotonic() + PATIENCE_MS / 1000
         while not self._socket.poll(20):
             assert time.monotonic() < until, "nobody subscribed"
@@ -39,8 +51,9 @@ class Publisher:
         return self._socket.recv()[1:]
 
     def send(self, topic: str, seq: int, **fields: Any) -> None:
+        """A message with all that its class needs, and what is given."""
         header = {"v": PROTOCOL_VERSION, "seq": seq, "boot": self.boot, "t_ns": time.monotonic_ns()}
-        self.send_frames(topic.encode(), encode(header | fields))
+        self.send_frames(topic.encode(), encode(header | NEEDED.get(topic.partition(".")[0], {}) | fields))
 
     def send_frames(self, *frames: bytes) -> None:
         self._socket.send_multipart(frames)
@@ -97,7 +110,7 @@ class Daemon(threading.Thread):
             return []
         if isinstance(outcome, bytes):
             return [outcome]
-        head = {"v": PROTOCOL_VERSION, "id": request["id"], "ok": "error" not in outcome}
+        head = {"v": PROTOCOL_VERSION, "id": request["id"], "t_ns": self.now_ns(), "ok": "error" not in outcome}
         return [encode(head | (outcome if "error" in outcome else {"result": outcome}))]
 
     def _hello(self, _: dict[str, Any]) -> dict[str, Any]:
@@ -169,3 +182,10 @@ def start_daemon(requests: str) -> Iterator[Callable[..., Daemon]]:
 @pytest.fixture
 def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
     return start_daemon()
+
+
+@pytest.fixture
+def often(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Life of a lease, ms, that no stall ends and that is renewed often all the same."""
+    monkeypatch.setattr(holding, "RENEWALS", 10_000)
+    return 60_000

@@ -5,10 +5,12 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from slipd_client.grip import GripClient
 from slipd_client.slipctl import main
 
 if TYPE_CHECKING:
@@ -18,8 +20,10 @@ Start = Callable[..., "subprocess.Popen[str]"]
 
 PATIENCE_S = 20.0
 
+ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
 
-@pytest.mark.parametrize("command", [["status"], ["tare", "left", "--seconds", "0.1"], ["grip", "5"]])
+
+@pytest.mark.parametrize("command", [["status"], ["tare", "take", "left"], ["grip", "set", "5"]])
 def test_without_a_daemon_every_request_fails_with_a_clear_line(
     requests: str, command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -42,16 +46,27 @@ def test_the_process_exits_with_1_when_no_daemon_answers(requests: str, slipctl:
     [
         ([], "required"),
         (["fly"], "invalid choice"),
-        (["grip"], "FORCE_N"),
-        (["grip", "lots"], "'lots' is no number"),
-        (["grip", "nan"], "finite"),
-        (["grip", "inf"], "finite"),
-        (["grip", "-5"], "finite number from 0 up"),
-        (["grip", "0"], "more than 0"),
-        (["grip", "5", "--hold", "-1"], "--hold"),
-        (["tare", "left", "--seconds", "0"], "--seconds"),
+        (["grip"], "required"),
+        (["grip", "5"], "invalid choice"),
+        (["grip", "set"], "FORCE_N"),
+        (["grip", "set", "lots"], "'lots' is no number"),
+        (["grip", "set", "nan"], "finite"),
+        (["grip", "set", "inf"], "finite"),
+        (["grip", "set", "-5"], "finite number from 0 up"),
+        (["grip", "set", "0"], "more than 0"),
+        (["grip", "set", "5", "--hold", "-1"], "--hold"),
+        (["grip", "adjust", "nan"], "finite"),
+        (["grip", "open", "--width-m", "wide"], "--width-m"),
+        (["grip", "close", "5", "--speed-mps", "0"], "--speed-mps"),
+        (["tare", "left"], "invalid choice"),
+        (["tare", "take", "left", "--seconds", "0"], "--seconds"),
+        (["friction", "left", "slippery"], "'slippery' is no number"),
+        (["record"], "required"),
         (["--requests", "nowhere", "status"], "'nowhere'"),
         (["--publish", "tcp://robot", "watch"], "'tcp://robot'"),
+        (["--key", "me.key_secret", "status"], "--server-key"),
+        (["--key", "me.key_secret", "--server-key", "slipd.key", "status"], "me.key_secret"),
+        (["keys", "new", "no name"], "'no name'"),
     ],
 )
 def test_a_wrong_call_exits_with_2_and_says_why(
@@ -67,7 +82,7 @@ def test_a_refusal_is_told_with_code_field_and_message(daemon: Daemon, capsys: p
     daemon.handlers["grip.set"] = lambda _: {
         "error": {"code": "out_of_range", "message": "at most 40 N", "field": "force_n"}
     }
-    assert main(["--requests", daemon.endpoint, "grip", "99"]) == 1
+    assert main(["--requests", daemon.endpoint, "grip", "set", "99"]) == 1
     assert capsys.readouterr().err == "slipctl: out_of_range: force_n: at most 40 N\n"
     assert daemon.ops[-1] == "lease.release"
 
@@ -96,35 +111,84 @@ def test_status_as_json_is_the_whole_map(daemon: Daemon, capsys: pytest.CaptureF
 def test_tare_prints_what_was_taken(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
     daemon.handlers["tare"] = lambda request: {"verified": True, "seconds": request["seconds"]}
     daemon.handlers["tare.get"] = lambda _: {"tare_id": 4, "busy": False}
-    assert main(["--requests", daemon.endpoint, "tare", "left", "--seconds", "0.5"]) == 0
+    assert main(["--requests", daemon.endpoint, "tare", "take", "left", "--seconds", "0.5"]) == 0
     assert capsys.readouterr().out == "tare_id: 4\nbusy: false\nverified: true\n"
     assert daemon.requests[1]["seconds"] == 0.5
 
 
 def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:
-    assert main(["--requests", daemon.endpoint, "grip", "5.5"]) == 0
+    assert main(["--requests", daemon.endpoint, "grip", "set", "5.5"]) == 0
     assert daemon.ops == ["hello", "lease.acquire", "grip.set", "lease.release"]
     assert daemon.requests[2]["force_n"] == 5.5
 
 
-def test_grip_renews_its_lease_well_in_time_while_it_holds(daemon: Daemon) -> None:
-    assert main(["--requests", daemon.endpoint, "grip", "5", "--hold", "0.3"]) == 0
-    assert daemon.ops[:3] == ["hello", "lease.acquire", "grip.set"]
+@pytest.mark.parametrize(
+    ("arguments", "op", "fields"),
+    [
+        (["grip", "adjust", "-1.5"], "grip.adjust", {"delta_n": -1.5}),
+        (["grip", "hold"], "grip.hold", {}),
+        (["grip", "close", "4"], "gripper.close", {"force_n": 4.0}),
+        (
+            ["grip", "close", "4", "--width-m", "0.02", "--speed-mps", "0.1"],
+            "gripper.close",
+            {"force_n": 4.0, "width_m": 0.02, "speed_mps": 0.1},
+        ),
+        (["grip", "open"], "gripper.open", {}),
+        (["grip", "open", "--drop", "--width-m", "0.08"], "gripper.open", {"drop": True, "width_m": 0.08}),
+        (["grip", "activate"], "gripper.activate", {}),
+        (["grip", "activate", "--drop"], "gripper.activate", {"drop": True}),
+        (["grip", "stop"], "gripper.stop", {}),
+        (["grip", "ack"], "fault.ack", {}),
+        (["tare", "get", "left"], "tare.get", {"finger": "left"}),
+        (["tare", "undo", "left"], "tare.undo", {"finger": "left"}),
+        (["friction", "left", "0.5"], "friction.set", {"finger": "left", "mu_s": 0.5}),
+        (["friction", "left", "0.5", "0.4"], "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
+        (["record", "start"], "record.start", {}),
+        (["record", "stop"], "record.stop", {}),
+    ],
+)
+def test_each_command_sends_its_op_and_prints_the_result(
+    daemon: Daemon, capsys: pytest.CaptureFixture[str], arguments: list[str], op: str, fields: dict[str, Any]
+) -> None:
+    daemon.handlers[op] = lambda _: {"done": True}
+    assert main(["--requests", daemon.endpoint, *arguments]) == 0
+    asked = next(request for request in daemon.requests if request["op"] == op)
+    assert {name: asked[name] for name in asked if name not in ENVELOPE} == fields
+    assert capsys.readouterr().out == "done: true\n"
+    leased = op.startswith(("grip", "fault"))
+    assert [each for each in daemon.ops if each.startswith("lease") and each != "lease.renew"] == (
+        ["lease.acquire", "lease.release"] if leased else []
+    )
+
+
+def test_grip_keeps_its_lease_while_it_holds(daemon: Daemon, often: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(GripClient.lease.__wrapped__, "__defaults__", (often,))
+    assert main(["--requests", daemon.endpoint, "grip", "set", "5", "--hold", "0.3"]) == 0
+    assert daemon.ops[:2] == ["hello", "lease.acquire"]
     assert daemon.ops[-1] == "lease.release"
-    renewals = daemon.ops.count("lease.renew")
-    assert len(daemon.ops) == 4 + renewals
-    assert renewals >= 2
+    assert daemon.ops.count("lease.renew") >= 2
 
 
 def test_a_lease_lost_while_holding_is_a_fault(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
     daemon.handlers["lease.renew"] = lambda _: {"error": {"code": "no_lease", "message": "it has ended"}}
-    assert main(["--requests", daemon.endpoint, "grip", "5", "--hold", "30"]) == 1
-    assert capsys.readouterr().err == "slipctl: no_lease: it has ended\n"
+    assert main(["--requests", daemon.endpoint, "grip", "set", "5", "--hold", "30"]) == 1
+    assert capsys.readouterr().err.startswith("slipctl: the lease is lost: no_lease: it has ended.")
+
+
+def test_new_keys_are_files_that_the_next_call_uses(
+    daemon: Daemon, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("robot", "slipd"):
+        assert main(["keys", "new", name, "--dir", str(tmp_path)]) == 0
+    assert f"{tmp_path}/robot.key_secret" in capsys.readouterr().out
+    keys = ["--key", f"{tmp_path}/robot.key_secret", "--server-key", f"{tmp_path}/slipd.key"]
+    assert main(["--requests", daemon.endpoint, *keys, "status"]) == 1, "this daemon has no such key"
+    assert daemon.ops == []
 
 
 def test_ctrl_c_while_holding_gives_the_lease_back(daemon: Daemon, slipctl: Start) -> None:
     daemon.handlers["grip.set"] = lambda _: {"force_n": 5.0}
-    process = slipctl("--requests", daemon.endpoint, "grip", "5", "--hold", "60")
+    process = slipctl("--requests", daemon.endpoint, "grip", "set", "5", "--hold", "60")
     assert process.stdout is not None
     assert process.stdout.readline() == "force_n: 5.0\n"
     process.send_signal(signal.SIGINT)
@@ -135,7 +199,7 @@ def test_ctrl_c_while_holding_gives_the_lease_back(daemon: Daemon, slipctl: Star
 
 def test_ctrl_c_while_waiting_for_an_answer_is_told(daemon: Daemon, slipctl: Start) -> None:
     daemon.handlers["tare"] = lambda _: None
-    process = slipctl("--requests", daemon.endpoint, "tare", "left", "--seconds", "60")
+    process = slipctl("--requests", daemon.endpoint, "tare", "take", "left", "--seconds", "60")
     while "tare" not in daemon.ops:
         assert process.poll() is None
         time.sleep(0.01)

@@ -7,7 +7,8 @@ import pytest
 
 from slipd_client.errors import Silence
 from slipd_client.messages import encode
-from slipd_client.subscriber import Message, Subscriber
+from slipd_client.messages.typed import Message, Slip, SlipLevel
+from slipd_client.subscriber import Subscriber
 
 if TYPE_CHECKING:
     from conftest import Publisher
@@ -26,7 +27,9 @@ def test_a_message_arrives_with_its_topic_and_fields(publisher: Publisher) -> No
         assert publisher.wait_for_subscriber() == b"slip"
         publisher.send("slip.left", 7, level="stable", spin_nm=None)
         message = heard(subscriber)
-    assert (message.topic, message.body["level"], message.body["spin_nm"]) == ("slip.left", "stable", None)
+    assert isinstance(message, Slip)
+    assert (message.topic, message.level, message.spin_nm) == ("slip.left", SlipLevel.STABLE, None)
+    assert message.raw["level"] == message.level
     assert (message.missed, message.restarted) == (0, False)
 
 
@@ -69,7 +72,7 @@ def test_the_last_message_sent_again_on_reconnection_is_not_told_twice(publisher
         for seq in (3, 3, 2, 4):
             publisher.send("slip.left", seq)
         told = [heard(subscriber) for _ in range(2)]
-    assert [(message.body["seq"], message.missed) for message in told] == [(3, 0), (4, 0)]
+    assert [(message.seq, message.missed) for message in told] == [(3, 0), (4, 0)]
 
 
 @pytest.mark.parametrize(
@@ -95,7 +98,7 @@ def test_an_unreadable_message_is_counted_and_the_next_is_heard(
         publisher.send("slip.left", 1)
         publisher.send_frames(*frames)
         publisher.send("slip.left", 2)
-        assert [heard(subscriber).body["seq"] for _ in range(2)] == [1, 2]
+        assert [heard(subscriber).seq for _ in range(2)] == [1, 2]
         assert subscriber.bad == 1
         assert reason in subscriber.bad_reason
 
@@ -108,13 +111,15 @@ def test_before_the_first_message_all_is_stale(publish: str) -> None:
 
 
 def test_a_message_makes_it_fresh_until_its_age_passes_the_limit(publisher: Publisher) -> None:
-    with Subscriber(publisher.endpoint, stale_after_s=60.0) as subscriber:
+    with Subscriber(publisher.endpoint, silence_s=60.0) as subscriber:
         publisher.wait_for_subscriber()
         publisher.send("slip.left", 1)
         assert 0.0 <= heard(subscriber).age_s < 60.0
         assert not subscriber.stale
-        subscriber.stale_after_s = 0.0
+        subscriber._hearing.silence_s = 0.0
         assert subscriber.stale
+        subscriber._hearing.silence_s = None
+        assert not subscriber.stale
 
 
 def test_unreadable_messages_do_not_make_it_fresh(publisher: Publisher) -> None:
@@ -127,14 +132,71 @@ def test_unreadable_messages_do_not_make_it_fresh(publisher: Publisher) -> None:
 
 
 def test_iteration_yields_messages_and_then_tells_the_silence(publisher: Publisher) -> None:
-    with Subscriber(publisher.endpoint, timeout_s=0.2) as subscriber:
+    with Subscriber(publisher.endpoint, silence_s=0.2) as subscriber:
         publisher.wait_for_subscriber()
         publisher.send("slip.left", 1)
         publisher.send("slip.left", 2)
         messages = iter(subscriber)
-        assert [next(messages).body["seq"], next(messages).body["seq"]] == [1, 2]
-        with pytest.raises(Silence, match=r"0\.2 s"):
+        assert [next(messages).seq, next(messages).seq] == [1, 2]
+        with pytest.raises(Silence, match=r"0\.2 s. Is slipd running"):
             next(messages)
+
+
+def test_iterating_anew_after_a_silence_hears_what_comes(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, silence_s=0.05) as subscriber:
+        publisher.wait_for_subscriber()
+        with pytest.raises(Silence):
+            next(iter(subscriber))
+        subscriber._hearing.silence_s = PATIENCE_S
+        publisher.send("slip.left", 1)
+        assert next(iter(subscriber)).seq == 1
+
+
+def test_silence_is_told_with_why_nothing_could_be_read(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, silence_s=0.2) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1, v=2)
+        with pytest.raises(Silence, match="1 could not be read, the last: unsupported_version"):
+            next(iter(subscriber))
+
+
+def test_status_is_a_sign_of_life_that_only_those_get_who_asked_for_it(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, ["warning"]) as subscriber:
+        assert {publisher.wait_for_subscriber(), publisher.wait_for_subscriber()} == {b"warning", b"status"}
+        publisher.send("status", 1)
+        assert subscriber.receive(0.2) is None
+        assert not subscriber.stale
+        publisher.send("warning", 1)
+        assert heard(subscriber).topic == "warning"
+
+
+def test_a_part_of_the_word_status_asks_for_it(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, ["sta"]) as subscriber:
+        assert publisher.wait_for_subscriber() == b"sta"
+        publisher.send("status", 1)
+        assert heard(subscriber).topic == "status"
+
+
+def test_a_restart_that_only_the_sign_of_life_told_is_told_by_the_next_message(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        for _ in range(2):
+            publisher.wait_for_subscriber()
+        publisher.send("slip.left", 5)
+        publisher.boot = "boot-2"
+        publisher.send("status", 1)
+        publisher.send("slip.left", 3)
+        publisher.send("slip.left", 4)
+        assert [heard(subscriber).restarted for _ in range(3)] == [False, True, False]
+
+
+def test_a_message_that_could_not_be_read_is_missed_by_the_next(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint) as subscriber:
+        publisher.wait_for_subscriber()
+        publisher.send("slip.left", 1)
+        publisher.send("slip.left", 2, level="fine")
+        publisher.send("slip.left", 3)
+        assert [heard(subscriber).missed for _ in range(2)] == [0, 1]
+        assert "fine" in subscriber.bad_reason
 
 
 def test_an_endpoint_that_is_none_is_a_bad_call() -> None:

@@ -1,13 +1,15 @@
-"""What every decoder's tests share: the same stream, split in every way."""
+"""What the decoders' tests share: the same stream, split in every way, and frames that a line has damaged."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import random
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+Damage = Callable[..., Iterator[bytes]]
 
 
 def plain(sample: Any) -> tuple[Any, ...]:
@@ -36,3 +38,28 @@ def same_for_every_split() -> SplitCheck:
         return whole[0]
 
     return check
+
+
+@pytest.fixture
+def damaged() -> Damage:
+    """Yield so many copies of a frame, each with a bit turned, a byte lost, or a byte that was never sent.
+
+    With ``bursts`` a part of them has three bytes overwritten instead, which weak checks miss too often.
+    """
+
+    def copies(frame: bytes, count: int, *, bursts: bool = False) -> Iterator[bytes]:
+        rng = random.Random(1)
+        for _ in range(count):
+            hit = bytearray(frame)
+            at, kind = rng.randrange(len(hit)), rng.randrange(3 + bursts)
+            if kind == 0:
+                hit[at] ^= 1 << rng.randrange(8)
+            elif kind == 1:
+                del hit[at]
+            elif kind == 2:
+                hit.insert(at, rng.randrange(256))
+            else:
+                hit[at : at + 3] = rng.randbytes(len(hit[at : at + 3]))
+            yield bytes(hit)
+
+    return copies

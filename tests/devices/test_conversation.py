@@ -68,9 +68,42 @@ def test_what_must_be_answered_is_named_and_everything_begins_anew() -> None:
 def test_a_refusal_is_named_and_the_request_repeated_after_a_pause() -> None:
     talk = begun(STEPS[2:])
     talk.on_time(0)
-    talk.answered(7, "too fast")
+    talk.answered(7, "refused rate: too fast")
     assert (talk.state, talk.due_ns) == ("refused rate: too fast", 7 + RETRY_PAUSE_NS)
     assert talk.on_time(7 + RETRY_PAUSE_NS) == b"r"
+
+
+def test_after_a_repeated_request_the_second_answer_is_let_pass() -> None:
+    talk = begun(STEPS[2:])
+    talk.on_time(0)
+    talk.on_time(ANSWER_NS)
+    talk.answered(ANSWER_NS + 5)
+    assert (talk.asked, talk.due_ns) == ("", 2 * ANSWER_NS + 5)
+
+
+def test_a_request_may_have_a_patience_of_its_own_and_an_unanswered_sequence_begin_anew_at_once() -> None:
+    talk = Conversation([Step("boot", b"b", pause_ns=30, attempts=2)], rest_ns=0)
+    talk.start(0)
+    assert [talk.on_time(now_ns) for now_ns in (0, 29, 30, 59, 60)] == [b"b", b"", b"b", b"", b"b"]
+    assert (talk.state, talk.due_ns) == ("no answer to boot", 90)
+
+
+def test_a_device_that_began_anew_is_taken_on_from_the_request_that_it_needs() -> None:
+    talk = begun(STEPS[2:])
+    talk.on_time(0)
+    talk.answered(1)
+    talk.resume(0, 70)
+    assert (talk.state, talk.asked) == ("configuring", "")
+    assert [talk.on_time(now_ns) for now_ns in (1, 69, 70)] == [b"", b"", b"r"]
+
+
+def test_how_long_a_device_may_be_silent_is_its_own() -> None:
+    talk = Conversation(STEPS[3:], silence_ns=40)
+    talk.start(0)
+    talk.on_time(0)
+    assert talk.due_ns == 40
+    talk.has_reading(7)
+    assert talk.due_ns == 47
 
 
 def test_an_answer_may_make_the_next_request_needless() -> None:

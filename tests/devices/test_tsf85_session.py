@@ -38,6 +38,7 @@ def test_a_sensor_that_does_not_tell_its_firmware_is_started_all_the_same() -> N
     session = tsf85.Session()
     session.start(0)
     assert [due(session) for _ in range(3)] == [ASK] * 3
+    assert len(session.receive(IMAGE, 3 * ANSWER_NS)) == 1
     assert due(session) == b"\x9a\0\x58\x01\x01"
     session.receive(IMAGE, 4 * ANSWER_NS)
     assert (session.state, session.identity) == ("running", "")

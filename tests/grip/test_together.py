@@ -85,7 +85,9 @@ class Site(RuleBasedStateMachine):
         self.floor_n = 0.0
         self.raised_n = 0.0
         self.commands: list[Command] = []
-        self.acts: list[Command] = []  # raises of the reflex since anyone else told the gripper anything
+        self.acts: list[Command] = []  # rises of the reflex since a client told the gripper anything
+        self.watched_ns = self.acted_ns = 0  # the newest time that the reflex was given, and that of its last act
+        self.look()
 
     # Time
 
@@ -214,7 +216,8 @@ class Site(RuleBasedStateMachine):
         assert least_n <= asked_n <= most_n
         assert not self.fault, "nothing moves while a fault is latched"
         steps = math.floor(asked_n / self.unit_n + 1e-9) * self.unit_n if self.unit_n else asked_n
-        command = Command(self.latest_ns, by, asked_n, self.force_n, max(min(steps, asked_n), least_n))
+        t_ns = self.watched_ns if by == "reflex" else self.latest_ns
+        command = Command(t_ns, by, asked_n, self.force_n, max(min(steps, asked_n), least_n))
         self.policy.grip(command.applied_n, self.t_ns, reflex=by == "reflex")
         self.raised_n += max(command.applied_n - (self.force_n or math.inf), 0.0) if self.force_n is not None else 0.0
         self.force_n = command.applied_n
@@ -282,24 +285,42 @@ class Site(RuleBasedStateMachine):
         for _ in range(count):
             self.t_ns += every_ms * MS
             self.look()
+            self.watched_ns = max(self.watched_ns, self.t_ns)
             act = self.reflex.decide(level, needed_n, internal_n, trusted, self.t_ns)
             if act is None:
                 continue
             assert trusted, "the reflex does nothing on a doubtful finger"
             assert act.from_n == self.force_n
+            assert self.watched_ns - self.acted_ns >= PERIOD_NS
+            self.acted_ns = self.watched_ns
             told = self.tell("reflex", act.force_n)
             self.check_rise(told, level) if act.force_n > act.from_n else self.check_fall(told, level, needed_n)
+
+    @precondition(lambda self: self.force_n is not None and not self.fault)
+    @rule(
+        level=st.sampled_from(("stable", "warning", "slipping")),
+        more_n=st.one_of(st.none(), st.floats(-6.0, 6.0)),
+        felt_n=st.one_of(st.none(), st.floats(-2.0, 2.0)),
+        every_ms=st.sampled_from((5, 20, 25)),
+        count=st.integers(1, 60),
+    )
+    def a_held_object_is_watched(
+        self, level: str, more_n: float | None, felt_n: float | None, every_ms: int, count: int
+    ) -> None:
+        assert self.force_n is not None
+        needed_n = None if more_n is None else self.force_n + more_n
+        self.readings_come(level, needed_n, felt_n and self.force_n + felt_n, True, every_ms, count)
 
     def check_rise(self, act: Command, level: str) -> None:
         assert level in ("warning", "slipping")
         assert act.asked_n <= self.settings.ceiling_n
         rate = self.settings.raise_n_per_s
-        self.acts.append(act)
+        if not self.acts or self.acts[-1].from_n != act.from_n:
+            self.acts.append(act)  # else it asks again, for more, as the gripper has no setting so near
         for earlier in self.acts:
             assert earlier.from_n is not None
             window_ns = act.t_ns - earlier.t_ns
             assert act.asked_n - earlier.from_n <= rate * (window_ns + PERIOD_NS) * 1e-9 + TINY
-            assert earlier is act or window_ns >= PERIOD_NS
 
     def check_fall(self, act: Command, level: str, needed_n: float | None) -> None:
         assert level == "stable"

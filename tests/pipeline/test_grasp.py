@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slipd import config
 from slipd.config import Config, Levels
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.grasp import GraspView
@@ -44,10 +45,10 @@ Image = Callable[..., TactileSample]
 class Hand:
     """Two alike fingers and the view of both; ``press`` gives each a reading on a fresh image."""
 
-    def __init__(self, config: Config, wrench: Wrench, image: Image) -> None:
-        self.fingers = {name: Finger(name, finger, Levels()) for name, finger in config.finger.items()}
-        assert config.grasp is not None
-        self.view = GraspView(config.grasp, self.fingers)
+    def __init__(self, rig: Config, wrench: Wrench, image: Image) -> None:
+        self.fingers = {name: Finger(name, finger, Levels()) for name, finger in rig.finger.items()}
+        assert rig.grasp is not None
+        self.view = GraspView(rig.grasp, self.fingers)
         self._wrench, self._image = wrench, image
 
     def press(self, name: str, *contact: Any, t_ns: int = T0, counts: np.ndarray | None = FULL, **more: Any) -> None:
@@ -131,16 +132,18 @@ def test_the_pads_follow_the_width(hand: Hand) -> None:
 
 
 def test_the_halves_of_a_virtual_scene_add_up_to_what_the_world_does(hand: Hand) -> None:
-    """The pads of the demo's gripper are placed alike: its left pad's X, Y and spin are Z, −X and −Y here."""
+    """On the pads as the demo's config places them: the left pad's X, Y and spin are Z, −X and −Y of its gripper."""
+    grasp = config.load(config.shipped("demo.toml")).grasp
+    assert grasp is not None
     load, normal_n, at = (2.5, 0.7, 0.03), 12.0, (0.002, -0.001)
     for name, centre in (("left", at), ("right", (at[0], -at[1]))):
-        half = finger_load(load, right=name == "right")
-        force, torque = pad_wrench(half, normal_n, centre)
-        finger = hand.fingers[name]
-        finger.take_wrench(WrenchSample(T0, None, force, torque, ()))
-    body = hand.body(width_m=0.04)
+        force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)
+        hand.fingers[name].take_wrench(WrenchSample(T0, None, force, torque, ()))
+    view = GraspView(grasp, hand.fingers)
+    view.update(T0, WIDTH_M)
+    body = view.body(T0)
     assert body["external_force_n"] == pytest.approx([-0.7, 0.0, 2.5])
-    where = np.array((-at[1], 0.0, 0.15 + at[0]))
+    where = np.array((-at[1], 0.0, at[0]))
     torque = np.cross(where, np.array((-0.7, 0.0, 2.5))) - np.array((0.0, 0.03, 0.0))
     assert body["external_torque_nm"] == pytest.approx(torque.tolist())
 

@@ -2,15 +2,16 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 import zmq
 
 from slipd.sim.operator import Operator, Plan
-from slipd_client.messages import decode, encode
+from slipd_client.messages import LEVELS, decode, encode
 
 BOOT = "run1"
-QUICK = Plan(patience_s=5.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=0.7, limit_n=20.0, lease_ms=300)
+QUICK = Plan(patience_s=5.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=0.7, limit_n=20.0, step_n=50.0, step_s=0.0)
 WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}
 ILL = {"left.wrench": {"health": 3, "message": "open, but no reading yet"}, "gripper": {"health": 0, "message": ""}}
 
@@ -62,6 +63,7 @@ class Daemon(threading.Thread):
             "status": {"streams": WELL},
             "tare": {"verified": True, "tare_id": 0},
             "tare.get": {"busy": False, "readings": 400, "tare_id": 1},
+            "gripper.close": {"applied_n": body.get("force_n")},
             "grip.set": {"applied_n": body.get("force_n")},
         }
         return {"ok": True, "result": scripted or usual.get(body["op"], {})}
@@ -82,12 +84,13 @@ def daemon():
 
 
 def slip(finger, grip_needed_n=None, normal_n=7.0):
-    return f"slip.{finger}", {"finger": finger, "grip_needed_n": grip_needed_n, "normal_n": normal_n}
+    verdict = {"finger": finger, "level": "stable", "level_code": 1, "reasons": []}
+    return f"slip.{finger}", verdict | {"grip_needed_n": grip_needed_n, "normal_n": normal_n}
 
 
 def warning(level="warning", reasons=("rotation",), rising=True, finger="left"):
-    body = {"finger": finger, "level": level, "rising": rising, "reasons": list(reasons), "utilisation": 0.86}
-    return "warning", body
+    body = {"finger": finger, "level": level, "level_code": LEVELS.index(level), "previous": "stable", "rising": rising}
+    return "warning", body | {"reasons": list(reasons), "utilisation": 0.86}
 
 
 def work(daemon, plan=QUICK):
@@ -141,6 +144,22 @@ def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
     assert report.slip_told.level == "slipping"
 
 
+def test_a_raise_is_made_in_the_steps_that_the_gripper_allows(daemon):
+    daemon.on["gripper.close"] = [slip("left", 10.5), warning()]
+    report = work(daemon, replace(QUICK, step_n=2.0, step_s=0.05))
+    assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.0, 10.5]
+    first, second = report.raises
+    assert second.asked_ns - first.asked_ns >= 50_000_000
+
+
+def test_a_step_that_came_too_soon_is_asked_for_again(daemon):
+    daemon.answers["grip.set"] = ["too_fast", "not_ready"]
+    daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
+    report = work(daemon)
+    assert [made.result for made in report.raises] == [{"applied_n": 9.5}]
+    assert [text.split(":")[0] for text in report.refusals] == ["too_fast", "not_ready"]
+
+
 def test_it_never_asks_for_more_than_its_own_limit(daemon):
     daemon.on["gripper.close"] = [slip("left", 50.0), warning()]
     work(daemon)
@@ -184,7 +203,7 @@ def test_the_force_after_a_raise_is_read_once_it_has_settled(daemon):
     daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
     daemon.on["grip.set"] = [slip("left", 9.5, 7.5)]
     daemon.on["gripper.open"] = [slip("left", 9.5, 9.4)]
-    report = work(daemon, Plan(tare_s=0.01, close_s=0.0, open_s=0.8, end_s=1.2, lease_ms=300))
+    report = work(daemon, replace(QUICK, close_s=0.0, open_s=0.8, end_s=1.2))
     assert report.raises[0].after_n == 9.4
 
 
@@ -193,6 +212,7 @@ def test_a_lease_that_ran_out_is_acquired_anew(daemon):
     report = work(daemon)
     assert daemon.ops().count("lease.acquire") == 2
     assert "no_lease" in report.refusals[0]
+    assert "gripper.open" in daemon.ops()
     assert report.error == ""
 
 
@@ -208,7 +228,7 @@ def test_a_raise_that_came_too_late_is_asked_for_again(daemon):
     report = work(daemon)
     assert len(daemon.requests("grip.set")) == 3
     assert [made.result for made in report.raises] == [{"applied_n": 9.5}]
-    assert [text.split(":")[0] for text in report.refusals] == ["deadline_passed", "no_lease"]
+    assert [text.split(":")[0] for text in report.refusals] == ["deadline_passed", "no_lease", "the lease is lost"]
 
 
 @pytest.mark.parametrize("op", ["gripper.activate", "gripper.close", "gripper.open"])

@@ -8,7 +8,7 @@ import pytest
 from slipd import config
 from slipd.pipeline.engine import Engine
 from slipd.pipeline.events import Bytes, LinkUp, Publish, Reply, Request, Tick, Write
-from slipd.sim.operator import ALARMING, Plan
+from slipd.sim.operator import ALARMING, LEAST_RAISE_N, Plan
 from slipd.sim.rig import LINES, Rig
 from slipd.sim.scene import Scene
 from slipd.sim.virtual_gripper import TICK_NS
@@ -29,6 +29,7 @@ class Story:
 
     def __post_init__(self):
         self.now_ns, self.asked, self.alarm = 0, 0, False
+        self.force_n = self.wanted_n = self.raised_s = 0.0
         self.unread = dict.fromkeys(LINES, b"")
         self.newest = {}
 
@@ -79,9 +80,13 @@ class Story:
             if self.now_ns % (80 * TICK_NS) == 0 and self.t_s > 0:
                 self.ask("lease.renew")
             if heed and self.alarm:
-                needed = max(body["grip_needed_n"] or 0.0 for body in self.newest.values())
-                self.raises.append((self.t_s, self.ask("grip.set", force_n=needed)["applied_n"]))
+                self.wanted_n = max(body["grip_needed_n"] or 0.0 for body in self.newest.values())
             self.alarm = False
+            plan = Plan()
+            if self.wanted_n > self.force_n + LEAST_RAISE_N and self.t_s > self.raised_s + plan.step_s:
+                asked_n = min(self.wanted_n, self.force_n + plan.step_n)
+                self.force_n, self.raised_s = self.ask("grip.set", force_n=asked_n)["applied_n"], self.t_s
+                self.raises.append((self.t_s, self.force_n))
 
     def told(self, level, reason):
         """When a level was first told for a reason."""
@@ -103,12 +108,13 @@ def play(*, heed, until_s):
     for finger in ("left", "right"):
         story.ask("tare", finger=finger, seconds=TARE_S)
     story.until(0.0)
-    story.ask("lease.acquire", ttl_ms=1000)
+    story.ask("lease.acquire", ttl_ms=200)
     story.ask("gripper.activate")
     story.until(plan.close_s)
-    story.ask("gripper.close", force_n=plan.force_n, speed_mps=plan.speed_mps)
+    story.force_n = story.ask("gripper.close", force_n=plan.force_n, speed_mps=plan.speed_mps)["applied_n"]
     story.until(min(until_s, plan.open_s), heed=heed)
     if until_s > plan.open_s:
+        story.wanted_n = 0.0
         story.ask("gripper.open", drop=True)
         story.until(until_s, heed=heed)
     return story

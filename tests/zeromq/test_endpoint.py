@@ -11,7 +11,8 @@ import pytest
 import zmq
 
 from slipd.errors import LinkError
-from slipd.zeromq.endpoint import MAX_IPC_PATH_BYTES, open_server
+from slipd.zeromq.endpoint import MAX_IPC_PATH_BYTES, Access, open_server
+from slipd.zeromq.gate import unwatch
 
 if TYPE_CHECKING:
     from zeromq_peers import Context
@@ -23,17 +24,35 @@ if TYPE_CHECKING:
         "tcp://*:5555",
         "tcp://0.0.0.0:5555",
         "tcp://192.168.1.7:5555",
-        "tcp://robot.example:5555",
-        "tcp://eth0:5555",
-        "tcp://[::]:5555",
-        "tcp://:5555",
-        "tcp://127.0.0.1.example.org:5555",
+        "tcp://127.0.0.1:5555",
+        "tcp://localhost:*",
     ],
 )
-def test_an_endpoint_that_other_machines_reach_is_refused(endpoint: str, context: Context) -> None:
-    with pytest.raises(LinkError, match="encryption") as raised:
+def test_an_endpoint_that_others_reach_is_refused_without_keys(endpoint: str, context: Context) -> None:
+    with pytest.raises(LinkError, match="list of allowed keys") as raised:
         open_server(context, zmq.ROUTER, endpoint, {})
     assert str(raised.value).startswith(endpoint)
+
+
+@pytest.mark.parametrize("endpoint", ["tcp://*:5555", "tcp://0.0.0.0:5555", "tcp://192.168.1.7:5555"])
+def test_allowing_this_machine_does_not_allow_others(endpoint: str, context: Context) -> None:
+    with pytest.raises(LinkError, match="other machines"):
+        open_server(context, zmq.ROUTER, endpoint, {}, Access(local_tcp=True))
+
+
+@pytest.mark.parametrize(
+    "host", ["robot.example", "eth0", "[::]", "", "127.0.0.1.example.org", "127.0.0.1:1;tcp://10.0.0.1"]
+)
+def test_a_host_that_is_no_address_is_refused_even_with_keys(host: str, context: Context) -> None:
+    with pytest.raises(LinkError, match="no IPv4 address"):
+        open_server(context, zmq.ROUTER, f"tcp://{host}:5555", {}, Access(b"d", zmq.curve_keypair()[1], True))
+
+
+def test_every_address_of_the_machine_is_served_with_keys(context: Context) -> None:
+    server, endpoint = open_server(context, zmq.ROUTER, "tcp://*:*", {}, Access(b"d", zmq.curve_keypair()[1]))
+    assert endpoint.startswith("tcp://0.0.0.0:")
+    unwatch(server)
+    server.close()
 
 
 @pytest.mark.parametrize("endpoint", ["", "ipc", "udp://127.0.0.1:1", "/run/slipd/publish", "pgm://eth0;1.1.1.1:5"])
@@ -50,8 +69,9 @@ def test_an_ipc_endpoint_without_an_absolute_path_is_refused(endpoint: str, cont
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.8.8.8", "localhost"])
 def test_a_free_port_of_this_machine_is_told(host: str, context: Context) -> None:
-    server, endpoint = open_server(context, zmq.ROUTER, f"tcp://{host}:*", {})
+    server, endpoint = open_server(context, zmq.ROUTER, f"tcp://{host}:*", {}, Access(local_tcp=True))
     assert int(endpoint.rpartition(":")[2]) > 0
+    unwatch(server)
     server.close()
 
 
@@ -59,7 +79,7 @@ def test_a_port_in_use_is_a_clear_error(context: Context) -> None:
     with socket.create_server(("127.0.0.1", 0)) as holder:
         endpoint = f"tcp://127.0.0.1:{holder.getsockname()[1]}"
         with pytest.raises(LinkError, match=f"{endpoint}: cannot be bound: Address already in use"):
-            open_server(context, zmq.ROUTER, endpoint, {})
+            open_server(context, zmq.ROUTER, endpoint, {}, Access(local_tcp=True))
 
 
 def test_nobody_but_the_user_may_enter_an_ipc_socket(context: Context, tmp_path: Path) -> None:

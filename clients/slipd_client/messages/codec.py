@@ -115,6 +115,8 @@ def _check(value: Any, field: str, depth: int) -> None:
     elif kind is dict or kind is list:
         if depth == 0:
             raise MessageError("malformed", f"nested more than {MAX_DEPTH} deep", field)
+        if kind is list and set(map(type, value)) == {float} and all(map(isfinite, value)):
+            return  # a pad image, in a third of the time
         for key, item in value.items() if kind is dict else enumerate(value):
             if kind is dict and type(key) is not str:
                 raise MessageError("malformed", f"key {key!r} is no string", field)

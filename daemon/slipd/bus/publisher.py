@@ -8,13 +8,16 @@ from types import TracebackType
 import zmq
 
 from slipd.zeromq.draining import Drain
-from slipd.zeromq.endpoint import open_server
+from slipd.zeromq.endpoint import USER_ALONE, Access, serving
 
 SEND_HWM = 1000
 """Messages kept for one slow subscriber, about a second of everything; beyond it the newest are dropped for it."""
 
 MAX_SUBSCRIPTION_BYTES = 256
 """Longest message taken from a subscriber, which only ever sends the beginning of a topic."""
+
+REST_S = 0.002
+"""How long subscriptions wait when very many come at once."""
 
 REPEAT_AFTER_S = 0.5
 """How long a latecomer waits for the next message of a topic before the last one is sent again, to all."""
@@ -37,6 +40,7 @@ class Publisher:
     Args:
         context: Owner of the socket; lives longer.
         endpoint: As for `slipd.zeromq.endpoint.open_server`, which says what is wrong with it on entry.
+        access: How clients are let in, likewise.
 
     Attributes:
         endpoint: As clients reach it, once served.
@@ -44,8 +48,9 @@ class Publisher:
         repeated: Messages sent again to all.
     """
 
-    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], endpoint: str) -> None:
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], endpoint: str, access: Access = USER_ALONE) -> None:
         self.endpoint = endpoint
+        self._access = access
         self.published = 0
         self.repeated = 0
         self._context = context
@@ -56,8 +61,9 @@ class Publisher:
     def __enter__(self) -> Publisher:
         self._loop = asyncio.get_running_loop()
         options: dict[int, int] = {zmq.XPUB_MANUAL: 1, zmq.SNDHWM: SEND_HWM, zmq.MAXMSGSIZE: MAX_SUBSCRIPTION_BYTES}
-        self._socket, self.endpoint = open_server(self._context, zmq.XPUB, self.endpoint, options)
-        self._drain = Drain(self._socket, self._on_subscription, max_frames=1)
+        self._serving = serving(self._context, zmq.XPUB, self.endpoint, options, self._access)
+        self._socket, self.endpoint = self._serving.__enter__()
+        self._drain = Drain(self._socket, self._on_subscription, max_frames=1, rest_s=REST_S)
         self._drain.start()
         return self
 
@@ -67,7 +73,7 @@ class Publisher:
         if self._repeating is not None:
             self._repeating.cancel()
         self._drain.stop()
-        self._socket.close()
+        self._serving.__exit__(kind, error, trace)
 
     def publish(self, topic: str, payload: bytes) -> None:
         """Send to every subscriber of ``topic``; never blocks, and never fails because of one."""

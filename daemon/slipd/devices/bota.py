@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
 from slipd.devices import Device, bota_text, crc
+from slipd.devices.conversation import Conversation, Step, TalkingSession
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.samples import Array, WrenchSample
@@ -30,17 +30,11 @@ QUIET_NS = 2_000_000_000
 does not hear it."""
 SETTLE_NS = 500_000_000
 """From the banner to the first command, as in the sensor's own example."""
-ACK_TIMEOUT_NS = 500_000_000
-"""An acknowledgement may wait behind frames already sent; it takes some milliseconds otherwise."""
-ATTEMPTS = 3
-"""A command unanswered so often means that the sensor is not in the state it is thought to be in."""
-RETRY_PAUSE_NS = 1_000_000_000
-"""Before a refused command is repeated, or an unanswered sequence begun anew."""
-SILENCE_NS = 1_000_000_000
-"""Fifty periods of the slowest rate: the sensor no longer runs."""
 
 _HEARD_LENGTH = 32  # longer than any text that is waited for
 _BANNER_LENGTH = 512  # a banner has under 100 bytes
+
+_BOOT = "boot text"
 
 _HEADER = b"\xaa"
 _FRAME = struct.Struct("<BH6fIf")  # header, status, force, torque, device time µs, temperature; CRC
@@ -116,7 +110,7 @@ def encode_frame(
     return body + crc.x25(body[1:]).to_bytes(2, "little")
 
 
-class Session:
+class Session(TalkingSession[WrenchSample]):
     """Brings the sensor from whatever state it is in to sending frames at the wanted rate.
 
     Readings that arrive are handed on at all times, whatever the state. `state` is "closed", "waiting" (for the
@@ -139,90 +133,61 @@ class Session:
         shortest, longest = SINC_LENGTHS
         if not (isinstance(sinc_length, int) and shortest <= sinc_length <= longest):
             raise ValueError(f"a sinc length of {sinc_length} is not supported: {shortest} to {longest} is")
-        self.decoder = Decoder()
-        self.health = self.decoder.health
-        self.state = "closed"
-        self.identity = ""
-        self._commands = (
+        commands = (
             bota_text.CONFIGURE,
             bota_text.communication(temperature_compensation=temperature_compensation),
             bota_text.filtering(sinc_length),
             bota_text.RUN,
         )
-        self._step = 0
-        self._attempt = 0
-        self._phase: Literal["boot", "pause", "ask", "run"] = "boot"
-        self._due_ns: int | None = None
+        boot = Step(_BOOT, b"", "optional", QUIET_NS, attempts=1)
+        talk = Conversation([boot, *(Step(command.letter, command.encode()) for command in commands)])
+        super().__init__(Decoder(), talk, bota_text.CONFIGURE.encode())
         self._booted_ns = 0
         self._heard = b""
         self._banner = b""
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link, by waiting for the banner or for frames."""
-        self.decoder.forget()
-        self.identity = ""
         self._booted_ns = now_ns + BOOT_NS
-        self._wait(now_ns)
-        return b""
-
-    def stop(self) -> bytes:
-        """End, and return the command that stops the frames."""
-        self.state = "closed"
-        self._due_ns = None
-        return bota_text.CONFIGURE.encode()
+        self._heard = self._banner = b""
+        return super().start(now_ns)
 
     def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
         """Take bytes received at ``now_ns`` and return the readings they complete."""
-        samples = self.decoder.receive(data, now_ns)
-        if self._due_ns is None:
-            return samples
+        samples = super().receive(data, now_ns)
         heard = self._heard + data
         self._heard = heard[-_HEARD_LENGTH:]
-        banner_at = heard.find(bota_text.BANNER)
-        if banner_at < 0 and self._banner:
-            self._read_identity(data)
-        if banner_at >= 0:
-            self._banner = b""
-            self._read_identity(heard[banner_at:])
-            self._heard = b""
-            self.state = "configuring"
-            self._pause("pause", now_ns + SETTLE_NS)
-        elif self._phase == "ask":
-            self._look_for_ack(heard, bool(samples), now_ns)
-        elif samples and self._phase == "boot":
-            self.state = "configuring"
-            self._pause("pause", now_ns)
-        elif samples and self._phase == "run":
-            self._due_ns = now_ns + SILENCE_NS
+        if self.next_deadline() is not None:
+            self._listen(heard, data, bool(samples), now_ns)
         return samples
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._due_ns
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the command that is due at ``now_ns``; empty when none is."""
-        if self._due_ns is None or now_ns < self._due_ns:
-            return b""
-        if self._phase == "run":
-            self._wait(now_ns)
-            return b""
-        if self._attempt == ATTEMPTS:
-            letter = self._commands[self._step].letter
-            self.state = "waiting" if now_ns < self._booted_ns else f"no answer to {letter}"
-            self._pause("pause", now_ns + RETRY_PAUSE_NS)
-            return b""
-        self._phase = "ask"
-        self._attempt += 1
-        self._due_ns = now_ns + ACK_TIMEOUT_NS
-        self._heard = b""
-        return self._commands[self._step].encode()
+        command = super().on_time(now_ns)
+        if command:
+            self._heard = b""
+        if now_ns < self._booted_ns and self.state.startswith("no answer"):
+            self._talk.state = "waiting"
+        return command
 
-    def _wait(self, now_ns: int) -> None:
-        """Wait for the banner or for frames."""
-        self.state = "waiting"
-        self._heard = self._banner = b""
-        self._pause("boot", now_ns + QUIET_NS)
+    def _listen(self, heard: bytes, data: bytes, frames_flow: bool, now_ns: int) -> None:
+        """Look for a banner, and for the answer that is waited for."""
+        banner_at = heard.find(bota_text.BANNER)
+        if banner_at >= 0:
+            self._heard = self._banner = b""
+            self._read_identity(heard[banner_at:])
+            self._talk.resume(1, now_ns + SETTLE_NS)
+            return
+        if self._banner:
+            self._read_identity(data)
+        asked = self._talk.asked
+        code = bota_text.find_ack(heard, asked)
+        if code is None and frames_flow and asked in (_BOOT, bota_text.RUN.letter):
+            code = 0
+        if code is not None:
+            self._talk.answered(now_ns, f"refused {asked} with code {code}" if code else "")
+        if code == 0 and asked == bota_text.RUN.letter:
+            self._talk.has_reading(now_ns)
 
     def _read_identity(self, data: bytes) -> None:
         """Look for the sensor's name in what follows the begin of a banner."""
@@ -231,26 +196,6 @@ class Session:
         if name or len(self._banner) >= _BANNER_LENGTH:
             self.identity = name or self.identity
             self._banner = b""
-
-    def _pause(self, phase: Literal["boot", "pause"], due_ns: int, step: int = 0) -> None:
-        self._phase, self._due_ns, self._step, self._attempt = phase, due_ns, step, 0
-
-    def _look_for_ack(self, heard: bytes, frames_flow: bool, now_ns: int) -> None:
-        command = self._commands[self._step]
-        code = bota_text.find_ack(heard, command.letter)
-        if code is None and frames_flow and command is bota_text.RUN:
-            code = 0
-        if code is None:
-            return
-        if code:
-            self.state = f"refused {command.letter} with code {code}"
-            self._pause("pause", now_ns + RETRY_PAUSE_NS, self._step)
-        elif command is bota_text.RUN:
-            self.state = "running"
-            self._phase, self._due_ns = "run", now_ns + SILENCE_NS
-        else:
-            self.state = "configuring"
-            self._pause("pause", now_ns, self._step + 1)
 
 
 DEVICE = Device("bota", "wrench", ("serial",), Decoder, Session, baud=460_800, clock_span_ns=_US_SPAN * 1_000)

@@ -14,8 +14,9 @@ import numpy as np
 from slipd.devices import Device
 from slipd.devices import dsacon32_messages as messages
 from slipd.devices import weiss_tactile as tactile
+from slipd.devices.conversation import ANSWER_NS
 from slipd.devices.weiss import BEHIND_PREAMBLE
-from slipd.devices.weiss_tactile import FULL_SCALE, MAX_CELLS, RLE, Step, TactileDecoder, TactileSession, Units
+from slipd.devices.weiss_tactile import FULL_SCALE, MAX_CELLS, RLE, Question, TactileDecoder, TactileSession, Units
 from slipd.samples import TactileSample
 
 MAX_RATE_HZ = 30
@@ -132,19 +133,22 @@ class Session(TactileSession):
     def __init__(self, rate_hz: int = MAX_RATE_HZ, rle: bool = True) -> None:
         if not (isinstance(rate_hz, int) and 1 <= rate_hz <= MAX_RATE_HZ):
             raise ValueError(f"{rate_hz} images each second are not supported: 1 to {MAX_RATE_HZ} are")
-        self._start = messages.acquire(rate_hz, rle=rle)
-        stop = messages.acquire(0, rle=rle)
-        super().__init__(Decoder(), stop, messages.ERROR_WORDS, BOOT_NS, 1_000_000_000 // rate_hz)
+        stop, start = messages.acquire(0, rle=rle), messages.acquire(rate_hz, rle=rle)
+        questions = [
+            Question(
+                "controller",
+                messages.ask(messages.CONTROLLER),
+                attempts=BOOT_NS // ANSWER_NS,
+                reply_id=messages.CONTROLLER,
+                take=self._take_controller,
+            ),
+            Question("sensor", messages.ask(messages.SENSOR), reply_id=messages.SENSOR, take=self._take_sensor),
+            Question("stop", stop, reply_id=messages.ACQUIRE, forgives=range(1, 1 << 16)),
+            Question("start", start, reply_id=messages.ACQUIRE, forgives=(messages.ALREADY_RUNNING,)),
+        ]
+        super().__init__(Decoder(), questions, stop, messages.ERROR_WORDS, 1_000_000_000 // rate_hz)
         self._matrices: list[tuple[int, int]] = []
         self._expected = 0
-
-    def _script(self) -> list[Step]:
-        return [
-            Step("controller", messages.CONTROLLER, messages.ask(messages.CONTROLLER), self._take_controller),
-            Step("sensor", messages.SENSOR, messages.ask(messages.SENSOR), self._take_sensor),
-            Step("stop", messages.ACQUIRE, self._stop, forgives=range(1, 1 << 16)),
-            Step("start", messages.ACQUIRE, self._start, forgives=(messages.ALREADY_RUNNING,)),
-        ]
 
     def _take_controller(self, payload: bytes) -> str:
         info = messages.parse_controller(payload)
@@ -159,8 +163,8 @@ class Session(TactileSession):
             return f"{count} matrices: 1 to {MAX_MATRICES} are supported"
         self._matrices = []
         self._expected = count
-        self._steps[2:2] = [
-            Step(f"matrix {index}", messages.MATRIX, messages.ask_matrix(index), self._take_matrix)
+        self._questions[2:-2] = [
+            Question(f"matrix {index}", messages.ask_matrix(index), reply_id=messages.MATRIX, take=self._take_matrix)
             for index in range(count)
         ]
         return ""

@@ -10,12 +10,13 @@ import math
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from slipd.devices import Device, rdt
 from slipd.devices import optoforce_frames as frames
-from slipd.devices.conversation import Conversation, Step
+from slipd.devices.conversation import Conversation, Step, TalkingSession
 from slipd.devices.framing import Frames
 from slipd.devices.health import DecoderHealth
 from slipd.devices.numbering import Numbering
@@ -31,6 +32,7 @@ LONGEST_UDP_PERIOD_MS = 255
 UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM = 10_000.0, 100_000.0
 UDP_FILTER, UDP_PERIOD = 0x0081, 0x0082
 
+_CONFIGURATION, _SERIAL_NUMBER = "configuration", "serial number"
 _WIRINGS = ("serial", "udp")
 _HEAD = struct.Struct(">HH")  # counter, status; counts
 _COUNTS_AT = frames.HEADER + _HEAD.size
@@ -156,7 +158,7 @@ def _words(status: int) -> tuple[str, ...]:
     return tuple(dict.fromkeys(words))
 
 
-class Session:
+class Session(TalkingSession[WrenchSample]):
     """Sets rate and filter, starts the readings, and does so again whenever they fall silent; it never tares.
 
     `state` is "closed", "waiting", "configuring", "running", or names what is in the way, such as "no answer to
@@ -164,30 +166,18 @@ class Session:
 
     Args:
         wiring: As of `Decoder`.
-        counts_per_n: Likewise.
-        counts_per_nm: Likewise.
-        channel: Likewise.
-        counted: Likewise.
         period_ms: Time from one reading to the next: 1, 3, 10, 33 or 100 on a serial line, 1 to 255 over UDP.
         filter_hz: Cut-off of the sensor's filter: 500, 150, 50, 15, 5, 1.5, or 0 for none.
+        reading: The other options of `Decoder`.
 
     Raises:
         ValueError: An option is out of range or not known.
     """
 
-    def __init__(
-        self,
-        wiring: str = "serial",
-        counts_per_n: Sequence[float] = (1.0, 1.0, 1.0),
-        counts_per_nm: Sequence[float] = (1.0, 1.0, 1.0),
-        channel: int = 0,
-        counted: bool = True,
-        period_ms: int = 1,
-        filter_hz: float = 150.0,
-    ) -> None:
-        self.decoder = Decoder(wiring, counts_per_n, counts_per_nm, channel, counted)
-        self.health = self.decoder.health
-        self.identity = ""
+    decoder: Decoder
+
+    def __init__(self, wiring: str = "serial", period_ms: int = 1, filter_hz: float = 150.0, **reading: Any) -> None:
+        decoder = Decoder(wiring, **reading)
         periods_ms = SERIAL_PERIODS_MS if wiring == "serial" else range(1, LONGEST_UDP_PERIOD_MS + 1)
         if period_ms not in periods_ms:
             raise ValueError(f"period_ms {period_ms} is not known: 1, 3, 10, 33, 100 are, and 1 to 255 over UDP")
@@ -196,64 +186,26 @@ class Session:
         filter_code = FILTERS_HZ.index(filter_hz)
         if wiring == "serial":
             steps = _serial_steps(period_ms, filter_code)
-            self._stop = frames.encode_configuration(frames.Configuration(0, filter_code))
+            stop = frames.encode_configuration(frames.Configuration(0, filter_code))
         else:
             steps = _udp_steps(period_ms, filter_code)
-            self._stop = rdt.encode_request(rdt.STOP)
-        self._talk = Conversation(steps)
+            stop = rdt.encode_request(rdt.STOP)
+        super().__init__(decoder, Conversation(steps), stop)
 
-    @property
-    def state(self) -> str:
-        """A short word for people."""
-        return self._talk.state
-
-    def start(self, now_ns: int) -> bytes:
-        """Begin on a freshly opened link."""
-        self.identity = ""
-        self.decoder.forget()
-        self._talk.start(now_ns)
-        return self._talk.on_time(now_ns)
-
-    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
-        """Take bytes received at ``now_ns`` and return the readings they complete."""
-        samples = self.decoder.receive(data, now_ns)
+    def _hear(self, now_ns: int) -> None:
         for header, body in self.decoder.replies:
-            self._take_reply(header, body, now_ns)
-        if samples:
-            self._talk.has_reading(now_ns)
-        return samples
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._talk.due_ns
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the request that is due at ``now_ns``; empty when none is."""
-        return self._talk.on_time(now_ns)
-
-    def stop(self) -> bytes:
-        """End, and return the request that stops the readings."""
-        self._talk.stop()
-        return self._stop
-
-    def _take_reply(self, header: bytes, body: bytes, now_ns: int) -> None:
-        if self._talk.asked != _STEP_OF_REPLY[header]:
-            return
-        if header == frames.SERIAL_NUMBER:
-            self.identity = _identity(body)
-            self._talk.answered(now_ns)
-        else:
-            self._talk.answered(now_ns, f"code {body[0]}" if body[0] else "")
-
-
-_STEP_OF_REPLY = {frames.ACK: "configuration", frames.SERIAL_NUMBER: "serial number"}
+            if (header, self._talk.asked) == (frames.ACK, _CONFIGURATION):
+                self._talk.answered(now_ns, f"refused {_CONFIGURATION}: code {body[0]}" if body[0] else "")
+            elif (header, self._talk.asked) == (frames.SERIAL_NUMBER, _SERIAL_NUMBER):
+                self.identity = _identity(body)
+                self._talk.answered(now_ns)
 
 
 def _serial_steps(period_ms: int, filter_code: int) -> list[Step]:
     configuration = frames.encode_configuration(frames.Configuration(period_ms, filter_code))
     return [
-        Step(_STEP_OF_REPLY[frames.ACK], configuration),
-        Step(_STEP_OF_REPLY[frames.SERIAL_NUMBER], frames.ASK_SERIAL_NUMBER, "optional"),
+        Step(_CONFIGURATION, configuration),
+        Step(_SERIAL_NUMBER, frames.ASK_SERIAL_NUMBER, "optional"),
     ]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices import papillarray_frames as frames
-from slipd.devices.conversation import Conversation, Step
+from slipd.devices.conversation import Conversation, Step, TalkingSession
 from slipd.devices.framing import Frames
 from slipd.devices.health import DecoderHealth
 from slipd.devices.numbering import Numbering
@@ -69,7 +69,7 @@ class Decoder:
         return length
 
 
-class Session:
+class Session(TalkingSession[TactileSample]):
     """Sets the controller's rate and listens.
 
     `state` is "closed", "waiting", "running" or "no answer to rate"; the rate is set again whenever the stream falls
@@ -85,41 +85,8 @@ class Session:
     def __init__(self, rate_hz: int = 500) -> None:
         if rate_hz not in RATES_HZ:
             raise ValueError(f"rate_hz {rate_hz!r} is not known: {', '.join(map(str, RATES_HZ))} are")
-        self.decoder = Decoder()
-        self.health = self.decoder.health
-        self.identity = ""
-        self._talk = Conversation([Step("rate", encode_rate(rate_hz), "none")])
-
-    @property
-    def state(self) -> str:
-        """A short word for people."""
-        return self._talk.state
-
-    def start(self, now_ns: int) -> bytes:
-        """Begin on a freshly opened link, with the command that sets the rate."""
-        self.decoder.forget()
-        self._talk.start(now_ns)
-        return self._talk.on_time(now_ns)
-
-    def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
-        """Take bytes received at ``now_ns`` and return the images they complete."""
-        samples = self.decoder.receive(data, now_ns)
-        if samples:
-            self._talk.has_reading(now_ns)
-        return samples
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._talk.due_ns
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the command that is due at ``now_ns``; empty when none is."""
-        return self._talk.on_time(now_ns)
-
-    def stop(self) -> bytes:
-        """End. Nothing is sent: the controller knows no command that would stop it."""
-        self._talk.stop()
-        return b""
+        # No farewell: the controller knows no command that would stop it.
+        super().__init__(Decoder(), Conversation([Step("rate", encode_rate(rate_hz), "none")]))
 
 
 def encode_rate(rate_hz: int) -> bytes:

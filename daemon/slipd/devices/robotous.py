@@ -11,7 +11,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices import robotous_packets as packets
-from slipd.devices.conversation import Conversation, Step
+from slipd.devices.conversation import Conversation, Step, TalkingSession
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.samples import WrenchSample
@@ -89,7 +89,7 @@ class Decoder:
         self._frames.forget()
 
 
-class Session:
+class Session(TalkingSession[WrenchSample]):
     """Stops the sensor, sets its rate and filter where they differ, asks its name, and starts it; it never tares.
 
     Settings are kept in an EEPROM, so they are read first, and written only to change them. `state` is "closed",
@@ -106,13 +106,12 @@ class Session:
         ValueError: An option is out of range or not known.
     """
 
+    decoder: Decoder
+
     def __init__(self, torque_divider: float = 2000.0, output_hz: int = 500, filter_hz: int = 0) -> None:
         for name, value, known in (("output_hz", output_hz, RATES_HZ[1:]), ("filter_hz", filter_hz, FILTERS_HZ)):
             if value not in known:
                 raise ValueError(f"{name} {value} is not known: {', '.join(map(str, known))} are")
-        self.decoder = Decoder(torque_divider)
-        self.health = self.decoder.health
-        self.identity = ""
         self._product = ""
         self._output_hz = output_hz
         code = FILTERS_HZ.index(filter_hz)
@@ -124,42 +123,17 @@ class Session:
         ]
         stop = Step("stop", packets.encode_command(packets.STOP), "none", _STOP_PAUSE_NS)
         start = Step("start", packets.encode_command(packets.START), "none")
-        self._talk = Conversation([stop, *questions, start])
-
-    @property
-    def state(self) -> str:
-        """A short word for people."""
-        return self._talk.state
+        super().__init__(Decoder(torque_divider), Conversation([stop, *questions, start]), stop.request)
 
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link."""
-        self.decoder.forget()
-        self.identity = self._product = ""
-        self._talk.start(now_ns)
-        return self._talk.on_time(now_ns)
+        self._product = ""
+        return super().start(now_ns)
 
-    def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
-        """Take bytes received at ``now_ns`` and return the readings they complete."""
-        samples = self.decoder.receive(data, now_ns)
+    def _hear(self, now_ns: int) -> None:
         for number, content in self.decoder.replies:
             if number == _NUMBERS.get(self._talk.asked):
                 self._take_reply(number, content, now_ns)
-        if samples:
-            self._talk.has_reading(now_ns)
-        return samples
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._talk.due_ns
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the command that is due at ``now_ns``; empty when none is."""
-        return self._talk.on_time(now_ns)
-
-    def stop(self) -> bytes:
-        """End, and return the command that stops the readings."""
-        self._talk.stop()
-        return packets.encode_command(packets.STOP)
 
     def _take_reply(self, number: int, content: bytes, now_ns: int) -> None:
         refusal, needless = "", 0
@@ -169,7 +143,7 @@ class Session:
             needless = int(content[:2] == self._filter or not (content[0] or self._filter[0]))
         elif number in (packets.SET_RATE, packets.SET_FILTER):
             error = content[1]
-            refusal = _REFUSALS.get(error, f"code {error}") if error else ""
+            refusal = f"refused {self._talk.asked}: {_REFUSALS.get(error, f'code {error}')}" if error else ""
         elif number == packets.PRODUCT_NAME:
             self._product = packets.parse_name(content)
         else:

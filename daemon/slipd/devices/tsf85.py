@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from slipd.devices import Device
-from slipd.devices.conversation import Conversation, Step
+from slipd.devices.conversation import Conversation, Step, TalkingSession
 from slipd.devices.framing import Frames
 from slipd.devices.health import DecoderHealth
 from slipd.samples import Array, TactileSample
@@ -54,7 +54,7 @@ class Decoder:
         ValueError: The unit is not a positive integer.
 
     Attributes:
-        firmware: What the sensor last answered to the question for its version; "" before.
+        firmware: What the last bytes answered to the question for the version; "" where they did not.
     """
 
     def __init__(self, timestamp_unit_ns: int | None = None) -> None:
@@ -70,6 +70,7 @@ class Decoder:
         """Take bytes received at ``t_ns`` and return the images they complete."""
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
+        self.firmware = ""
         for at, in_step in found:
             packet = buffer[at : at + _HEAD_LENGTH + buffer[at + 3]]
             if in_step:
@@ -171,7 +172,7 @@ def encode_block(kind: int, finger: int, values: Array | list[int]) -> bytes:
     return bytes((kind | finger << 2,)) + np.asarray(values).astype(word).tobytes()
 
 
-class Session:
+class Session(TalkingSession[TactileSample]):
     """Stops the sensor, asks for its firmware, and lets it send packets at a period.
 
     `state` is "closed", "waiting", "configuring", "running" or "no answer to start"; a sensor that does not answer
@@ -186,57 +187,23 @@ class Session:
         ValueError: An option is out of range.
     """
 
+    decoder: Decoder
+
     def __init__(self, period_ms: int = 1, timestamp_unit_ns: int | None = None) -> None:
         if not (isinstance(period_ms, int) and 1 <= period_ms <= LONGEST_PERIOD_MS):
             raise ValueError(f"period_ms {period_ms!r} is no period: an integer from 1 to {LONGEST_PERIOD_MS} is")
-        self.decoder = Decoder(timestamp_unit_ns)
-        self.health = self.decoder.health
-        self._talk = Conversation(
-            [
-                Step("stop", encode_packet(AUTOSEND, b"\0"), "none", _STOP_PAUSE_NS),
-                Step("version", encode_packet(VERSION), "optional"),
-                Step("start", encode_packet(AUTOSEND, bytes((period_ms,))), "none"),
-            ]
-        )
+        stop = encode_packet(AUTOSEND, b"\0")
+        steps = [
+            Step("stop", stop, "none", _STOP_PAUSE_NS),
+            Step("version", encode_packet(VERSION), "optional"),
+            Step("start", encode_packet(AUTOSEND, bytes((period_ms,))), "none"),
+        ]
+        super().__init__(Decoder(timestamp_unit_ns), Conversation(steps), stop)
 
-    @property
-    def state(self) -> str:
-        """A short word for people."""
-        return self._talk.state
-
-    @property
-    def identity(self) -> str:
-        """The firmware's text."""
-        return self.decoder.firmware
-
-    def start(self, now_ns: int) -> bytes:
-        """Begin on a freshly opened link."""
-        self.decoder.forget()
-        self.decoder.firmware = ""
-        self._talk.start(now_ns)
-        return self._talk.on_time(now_ns)
-
-    def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
-        """Take bytes received at ``now_ns`` and return the images they complete."""
-        samples = self.decoder.receive(data, now_ns)
-        if self.decoder.firmware and self._talk.asked:
+    def _hear(self, now_ns: int) -> None:
+        if self.decoder.firmware:
+            self.identity = self.decoder.firmware
             self._talk.answered(now_ns)
-        if samples:
-            self._talk.has_reading(now_ns)
-        return samples
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._talk.due_ns
-
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the packet that is due at ``now_ns``; empty when none is."""
-        return self._talk.on_time(now_ns)
-
-    def stop(self) -> bytes:
-        """End, and return the packet that stops the sensor."""
-        self._talk.stop()
-        return encode_packet(AUTOSEND, b"\0")
 
 
 DEVICE = Device(

@@ -10,12 +10,12 @@ import re
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices.conversation import ANSWER_NS, ATTEMPTS, RETRY_PAUSE_NS, SILENCE_NS
+from slipd.devices.conversation import SILENCE_NS, Conversation, Step, TalkingSession
 from slipd.devices.health import DecoderHealth
 from slipd.devices.weiss import PREAMBLE, Packet, Packets, encode, status_word
 from slipd.samples import TactileSample
@@ -74,25 +74,23 @@ class TactileDecoder(ABC):
     def __init__(self, seed: int, replies: Mapping[int, int], typical: int, text: bytes = b"") -> None:
         self.health = DecoderHealth()
         self.reply_sizes = replies
+        self.replies: list[Packet] = []
+        """What the last bytes answered to a session."""
         self._seed = seed
         self._stream = Packets(seed, self._admits, typical, self.health, text=text)
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Take bytes received at ``t_ns`` and return the images they complete."""
-        return self.separate(data, t_ns)[0]
-
-    def separate(self, data: bytes, t_ns: int) -> tuple[list[TactileSample], list[Packet]]:
-        """Take bytes received at ``t_ns`` and return the images and the answers they complete."""
         samples: list[TactileSample] = []
-        answers: list[Packet] = []
+        self.replies = []
         for packet in self._stream.packets(data):
             if packet.id == FRAME:
                 time_ms, flags = _FRAME_HEAD.unpack_from(packet.payload)
                 samples += self._images(bool(flags & RLE), _units(packet.payload), t_ns, time_ms * 1_000_000)
             else:
-                answers.append(packet)
+                self.replies.append(packet)
         self.health.good += len(samples)
-        return samples, answers
+        return samples
 
     def forget(self) -> None:
         """Drop a begun packet: the rest of it will not come."""
@@ -141,25 +139,22 @@ def image(cells: Units, t_ns: int, device_time_ns: int, full_scale: int, source:
     return TactileSample(t_ns, device_time_ns, cells.astype(np.float64), status, source)
 
 
-class Step(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question(Step):
     """One question of a session.
 
     Attributes:
-        name: Of what is asked for.
         reply_id: Id of question and answer.
-        request: The question.
         take: ``take(payload)`` uses the answer, and returns what is wrong with it, "" when nothing is.
         forgives: Status numbers other than 0 with which the answer will do.
     """
 
-    name: str
     reply_id: int
-    request: bytes
     take: Callable[[bytes], str] = lambda _: ""
     forgives: Collection[int] = ()
 
 
-class TactileSession(ABC):
+class TactileSession(TalkingSession[TactileSample]):
     """Asks the device what it is, starts its images, and begins anew when they cease.
 
     Images that arrive are handed on at all times, whatever the state. `state` is "closed", "waiting" (for the first
@@ -168,111 +163,50 @@ class TactileSession(ABC):
 
     Args:
         decoder: Of the images and answers.
+        questions: The questions; the last one starts the images.
         stop: Request that stops the images.
         words: Meaning of the device's status numbers.
-        patience_ns: How long the device may leave the first question unanswered.
         period_ns: Expected time from one image to the next.
     """
 
+    decoder: TactileDecoder
+
     def __init__(
-        self, decoder: TactileDecoder, stop: bytes, words: tuple[str, ...], patience_ns: int, period_ns: int
+        self,
+        decoder: TactileDecoder,
+        questions: list[Question],
+        stop: bytes,
+        words: tuple[str, ...],
+        period_ns: int,
     ) -> None:
-        self.decoder = decoder
-        self.health = decoder.health
-        self.state = "closed"
-        self.identity = ""
-        self._stop = stop
+        silence_ns = max(SILENCE_NS, 3 * period_ns)
+        super().__init__(decoder, Conversation(questions, rest_ns=0, silence_ns=silence_ns), stop)
+        self._questions = questions
         self._words = words
-        self._patience_ns = patience_ns
-        self._silence_ns = max(SILENCE_NS, 3 * period_ns)
-        self._steps: list[Step] = []
-        self._at = 0
-        self._asked = 0
-        self._since_ns = 0
-        self._due_ns: int | None = None
         self._heard_ns = 0
-
-    @abstractmethod
-    def _script(self) -> list[Step]:
-        """Return the questions; the last one starts the images."""
-
-    def start(self, now_ns: int) -> bytes:
-        """Begin on a freshly opened link, with the first question."""
-        self.decoder.forget()
-        self.state = "waiting"
-        self.identity = ""
-        self._begin(now_ns)
-        return self.on_time(now_ns)
-
-    def stop(self) -> bytes:
-        """End, and return the request that stops the images."""
-        self.state = "closed"
-        self._due_ns = None
-        return self._stop
-
-    def next_deadline(self) -> int | None:
-        """Return when `on_time` is due, ns; None while closed."""
-        return self._due_ns
 
     def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
         """Take bytes received at ``now_ns`` and return the images they complete."""
         if now_ns - self._heard_ns > PAUSE_NS:
             self.decoder.forget()
         self._heard_ns = now_ns
-        samples, answers = self.decoder.separate(data, now_ns)
-        if self._due_ns is None:
-            return samples
-        for answer in answers:
-            self._hear(answer, now_ns)
-        if samples and self._at == len(self._steps):
-            self.state = "running"
-            self._due_ns = now_ns + self._silence_ns
-        return samples
+        return super().receive(data, now_ns)
 
-    def on_time(self, now_ns: int) -> bytes:
-        """Return the question that is due at ``now_ns``; empty when none is."""
-        if self._due_ns is None or now_ns < self._due_ns:
-            return b""
-        if self._at == len(self._steps):
-            return self.start(now_ns)
-        patience_ns = self._patience_ns if self._at == 0 else ATTEMPTS * ANSWER_NS
-        if now_ns - self._since_ns >= patience_ns:
-            self.state = f"no answer to {self._steps[self._at].name}"
-            self._begin(now_ns)
-        self._asked += 1
-        self._due_ns = now_ns + ANSWER_NS
-        return self._steps[self._at].request
+    def _hear(self, now_ns: int) -> None:
+        asked = next(question for question in self._questions if question.name == self._talk.asked)
+        for answer in self.decoder.replies:
+            if not self._talk.asked or answer.id != asked.reply_id:
+                continue
+            wrong = self._take(asked, answer.payload)
+            self._talk.answered(now_ns, wrong)
+            if not wrong and asked is self._questions[-1]:
+                self._talk.state = "waiting for images"
 
-    def _begin(self, now_ns: int) -> None:
-        self._steps = self._script()
-        self._at = 0
-        self._await_turn(now_ns)
-
-    def _await_turn(self, due_ns: int) -> None:
-        """Ask at ``due_ns``; until then nothing that comes is the answer."""
-        self._asked = 0
-        self._due_ns = self._since_ns = due_ns
-
-    def _hear(self, answer: Packet, now_ns: int) -> None:
-        if self._at == len(self._steps) or not self._asked or answer.id != self._steps[self._at].reply_id:
-            return
-        step = self._steps[self._at]
-        code = int.from_bytes(answer.payload[:_STATUS_BYTES], "little")
-        if code and code not in step.forgives:
-            wrong = f"refused {step.name}: {status_word(code, self._words)}"
-        elif len(answer.payload) != self.decoder.reply_sizes[answer.id]:
-            wrong = f"empty answer to {step.name}"
-        else:
-            wrong = step.take(answer.payload)
-        if wrong:
-            self.state = wrong
-            self._await_turn(now_ns + RETRY_PAUSE_NS)
-            return
-        self.state = "configuring"
-        self._at += 1
-        # An answer does not say which of two like questions it is for: after a repeated one the second answer is
-        # let pass first.
-        self._await_turn(now_ns if self._asked == 1 else now_ns + ANSWER_NS)
-        if self._at == len(self._steps):
-            self.state = "waiting for images"
-            self._due_ns = now_ns + self._silence_ns
+    def _take(self, asked: Question, payload: bytes) -> str:
+        """Use an answer; return what is wrong with it, "" when nothing is."""
+        code = int.from_bytes(payload[:_STATUS_BYTES], "little")
+        if code and code not in asked.forgives:
+            return f"refused {asked.name}: {status_word(code, self._words)}"
+        if len(payload) != self.decoder.reply_sizes[asked.reply_id]:
+            return f"empty answer to {asked.name}"
+        return asked.take(payload)

@@ -16,7 +16,7 @@ import numpy as np
 from slipd.devices import Device
 from slipd.devices import weiss_tactile as tactile
 from slipd.devices.weiss import STATUS_WORDS, WITH_PREAMBLE, encode
-from slipd.devices.weiss_tactile import FULL_SCALE, MAX_CELLS, Step, TactileDecoder, TactileSession, Units
+from slipd.devices.weiss_tactile import FULL_SCALE, MAX_CELLS, Question, TactileDecoder, TactileSession, Units
 from slipd.samples import TactileSample
 
 START = 0x21
@@ -27,12 +27,10 @@ SYSTEM = 0x50
 MAX_INTERVAL_MS = 65_535
 """It is sent in two bytes."""
 
-PATIENCE_NS = 2_000_000_000
-"""Four questions; how long a module boots is not known."""
-
 _FIRMWARE = 0x1000  # 1.0.0
 _PITCH = 340  # 10 µm
 _TYPICAL_BYTES = 77  # 4 x 8 cells
+_ATTEMPTS = 4  # of the first question; how long a module boots is not known
 _NOT_RUNNING = range(1, 1 << 16)
 _ALREADY_RUNNING = (4,)
 
@@ -139,16 +137,14 @@ class Session(TactileSession):
     def __init__(self, interval_ms: int = 10) -> None:
         if not (isinstance(interval_ms, int) and 0 <= interval_ms <= MAX_INTERVAL_MS):
             raise ValueError(f"an interval of {interval_ms} ms is not supported: 0 to {MAX_INTERVAL_MS} is")
-        self._start = start_request(interval_ms)
-        super().__init__(Decoder(), ask(STOP), STATUS_WORDS, PATIENCE_NS, interval_ms * 1_000_000)
-
-    def _script(self) -> list[Step]:
-        return [
-            Step("system information", SYSTEM, ask(SYSTEM), self._take_system),
-            Step("matrix information", MATRIX, ask(MATRIX), self._take_matrix),
-            Step("stop", STOP, self._stop, forgives=_NOT_RUNNING),
-            Step("start", START, self._start, forgives=_ALREADY_RUNNING),
+        stop = ask(STOP)
+        questions = [
+            Question("system information", ask(SYSTEM), attempts=_ATTEMPTS, reply_id=SYSTEM, take=self._take_system),
+            Question("matrix information", ask(MATRIX), reply_id=MATRIX, take=self._take_matrix),
+            Question("stop", stop, reply_id=STOP, forgives=_NOT_RUNNING),
+            Question("start", start_request(interval_ms), reply_id=START, forgives=_ALREADY_RUNNING),
         ]
+        super().__init__(Decoder(), questions, stop, STATUS_WORDS, interval_ms * 1_000_000)
 
     def _take_system(self, payload: bytes) -> str:
         self.identity = f"S/N {_SYSTEM.unpack(payload)[4]}"

@@ -200,10 +200,11 @@ class GripPolicy:
         """
         if not math.isfinite(force_n):
             raise ValueError(f"the gripper was told a force that is not finite: {force_n}")
+        now_ns = self._now(t_ns)
         if self._force_n is not None:
             change_n = force_n - self._force_n
             self._raised_n += max(change_n, 0.0)
-            (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), self._now(t_ns))
+            (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), now_ns)
         self._force_n = force_n
         if not reflex:
             self._asked_n = force_n

@@ -18,6 +18,9 @@ Result = dict[str, Any] | Refusal
 #: A gripper that was not heard for so long, or for three of its periods, does not answer. A session that repeats an
 #: unanswered command twice gives it up first.
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
+#: Of the time from one look at the clock to the next so much counts: beyond it the daemon itself stood still, and what
+#: the gripper said meanwhile waits to be read.
+LONGEST_LOOK_NS = 50_000_000
 _NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
 _NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
 
@@ -46,10 +49,11 @@ class GripperControl:
         self._held = False  # in this grasp, the gripper has said that something stopped it
         self._goal_m = math.inf
         self._commanded_ns = 0
+        self._looked_ns = self._silent_ns = 0
 
     def take(self, sample: GripperSample) -> None:
         """Takes a status reading."""
-        self.sample = sample
+        self.sample, self._silent_ns = sample, 0
         self._latch(self._watch.take(sample))
         if not sample.active:
             self._let_go()
@@ -63,7 +67,9 @@ class GripperControl:
         """Lets time pass; True where something began that nobody asked for: a fault, or the end of a lease."""
         before = self.policy.fault
         self._latch(self._watch.take_command(lost=self._session.command_lost))
-        if self.sample is not None and t_ns - self.sample.t_ns > self._silence_ns:
+        self._silent_ns += min(t_ns - self._looked_ns, LONGEST_LOOK_NS)
+        self._looked_ns = t_ns
+        if self.sample is not None and self._silent_ns > self._silence_ns:
             self._forget(NO_ANSWER)
         lapsed = self.policy.lapsed(t_ns)
         if lapsed and self._config.lease_end == "stop" and self._moves():

@@ -10,16 +10,13 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from slipd_client.errors import ClientError, RequestRefused
+from slipd_client.errors import ClientError, LeaseLost, RequestRefused
+from slipd_client.grip import GripClient
 from slipd_client.messages import Health
-from slipd_client.requester import Requester
 from slipd_client.subscriber import Message, Subscriber
 
 LISTEN_S = 0.05
 """How long it waits for a message before it looks at its plan again."""
-
-RENEW_S = 0.1
-"""A tenth of the lease: a machine under load may delay several renewals."""
 
 SETTLE_S = 0.5
 """When the force after a raise is read: the gripper follows within a few tenths of a second."""
@@ -29,7 +26,7 @@ LEAST_RAISE_N = 0.1
 
 ALARMING = ("warning", "slipping")
 
-NOT_DONE_IN_TIME = ("deadline_passed", "no_lease")
+NOT_DONE_IN_TIME = ("deadline_passed", "no_lease", "too_fast", "not_ready")
 """Refusals that a stalled machine brings about; asking again is safe, for what was refused was not done."""
 
 
@@ -44,6 +41,8 @@ class Plan:
         speed_mps: How fast.
         force_n: First grip force, N on one pad.
         limit_n: Its own limit for raising that force.
+        step_n: Most by which it raises the force at once: the gripper's own limit.
+        step_s: Time from one step to the next: a little longer than the gripper's limit of 10 N/s asks for.
         open_s: When it opens.
         end_s: When it ends.
         lease_ms: Life of its lease without renewal.
@@ -55,9 +54,11 @@ class Plan:
     speed_mps: float = 0.05
     force_n: float = 7.0
     limit_n: float = 24.0
+    step_n: float = 2.0
+    step_s: float = 0.22
     open_s: float = 16.0
     end_s: float = 18.0
-    lease_ms: int = 1000
+    lease_ms: int = 200
 
 
 @dataclass
@@ -85,7 +86,7 @@ class Change:
 
 @dataclass
 class Raise:
-    """A request for more grip.
+    """A request for more grip, one step of a raise.
 
     Attributes:
         asked_ns: When it was sent.
@@ -159,8 +160,8 @@ class Operator(threading.Thread):
         self._endpoints = (publish, requests)
         self._plan = plan or Plan()
         self._ending = threading.Event()
-        self._renewed_s = 0.0
-        self._force_n = 0.0
+        self._force_n = self._wanted_n = 0.0
+        self._raised_s = 0.0
         self._slips: dict[str, dict[str, Any]] = {}
         self._alarm: Change | None = None
 
@@ -172,62 +173,57 @@ class Operator(threading.Thread):
         """The whole program; what ends it early is told in the report."""
         publish, requests = self._endpoints
         try:
-            with Subscriber(publish, ("slip", "warning")) as subscriber, Requester(requests) as requester:
-                self._prepare(requester)
-                if not self._ending.is_set():
-                    with requester.lease(self._plan.lease_ms):
-                        self._work(subscriber, requester)
+            with Subscriber(publish, ("slip", "warning")) as subscriber, GripClient(requests) as client:
+                self._prepare(client)
+                begin_s = time.monotonic()
+                while time.monotonic() - begin_s < self._plan.end_s and not self._ending.is_set():
+                    self._hold(begin_s, subscriber, client)
         except (ClientError, TimeoutError) as error:
             self.report.error = str(error)
 
-    def _prepare(self, requester: Requester) -> None:
+    def _prepare(self, client: GripClient) -> None:
         """Wait until every stream is well, then tare both fingers."""
         until_s = time.monotonic() + self._plan.patience_s
-        while ill := _ill(requester.status()["streams"]):
+        while ill := _ill(client.status()["streams"]):
             if time.monotonic() > until_s:
                 raise TimeoutError(f"streams that are not well after {self._plan.patience_s:g} s: {ill}")
             if self._ending.wait(LISTEN_S):
                 return
-        for finger in requester.hello()["fingers"]:
-            self.report.tares[finger] = requester.tare(finger, self._plan.tare_s)
+        for finger in client.hello()["fingers"]:
+            self.report.tares[finger] = client.tare(finger, self._plan.tare_s)
 
-    def _work(self, subscriber: Subscriber, requester: Requester) -> None:
-        begin_s = time.monotonic()
+    def _hold(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
+        """Work while a lease lasts; one that a stalled machine let run out is taken anew."""
+        try:
+            with client.lease(self._plan.lease_ms):
+                self._work(begin_s, subscriber, client)
+        except LeaseLost as lost:
+            self.report.refusals.append(str(lost))
+
+    def _work(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
         while (now_s := time.monotonic() - begin_s) < self._plan.end_s and not self._ending.is_set():
             try:
-                self._renew(requester)
-                self._keep_to_plan(now_s, requester)
-                self._raise_grip(requester)
+                self._keep_to_plan(now_s, client)
+                self._raise_grip(client)
             except RequestRefused as refusal:
-                self._bear(refusal, requester)
+                self.report.refusals.append(str(refusal))
+                if refusal.code not in NOT_DONE_IN_TIME:
+                    raise
             message = subscriber.receive(LISTEN_S)
             if message is not None and self.report.closed_ns is not None:
                 self._hear(message)
 
-    def _keep_to_plan(self, now_s: float, requester: Requester) -> None:
+    def _keep_to_plan(self, now_s: float, client: GripClient) -> None:
         plan, report = self._plan, self.report
         if report.activated_ns is None:
-            requester.activate()
+            client.gripper_activate()
             report.activated_ns = time.monotonic_ns()
         if report.closed_ns is None and now_s >= plan.close_s:
-            requester.close(plan.force_n, speed_mps=plan.speed_mps)
-            report.closed_ns, self._force_n = time.monotonic_ns(), plan.force_n
+            closed = client.gripper_close(plan.force_n, speed_mps=plan.speed_mps)
+            report.closed_ns, self._force_n = time.monotonic_ns(), closed["applied_n"]
         if report.opened_ns is None and now_s >= plan.open_s:
-            requester.open(drop=True)
-            report.opened_ns = time.monotonic_ns()
-
-    def _renew(self, requester: Requester) -> None:
-        if time.monotonic() - self._renewed_s >= RENEW_S:
-            requester.renew()
-            self._renewed_s = time.monotonic()
-
-    def _bear(self, refusal: RequestRefused, requester: Requester) -> None:
-        """Note a refusal; go on where asking again may do."""
-        self.report.refusals.append(str(refusal))
-        if refusal.code not in NOT_DONE_IN_TIME:
-            raise refusal
-        if refusal.code == "no_lease":
-            requester.request("lease.acquire", ttl_ms=self._plan.lease_ms)
+            client.gripper_open(drop=True)
+            report.opened_ns, self._wanted_n = time.monotonic_ns(), 0.0
 
     def _hear(self, message: Message) -> None:
         body = message.body
@@ -248,27 +244,34 @@ class Operator(threading.Thread):
         if change.rising and change.level in ALARMING and "rotation" in change.reasons:
             self._alarm = change
 
-    def _raise_grip(self, requester: Requester) -> None:
-        """After an alarm, ask for the grip that the newest verdicts say is needed, or for all that the plan allows."""
-        if self._alarm is None:
+    def _raise_grip(self, client: GripClient) -> None:
+        """After an alarm, ask step by step for the grip that the newest verdicts say is needed."""
+        if self._alarm is not None and self.report.opened_ns is None:
+            self._heed(self._alarm)
+        now_s = time.monotonic()
+        if self._wanted_n < self._force_n + LEAST_RAISE_N or now_s < self._raised_s + self._plan.step_s:
             return
-        asked_n = self._plan.limit_n
-        if "unsupportable" not in self._alarm.reasons:
+        asked_n = min(self._wanted_n, self._force_n + self._plan.step_n)
+        asked_ns, before_n = time.monotonic_ns(), self._measured_n()
+        result, refusal = None, ""
+        try:
+            result = client.grip_set(asked_n)
+            self._force_n, self._raised_s = result["applied_n"], now_s
+        except RequestRefused as refused:
+            if refused.code in NOT_DONE_IN_TIME:
+                raise
+            refusal, self._wanted_n = str(refused), 0.0
+        self.report.raises.append(Raise(asked_ns, time.monotonic_ns(), asked_n, result, refusal, before_n))
+
+    def _heed(self, alarm: Change) -> None:
+        """Want what holds, or all that the plan allows where nothing is known to."""
+        if "unsupportable" in alarm.reasons:
+            self._wanted_n = self._plan.limit_n
+        else:
             needed = [force_n for slip in self._slips.values() if (force_n := slip["grip_needed_n"]) is not None]
             if not needed:
                 return  # the next verdict that knows will say
-            asked_n = min(max(needed), asked_n)
-        if asked_n >= self._force_n + LEAST_RAISE_N and self.report.opened_ns is None:
-            asked_ns, before_n = time.monotonic_ns(), self._measured_n()
-            result, refusal = None, ""
-            try:
-                result = requester.grip_set(asked_n)
-                self._force_n = asked_n
-            except RequestRefused as refused:
-                if refused.code in NOT_DONE_IN_TIME:
-                    raise
-                refusal = str(refused)
-            self.report.raises.append(Raise(asked_ns, time.monotonic_ns(), asked_n, result, refusal, before_n))
+            self._wanted_n = min(max(needed), self._plan.limit_n)
         self._alarm = None
 
     def _note_force(self, slip: dict[str, Any]) -> None:

@@ -1,20 +1,23 @@
-"""Binds the daemon's sockets where only its user, or only this machine, reaches them.
+"""Binds the daemon's sockets where only its user reaches them, or only who has a key.
 
 ZeroMQ lets in whoever the umask allows, steals an ipc path that another program serves, deletes a file that lies there,
-and keeps a connection that never says a word for half a minute.
+keeps a connection that never says a word for half a minute, and takes any key where nobody judges it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ipaddress
 import os
 import socket
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import zmq
 
 from slipd.errors import LinkError
+from slipd.zeromq.gate import Gate, most_connections, unwatch, watch
 
 MAX_IPC_PATH_BYTES = 107
 """Longest path of a Unix socket (``sun_path`` less its closing zero)."""
@@ -32,24 +35,61 @@ LINGER_MS = 200
 """How long the last messages before a stop may take to leave; a stalled peer delays the exit by no more."""
 
 
+@dataclass(frozen=True, slots=True)
+class Access:
+    """How clients are let in.
+
+    Attributes:
+        domain: Name under which the authenticator is asked about a key.
+        secret: The daemon's secret key; None: no keys are asked for, which is for ipc endpoints.
+        local_tcp: A TCP port of this machine may be served without keys; all of its users reach it.
+    """
+
+    domain: bytes = b""
+    secret: bytes | None = field(default=None, repr=False)
+    local_tcp: bool = False
+
+
+USER_ALONE = Access()
+"""An ipc endpoint without keys: the file system lets in who may come."""
+
+
+@contextlib.contextmanager
+def serving(
+    context: zmq.Context[zmq.Socket[bytes]], kind: int, endpoint: str, options: Mapping[int, int], access: Access
+) -> Iterator[tuple[zmq.Socket[bytes], str]]:
+    """As ``open_server``; closes the socket, and keeps connections over TCP from becoming too many until then."""
+    server, reached = open_server(context, kind, endpoint, options, access)
+    with contextlib.ExitStack() as stack:
+        stack.callback(server.close)
+        if is_tcp(endpoint):
+            stack.enter_context(Gate(server, most_connections()))
+        yield server, reached
+
+
 def open_server(
-    context: zmq.Context[zmq.Socket[bytes]], kind: int, endpoint: str, options: Mapping[int, int]
+    context: zmq.Context[zmq.Socket[bytes]],
+    kind: int,
+    endpoint: str,
+    options: Mapping[int, int],
+    access: Access = USER_ALONE,
 ) -> tuple[zmq.Socket[bytes], str]:
     """Open a socket and bind it.
 
     Args:
         context: Owner of the socket.
         kind: Socket type, e.g. ``zmq.ROUTER``.
-        endpoint: ``ipc:///directory/name``, or ``tcp://127.0.0.1:port`` (``*`` as port: any free one).
+        endpoint: ``ipc:///directory/name``, or ``tcp://address:port`` (``*`` as port: any free one).
         options: Socket options beside those every server has.
+        access: How clients are let in.
 
     Returns:
         The socket, and the endpoint as clients reach it.
 
     Raises:
-        LinkError: The endpoint is none, is in use, or cannot be bound.
+        LinkError: The endpoint is none, is in use, cannot be bound, or would let in anybody.
     """
-    _check(endpoint)
+    _check(endpoint, access)
     server = context.socket(kind)
     server.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
     server.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
@@ -57,10 +97,19 @@ def open_server(
     server.setsockopt(zmq.LINGER, LINGER_MS)
     for option, value in options.items():
         server.setsockopt(option, value)
+    if access.secret is not None:
+        server.setsockopt(zmq.CURVE_SERVER, 1)
+        server.setsockopt(zmq.CURVE_SECRETKEY, access.secret)
+        server.setsockopt(zmq.ZAP_DOMAIN, access.domain)
+        server.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without it a missing authenticator admits everybody
+    if is_tcp(endpoint):
+        watch(server)
     umask = os.umask(0o077)  # the mode of an ipc socket is 0777 less this
     try:
         server.bind(endpoint)
     except zmq.ZMQError as error:
+        if is_tcp(endpoint):
+            unwatch(server)
         server.close()
         raise LinkError(f"{endpoint}: cannot be bound: {error}; name another endpoint, or free this one") from error
     finally:
@@ -68,13 +117,18 @@ def open_server(
     return server, server.getsockopt_string(zmq.LAST_ENDPOINT)
 
 
-def _check(endpoint: str) -> None:
+def is_tcp(endpoint: str) -> bool:
+    """Whether this is an endpoint over TCP."""
+    return endpoint.startswith("tcp://")
+
+
+def _check(endpoint: str, access: Access) -> None:
     if endpoint.startswith("ipc://"):
         _check_ipc(endpoint, os.fsencode(endpoint.removeprefix("ipc://")))
-    elif endpoint.startswith("tcp://"):
-        _check_tcp(endpoint, endpoint.removeprefix("tcp://").rpartition(":")[0])
+    elif is_tcp(endpoint):
+        _check_tcp(endpoint, endpoint.removeprefix("tcp://").rpartition(":")[0], access)
     else:
-        raise LinkError(f"{endpoint}: no endpoint; one is ipc:///run/slipd/publish or tcp://127.0.0.1:5555")
+        raise LinkError(f"{endpoint}: no endpoint; one is ipc:///run/slipd/publish or tcp://192.168.1.7:5555")
 
 
 def _check_ipc(endpoint: str, path: bytes) -> None:
@@ -100,13 +154,16 @@ def _is_served(path: bytes) -> bool:
         return True
 
 
-def _check_tcp(endpoint: str, host: str) -> None:
+def _check_tcp(endpoint: str, host: str, access: Access) -> None:
     try:
-        local = host == "localhost" or ipaddress.IPv4Address(host).is_loopback
+        local = host == "localhost" or (host != "*" and ipaddress.IPv4Address(host).is_loopback)
     except ValueError:
-        local = False
-    if not local:
-        raise LinkError(
-            f"{endpoint}: other machines would reach the gripper without encryption and without a list of allowed"
-            " keys, which slipd does not have yet; use tcp://127.0.0.1:port, or ipc:///path with an SSH tunnel"
-        )
+        raise LinkError(f"{endpoint}: {host!r} is no IPv4 address of this machine; * stands for all of them") from None
+    if access.secret is not None or (local and access.local_tcp):
+        return
+    who = "every user of this machine" if local else "other machines"
+    raise LinkError(
+        f"{endpoint}: {who} would reach the gripper without encryption and without a list of allowed keys; set"
+        " bus.secret_key, bus.readers and bus.requesters, or use ipc:///path"
+        + (", or set bus.allow_local_tcp = true" if local else ", with an SSH tunnel from elsewhere")
+    )

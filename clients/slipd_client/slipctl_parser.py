@@ -1,0 +1,108 @@
+"""What ``slipctl`` understands: its commands, their arguments, and what is wrong with a wrong one."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+
+from slipd_client import keys_command
+from slipd_client.asking import TARE_S
+
+Add = Callable[[str, str], argparse.ArgumentParser]
+"""Adds a command, of a name and a help text."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser; ``command`` of what it returns is the whole command, e.g. "grip set"."""
+    top = argparse.ArgumentParser(prog="slipctl", description="Look at a running slipd, and ask it for things.")
+    top.add_argument("--publish", metavar="ENDPOINT", help="where slipd publishes")
+    top.add_argument("--requests", metavar="ENDPOINT", help="where slipd takes requests")
+    top.add_argument("--key", metavar="FILE", help="this client's secret key, for a daemon across a network")
+    top.add_argument("--server-key", metavar="FILE", help="the daemon's public key")
+    add = _commands(top, "")
+
+    watch = add("watch", "show levels, forces and health as they change")
+    watch.add_argument("--json", action="store_true", help="every message, one a line")
+    watch.add_argument("--once", action="store_true", help="show the last messages and end")
+    status = add("status", "ask what the daemon and its streams are doing")
+    status.add_argument("--json", action="store_true", help="the whole map")
+
+    _grip(_commands(add("grip", "move the gripper, or its force; takes the lease for it"), "grip "))
+    _tare(_commands(add("tare", "what counts as zero of a finger's force"), "tare "))
+
+    friction = add("friction", "tell the friction between a finger's pad and what it holds")
+    friction.add_argument("finger", metavar="FINGER")
+    friction.add_argument("mu_s", type=_positive, metavar="MU_S", help="static coefficient")
+    friction.add_argument("mu_d", type=_positive, metavar="MU_D", nargs="?", help="dynamic coefficient")
+
+    record = _commands(add("record", "record what the daemon hears and says"), "record ")
+    record("start", "begin a file; the daemon names it")
+    record("stop", "end it")
+    keys_command.add_arguments(add("keys", "keys for a daemon across a network"))
+    return top
+
+
+def _grip(add: Add) -> None:
+    setting = add("set", "set the normal force on one pad")
+    setting.add_argument("force_n", type=_positive, metavar="FORCE_N")
+    adjust = add("adjust", "change that force; a negative change loosens")
+    adjust.add_argument("delta_n", type=_finite, metavar="DELTA_N")
+    for each in (setting, adjust):
+        each.add_argument(
+            "--hold", type=_not_negative, default=0.0, metavar="S", help="keep the lease so long (0); no end moves it"
+        )
+    add("hold", "stay at the force in force")
+    close = add("close", "close onto an object")
+    close.add_argument("force_n", type=_positive, metavar="FORCE_N", help="normal force on one pad")
+    opening = add("open", "open; refused in contact without --drop")
+    activate = add("activate", "make the gripper ready; some open and close for it")
+    for each in (close, opening):
+        each.add_argument("--width-m", type=_not_negative, metavar="M", help="between the pads")
+        each.add_argument("--speed-mps", type=_positive, metavar="MPS")
+    for each in (opening, activate):
+        each.add_argument("--drop", action="store_true", help="although an object is held, or may be")
+    add("stop", "stop the fingers where they are")
+    add("ack", "say that the latched fault was seen")
+
+
+def _tare(add: Add) -> None:
+    take = add("take", "take a finger's present wrench as zero; nothing may touch it")
+    take.add_argument("--seconds", type=_positive, default=TARE_S, metavar="S", help="mean over so long (%(default)s)")
+    for each in (take, add("get", "show the tare in use"), add("undo", "go back to the tare before the last one")):
+        each.add_argument("finger", metavar="FINGER")
+
+
+def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
+    group = parent.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    def add(name: str, what: str) -> argparse.ArgumentParser:
+        command = group.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
+        command.set_defaults(command=prefix + name)
+        return command
+
+    return add
+
+
+def _positive(text: str) -> float:
+    value = _not_negative(text)
+    if value == 0:
+        raise argparse.ArgumentTypeError("must be more than 0")
+    return value
+
+
+def _not_negative(text: str) -> float:
+    value = _finite(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is no finite number from 0 up")
+    return value
+
+
+def _finite(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is no finite number")
+    return value

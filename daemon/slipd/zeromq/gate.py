@@ -1,0 +1,121 @@
+"""Keeps connections over TCP from using up the daemon's file descriptors.
+
+ZeroMQ accepts every connection as long as the process has a descriptor left, and then the daemon itself can open
+nothing. It has no limit of its own, and giving up the port would cut off who is connected. So the kernel is told to
+drop every request for a connection (a packet filter on the listening socket, ``SO_ATTACH_FILTER`` of socket(7)) while
+there are too many.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import socket
+import struct
+
+import zmq
+
+from slipd.zeromq.draining import Drain
+
+MAX_CONNECTIONS = 256
+"""Connections of one endpoint: several times what a cell has."""
+
+RESERVE = 64
+"""Descriptors that connections never get: the ports, files and sockets of the daemon itself, generously."""
+
+BACKLOG = 16
+"""Connections that the kernel may have taken when the gate closes; ZeroMQ still gets them."""
+
+REOPEN_BELOW = 0.75
+"""Share of the most connections below which the gate opens again."""
+
+_EVENTS = zmq.EVENT_LISTENING | zmq.EVENT_ACCEPTED | zmq.EVENT_DISCONNECTED
+_SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27  # Python does not name them; the numbers are those of x86 and ARM
+_RETURN = 0x06  # BPF_RET | BPF_K: keep so many bytes of a packet
+
+
+def raise_descriptor_limit() -> None:
+    """Let this process open as many files as its hard limit says; the soft one is for programs that use select()."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+
+
+def most_connections() -> int:
+    """How many connections one endpoint may have under the limit of descriptors in force.
+
+    A quarter of what the reserve leaves: there are two endpoints, and ZeroMQ accepts some more before the gate closes.
+    """
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(1, min(MAX_CONNECTIONS, (limit - RESERVE) // 4))
+
+
+def watch(server: zmq.Socket[bytes]) -> None:
+    """Prepare a socket for its gate; to be called before it is bound, so that the gate learns what listens."""
+    server.setsockopt(zmq.BACKLOG, BACKLOG)
+    server.get_monitor_socket(_EVENTS)
+
+
+def unwatch(server: zmq.Socket[bytes]) -> None:
+    """Undo ``watch``; to be called before the socket is closed."""
+    monitor = server.get_monitor_socket()
+    server.disable_monitor()
+    monitor.close(linger=0)
+
+
+class Gate:
+    """Watches one bound server; serves from ``with`` to its end, on the running loop.
+
+    Args:
+        server: A socket that ``watch`` prepared and that is bound to one TCP endpoint.
+        most: Connections at which the gate closes.
+
+    Attributes:
+        closed: Whether new connections are kept out.
+        times_closed: How often it has been closed so far.
+    """
+
+    def __init__(self, server: zmq.Socket[bytes], most: int) -> None:
+        self.closed = False
+        self.times_closed = 0
+        self._server, self._most = server, most
+        self._connections: set[int] = set()
+        self._listener: socket.socket | None = None
+
+    def __enter__(self) -> Gate:
+        self._drain = Drain(self._server.get_monitor_socket(), self._on_event, max_frames=2)
+        self._drain.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._drain.stop()
+        unwatch(self._server)
+        if self._listener is not None:
+            self._listener.close()
+
+    def _on_event(self, frames: list[bytes]) -> None:
+        """Count; the first frame is the event (16 bits) and the descriptor that it is about (32 bits)."""
+        event, descriptor = struct.unpack("=Hi", frames[0])
+        if event == zmq.EVENT_LISTENING:
+            self._listener = socket.socket(fileno=os.dup(descriptor))
+        elif event == zmq.EVENT_ACCEPTED:
+            self._connections.add(descriptor)
+        elif event == zmq.EVENT_DISCONNECTED:
+            self._connections.discard(descriptor)
+        if not self.closed and len(self._connections) >= self._most:
+            self._close()
+        elif self.closed and len(self._connections) < self._most * REOPEN_BELOW:
+            self._open()
+
+    def _close(self) -> None:
+        if self._listener is not None:
+            program = ctypes.create_string_buffer(struct.pack("=HBBI", _RETURN, 0, 0, 0))
+            filter_ = struct.pack("@HP", 1, ctypes.addressof(program))
+            self._listener.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, filter_)
+            self.closed = True
+            self.times_closed += 1
+
+    def _open(self) -> None:
+        if self._listener is not None:
+            self._listener.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
+            self.closed = False

@@ -1,0 +1,245 @@
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from slipd_client.aio import AT_ONCE, AsyncGripClient, AsyncSubscriber
+from slipd_client.errors import LeaseLost, NoAnswer, RequestRefused, Silence
+from slipd_client.messages import MessageError
+
+if TYPE_CHECKING:
+    from conftest import Daemon, Publisher
+
+PATIENCE_S = 10.0
+
+
+async def joined(publisher: Publisher) -> None:
+    await asyncio.to_thread(publisher.wait_for_subscriber)
+
+
+async def test_messages_come_with_gaps_and_restarts_told(publisher: Publisher) -> None:
+    async with AsyncSubscriber(publisher.endpoint) as subscriber:
+        await joined(publisher)
+        publisher.send("slip.left", 1)
+        publisher.send("slip.left", 5)
+        publisher.boot = "boot-2"
+        publisher.send("slip.left", 1)
+        told = []
+        async for message in subscriber:
+            told.append((message.seq, message.missed, message.restarted))
+            if len(told) == 3:
+                break
+    assert told == [(1, 0, False), (5, 3, False), (1, 0, True)]
+
+
+async def test_a_timeout_is_none_and_before_the_first_message_all_is_stale(publish: str) -> None:
+    async with AsyncSubscriber(publish) as subscriber:
+        assert await subscriber.receive(0.0) is None
+        assert await subscriber.receive(0.01) is None
+        assert subscriber.stale
+
+
+async def test_silence_is_told_and_iterating_anew_goes_on(publisher: Publisher) -> None:
+    async with AsyncSubscriber(publisher.endpoint, silence_s=0.05) as subscriber:
+        await joined(publisher)
+        with pytest.raises(Silence, match=r"for 0\.05 s"):
+            await anext(aiter(subscriber))
+        subscriber._hearing.silence_s = PATIENCE_S
+        publisher.send("slip.left", 1)
+        assert (await anext(aiter(subscriber))).seq == 1
+
+
+async def test_the_sign_of_life_ends_a_silence_but_is_not_handed_out(publisher: Publisher) -> None:
+    async with AsyncSubscriber(publisher.endpoint, ("warning",), silence_s=PATIENCE_S) as subscriber:
+        await joined(publisher)
+        await joined(publisher)
+        for seq in range(3):
+            publisher.send("status", seq)
+        publisher.send("warning", 1)
+        assert (await anext(aiter(subscriber))).topic == "warning"
+
+
+async def test_no_message_is_lost_by_cancelled_receives(publisher: Publisher) -> None:
+    """Every wait is cancelled or runs out in the midst of a stream; all messages come, in order, once."""
+    count, heard = 1500, []
+    async with AsyncSubscriber(publisher.endpoint) as subscriber:
+        await joined(publisher)
+
+        async def send() -> None:
+            for seq in range(count):
+                publisher.send("slip.left", seq)
+                if seq % 3 == 0:
+                    await asyncio.sleep(0.0005)
+
+        sender = asyncio.create_task(send())
+        async with asyncio.timeout(PATIENCE_S * 3):
+            while len(heard) < count:
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(0.0007):
+                        while True:
+                            message = await subscriber.receive()
+                            assert message is not None
+                            heard.append((message.seq, message.missed))
+        await sender
+    assert heard == [(seq, 0) for seq in range(count)]
+
+
+async def test_a_cancelled_iteration_goes_on_where_it_ended(publisher: Publisher) -> None:
+    heard: list[int] = []
+    async with AsyncSubscriber(publisher.endpoint) as subscriber:
+        await joined(publisher)
+
+        async def listen() -> None:
+            async for message in subscriber:
+                heard.append(message.seq)
+                await asyncio.sleep(0)
+
+        for begin in range(0, 300, 10):
+            listener = asyncio.create_task(listen())
+            await asyncio.sleep(0)
+            for seq in range(begin, begin + 10):
+                publisher.send("slip.left", seq)
+            await asyncio.sleep(0.001)
+            listener.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await listener
+        while len(heard) < 300:
+            message = await subscriber.receive(PATIENCE_S)
+            assert message is not None
+            heard.append(message.seq)
+    assert heard == list(range(300))
+
+
+async def test_a_backlog_leaves_the_loop_to_others(publisher: Publisher) -> None:
+    turns = 0
+
+    async def other() -> None:
+        nonlocal turns
+        while True:
+            await asyncio.sleep(0)
+            turns += 1
+
+    async with AsyncSubscriber(publisher.endpoint) as subscriber:
+        await joined(publisher)
+        for seq in range(4 * AT_ONCE):
+            publisher.send("slip.left", seq)
+        task = asyncio.create_task(other())
+        for _ in range(4 * AT_ONCE):
+            assert await subscriber.receive(PATIENCE_S) is not None
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+    assert turns >= 1
+
+
+async def test_requests_are_answered_and_refused(daemon: Daemon) -> None:
+    daemon.handlers["grip.set"] = lambda _: {"error": {"code": "out_of_range", "message": "no", "field": "force_n"}}
+    async with AsyncGripClient(daemon.endpoint) as client:
+        assert (await client.hello())["boot"] == "boot-1"
+        assert await client.status() == {}
+        with pytest.raises(RequestRefused, match="out_of_range: force_n"):
+            await client.grip_set(99.0)
+        with pytest.raises(MessageError, match="not_finite"):
+            await client.grip_set(float("nan"))
+        assert await client.gripper_open(drop=True, width_m=0.05) == {}
+    assert {name: daemon.requests[-1][name] for name in ("op", "drop", "width_m")} == {
+        "op": "gripper.open",
+        "drop": True,
+        "width_m": 0.05,
+    }
+
+
+async def test_without_a_daemon_nothing_is_sent_and_that_is_said(requests: str) -> None:
+    async with AsyncGripClient(requests, timeout_s=0.05) as client:
+        with pytest.raises(NoAnswer, match="nothing was sent"):
+            await client.status()
+
+
+async def test_a_daemon_that_comes_while_it_is_waited_for_is_asked(
+    start_daemon: Callable[..., Daemon], requests: str
+) -> None:
+    async with AsyncGripClient(requests, timeout_s=PATIENCE_S) as client:
+        asking = asyncio.create_task(client.status())
+        await asyncio.sleep(0.02)
+        daemon = start_daemon()
+        assert await asking == {}
+    assert daemon.ops[-1] == "status"
+
+
+async def test_a_late_reply_and_one_to_a_cancelled_request_are_not_taken_for_the_next(daemon: Daemon) -> None:
+    daemon.handlers["silent"] = lambda _: None
+    daemon.handlers["echo"] = lambda request: {"told": request["told"]}
+    async with AsyncGripClient(daemon.endpoint) as client:
+        await client.hello()
+        with pytest.raises(NoAnswer, match="may or may not"):
+            await client._run(client._asking.request("silent", {}, 0.05))
+        for told in range(20):
+            asking = asyncio.create_task(client.request("echo", told=-1))
+            await asyncio.sleep(0)
+            asking.cancel()
+            assert await client.request("echo", told=told) == {"told": told}
+
+
+async def test_tasks_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) -> None:
+    daemon.handlers["echo"] = lambda request: {"told": request["told"]}
+    async with AsyncGripClient(daemon.endpoint) as client:
+        replies = await asyncio.gather(*(client.request("echo", told=told) for told in range(50)))
+    assert [reply["told"] for reply in replies] == list(range(50))
+
+
+async def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
+    looks = iter([{"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    daemon.handlers["tare.get"] = lambda _: next(looks)
+    async with AsyncGripClient(daemon.endpoint) as client:
+        assert await client.tare("left", 0.1) == {"busy": False, "tare_id": 2, "verified": True}
+
+
+async def test_a_lease_renews_itself_and_is_given_back(daemon: Daemon, often: int) -> None:
+    async with AsyncGripClient(daemon.endpoint) as client, client.lease(often) as lease:
+        async with asyncio.timeout(PATIENCE_S):
+            while daemon.ops.count("lease.renew") < 3:
+                await client.grip_set(5.0)
+                await lease.wait(0.001)
+        assert not lease.lost
+    assert daemon.ops[-1] == "lease.release"
+
+
+async def test_a_lease_that_is_lost_is_told_at_once(daemon: Daemon, often: int) -> None:
+    daemon.handlers["lease.renew"] = lambda _: {"error": {"code": "no_lease", "message": "it has ended"}}
+    async with AsyncGripClient(daemon.endpoint) as client, client.lease(often) as lease:
+        with pytest.raises(LeaseLost, match="it has ended"):
+            await lease.wait(PATIENCE_S)
+        assert lease.why == "no_lease: it has ended"
+        with pytest.raises(LeaseLost):
+            await client.grip_set(5.0)
+    assert not {"grip.set", "lease.release"} & set(daemon.ops)
+
+
+async def test_a_lease_of_a_loop_that_stood_still_is_lost(daemon: Daemon) -> None:
+    async with AsyncGripClient(daemon.endpoint) as client, client.lease(50) as lease:
+        await asyncio.to_thread(lambda: None)
+        lease._sent_ns -= 50_000_000
+        with pytest.raises(LeaseLost, match="stood still"):
+            await client.grip_set(5.0)
+
+
+async def test_a_lease_is_given_back_when_its_task_is_cancelled(daemon: Daemon, often: int) -> None:
+    held = asyncio.Event()
+
+    async def steer(client: Any) -> None:
+        async with client.lease(often):
+            held.set()
+            await asyncio.sleep(PATIENCE_S)
+
+    async with AsyncGripClient(daemon.endpoint) as client:
+        task = asyncio.create_task(steer(client))
+        await held.wait()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert daemon.ops[-1] == "lease.release"

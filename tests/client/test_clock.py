@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd_client.clock import DRIFT_PPM, ServerClock
+
+SECOND = 10**9
+
+
+def drifted(now_ns: int, ppm: int) -> int:
+    return now_ns + now_ns * ppm // 1_000_000
+
+
+def test_nothing_is_known_before_the_first_reply_nor_after_another_daemon() -> None:
+    clock = ServerClock()
+    assert clock.error_ns(0) is None
+    clock.hear(0, 10, 5)
+    clock.forget()
+    assert clock.error_ns(0) is None
+
+
+def test_the_error_is_half_the_way_there_and_back() -> None:
+    clock = ServerClock()
+    clock.hear(1_000, 3_000, 502_000)
+    assert clock.error_ns(3_000) == 1_001, "half of 2 µs, and what the clocks may part meanwhile"
+    assert clock.server_ns(2_000) == 502_000
+    assert clock.local_ns(502_000) == 2_000
+
+
+def test_the_quicker_of_several_replies_tells_the_clock() -> None:
+    clock = ServerClock()
+    clock.hear(0, 100_000, 99_000)
+    clock.hear(100_000, 102_000, 151_000)
+    assert clock.error_ns(102_000) < 1_100
+    clock.hear(102_000, 902_000, 600_000)
+    assert clock.error_ns(902_000) < 1_300
+
+
+def test_the_error_grows_with_time() -> None:
+    clock = ServerClock()
+    clock.hear(0, 0, 0)
+    assert clock.error_ns(10 * SECOND) == 10 * SECOND * DRIFT_PPM // 1_000_000
+
+
+def test_a_clock_that_steps_is_believed_anew() -> None:
+    clock = ServerClock()
+    clock.hear(0, 1_000, 500)
+    clock.hear(2_000, 4_000, 50 * SECOND)
+    assert abs(clock.server_ns(3_000) - 50 * SECOND) <= clock.error_ns(4_000)
+
+
+@given(
+    offset_ns=st.integers(-(10**15), 10**15),
+    ppm=st.integers(-DRIFT_PPM // 2, DRIFT_PPM // 2),
+    ways=st.lists(st.tuples(*[st.integers(0, SECOND)] * 3), min_size=1, max_size=20),
+)
+def test_the_bounds_hold_whatever_the_line_does(offset_ns: int, ppm: int, ways: list[tuple[int, int, int]]) -> None:
+    clock, now_ns = ServerClock(), 0
+    for pause_ns, there_ns, back_ns in ways:
+        sent_ns = now_ns + pause_ns
+        now_ns = sent_ns + there_ns + back_ns
+        clock.hear(sent_ns, now_ns, drifted(sent_ns + there_ns, ppm) + offset_ns)
+        later_ns = now_ns + pause_ns
+        truth_ns = drifted(later_ns, ppm) + offset_ns
+        assert abs(clock.server_ns(later_ns) - truth_ns) <= clock.error_ns(later_ns) + 2
+        assert clock.earliest_ns(later_ns) <= truth_ns + 2

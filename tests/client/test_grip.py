@@ -1,0 +1,369 @@
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from slipd_client.errors import LeaseLost, NoAnswer, RequestRefused
+from slipd_client.grip import GripClient
+from slipd_client.messages import MessageError, encode
+
+if TYPE_CHECKING:
+    from conftest import Daemon
+
+PATIENCE_S = 10.0
+
+MAX_AHEAD_NS = 500_000_000
+"""The furthest deadline that a daemon accepts."""
+
+
+def refuse(code: str, message: str = "no", field: str | None = None) -> Callable[[Any], dict[str, Any]]:
+    return lambda _: {"error": {"code": code, "message": message, "field": field}}
+
+
+def test_hello_needs_neither_boot_nor_deadline(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client:
+        assert client.hello()["boot"] == "boot-1"
+    assert set(daemon.requests[0]) == {"v", "id", "op", "arrived_ns"}
+
+
+def test_the_first_request_greets_by_itself(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client:
+        client.status()
+        client.status()
+    assert daemon.ops == ["hello", "status", "status"]
+
+
+def test_every_request_names_version_run_and_an_id_of_its_own(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as first, GripClient(daemon.endpoint) as second:
+        for client in (first, second, first):
+            client.status()
+    asked = [request for request in daemon.requests if request["op"] == "status"]
+    assert {(request["v"], request["boot"]) for request in asked} == {(1, "boot-1")}
+    assert len({request["id"] for request in daemon.requests}) == len(daemon.requests)
+
+
+@pytest.mark.parametrize("ahead_s", [0, 86_400, -86_400])
+def test_deadlines_are_in_the_clock_of_the_daemon(start_daemon: Callable[..., Daemon], ahead_s: int) -> None:
+    daemon = start_daemon(ahead_ns=ahead_s * 10**9)
+    with GripClient(daemon.endpoint) as client:
+        client.status()
+    asked = daemon.requests[-1]
+    assert 0 < asked["deadline_ns"] - asked["arrived_ns"] < MAX_AHEAD_NS
+
+
+def test_a_clock_that_is_known_no_more_is_read_again_and_the_run_is_kept(
+    daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with GripClient(daemon.endpoint) as client:
+        client.status()
+        monkeypatch.setattr(client.clock, "error_ns", lambda _: MAX_AHEAD_NS)
+        daemon.boot = "boot-2"
+        with pytest.raises(RequestRefused, match="wrong_boot"):
+            client.status()
+    assert set(daemon.ops[2:-1]) == {"hello"}
+    assert daemon.requests[-1]["boot"] == "boot-1"
+
+
+def test_a_refusal_carries_code_message_and_field(daemon: Daemon) -> None:
+    daemon.handlers["grip.set"] = refuse("out_of_range", "at most 40 N", "force_n")
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused) as caught:
+        client.grip_set(99.0)
+    refusal = caught.value
+    assert (refusal.code, refusal.message, refusal.field) == ("out_of_range", "at most 40 N", "force_n")
+    assert str(refusal) == "out_of_range: force_n: at most 40 N"
+
+
+def test_a_refusal_without_a_field_is_told_without_one(daemon: Daemon) -> None:
+    daemon.handlers["gripper.activate"] = refuse("no_lease", "acquire one", None)
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match=r"no_lease: acquire one$"):
+        client.gripper_activate()
+
+
+def test_a_number_that_is_none_never_leaves_the_client(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client:
+        client.hello()
+        with pytest.raises(MessageError, match="not_finite: force_n"):
+            client.grip_set(float("nan"))
+        client.status()
+    assert daemon.ops == ["hello", "status"]
+
+
+def test_a_restart_refuses_one_request_and_the_next_greets_the_new_run(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client:
+        client.status()
+        daemon.boot = "boot-2"
+        with pytest.raises(RequestRefused, match="wrong_boot"):
+            client.grip_set(5.0)
+        client.status()
+    assert daemon.requests[-1]["boot"] == "boot-2"
+    assert daemon.ops.count("grip.set") == 1
+
+
+def test_without_a_daemon_nothing_is_sent_and_that_is_said(requests: str) -> None:
+    with GripClient(requests, timeout_s=0.05) as client, pytest.raises(NoAnswer, match="nothing was sent"):
+        client.status()
+
+
+def test_a_request_is_not_kept_for_a_daemon_that_starts_later(
+    start_daemon: Callable[..., Daemon], requests: str
+) -> None:
+    with GripClient(requests, timeout_s=0.05) as client:
+        with pytest.raises(NoAnswer):
+            client.grip_set(12.0)
+        daemon = start_daemon()
+        client.timeout_s = 10.0
+        client.status()
+    assert daemon.ops == ["hello", "status"]
+
+
+def test_a_silent_daemon_may_or_may_not_have_done_it(daemon: Daemon) -> None:
+    daemon.handlers["grip.set"] = lambda _: None
+    with GripClient(daemon.endpoint) as client:
+        client.hello()
+        client.timeout_s = 0.1
+        with pytest.raises(NoAnswer, match="may or may not"):
+            client.grip_set(5.0)
+    assert daemon.ops.count("grip.set") == 1
+
+
+def test_a_late_reply_is_not_taken_for_the_next_one(daemon: Daemon) -> None:
+    def late(request: dict[str, Any]) -> dict[str, Any]:
+        time.sleep(0.3)
+        return {"force_n": request["force_n"]}
+
+    daemon.handlers["grip.set"] = late
+    with GripClient(daemon.endpoint) as client:
+        client.hello()
+        client.timeout_s = 0.1
+        with pytest.raises(NoAnswer):
+            client.grip_set(1.0)
+        client.timeout_s = 10.0
+        assert client.grip_set(2.0) == {"force_n": 2.0}
+
+
+@pytest.mark.parametrize("data", [b"", b"\xc1", encode({"id": 5, "ok": True, "result": {}})])
+def test_a_reply_that_is_none_is_not_believed(daemon: Daemon, data: bytes) -> None:
+    daemon.handlers["status"] = lambda _: data
+    with GripClient(daemon.endpoint) as client:
+        client.hello()
+        client.timeout_s = 0.1
+        with pytest.raises(NoAnswer, match="may or may not"):
+            client.status()
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [{}, {"ok": True}, {"ok": True, "result": 5}, {"ok": False}, {"ok": 1, "result": {}}, {"ok": False, "error": []}],
+)
+def test_a_reply_with_neither_result_nor_error_is_no_success(daemon: Daemon, reply: dict[str, Any]) -> None:
+    daemon.handlers["status"] = lambda request: encode({"v": 1, "id": request["id"], **reply})
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="malformed"):
+        client.status()
+
+
+def test_a_greeting_without_run_or_clock_is_no_answer(daemon: Daemon) -> None:
+    daemon.handlers["hello"] = lambda _: {"boot": "b"}
+    with GripClient(daemon.endpoint) as client, pytest.raises(NoAnswer, match="is this slipd"):
+        client.status()
+
+
+def test_a_lease_is_given_back_at_the_end_of_the_block(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client, client.lease(150):
+        client.grip_set(5.0)
+    assert daemon.requests[1]["ttl_ms"] == 150
+    assert [op for op in daemon.ops if op != "lease.renew"] == ["hello", "lease.acquire", "grip.set", "lease.release"]
+
+
+def test_a_lease_renews_itself_while_the_block_runs(daemon: Daemon, often: int) -> None:
+    with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
+        until_s = time.monotonic() + PATIENCE_S
+        while daemon.ops.count("lease.renew") < 3:
+            client.status()
+            lease.wait(0.001)
+            assert time.monotonic() < until_s
+        assert (lease.lost, lease.why) == (False, "")
+    assert daemon.ops[-1] == "lease.release"
+
+
+def test_a_lease_that_is_refused_its_renewal_is_lost_at_once(daemon: Daemon, often: int) -> None:
+    daemon.handlers["lease.renew"] = refuse("no_lease", "it has ended")
+    with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
+        with pytest.raises(LeaseLost, match="it has ended"):
+            lease.wait(PATIENCE_S)
+        assert (lease.lost, lease.why) == (True, "no_lease: it has ended")
+        for move in (lambda: client.grip_set(5.0), client.gripper_stop, client.fault_ack):
+            with pytest.raises(LeaseLost):
+                move()
+        client.status()
+    assert not {"grip.set", "gripper.stop", "fault.ack", "lease.release"} & set(daemon.ops)
+
+
+@pytest.mark.parametrize("code", ["no_lease", "wrong_boot"])
+def test_a_refusal_for_want_of_the_lease_ends_it(daemon: Daemon, code: str) -> None:
+    daemon.handlers["grip.set"] = refuse(code)
+    with GripClient(daemon.endpoint) as client, client.lease(60_000) as lease:
+        with pytest.raises(RequestRefused, match=code):
+            client.grip_set(5.0)
+        assert lease.lost
+
+
+def test_a_lease_that_was_not_renewed_in_time_is_lost_without_a_word_of_the_daemon(daemon: Daemon) -> None:
+    daemon.handlers["lease.renew"] = lambda _: None
+    with GripClient(daemon.endpoint) as client, client.lease(30) as lease:
+        with pytest.raises(LeaseLost):
+            lease.wait(PATIENCE_S)
+        with pytest.raises(LeaseLost, match="keeps its force"):
+            client.grip_set(5.0)
+
+
+def test_a_lease_of_a_thread_that_is_no_more_is_renewed_no_more(daemon: Daemon, often: int) -> None:
+    with GripClient(daemon.endpoint) as client:
+        lease = client.lease(often)
+        owner = threading.Thread(target=lease.__enter__)
+        owner.start()
+        owner.join()
+        until_s = time.monotonic() + PATIENCE_S
+        while any(thread.name == "slipd-lease" for thread in threading.enumerate()):
+            assert time.monotonic() < until_s
+            time.sleep(0.001)
+        lease.__exit__(None, None, None)
+
+
+def test_a_connection_that_is_closed_within_the_block_loses_the_lease(daemon: Daemon, often: int) -> None:
+    client = GripClient(daemon.endpoint)
+    with client.lease(often) as lease:
+        client.disconnect()
+        with pytest.raises(LeaseLost, match="closed"):
+            lease.wait(PATIENCE_S)
+
+
+def test_one_client_holds_one_lease(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client, client.lease():
+        with pytest.raises(ValueError, match="one at a time"), client.lease():
+            pytest.fail("the block ran")
+        assert daemon.ops.count("lease.acquire") == 1
+    assert daemon.ops.count("lease.release") == 1
+
+
+def test_threads_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) -> None:
+    daemon.handlers["echo"] = lambda request: {"told": request["told"]}
+    heard: list[tuple[int, int]] = []
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
+
+        def ask(number: int) -> None:
+            heard.extend((told, client.request("echo", told=told)["told"]) for told in range(number, 400, 4))
+
+        threads = [threading.Thread(target=ask, args=(number,)) for number in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert len(heard) == 400
+    assert all(told == echoed for told, echoed in heard)
+
+
+def test_a_lease_is_given_back_when_the_block_fails(daemon: Daemon) -> None:
+    daemon.handlers["grip.set"] = refuse("no_limit")
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="no_limit"), client.lease():
+        client.grip_set(5.0)
+    assert daemon.ops[-1] == "lease.release"
+
+
+def test_a_lease_that_has_ended_by_itself_is_no_error_to_give_back(daemon: Daemon) -> None:
+    daemon.handlers["lease.release"] = refuse("no_lease")
+    with GripClient(daemon.endpoint) as client, client.lease():
+        pass
+    assert daemon.ops[-1] == "lease.release"
+
+
+def test_a_lease_that_is_refused_runs_no_block_and_releases_nothing(daemon: Daemon) -> None:
+    daemon.handlers["lease.acquire"] = refuse("lease_held")
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="lease_held"), client.lease():
+        pytest.fail("the block ran")
+    assert "lease.release" not in daemon.ops
+
+
+@pytest.mark.parametrize(
+    ("call", "op", "fields"),
+    [
+        (lambda c: c.status(), "status", {}),
+        (lambda c: c.grip_set(5.0), "grip.set", {"force_n": 5.0}),
+        (lambda c: c.grip_adjust(-0.5), "grip.adjust", {"delta_n": -0.5}),
+        (lambda c: c.grip_hold(), "grip.hold", {}),
+        (lambda c: c.gripper_activate(), "gripper.activate", {}),
+        (lambda c: c.gripper_activate(drop=True), "gripper.activate", {"drop": True}),
+        (lambda c: c.gripper_close(3.0), "gripper.close", {"force_n": 3.0}),
+        (
+            lambda c: c.gripper_close(3.0, width_m=0.02, speed_mps=0.05),
+            "gripper.close",
+            {"force_n": 3.0, "width_m": 0.02, "speed_mps": 0.05},
+        ),
+        (lambda c: c.gripper_open(), "gripper.open", {}),
+        (
+            lambda c: c.gripper_open(drop=True, width_m=0.08, speed_mps=0.1),
+            "gripper.open",
+            {"drop": True, "width_m": 0.08, "speed_mps": 0.1},
+        ),
+        (lambda c: c.gripper_stop(), "gripper.stop", {}),
+        (lambda c: c.fault_ack(), "fault.ack", {}),
+        (lambda c: c.tare_get("left"), "tare.get", {"finger": "left"}),
+        (lambda c: c.tare_undo("left"), "tare.undo", {"finger": "left"}),
+        (
+            lambda c: c.gravity_set("left", (0.0, 0.0, -9.81)),
+            "gravity.set",
+            {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.81]},
+        ),
+        (lambda c: c.friction_set("left", 0.5), "friction.set", {"finger": "left", "mu_s": 0.5}),
+        (lambda c: c.friction_set("left", 0.5, 0.4), "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
+        (lambda c: c.record_start(), "record.start", {}),
+        (lambda c: c.record_stop(), "record.stop", {}),
+        (lambda c: c.request("later.op", label="x", other=None), "later.op", {"label": "x"}),
+    ],
+)
+def test_each_call_sends_its_op_and_fields(
+    daemon: Daemon, call: Callable[[GripClient], object], op: str, fields: dict[str, Any]
+) -> None:
+    with GripClient(daemon.endpoint) as client:
+        call(client)
+    asked = daemon.requests[-1]
+    for common in ("v", "id", "boot", "deadline_ns", "arrived_ns"):
+        del asked[common]
+    assert asked == {"op": op, **fields}
+
+
+def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
+    looks = iter([{"busy": True, "tare_id": 1}, {"busy": True, "tare_id": 1}, {"busy": False, "tare_id": 2}])
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    daemon.handlers["tare.get"] = lambda _: next(looks)
+    with GripClient(daemon.endpoint) as client:
+        assert client.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
+    assert daemon.ops == ["hello", "tare", *["tare.get"] * 3]
+    assert daemon.requests[1]["seconds"] == 0.4
+
+
+def test_a_tare_that_was_given_up_is_told(daemon: Daemon) -> None:
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 1}
+    daemon.handlers["tare.get"] = lambda _: {"busy": False, "tare_id": 1}
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="given up"):
+        client.tare("left", 0.1)
+
+
+def test_a_tare_without_readings_is_told(daemon: Daemon) -> None:
+    daemon.handlers["tare.get"] = lambda _: {"busy": True}
+    with GripClient(daemon.endpoint, timeout_s=0.3) as client, pytest.raises(NoAnswer, match="too few readings"):
+        client.tare("left", 0.1)
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_tare_over_no_time_is_a_bad_call(requests: str, seconds: float) -> None:
+    with GripClient(requests) as client, pytest.raises(ValueError, match="positive time"):
+        client.tare("left", seconds)
+
+
+def test_an_endpoint_that_is_none_is_a_bad_call() -> None:
+    with pytest.raises(ValueError, match="'tcp://robot'"):
+        GripClient("tcp://robot")

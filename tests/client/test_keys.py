@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+import zmq
+import zmq.auth
+
+from slipd_client import keys
+from slipd_client.keys import KeyFileError, create, load, load_allowed, load_public, load_secret
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> tuple[Path, Path]:
+    return create("robot-1", tmp_path / "keys")
+
+
+def mode(path: Path) -> int:
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
+def test_a_secret_is_for_its_user_alone_and_the_public_key_for_all_whatever_the_umask(
+    umask: int, tmp_path: Path
+) -> None:
+    before = os.umask(umask)
+    try:
+        public, secret = create("robot-1", tmp_path / "deep" / "keys")
+    finally:
+        os.umask(before)
+    assert (mode(secret), mode(public), mode(secret.parent)) == (0o600, 0o644, 0o700)
+    assert "secret-key" not in public.read_text()
+
+
+def test_what_is_made_can_be_read_here_and_by_the_tools_of_zeromq(made: tuple[Path, Path]) -> None:
+    public, secret = made
+    pair = load_secret(secret)
+    assert pair == zmq.auth.load_certificate(secret)
+    assert load_public(public) == pair[0] == zmq.auth.load_certificate(public)[0]
+    assert zmq.curve_public(pair[1]) == pair[0]
+
+
+def test_what_the_tools_of_zeromq_made_is_read_once_nobody_else_may(tmp_path: Path) -> None:
+    public, secret = (Path(file) for file in zmq.auth.create_certificates(tmp_path, "other"))
+    secret.chmod(0o600)
+    assert load_secret(secret) == zmq.auth.load_certificate(secret)
+    assert load_public(public) == load_secret(secret)[0]
+
+
+def test_a_client_has_its_own_keys_and_the_daemons_public_one(made: tuple[Path, Path], tmp_path: Path) -> None:
+    server, _ = create("server", tmp_path)
+    found = load(made[1], server)
+    assert (found.public, found.secret) == load_secret(made[1])
+    assert found.server == load_public(server)
+    assert found.secret.decode() not in repr(found)
+
+
+@pytest.mark.parametrize("suffix", [".key", ".key_secret"])
+def test_a_key_is_never_overwritten_and_nothing_is_left_half_made(suffix: str, tmp_path: Path) -> None:
+    (tmp_path / f"robot-1{suffix}").write_text("precious")
+    with pytest.raises(KeyFileError, match="exists already"):
+        create("robot-1", tmp_path)
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["precious"]
+
+
+@pytest.mark.parametrize("name", ["", "..", "a/b", "/etc/passwd", "-x", "a\nb", "x" * 65, ".hidden", "é"])
+def test_a_name_that_could_be_a_path_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(KeyFileError, match="no name"):
+        create(name, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("loose", [0o640, 0o604, 0o660, 0o601, 0o777])
+def test_a_secret_that_others_may_use_is_refused(loose: int, made: tuple[Path, Path]) -> None:
+    made[1].chmod(loose)
+    with pytest.raises(KeyFileError, match=f"mode {loose:04o}.*chmod 600"):
+        load_secret(made[1])
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+def test_a_secret_of_another_user_is_refused(made: tuple[Path, Path]) -> None:
+    os.chown(made[1], 12345, -1)
+    with pytest.raises(KeyFileError, match="belongs to user 12345"):
+        load_secret(made[1])
+
+
+def test_the_two_files_are_not_taken_for_each_other(made: tuple[Path, Path]) -> None:
+    public, secret = made
+    with pytest.raises(KeyFileError, match="holds a secret key"):
+        load_public(secret)
+    public.chmod(0o600)
+    with pytest.raises(KeyFileError, match="holds no secret key"):
+        load_secret(public)
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        (b"", "no public key"),
+        (b"\xff\xfe\x00", "no public key"),
+        (b'public-key = "short"', "40 letters"),
+        ('public-key = "{}"'.format("é" * 40).encode(), "40 letters"),
+        (b'public-key = "%s"' % (b"~" * 40), "40 letters"),
+        (b"#" * 5000, "longer than"),
+    ],
+)
+def test_a_file_that_holds_no_key_is_refused(text: bytes, wrong: str, tmp_path: Path) -> None:
+    (tmp_path / "a.key").write_bytes(text)
+    with pytest.raises(KeyFileError, match=wrong):
+        load_public(tmp_path / "a.key")
+    with pytest.raises(KeyFileError, match=wrong):
+        load_allowed(tmp_path)
+
+
+def test_a_pair_that_does_not_belong_together_is_refused(made: tuple[Path, Path]) -> None:
+    text = made[1].read_text()
+    made[1].write_text(text.replace(load_public(made[0]).decode(), zmq.curve_keypair()[0].decode()))
+    with pytest.raises(KeyFileError, match="not that of the secret"):
+        load_secret(made[1])
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(KeyFileError, match="No such file"):
+        load_secret(tmp_path / "a.key_secret")
+    with pytest.raises(KeyFileError, match="No such file"):
+        load_allowed(tmp_path / "nowhere")
+
+
+def test_those_allowed_are_the_public_keys_of_a_directory(tmp_path: Path) -> None:
+    public = {load_public(create(name, tmp_path)[0]) for name in ("a", "b")}
+    (tmp_path / "README").write_text("not a key")
+    assert load_allowed(tmp_path) == public
+    (tmp_path / "empty").mkdir()
+    assert load_allowed(tmp_path / "empty") == frozenset()
+
+
+@pytest.mark.parametrize("loose", [0o770, 0o707, 0o1777])
+def test_a_list_to_which_others_may_add_is_refused(loose: int, tmp_path: Path) -> None:
+    tmp_path.chmod(loose)
+    with pytest.raises(KeyFileError, match="others may add keys"):
+        load_allowed(tmp_path)
+    tmp_path.chmod(0o700)
+
+
+def test_a_directory_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(KeyFileError, match="file"):
+        keys.create("a", tmp_path / "file")

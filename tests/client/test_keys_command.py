@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slipd_client import keys_command
+from slipd_client.keys import KeyFileError, create, load_public, load_secret
+
+
+def run(*arguments: str) -> None:
+    parser = argparse.ArgumentParser()
+    keys_command.add_arguments(parser)
+    keys_command.run(parser.parse_args(arguments))
+
+
+def test_keys_are_made_and_no_secret_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for command in ("new", "show"):
+        run(command, "robot-1", "--dir", str(tmp_path))
+    run("list", "--dir", str(tmp_path))
+    public, secret = load_secret(tmp_path / "robot-1.key_secret")
+    said = capsys.readouterr().out
+    assert secret.decode() not in said
+    assert said.splitlines()[2:] == [f"robot-1 {public.decode()} (with its secret key)"] * 2
+
+
+def test_a_list_tells_which_secrets_can_be_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    create("a", tmp_path)[1].unlink()
+    create("b", tmp_path)[1].chmod(0o644)
+    create("c", tmp_path)[1].unlink()
+    (tmp_path / "c.key_secret").write_bytes((create("d", tmp_path)[1]).read_bytes())
+    (tmp_path / "c.key_secret").chmod(0o600)
+    run("list", "--dir", str(tmp_path))
+    a, b, c, d = capsys.readouterr().out.splitlines()
+    assert a == f"a {load_public(tmp_path / 'a.key').decode()} (public key alone)"
+    assert "chmod 600" in b
+    assert "another's" in c
+    assert d.endswith("(with its secret key)")
+
+
+def test_a_directory_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(KeyFileError, match="nowhere: cannot be read"):
+        run("list", "--dir", str(tmp_path / "nowhere"))
+
+
+def test_the_directory_is_the_users_own_unless_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", "/home/r/conf")
+    assert keys_command.default_directory() == Path("/home/r/conf/slipd/keys")
+    monkeypatch.setenv("XDG_CONFIG_HOME", "")
+    monkeypatch.setenv("HOME", "/home/r")
+    assert keys_command.default_directory() == Path("/home/r/.config/slipd/keys")
+
+
+def test_slipctl_makes_keys_and_refuses_to_overwrite_them(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "slipd_client.slipctl", "keys", "new", "robot-1"]
+    environment = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path)}
+    first = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert (first.returncode, first.stderr) == (0, "")
+    again = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert again.returncode == 2
+    assert "exists already" in again.stderr
+    load_secret(tmp_path / "slipd" / "keys" / "robot-1.key_secret")
