@@ -1,26 +1,94 @@
-"""A drop of R is a slip only when the load itself gives way, quickly, from near the limit."""
+"""Levels rise at their thresholds and fall a hysteresis below; a drop of R is a slip only when the load itself gives
+way, quickly, from near the limit."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from slipd.fusion import SlipDetector, SlipSettings
+from slipd.fusion import FREE, TOUCHING, ContactWatch, Doubt, Found, SlipSettings, Thresholds
+from slipd.fusion.slip import CAUTION, STABLE, WARNING
 
 MU = 0.6
+NO_TOUCH = np.array((FREE,), np.int8)
 
 
-def told(
-    tangential: np.ndarray, normal: np.ndarray, *, mu: float = MU, settings: SlipSettings | None = None
-) -> list[int]:
+class Watch:
+    """A contact whose readings come one by one, at 1 kHz."""
+
+    def __init__(self, settings: SlipSettings | None = None) -> None:
+        self.watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), settings or SlipSettings(), 0.001, 0.3)
+        self.k = 0
+
+    def take(self, load_n: float, normal_n: float, used: float, *, touch: int = TOUCHING) -> Found:
+        contact = np.array([(0.0, 0.0, 0.0, 0.0, normal_n, load_n, 0.0, 0.0, load_n / normal_n, 0.0)])
+        row = np.array([(0.0, used, used, used, *[math.nan] * 5)])
+        margins, times = np.array((0.01,)), np.array((self.k * 1e-3,))
+        self.k += 1
+        found = self.watch.follow(times, contact, np.array((touch,), np.int8), row, margins, MU, Doubt(), 0.0)
+        return Found(*found[0].tolist())
+
+    def step(self, used: float) -> int:
+        return int(self.take(1.0, 10.0, used).step)
+
+    def slips(self, load_n: float, normal_n: float, used: float) -> bool:
+        return bool(self.take(load_n, normal_n, used).slips)
+
+
+def told(tangential: np.ndarray, normal: np.ndarray, settings: SlipSettings | None = None) -> list[int]:
     """Milliseconds at which a slip is told, readings coming at 1 kHz."""
-    detector = SlipDetector(settings or SlipSettings())
-    return [
-        k
-        for k, (ft, fn) in enumerate(zip(tangential, normal, strict=True))
-        if detector.update(k * 1e-3, ft, fn, ft / fn / mu)
-    ]
+    watch = Watch(settings)
+    return [k for k, (ft, fn) in enumerate(zip(tangential, normal, strict=True)) if watch.slips(ft, fn, ft / fn / MU)]
+
+
+@pytest.fixture
+def gate() -> Watch:
+    return Watch()
+
+
+@pytest.mark.parametrize(
+    ("utilisation", "step"),
+    [(0.0, STABLE), (0.699, STABLE), (0.70, CAUTION), (0.849, CAUTION), (0.85, WARNING), (math.inf, WARNING)],
+)
+def test_a_level_is_reached_at_its_threshold(gate: Watch, utilisation: float, step: int) -> None:
+    assert gate.step(utilisation) == step
+
+
+@pytest.mark.parametrize(
+    ("path", "steps"),
+    [
+        ((0.70, 0.651, 0.649), (CAUTION, CAUTION, STABLE)),
+        ((0.85, 0.801, 0.799, 0.651, 0.649), (WARNING, WARNING, CAUTION, CAUTION, STABLE)),
+        ((0.85, 0.66), (WARNING, CAUTION)),
+        ((0.85, 0.5), (WARNING, STABLE)),
+        ((0.66, 0.81), (STABLE, CAUTION)),
+        ((math.inf, 0.5), (WARNING, STABLE)),
+    ],
+)
+def test_a_level_is_left_a_hysteresis_below_it(gate: Watch, path: tuple[float, ...], steps: tuple[int, ...]) -> None:
+    assert tuple(map(gate.step, path)) == steps
+
+
+def test_a_new_contact_begins_without_the_old_ones_hysteresis(gate: Watch) -> None:
+    gate.step(0.86)
+    gate.take(0.0, 0.1, math.nan, touch=FREE)
+    assert gate.step(0.84) == CAUTION
+
+
+@given(st.lists(st.floats(0.0, 2.0), min_size=1, max_size=30))
+def test_hysteresis_only_ever_holds_a_level_up_and_by_no_more_than_its_width(path: list[float]) -> None:
+    gate = Watch()
+    before = STABLE
+    for utilisation in path:
+        step = gate.step(utilisation)
+        bare = (utilisation >= 0.70) + (utilisation >= 0.85)
+        held = (utilisation >= 0.70 - 0.05) + (utilisation >= 0.85 - 0.05)
+        assert bare <= step <= max(bare, min(before, held))
+        before = step
 
 
 def test_the_fall_from_static_to_dynamic_friction_is_told_at_once() -> None:
@@ -57,14 +125,35 @@ def test_opening_the_gripper_is_no_slip_while_r_stays() -> None:
 
 
 def test_an_unknown_utilisation_arms_nothing() -> None:
-    detector = SlipDetector(SlipSettings())
-    assert not any(detector.update(k * 1e-3, 6.0 if k < 50 else 3.0, 10.0, math.nan) for k in range(200))
+    watch = Watch()
+    assert not any(watch.slips(6.0 if k < 50 else 3.0, 10.0, math.nan) for k in range(200))
 
 
-def test_reset_forgets_a_slip() -> None:
-    detector = SlipDetector(SlipSettings())
+def test_the_end_of_the_contact_forgets_a_slip() -> None:
+    watch = Watch()
     for k in range(60):
-        slips = detector.update(k * 1e-3, 6.0 if k < 50 else 4.0, 10.0, 0.9)
+        slips = watch.slips(6.0 if k < 50 else 4.0, 10.0, 0.9)
     assert slips
-    detector.reset()
-    assert not detector.update(0.061, 4.0, 10.0, 0.7)
+    watch.take(0.0, 0.1, math.nan, touch=FREE)
+    assert not watch.slips(4.0, 10.0, 0.7)
+
+
+def test_a_smaller_fall_is_a_slip_once_the_coefficients_are_known_better() -> None:
+    load = np.concatenate((np.full(100, 6.0), np.full(100, 5.5)))
+    assert told(load, np.full(200, 10.0)) == []
+    watch = Watch()
+    watch.watch.set_drop(0.06)
+    assert any(watch.slips(ft, 10.0, ft / 6.0) for ft in load)
+
+
+def test_a_read_longer_than_the_window_is_followed_as_a_whole() -> None:
+    count = 700
+    load = np.where(np.arange(count) < 400, 6.0, 4.5)
+    contacts = np.zeros((count, 10))
+    contacts[:, 4], contacts[:, 5], contacts[:, 8] = 10.0, load, load / 10.0
+    rows = np.full((count, 9), math.nan)
+    rows[:, 1:4] = (load / 6.0)[:, None]
+    watch = ContactWatch(Thresholds(), SlipSettings(), 0.001, 0.3)
+    touch = np.full(count, TOUCHING, np.int8)
+    found = watch.follow(np.arange(count) * 1e-4, contacts, touch, rows, np.full(count, 0.01), MU, Doubt(), 0.0)
+    assert np.flatnonzero(found[:, 2])[0] == 400

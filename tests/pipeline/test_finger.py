@@ -12,7 +12,7 @@ from slipd.config import Config
 from slipd.config import Levels as LevelsConfig
 from slipd.fusion import torque_limit
 from slipd.pipeline.finger import Finger, stale_after_ns
-from slipd.pipeline.judge import State
+from slipd.pipeline.state import State
 from slipd.samples import TactileSample, WrenchSample
 
 MS = 1_000_000

@@ -74,6 +74,11 @@ class Frames:
         self._tail = buffer[keep:]
         return buffer, found
 
+    @property
+    def begun(self) -> bool:
+        """The stream ends with bytes that may begin a frame."""
+        return bool(self._tail)
+
     def forget(self) -> None:
         """Drop a begun frame: the line was closed, or has been silent too long for the rest of it to come.
 

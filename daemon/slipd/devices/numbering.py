@@ -55,6 +55,13 @@ class Numbering:
         self._newest, self._old = number, None
         return True
 
+    def go_on(self, first: int, count: int) -> bool:
+        """Take ``count`` numbers running that follow the newest; False, and none is taken, where they do not."""
+        if self._newest is None or first != self._newest + 1 or first + count > self._span:
+            return False
+        self._newest, self._old = first + count - 1, None
+        return True
+
     def forget(self) -> None:
         """Begin anew: what comes next follows nothing."""
         self._newest = self._old = None

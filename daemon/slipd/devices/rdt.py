@@ -82,6 +82,36 @@ class Records:
             The heads of the records they complete, without those that are old, and their counts, shape (records, 6):
             force x y z, torque x y z.
         """
+        heads, counts = self._go_on(data) or self._find(data)
+        lowest, highest = _RAILS
+        if heads and (counts.min() == lowest or counts.max() == highest):
+            at_rail = ((counts == lowest) | (counts == highest)).any(axis=1)
+            heads = [(ticks, status | AT_RAIL * bool(at)) for (ticks, status), at in zip(heads, at_rail, strict=True)]
+        return heads, counts
+
+    def _go_on(self, data: bytes) -> tuple[list[Head], Array] | None:
+        """Take the usual datagram as a whole: records that go on from the newest; None, and nothing is taken, else."""
+        if len(data) % RECORD_LENGTH or len(data) == RECORD_LENGTH or not self._in_step or self._frames.begun:
+            return None
+        if self._handed_on is None or self._handed_on[0] != self._newest:
+            return None
+        words = np.frombuffer(data, ">u4").reshape(-1, RECORD_LENGTH // 4)
+        sequence, ticks, status = words[:, :3].astype(np.int64).T
+        steps = np.diff(ticks, prepend=self._newest_ticks)
+        if not (
+            (np.diff(sequence) == 1).all()
+            and 0 <= steps.min() <= steps.max() < _TICKS_WITHIN
+            and (status & self._reserved == self._steady).all()
+            and self._numbering.go_on(int(sequence[0]), len(words))
+        ):
+            return None
+        clock = (ticks + (self._handed_on[1] - self._newest_ticks)).tolist()
+        self._newest, self._newest_ticks = int(sequence[-1]), int(ticks[-1])
+        self._handed_on = self._newest, clock[-1]
+        return list(zip(clock, status.tolist(), strict=True)), words.view(">i4")[:, 3:].astype(np.float64)
+
+    def _find(self, data: bytes) -> tuple[list[Head], Array]:
+        """Take bytes of any kind."""
         buffer, found = self._frames.receive(data)
         heads: list[Head] = []
         bodies: list[bytes] = []
@@ -93,12 +123,7 @@ class Records:
                 self._handed_on = sequence, self._unwrap(ticks)
                 heads.append((self._handed_on[1], status))
                 bodies.append(buffer[start + _COUNTS_AT : start + RECORD_LENGTH])
-        counts = np.frombuffer(b"".join(bodies), ">i4").astype(np.float64).reshape(-1, 6)
-        lowest, highest = _RAILS
-        if heads and (counts.min() == lowest or counts.max() == highest):
-            at_rail = ((counts == lowest) | (counts == highest)).any(axis=1)
-            heads = [(ticks, status | AT_RAIL * bool(at)) for (ticks, status), at in zip(heads, at_rail, strict=True)]
-        return heads, counts
+        return heads, np.frombuffer(b"".join(bodies), ">i4").astype(np.float64).reshape(-1, 6)
 
     def forget(self) -> None:
         """Drop a begun record, and expect the first one of a freshly opened stream."""

@@ -4,7 +4,19 @@ Lengths in m, forces in N, torques in N·m; arrays float64 with shape (n,) for t
 the pad's centre, Z out of the pad towards the object, X along its longer side); forces are those on the finger.
 """
 
-from slipd.fusion.contact import Contact, carry, contact_from_wrench, contact_of
+from slipd.fusion.contact import (
+    FREE,
+    LATE,
+    TOUCHING,
+    UNTRUSTED,
+    USABLE,
+    Contact,
+    carry,
+    contact_from_wrench,
+    contact_of,
+    contact_told,
+    find_contacts,
+)
 from slipd.fusion.grasp import (
     ExternalWrench,
     PadPose,
@@ -21,24 +33,33 @@ from slipd.fusion.limit_batch import TorqueLimits, Utilisations, torque_limits, 
 from slipd.fusion.limit_surface import (
     TorqueLimit,
     Utilisation,
+    follow_readings,
     torque_limit,
     utilisation,
     utilisation_of,
-    utilisations_of,
+    utilisation_told,
 )
 from slipd.fusion.loads import Loads, active_loads, binary_loads, grey_loads, matched_loads
 from slipd.fusion.shape import ContactShape, contact_shape
-from slipd.fusion.slip import SlipDetector, SlipSettings
+from slipd.fusion.slip import ContactWatch, Doubt, Found, SlipSettings, Thresholds
 
 __all__ = [
+    "FREE",
+    "LATE",
+    "TOUCHING",
+    "UNTRUSTED",
+    "USABLE",
     "Contact",
     "ContactShape",
+    "ContactWatch",
+    "Doubt",
     "ExternalWrench",
+    "Found",
     "Loads",
     "Outline",
     "PadPose",
-    "SlipDetector",
     "SlipSettings",
+    "Thresholds",
     "TorqueLimit",
     "TorqueLimits",
     "Utilisation",
@@ -50,7 +71,10 @@ __all__ = [
     "contact_from_wrench",
     "contact_of",
     "contact_shape",
+    "contact_told",
     "external_wrench",
+    "find_contacts",
+    "follow_readings",
     "grasp_needed_n",
     "grasp_utilisation",
     "grey_loads",
@@ -63,6 +87,6 @@ __all__ = [
     "torque_limits",
     "utilisation",
     "utilisation_of",
+    "utilisation_told",
     "utilisations",
-    "utilisations_of",
 ]

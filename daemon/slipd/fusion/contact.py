@@ -136,18 +136,85 @@ def contact_of(
     if not (normal >= min_normal_n and math.isfinite(fx + fy + fz + mx + my + mz)):
         nan = math.nan
         return Contact(nan, nan, nan, nan, normal, fx, fy, nan, nan, nan, False)
+    return Contact(*_contact(fx, fy, normal, mx, my, mz, force_std_n, torque_std_nm), True)
+
+
+#: What a reading is to the contact: late readings end it, untrusted ones say nothing.
+LATE, UNTRUSTED, FREE, TOUCHING = range(-1, 3)
+#: Before it is found out which.
+USABLE = FREE
+
+
+def find_contacts(
+    wrench: Array, usable: NDArray[np.int8], contact_n: tuple[float, float], in_contact: bool, force_std_n: float,
+    torque_std_nm: float,
+) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
+    """`contact_of` of readings that follow each other; a contact lasts down to a lower force than it begins at.
+
+    Args:
+        wrench: Force, N, and torque about the pad's origin, N·m, of each reading in the pad frame, shape (n, 6); the
+            torque is NaN where the sensor measures none, and with it the centroid and the spin.
+        usable: USABLE, UNTRUSTED (says nothing: passed over) or LATE (ends the contact) of each, shape (n,), int8.
+        contact_n: Normal force at which a contact begins, and down to which it lasts, N.
+        in_contact: The reading before touched.
+        force_std_n: Standard deviation of each force component, N.
+        torque_std_nm: Standard deviation of each torque component, N·m.
+
+    Returns:
+        LATE, UNTRUSTED, FREE or TOUCHING of each, shape (n,), and the numbers of its `Contact` in their order, shape
+        (n, 10), NaN but for the forces where it does not touch.
+    """
+    return _find(wrench, usable, *contact_n, in_contact, force_std_n, torque_std_nm)
+
+
+def contact_told(row: Array, *, touches: bool) -> Contact:
+    """Makes a `Contact` of a row of numbers."""
+    cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std = row.tolist()
+    return Contact(cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touches)
+
+
+@compiled
+def _find(
+    wrench: Array, usable: NDArray[np.int8], begins_n: float, lasts_n: float, in_contact: bool, force_std: float,
+    torque_std: float,
+) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
+    count = len(wrench)
+    touch, rows = np.empty(count, np.int8), np.empty((count, 10))
+    for k in range(count):
+        fx, fy, fz, mx, my, mz = wrench[k]
+        normal = -fz
+        touch[k] = usable[k]
+        if usable[k] == USABLE:
+            pressed = normal >= (lasts_n if in_contact else begins_n)
+            touch[k] = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
+        if touch[k] == TOUCHING:
+            row = _contact(fx, fy, normal, mx, my, mz, force_std, torque_std)
+            for i in range(10):
+                rows[k, i] = row[i]
+        else:
+            rows[k] = math.nan
+            rows[k, 4], rows[k, 5], rows[k, 6] = normal, fx, fy
+        if touch[k] != UNTRUSTED:
+            in_contact = touch[k] == TOUCHING
+    return touch, rows
+
+
+@compiled
+def _contact(
+    fx: float, fy: float, normal: float, mx: float, my: float, mz: float, force_std: float, torque_std: float
+) -> tuple[float, float, float, float, float, float, float, float, float, float]:
+    """The numbers of a `Contact`."""
     cx, cy = my / normal, -mx / normal  # (1): C = (−M_y, M_x) / F_z
     ratio = math.hypot(fx, fy) / normal  # (4)
-    return Contact(
+    return (
         cx,
         cy,
-        math.hypot(torque_std_nm, cx * force_std_n) / normal,
-        math.hypot(torque_std_nm, cy * force_std_n) / normal,
+        math.hypot(torque_std, cx * force_std) / normal,
+        math.hypot(torque_std, cy * force_std) / normal,
         normal,
         fx,
         fy,
         mz - (mx * fx + my * fy) / normal,  # (3), with F_x where the print has F_y
         ratio,
-        force_std_n * math.hypot(1.0, ratio) / normal,
-        True,
+        force_std * math.hypot(1.0, ratio) / normal,
     )

@@ -65,6 +65,17 @@ def nearest_on_outline(x: Array, y: Array, px: float, py: float) -> tuple[float,
     return (best if inside else 0.0 - best), qx, qy, ea, eb
 
 
+@compiled
+def margins(x: Array, y: Array, points: Array) -> Array:
+    """Signed distance of each point to a convex outline, positive inside; NaN for points that are not finite."""
+    out = np.full(len(points), math.nan)
+    for k in range(len(points)):
+        px, py = points[k, 0], points[k, 1]
+        if math.isfinite(px + py):
+            out[k] = nearest_on_outline(x, y, px, py)[0]
+    return out
+
+
 class Outline:
     """The convex outline through the centres of the active taxels, found once an image.
 
@@ -80,6 +91,10 @@ class Outline:
     def margin_m(self, px: float, py: float) -> float:
         """Signed distance of a point to the outline, m, positive inside; NaN for a point that is not finite."""
         return nearest_on_outline(self._x, self._y, px, py)[0] if math.isfinite(px + py) else math.nan
+
+    def margins_m(self, points: Array) -> Array:
+        """`margin_m` of several points: the first two columns, shape (n, 2) or wider."""
+        return margins(self._x, self._y, points)
 
     def nearest(self, px: float, py: float) -> tuple[float, float, float, int, int]:
         """Signed distance of a point, the nearest point on the outline, and the taxels at the ends of its edge."""

@@ -835,30 +835,29 @@ def utilisation_in(
 
 @compiled
 def follow_utilisation(
-    x: Array, y: Array, shares: Array, mu: float, wrench: Array, least: float, kept: float, in_contact: bool,
-    start: Twist, gap: float, passes: int,
+    x: Array, y: Array, shares: Array, mu: float, contacts: Array, touch: NDArray[np.int8], start: Twist, gap: float,
+    passes: int,
 ) -> Array:  # fmt: skip
     """`solve_utilisation` for the readings of one read, each started from the one before, shape (n, 9).
 
-    A contact begins at the normal force ``least`` and lasts down to ``kept``; without one a row is NaN, and what comes
-    next starts anew. The shares are those of 1 N.
+    The shares are those of 1 N, the contacts rows of `Contact`; `touch` is positive where a reading tells of the
+    contact, TOUCHING (2) where it touches. Without contact a row is NaN, and what comes next starts anew.
     """
     taxels = np.empty((3, x.size))
-    out = np.empty((len(wrench), 9))
+    out = np.empty((len(contacts), 9))
     none = (math.nan, math.nan, math.nan)
-    for k in range(len(wrench)):
-        normal = -wrench[k, 2]
-        in_contact = normal >= (kept if in_contact else least)
-        if not in_contact:
-            start = none
+    for k in range(len(contacts)):
+        if touch[k] != 2:
             out[k] = math.nan
+            if touch[k] != 0:
+                start = none
             continue
-        fx, fy, mx, my = wrench[k, 0], wrench[k, 1], wrench[k, 3], wrench[k, 4]
-        spin = wrench[k, 5] - (mx * fx + my * fy) / normal
-        kind, value, lower, upper, px, py, vx, vy, om = utilisation_in(
-            taxels, x, y, shares, mu, fx / normal, fy / normal, spin / normal, my / normal, -mx / normal, start, gap,
-            passes
+        cx, cy, normal, fx, fy, spin = (
+            contacts[k, 0], contacts[k, 1], contacts[k, 4], contacts[k, 5], contacts[k, 6], contacts[k, 7]
         )  # fmt: skip
+        kind, value, lower, upper, px, py, vx, vy, om = utilisation_in(
+            taxels, x, y, shares, mu, fx / normal, fy / normal, spin / normal, cx, cy, start, gap, passes
+        )
         start = (vx, vy, om)
         out[k] = np.array((float(kind), value, lower, upper, px, py, vx, vy, om))
     return out

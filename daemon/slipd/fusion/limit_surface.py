@@ -174,24 +174,23 @@ def utilisation_of(
     passes: int = MAX_PASSES,
 ) -> Utilisation:
     """`utilisation` for what needs no checking: contiguous float64 arrays of one shape, floats, a positive μ."""
-    return _told(
+    return utilisation_told(
         solve_utilisation(
             x, y, loads, mu, tangential[0], tangential[1], spin, about[0], about[1], start or _NO_TWIST, gap, passes
         )
     )
 
 
-def utilisations_of(
+def follow_readings(
     x: Array,
     y: Array,
     shares: Array,
     mu: float,
-    wrench: Array,
-    contact_n: tuple[float, float],
-    in_contact: bool,
+    contacts: Array,
+    touch: NDArray[np.int8],
     start: Twist | None,
     gap: float,
-) -> list[Utilisation]:
+) -> Array:
     """`utilisation` of readings that follow each other, each started from the one before; nothing is checked.
 
     Args:
@@ -199,20 +198,20 @@ def utilisations_of(
         y: Likewise, shape (k,), m.
         shares: Load on each for a normal force of 1 N, shape (k,).
         mu: Coefficient of static friction.
-        wrench: Force, N, and torque about the pad's origin, N·m, of each reading in the pad frame, shape (n, 6).
-        contact_n: Normal force at which a contact begins, and down to which it lasts, N.
-        in_contact: The reading before was in contact.
+        contacts: As from `find_contacts`, shape (n, 10).
+        touch: Likewise, shape (n,).
         start: Twist of the reading before; None where there is none.
         gap: Relative gap of the bounds at which to stop.
 
     Returns:
-        One for each reading, NaN for those without contact.
+        A row of numbers each, of which `utilisation_told` makes a `Utilisation`, shape (n, 9); NaN for readings that do
+        not touch. Of a row, 1 is λ, 2 and 3 are its bounds.
     """
-    rows = follow_utilisation(x, y, shares, mu, wrench, *contact_n, in_contact, start or _NO_TWIST, gap, MAX_PASSES)
-    return [_told(row) for row in rows.tolist()]
+    return follow_utilisation(x, y, shares, mu, contacts, touch, start or _NO_TWIST, gap, MAX_PASSES)
 
 
-def _told(row: Sequence[float]) -> Utilisation:
+def utilisation_told(row: Sequence[float]) -> Utilisation:
+    """Makes a `Utilisation` of a row of numbers."""
     kind, value, lower, upper, px, py, vx, vy, om = row
     if math.isnan(kind):
         return NO_UTILISATION

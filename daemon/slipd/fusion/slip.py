@@ -1,21 +1,30 @@
-"""Slip told by the drop of R from the static to the dynamic friction coefficient (paper, after eq. (4)).
+"""The slip decision of one contact, reading by reading: how near the limit, over the edge, or slipping already.
 
-R also falls when the grip is tightened, and the load falls when an object is set down. A drop counts as slip only when
-the load itself gives way, quickly, and came from near the friction limit.
+Slip is told by the drop of R from the static to the dynamic friction coefficient (paper, after eq. (4)). R also falls
+when the grip is tightened, and the load falls when an object is set down. A drop counts as slip only when the load
+itself gives way, quickly, and came from near the friction limit.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slipd.fusion.compiled import compiled
 
+Array = NDArray[np.float64]
+
 #: Readings of the window that are kept at first; the ring grows when they come faster.
 FIRST_CAPACITY = 64
+#: The spin is most of the load where translation alone explains less than this share of the utilisation.
+ROTATION_SHARE = 0.7
+STABLE, CAUTION, WARNING = range(3)
+#: Codes of a level: those of STABLE, CAUTION and WARNING lie one above them.
+NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,93 +44,220 @@ class SlipSettings:
     hold_s: float = 0.25
 
 
-@compiled
-def _watch(
-    ring: NDArray[np.float64],
-    first: int,
-    count: int,
-    oldest_s: float,
-    t_s: float,
-    load: float,
-    ratio: float,
-    utilisation: float,
-    kept: float,
-    armed_at: float,
-) -> int:
-    """Drops what is older than the window, looks for a fall, and adds the reading.
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Utilisation at which a step is reached; it is left ``hysteresis`` below."""
 
-    Returns:
-        Twice the place of the first reading that is kept, or the next place with a fall, which forgets all before;
-        odd with a fall.
+    caution: float = 0.70
+    warning: float = 0.85
+    hysteresis: float = 0.05
+
+
+class Doubt(NamedTuple):
+    """How far a reading may be off: noise, and what an unknown load may add.
+
+    Attributes:
+        force_std_n: Standard deviation of each force component, N.
+        torque_std_nm: Likewise of each torque component, N·m.
+        force_n: Most that the unknown load adds, N.
+        torque_nm: Likewise, N·m.
     """
+
+    force_std_n: float = 0.0
+    torque_std_nm: float = 0.0
+    force_n: float = 0.0
+    torque_nm: float = 0.0
+
+
+class Found(NamedTuple):
+    """What is found of one reading, as a row of numbers.
+
+    Attributes:
+        level: NO_CONTACT, STABLE + 1, CAUTION + 1, WARNING + 1, SLIPPING or UNKNOWN.
+        step: What the utilisation asks for: STABLE, CAUTION or WARNING.
+        slips: It slips, or did within ``hold_s``.
+        tipping: What the tipping margin asks for.
+        weighed: It asks for it only because of the unknown load.
+        upper: Upper bound of the utilisation with what the unknown load may add.
+    """
+
+    level: float
+    step: float
+    slips: float
+    tipping: float
+    weighed: float
+    upper: float
+
+
+class ContactWatch:
+    """Watches one contact; keeps what hysteresis and the windows of the slip need.
+
+    Args:
+        thresholds: Of the utilisation.
+        slip: When a drop is a slip.
+        half_pitch_m: Half the distance of the taxels: so far is the outline of an image uncertain. NaN without image.
+        least_n: Normal force at which a contact begins, N.
+    """
+
+    def __init__(self, thresholds: Thresholds, slip: SlipSettings, half_pitch_m: float, least_n: float) -> None:
+        self._fixed = (*astuple(thresholds), 1.0 - slip.drop, *astuple(slip)[1:], half_pitch_m, least_n)
+        self._rings = np.empty((2, FIRST_CAPACITY, 4))  # of force and of spin: time s, load, ratio, utilisation
+        self._windows = np.zeros((2, 2), np.int64)  # of each ring: first reading, how many
+        self._memory = np.zeros(3)  # step; until when a slip of force, of spin, is told
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets everything: the contact ended."""
+        self._windows[:] = 0
+        self._memory[:] = STABLE, -math.inf, -math.inf
+
+    def set_drop(self, drop: float) -> None:
+        """Takes another least fall: the friction coefficients are known better now."""
+        self._fixed = (*self._fixed[:3], 1.0 - drop, *self._fixed[4:])
+
+    def follow(
+        self,
+        times_s: Array,
+        contacts: Array,
+        touch: NDArray[np.int8],
+        used: Array,
+        margins_m: Array,
+        mu: float,
+        doubt: Doubt,
+        turn: float,
+    ) -> Array:
+        """Takes the readings of one read.
+
+        Args:
+            times_s: Time of each, s, rising, shape (n,).
+            contacts: As from `find_contacts`, shape (n, 10).
+            touch: Likewise, shape (n,).
+            used: As from `follow_readings`, shape (n, 9); shape (0, 9) where no image tells of the rotation.
+            margins_m: Tipping margin of each, shape (n,), m; NaN where it is not known.
+            mu: Coefficient of static friction; NaN: not known.
+            doubt: Of all of them.
+            turn: λ that the doubt of the torque alone has at a normal force of 1 N.
+
+        Returns:
+            `Found` of each, shape (n, 6).
+        """
+        while self._windows[:, 1].max() + len(times_s) > self._rings.shape[1]:
+            self._grow()
+        return _follow(
+            self._memory, self._rings, self._windows, times_s, contacts, touch, used, margins_m,
+            (*self._fixed, mu, *doubt, turn),
+        )  # fmt: skip
+
+    def _grow(self) -> None:
+        """Doubles the rings, each begun anew at its first place."""
+        size = self._rings.shape[1]
+        grown = np.empty((2, 2 * size, 4))
+        for ring in range(2):
+            grown[ring, :size] = np.roll(self._rings[ring], -self._windows[ring, 0], axis=0)
+        self._rings, self._windows[:, 0] = grown, 0
+
+
+@compiled
+def _follow(
+    memory: Array, rings: Array, windows: NDArray[np.int64], times_s: Array, contacts: Array,
+    touch: NDArray[np.int8], used: Array, margins: Array, settings: tuple[float, ...],
+) -> Array:  # fmt: skip
+    """The work of `ContactWatch.follow`."""
+    (caution, warning, hysteresis, kept, window_s, armed_at, hold_s, half_pitch, least, mu, force_std, torque_std,
+     doubt_n, doubt_nm, turn) = settings  # fmt: skip
+    out = np.zeros((len(times_s), 6))
+    for k in range(len(times_s)):
+        normal = contacts[k, 4]
+        out[k, 0], out[k, 5] = UNKNOWN, math.nan
+        if touch[k] == 0:  # UNTRUSTED
+            continue
+        if touch[k] != 2:  # not TOUCHING
+            windows[:] = 0
+            memory[0], memory[1], memory[2] = STABLE, -math.inf, -math.inf
+            if touch[k] == 1 and normal + doubt_n < least:
+                out[k, 0] = NO_CONTACT
+            continue
+        if math.isnan(mu):
+            continue
+        spin, translation = contacts[k, 7], contacts[k, 8] / mu
+        exact = len(used) > 0 and not math.isnan(spin)
+        value = used[k, 1] if exact else translation
+        upper = translation
+        if exact:
+            upper = math.inf if math.isnan(used[k, 3]) else used[k, 3]  # no number is no safety
+            if doubt_n > 0.0:  # the gauge grows by no more than its parts
+                free = normal - doubt_n
+                upper = (upper * normal + doubt_n / mu + turn) / free if free > 0.0 else math.inf
+        step = _gate(upper, int(memory[0]), caution, warning, hysteresis)
+        memory[0] = step
+        for ring in range(2):
+            load = math.hypot(contacts[k, 5], contacts[k, 6]) if ring == 0 else abs(spin)
+            armed = value if ring == 0 or translation < ROTATION_SHARE * value else math.nan
+            fell = _fell(
+                rings[ring], windows[ring], times_s[k], window_s, load, load / normal, armed, kept, armed_at
+            )  # fmt: skip
+            if fell:
+                memory[1 + ring] = times_s[k] + hold_s
+        slips = times_s[k] < max(memory[1], memory[2])
+        out[k, 1], out[k, 2], out[k, 5] = step, slips, upper
+        if exact:
+            reach = math.hypot(contacts[k, 0], contacts[k, 1])
+            std = math.hypot(torque_std, reach * force_std) / normal
+            tipping, weighed = _tips(
+                margins[k], 2.0 * std, half_pitch, (doubt_nm + reach * doubt_n) / max(normal - doubt_n, 1e-9)
+            )
+            out[k, 3], out[k, 4] = tipping, weighed
+            out[k, 0] = SLIPPING if slips else max(step, tipping) + 1
+        elif slips or step == WARNING:  # translation alone can only prove a grip unsafe, never safe
+            out[k, 0] = SLIPPING if slips else WARNING + 1
+    return out
+
+
+@compiled
+def _gate(used: float, step: int, caution: float, warning: float, hysteresis: float) -> int:
+    """Step of a utilisation that follows one of ``step``; infinity counts as over every threshold."""
+    reached = int(used >= caution) + int(used >= warning)
+    while reached < step and used >= (caution if reached == 0 else warning) - hysteresis:
+        reached += 1
+    return reached
+
+
+@compiled
+def _tips(margin: float, noise: float, half_pitch: float, shift: float) -> tuple[int, bool]:
+    """Step that the tipping margin asks for, and whether only the shift by an unknown load does.
+
+    Taxels sense over a cell, so the outline is uncertain by half a pitch. Noise excuses a centroid that lies outside;
+    an unknown load does not, for it may as well hide one.
+    """
+    outside = -(margin + noise) / half_pitch
+    step = int(outside > 0.0) + int(outside > 1.0)
+    if step == STABLE and shift > 0.0 and margin < shift - half_pitch:
+        return CAUTION, True
+    return step, False
+
+
+@compiled
+def _fell(
+    ring: Array, window: NDArray[np.int64], t_s: float, window_s: float, load: float, ratio: float, used: float,
+    kept: float, armed_at: float,
+) -> bool:  # fmt: skip
+    """Drops what is older than the window, looks for a fall, and adds the reading; a fall forgets all before."""
     size = len(ring)
-    at = first
-    left = count
-    while left > 0 and ring[at, 0] < oldest_s:
-        at += 1
-        left -= 1
-        if at == size:
-            at = 0
-    begin = at
+    while window[1] > 0 and ring[window[0], 0] < t_s - window_s:
+        window[0] = (window[0] + 1) % size
+        window[1] -= 1
     fell = False
-    for _k in range(left):
+    at = window[0]
+    for _k in range(window[1]):
         if ring[at, 3] >= armed_at and load <= kept * ring[at, 1] and ratio <= kept * ring[at, 2]:
             fell = True
             break
         at += 1
         if at == size:
             at = 0
-    end = (first + count) % size
-    ring[end, 0], ring[end, 1], ring[end, 2], ring[end, 3] = t_s, load, ratio, utilisation
-    return 2 * end + 1 if fell else 2 * begin
-
-
-class SlipDetector:
-    """Watches one load (the tangential force, or the spin) of one contact."""
-
-    def __init__(self, settings: SlipSettings) -> None:
-        self._settings = settings
-        self._ring = np.empty((FIRST_CAPACITY, 4))  # time s, load, ratio, utilisation
-        self._first = self._count = 0
-        self._until_s = -math.inf
-
-    def reset(self) -> None:
-        """Forgets everything: the contact ended."""
-        self._count = 0
-        self._until_s = -math.inf
-
-    def update(self, t_s: float, load: float, normal_n: float, utilisation: float) -> bool:
-        """Takes one reading.
-
-        Args:
-            t_s: Time of the reading, s, rising.
-            load: |f_t| in N, or |m| in N·m.
-            normal_n: f_n, N, positive.
-            utilisation: λ of this reading; NaN where it is not known, which arms nothing.
-
-        Returns:
-            Whether the contact slips, or did within the last ``hold_s``.
-        """
-        settings = self._settings
-        size = len(self._ring)
-        if self._count == size:
-            self._ring = np.vstack((np.roll(self._ring, -self._first, axis=0), np.empty_like(self._ring)))
-            self._first, size = 0, 2 * size
-        found = _watch(
-            self._ring,
-            self._first,
-            self._count,
-            t_s - settings.window_s,
-            t_s,
-            load,
-            load / normal_n,
-            utilisation,
-            1.0 - settings.drop,
-            settings.armed_at,
-        )
-        end = self._first + self._count
-        self._first = found >> 1
-        self._count = (end - self._first) % size + 1
-        if found & 1:
-            self._until_s = t_s + settings.hold_s
-        return t_s < self._until_s
+    end = (window[0] + window[1]) % size
+    ring[end, 0], ring[end, 1], ring[end, 2], ring[end, 3] = t_s, load, ratio, used
+    if fell:
+        window[0], window[1] = end, 0
+    window[1] += 1
+    return fell

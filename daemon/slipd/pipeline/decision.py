@@ -1,13 +1,11 @@
-"""From utilisation to a level, with hysteresis and reasons."""
+"""What a level is called, how alarming it is, and why it was reached."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slipd.config import Levels
-
-STABLE, CAUTION, WARNING = range(3)
 NAMES = ("stable", "caution", "warning")
+STABLE, CAUTION, WARNING = range(len(NAMES))
 
 #: How alarming each level is; "unknown" is worse than any verdict that says the grip holds.
 SEVERITY = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
@@ -27,27 +25,6 @@ class Verdict:
 
     level: str
     reasons: tuple[str, ...]
-
-
-class LevelGate:
-    """Two thresholds, each left a hysteresis below where it was reached."""
-
-    def __init__(self, levels: Levels) -> None:
-        self._thresholds = (levels.caution, levels.warning)
-        self._hysteresis = levels.hysteresis
-        self._step = STABLE
-
-    def reset(self) -> None:
-        """Starts anew: the contact ended."""
-        self._step = STABLE
-
-    def update(self, utilisation: float) -> int:
-        """Takes the upper bound of the utilisation (inf counts as over every threshold) and returns the step."""
-        step = sum(utilisation >= threshold for threshold in self._thresholds)
-        while step < self._step and utilisation >= self._thresholds[step] - self._hysteresis:
-            step += 1
-        self._step = step
-        return step
 
 
 def danger_reasons(utilisation: float, translation: float, caution: float) -> tuple[str, ...]:

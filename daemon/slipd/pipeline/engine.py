@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import groupby
-from operator import itemgetter
 from typing import Any, cast
 
 from slipd import __version__
@@ -114,9 +112,7 @@ class Engine:
         return GripperControl(self._config.gripper, cast("GripperSession", self._links[GRIPPER_LINK].session))
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
-        received = link.receive(data, t_ns, self._lateness.late_ns)
-        for stream, group in groupby(received, key=itemgetter(0)):
-            samples, times_ns = zip(*((sample, acquired_ns) for _, sample, acquired_ns in group), strict=True)
+        for stream, samples, times_ns in link.receive(data, t_ns, self._lateness.late_ns):
             self._take(stream, samples, times_ns, out)
         out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
         if link.spec.name == GRIPPER_LINK:
@@ -148,13 +144,13 @@ class Engine:
             return
         finger, voice = self._fingers[owner], self._voices[owner]
         if kind == "wrench":
-            for state in finger.take_wrenches(samples, times_ns):
-                voice.tell(state, out)
+            for judged in finger.take_wrenches(samples, times_ns):
+                voice.tell_read(judged, out)
             return
         for sample, acquired_ns in zip(samples, times_ns, strict=True):
             decided = finger.take_tactile(sample, acquired_ns)
             if decided is not None:
-                voice.tell(decided, out)
+                voice.tell_read(decided, out)
             voice.tell_image(acquired_ns, out)
 
     def _take_gripper(self, samples: Sequence[GripperSample], out: list[Output]) -> None:

@@ -8,31 +8,29 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import cast
 
+import numpy as np
+
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, stale_after_ns
-from slipd.fusion import Contact, contact_of
-from slipd.pipeline.decision import Verdict
-from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, Doubt, ForceSide
+from slipd.fusion import LATE, UNTRUSTED, USABLE, Contact, Doubt, contact_of
+from slipd.pipeline import decision
+from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide
 from slipd.pipeline.image import UNFELT, Felt, PadImage, Shares, pad_image
-from slipd.pipeline.judge import Ahead, Judge, State
-from slipd.samples import UNTRUSTED, TactileSample, WrenchSample
+from slipd.pipeline.judge import Judge
+from slipd.pipeline.state import HIDDEN, LOST, NOTHING, Judged, Read, State
+from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.samples import Array, TactileSample, WrenchSample
 from slipd.signals.agreement import CLEAR, STDS, Agreement
 from slipd.signals.tare import Tare
 
-#: A contact that exists is lost only below this share of the least normal force.
-CONTACT_HYSTERESIS = 0.8
 #: The normal force moves where its range between two images is wider than this many times its noise.
 MOVING_STDS = 6.0
 #: Force and image are compared at most every 10 ms: a disagreement counts only once it has lasted for longer.
 COMPARE_NS = 10_000_000
 #: A tare bears a moment's silence; over a longer one nobody knows what touched the finger.
 LONGEST_TARE_GAP_NS = 500_000_000
-LOST = Verdict("unknown", ("stale",))
 #: Reasons with which nobody knows what the fingers feel.
-DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED | UNTRUSTED_FAULTS
-FREE = Verdict("no_contact", ())
-#: The finger's own weight may be a contact, or hide one.
-HIDDEN = Verdict("unknown", ("weight_unknown",))
+DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
 #: Of readings this far apart one is kept for an image of its time; the longest scan is a tenth of a second old.
 PAST_NS, PASTS = 1_000_000, 128
 
@@ -62,13 +60,13 @@ class Finger:
         self.tare: Tare = cast("ForceSide | PadImage", self.force or self.image).tare
         self.state = State(0, LOST)
         self._judge = Judge(config, levels)
+        self._mu_source = "config"
         self._agreement = _agreement(config)
         self._disagreement: tuple[str, ...] = ()
         self._compared_ns = 0
         self._low_n, self._high_n = math.inf, -math.inf
-        self._past: deque[tuple[int, tuple[float, ...]]] = deque(maxlen=PASTS)
+        self._past: deque[tuple[int, Array]] = deque(maxlen=PASTS)
         self._image_stale_ns = stale_after_ns(config.pad) if config.pad is not None else 0
-        self._in_contact = False
         self._free = False
         self._received_ns: int | None = None
         self._acquired_ns = 0
@@ -85,11 +83,26 @@ class Finger:
         pad = self.config.pad
         tared = self.tare.current.id > 0 or (self.force is None and pad is not None and bool(pad.tare))
         shown = self._shows_contact()
-        if shown or (tared and self._in_contact):
+        if shown or (tared and self._judge.in_contact):
             return True
         if self.state.contact is None or self.state.verdict is HIDDEN:
             return None
         return False if tared else shown
+
+    @property
+    def mu(self) -> float | None:
+        """Coefficient of static friction in use; None: not known."""
+        return self._judge.mu
+
+    @property
+    def mu_source(self) -> str | None:
+        """Where it comes from: "config" or "request"; None: not known."""
+        return None if self.mu is None else self._mu_source
+
+    def set_friction(self, mu_s: float, mu_d: float | None) -> None:
+        """Takes the friction of the object that is held, static and, where known, dynamic; for this run."""
+        self._judge.set_friction(mu_s, mu_d)
+        self._mu_source = "request"
 
     @property
     def trusted(self) -> bool:
@@ -113,11 +126,12 @@ class Finger:
 
     def take_wrench(self, sample: WrenchSample, acquired_ns: int | None = None) -> State:
         """Decides on a reading of the force sensor, acquired when it was received unless ``acquired_ns`` says when."""
-        (state,) = self.take_wrenches((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,))
-        return state
+        for _ in self.take_wrenches((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,)):
+            pass
+        return self.state
 
-    def take_wrenches(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Iterator[State]:
-        """Decides on the readings of one read, each when it is asked for.
+    def take_wrenches(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Iterator[Judged]:
+        """Decides on the readings of one read: on all at once, but for a tare, which a contact ends at once.
 
         Args:
             samples: The readings, received together.
@@ -125,13 +139,16 @@ class Finger:
         """
         if self.force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
-        readings = self.force.take(samples, times_ns, self._untouched() if self.force.drifts else None)
-        ahead = self._ahead([reading.wrench for reading in readings])
-        for at, (sample, t_ns, reading) in enumerate(zip(samples, times_ns, readings, strict=True)):
-            ahead.at = at
-            yield self._decide(sample, t_ns, reading.wrench, reading.untrusted, ahead)
+        step = 1 if self.tare.busy else len(samples)
+        for at in range(0, len(samples), step):
+            yield self._take_some(self.force, samples[at : at + step], times_ns[at : at + step])
 
-    def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> State | None:
+    def _take_some(self, force: ForceSide, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Judged:
+        wrench, untrusted = force.take(samples, times_ns, self._untouched() if force.drifts else None)
+        statuses = [sample.status for sample in samples] if any(sample.status for sample in samples) else ()
+        return self._decide(samples[-1].t_ns, times_ns, wrench, untrusted, statuses)
+
+    def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> Judged | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
         if self.image is None:
             return None
@@ -140,11 +157,13 @@ class Finger:
         self._compare(t_ns)
         if self.force is not None or not self.image.three_axis:
             return None
-        untrusted = tuple(sorted(UNTRUSTED.intersection(sample.status)))
+        words = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
         wrench = self.image.wrench()
         if wrench is None:
-            return self._decide(sample, t_ns, (), untrusted or ("not_finite",), self._ahead([]))
-        return self._decide(sample, t_ns, wrench, untrusted, self._ahead([wrench]))
+            words = words or ("not_finite",)
+        rows = np.array([(math.nan,) * 6 if wrench is None else wrench])
+        statuses = (sample.status,) if sample.status else ()
+        return self._decide(sample.t_ns, (t_ns,), rows, {0: words} if words else {}, statuses)
 
     def on_time(self, t_ns: int) -> State | None:
         """Notices that a stream which the verdict stands on fell silent; None where nothing changed."""
@@ -156,7 +175,7 @@ class Finger:
         if self._received_ns is None or silent_ns > self._stale_ns:
             return self.lose(t_ns)
         if self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
-            verdict = Verdict("unknown", ("rotation_unobserved",))
+            verdict = decision.Verdict("unknown", ("rotation_unobserved",))
             self.state = replace(
                 self.state, verdict=verdict, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
             )
@@ -178,48 +197,40 @@ class Finger:
         """Forgets what the force stream told: from now on the verdict is unknown."""
         self._end_contact()
         self._free = False
-        self.state = State(t_ns, LOST)
+        self.state = State(t_ns, LOST, age_s=self.age_s(t_ns))
         return self.state
 
     def _decide(
         self,
-        sample: WrenchSample | TactileSample,
-        t_ns: int,
-        wrench: tuple[float, ...],
-        untrusted: tuple[str, ...],
-        ahead: Ahead,
-    ) -> State:
-        self._received_ns, self._acquired_ns = sample.t_ns, t_ns
-        if sample.t_ns - t_ns > self._stale_ns:
-            return self.lose(t_ns)
-        self._free = False
-        if untrusted:
-            self.state = State(t_ns, Verdict("unknown", untrusted), wrench or None, status=sample.status)
-            return self.state
-        doubt = self._doubt(t_ns)
-        contact = self._contact(wrench, doubt)
-        state = State(t_ns, FREE, wrench, contact, status=sample.status)
-        self._note(t_ns, wrench, contact.normal_n)
-        if contact.valid:
-            self._in_contact = True
-            self._judge.judge(state, contact, self._fresh_shares(sample.t_ns, contact), ahead, doubt)
-            if self._disagreement:
-                state.verdict = Verdict("unknown", ("disagreement", *self._disagreement))
-            elif state.shares is None and self.image is not None and self.image.hangs:
-                state.verdict = Verdict(state.verdict.level, ("stuck", *state.verdict.reasons))
-        else:
-            self._end_contact()
-            self._free = contact.normal_n + doubt.force_n < self.config.min_normal_n
-            if not self._free:
-                state.verdict = HIDDEN
-        self.state = state
+        received_ns: int,
+        times_ns: Sequence[int],
+        wrench: Array,
+        untrusted: dict[int, tuple[str, ...]],
+        statuses: Sequence[tuple[str, ...]],
+    ) -> Judged:
+        """Decides on the readings of one read."""
+        self._received_ns, self._acquired_ns = received_ns, times_ns[-1]
+        usable = np.full(len(times_ns), USABLE, np.int8)
+        for at in untrusted:
+            usable[at] = UNTRUSTED
+        if received_ns - min(times_ns) > self._stale_ns:
+            usable[received_ns - np.array(times_ns) > self._stale_ns] = LATE
+        doubt = self._doubt(times_ns[-1])
+
+        def shares(contact: Contact) -> Shares | None:
+            return self._fresh_shares(received_ns, contact)
+
+        read = Read(times_ns, received_ns, wrench, usable, untrusted, statuses)
+        hangs = self.image is not None and self.image.hangs
+        judged = self._judge.judge(read, doubt, shares, self._disagreement, image_hangs=hangs)
+        if judged.ends_at < len(judged):
+            self._forget_comparison()
+        self.state = judged[-1]
+        self._free = self.state.verdict is NOTHING
+        self._note(judged)
         if self.tare.busy and self.pressed():
             self.tare.abort("a contact began")
-        return state
-
-    def _ahead(self, wrenches: list[tuple[float, ...]]) -> Ahead:
-        least = self.config.min_normal_n
-        return Ahead(wrenches, (least, CONTACT_HYSTERESIS * least))
+        return judged
 
     def _felt(self) -> Felt:
         """What the force sensor felt since the image before."""
@@ -240,21 +251,31 @@ class Finger:
             return
         self._compared_ns = t_ns
         doubt = self._doubt(t_ns)
-        _, wrench = min(self._past, key=lambda past: abs(past[0] - t_ns))
+        wrench = self._felt_at(t_ns)
         shift = doubt._replace(force_n=doubt.force_n / STDS, torque_nm=doubt.torque_nm / STDS)
         contact = self._contact(wrench, shift)
         told = agreement.update(t_ns, contact, doubt.force_std_n + doubt.force_n, image.x, image.y, image.pressure)
         self._disagreement = tuple(f"disagreement_{what}" for what in told)
 
-    def _contact(self, wrench: tuple[float, ...], doubt: Doubt) -> Contact:
+    def _felt_at(self, t_ns: int) -> Array:
+        """The reading of the force sensor that was nearest in time."""
+        nearest = self._past[-1]
+        for past in reversed(self._past):
+            if abs(past[0] - t_ns) > abs(nearest[0] - t_ns):
+                break
+            nearest = past
+        return nearest[1]
+
+    def _contact(self, wrench: Array, doubt: Doubt) -> Contact:
         """The contact as the force sensor sees it; without torque, its centroid and spin are unknown."""
-        least = self.config.min_normal_n * (CONTACT_HYSTERESIS if self._in_contact else 1.0)
+        least_n = self._judge.least_normal_n
         force_std_n, torque_std_nm = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
-        if math.isnan(wrench[3]):
-            found = contact_of((*wrench[:3], 0.0, 0.0, 0.0), least, force_std_n, torque_std_nm)
+        fx, fy, fz, *torque = wrench.tolist()
+        if math.isnan(torque[0]):
+            found = contact_of((fx, fy, fz, 0.0, 0.0, 0.0), least_n, force_std_n, torque_std_nm)
             nan = math.nan
             return found._replace(cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
-        return contact_of(wrench, least, force_std_n, torque_std_nm)
+        return contact_of((fx, fy, fz, *torque), least_n, force_std_n, torque_std_nm)
 
     def _doubt(self, t_ns: int) -> Doubt:
         """How far a reading at ``t_ns`` may be off."""
@@ -292,21 +313,24 @@ class Finger:
             return None
         return image.shares(contact)
 
-    def _note(self, t_ns: int, wrench: tuple[float, ...], normal_n: float) -> None:
+    def _note(self, judged: Judged) -> None:
         """Keeps what an image will be compared with."""
+        if self.image is None:
+            return
         past = self._past
-        if not past or t_ns - past[-1][0] >= PAST_NS:
-            past.append((t_ns, wrench))
-        if normal_n < self._low_n:
-            self._low_n = normal_n
-        if normal_n > self._high_n:
-            self._high_n = normal_n
+        last_ns = past[-1][0] if past else -PAST_NS
+        for at, t_ns in enumerate(judged.read.times_ns):
+            if t_ns - last_ns >= PAST_NS and judged.touch[at] > 0:
+                past.append((t_ns, judged.read.wrench[at]))
+                last_ns = t_ns
+        normal_n = judged.contacts[judged.touch > 0, 4]
+        if normal_n.size:
+            self._low_n, self._high_n = min(self._low_n, normal_n.min()), max(self._high_n, normal_n.max())
 
     def _end_contact(self) -> None:
-        if self._in_contact:
-            self._in_contact = False
-            self._judge.end_contact()
+        if self._judge.in_contact:
             self._forget_comparison()
+        self._judge.end_contact()
 
     def _forget_comparison(self) -> None:
         self._disagreement = ()

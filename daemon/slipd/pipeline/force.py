@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from slipd.config import Wrench
-from slipd.fusion import carry
+from slipd.fusion import Doubt, carry
 from slipd.samples import UNTRUSTED, Array, WrenchSample
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import WrenchWatch
@@ -30,43 +29,21 @@ _FAULTS = {
     "intermittent": (Health.WARN, "it failed several times within 10 s"),
 }
 NO_WEIGHT = np.zeros(6)
-_NO_TORQUE = [0.0, 0.0, 0.0]
-_UNKNOWN = (math.nan, math.nan, math.nan)
-
-
-class Doubt(NamedTuple):
-    """How far a reading may be off: noise, and what an uncompensated weight may add.
-
-    Attributes:
-        force_std_n: Standard deviation of each force component, N.
-        torque_std_nm: Likewise of each torque component, N·m.
-        force_n: Most that the weight adds, N.
-        torque_nm: Likewise, N·m.
-    """
-
-    force_std_n: float = 0.0
-    torque_std_nm: float = 0.0
-    force_n: float = 0.0
-    torque_nm: float = 0.0
-
-
+_NO_TORQUE = np.zeros(3)
 NO_DOUBT = Doubt()
 
 
-@dataclass(slots=True)
-class Reading:
-    """One reading of the force sensor, on the pad.
+class Readings(NamedTuple):
+    """The readings of one read, on the pad.
 
     Attributes:
-        untrusted: What speaks against it; empty when nothing does.
-        torque: The sensor measures torque.
-        wrench: Force on the finger in the pad frame, N, and torque about the pad's origin, N·m; the torque is NaN where
-            the sensor measures none.
+        wrench: Force on the finger in the pad frame, N, and torque about the pad's origin, N·m, shape (n, 6); the
+            torque is NaN where the sensor measures none.
+        untrusted: What speaks against a reading, by its place.
     """
 
-    untrusted: tuple[str, ...]
-    torque: bool
-    wrench: tuple[float, ...] = ()
+    wrench: Array
+    untrusted: dict[int, tuple[str, ...]]
 
 
 class ForceSide:
@@ -111,52 +88,51 @@ class ForceSide:
         """Its zero is followed."""
         return self._drift is not None
 
-    def take(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: bool | None) -> list[Reading]:
-        """Takes the readings of one read.
+    def take(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: bool | None) -> Readings:
+        """Takes the readings of one read; while a tare is being measured, one at a time.
 
         Args:
             samples: The readings.
             times_ns: When each was acquired.
             untouched: Nothing touches the finger; None where that is not known.
         """
-        if self.tare.busy and len(samples) > 1:
-            singly = zip(samples, times_ns, strict=True)
-            return [reading for sample, t_ns in singly for reading in self.take((sample,), (t_ns,), untouched)]
-        found, rows = [], []
-        for sample, t_ns in zip(samples, times_ns, strict=True):
-            reading, numbers = self._check(sample, t_ns)
-            found.append(reading)
-            rows.append(numbers)
-        if self.tare.busy and math.isfinite(sum(rows[0])):
-            self.tare.apply(np.array(rows[0]), times_ns[0], trusted=not found[0].untrusted)
+        rows = np.concatenate(
+            [part for one in samples for part in (one.force_n, _NO_TORQUE if one.torque_nm is None else one.torque_nm)]
+        ).reshape(-1, 6)
+        untrusted = self._check(samples, rows, times_ns)
+        if self.tare.busy and 0 not in untrusted:
+            self.tare.apply(rows[0], times_ns[0])
         if self.tare.current is not self._offset:
             self._take_offset()
         weight = self.gravity.correction
-        wrenches = carry(self._to_pad, self._offset.value, NO_WEIGHT if weight is None else weight, np.array(rows))
+        wrench = carry(self._to_pad, self._offset.value, NO_WEIGHT if weight is None else weight, rows)
         if self._drift is not None:
-            for wrench, reading, t_ns in zip(wrenches, found, times_ns, strict=True):
-                learns = not reading.untrusted and self._may_learn(t_ns)
-                self._drift.update(wrench, t_ns, untouched if learns else None)
-                wrench -= self._drift.value
-        for reading, wrench in zip(found, wrenches.tolist(), strict=True):
-            if reading.torque:
-                reading.wrench = tuple(wrench)
-            else:
-                reading.wrench = (*wrench[:3], *_UNKNOWN)
-        return found
+            for at, (row, t_ns) in enumerate(zip(wrench, times_ns, strict=True)):
+                learns = at not in untrusted and self._may_learn(t_ns)
+                self._drift.update(row, t_ns, untouched if learns else None)
+                row -= self._drift.value
+        for at, sample in enumerate(samples):
+            if sample.torque_nm is None:
+                wrench[at, 3:] = math.nan
+        return Readings(wrench, untrusted)
 
-    def _check(self, sample: WrenchSample, t_ns: int) -> tuple[Reading, list[float]]:
-        """What speaks against a reading, and its six numbers; a torque that the sensor does not measure is 0."""
-        torque = sample.torque_nm
-        self._status = status = sample.status
-        self.fault = fault = self._watch.update(sample.force_n, torque, t_ns)
-        untrusted = tuple(sorted(UNTRUSTED.intersection(status))) if status else ()
-        if fault in UNTRUSTED_FAULTS:
-            untrusted = (*untrusted, fault)
-        numbers: list[float] = sample.force_n.tolist() + (_NO_TORQUE if torque is None else torque.tolist())
-        if not math.isfinite(sum(numbers)):
-            untrusted = untrusted or ("not_finite",)
-        return Reading(untrusted, torque is not None), numbers
+    def _check(
+        self, samples: Sequence[WrenchSample], rows: Array, times_ns: Sequence[int]
+    ) -> dict[int, tuple[str, ...]]:
+        """What speaks against each reading, by its place."""
+        untrusted: dict[int, tuple[str, ...]] = {}
+        self._status = samples[-1].status
+        for at, sample in enumerate(samples):
+            if sample.status and not UNTRUSTED.isdisjoint(sample.status):
+                untrusted[at] = tuple(sorted(UNTRUSTED.intersection(sample.status)))
+        for at, fault in self._watch.update(rows, times_ns).items():
+            if fault in UNTRUSTED_FAULTS:
+                untrusted[at] = (*untrusted.get(at, ()), fault)
+        self.fault = self._watch.fault
+        if not math.isfinite(rows.sum()):
+            for at in np.flatnonzero(~np.isfinite(rows.sum(axis=1))).tolist():
+                untrusted.setdefault(at, ("not_finite",))
+        return untrusted
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
         """Starts to average readings; the weight at the present orientation becomes part of the offset."""

@@ -159,7 +159,7 @@ def _utilisation(finger: Finger) -> float:
 
 
 def _needed_n(finger: Finger) -> float:
-    needed = needed_n(finger.state, finger.config)
+    needed = needed_n(finger.state, finger)
     return math.nan if needed is None else needed
 
 

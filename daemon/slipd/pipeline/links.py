@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
+from operator import attrgetter
 from typing import Any, cast
 
 from slipd.config import Config, device_options, transport_of
@@ -99,8 +101,8 @@ class Link:
         """Ends the conversation; returns what the device hears last, if anything."""
         return self.session.stop() if self.session is not None and self.up else b""
 
-    def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, Sample, int]]:
-        """Decodes bytes into samples, each with its stream's name and when it was acquired, CLOCK_MONOTONIC.
+    def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, list[Sample], list[int]]]:
+        """Decodes bytes into runs of samples of one stream: its name, and when each was acquired, CLOCK_MONOTONIC.
 
         Args:
             data: What was received.
@@ -116,11 +118,12 @@ class Link:
             samples = self._within_rate(samples, t_ns)
         self._allowed -= len(samples)
         found = []
-        for sample in samples:
-            stream = self.streams.get(sample.source)
-            acquired_ns = stream.take(sample, late_ns) if stream is not None else None
-            if stream is not None and acquired_ns is not None:
-                found.append((stream.name, sample, acquired_ns))
+        for source, run in groupby(samples, key=attrgetter("source")):
+            stream = self.streams.get(source)
+            if stream is not None:
+                kept, times_ns = stream.take(list(run), late_ns)
+                if kept:
+                    found.append((stream.name, kept, times_ns))
         return found
 
     def due(self, t_ns: int) -> list[bytes]:

@@ -42,16 +42,20 @@ class Outlet:
 
 
 class Pace:
-    """Lets at most ``rate_hz`` pass, by data time, without drifting against it."""
+    """Lets at most ``rate_hz`` pass, by data time, without drifting against it.
+
+    Attributes:
+        due_ns: From when on the next one passes.
+    """
 
     def __init__(self, rate_hz: float) -> None:
         self._period_ns = round(1e9 / rate_hz)
-        self._due_ns = 0
+        self.due_ns = 0
 
     def passes(self, t_ns: int, *, now: bool = False) -> bool:
         """Whether a message about ``t_ns`` is due; ``now`` lets it pass anyway, beside the others."""
-        if t_ns < self._due_ns:
+        if t_ns < self.due_ns:
             return now
-        late = t_ns - self._due_ns
-        self._due_ns = self._due_ns + self._period_ns if late < self._period_ns else t_ns + self._period_ns
+        late = t_ns - self.due_ns
+        self.due_ns = self.due_ns + self._period_ns if late < self._period_ns else t_ns + self._period_ns
         return True

@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from slipd.config import Finger as FingerConfig
 from slipd.fusion import grip_needed_n, torque_limit
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.image import PadImage
-from slipd.pipeline.judge import State
+from slipd.pipeline.state import State
 from slipd.samples import Array
 from slipd_client.messages import level_code
 
@@ -40,9 +39,8 @@ def pair(x: float, y: float) -> list[float] | None:
     return [x, y] if math.isfinite(x) and math.isfinite(y) else None
 
 
-def slip_body(finger: Finger, t_ns: int) -> Body:
-    """``slip.<finger>`` at ``t_ns``, exact while in contact."""
-    state = finger.state
+def slip_body(finger: Finger, state: State) -> Body:
+    """``slip.<finger>``, exact while in contact."""
     contact = state.contact if state.contact is not None and state.contact.valid else None
     used = state.utilisation
     return {
@@ -54,20 +52,20 @@ def slip_body(finger: Finger, t_ns: int) -> Body:
         "centroid_std_m": None if contact is None else pair(contact.cx_std_m, contact.cy_std_m),
         "friction_ratio": None if contact is None else number(contact.friction_ratio),
         "friction_ratio_std": None if contact is None else number(contact.friction_ratio_std),
-        "gravity": None if finger.force is None else finger.force.gravity.state(t_ns),
-        "mu": finger.config.mu,
-        "mu_source": None if finger.config.mu is None else "config",
+        "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
+        "mu": finger.mu,
+        "mu_source": finger.mu_source,
         "utilisation": None if used is None else number(used.value),
         "utilisation_lower": None if used is None else number(used.lower),
         "utilisation_upper": None if used is None else number(used.upper),
-        **_limits(state, finger.config),
+        **_limits(state, finger),
         "pole_m": None if used is None else vector(used.pole_m),
         "tipping_margin_m": number(state.tipping_margin_m),
         "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,
         "centroid_residual_m": None if state.shares is None else number(state.shares.loads.centroid_residual_m),
         "model": state.model,
         "tare_id": finger.tare.current.id,
-        "age_s": finger.age_s(t_ns),
+        "age_s": state.age_s,
     }
 
 
@@ -81,7 +79,7 @@ def verdict_body(finger: Finger, state: State) -> Body:
     }
 
 
-def needed_n(state: State, config: FingerConfig) -> float | None:
+def needed_n(state: State, finger: Finger) -> float | None:
     """The least normal force on this pad that holds its load with the configured safety, N.
 
     None where it is not known, and where no force would do.
@@ -93,31 +91,30 @@ def needed_n(state: State, config: FingerConfig) -> float | None:
         shares.x,
         shares.y,
         loads.loads,
-        config.mu or math.nan,
+        finger.mu or math.nan,
         (contact.fx_n, contact.fy_n),
         contact.spin_nm,
         (contact.cx_m, contact.cy_m),
-        growth=config.contact_growth,
-        safety=config.grip_safety,
+        growth=finger.config.contact_growth,
+        safety=finger.config.grip_safety,
     )
     return number(found)
 
 
-def _limits(state: State, config: FingerConfig) -> Body:
+def _limits(state: State, finger: Finger) -> Body:
     """The torque limit in the sense of the spin, and the grip that would hold the load."""
     contact, shares, loads = state.contact, state.shares, state.loads
     if contact is None or loads is None or shares is None or state.utilisation is None:
         return {"torque_limit_nm": None, "grip_needed_n": None}
-    mu = config.mu or math.nan
+    mu = finger.mu or math.nan
     sense = 1 if contact.spin_nm >= 0.0 else -1
     force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
     limit = torque_limit(shares.x, shares.y, loads.loads, mu, force, about, sense)
-    return {"torque_limit_nm": number(limit.torque_nm), "grip_needed_n": needed_n(state, config)}
+    return {"torque_limit_nm": number(limit.torque_nm), "grip_needed_n": needed_n(state, finger)}
 
 
-def wrench_body(finger: Finger, t_ns: int) -> Body:
+def wrench_body(finger: Finger, state: State) -> Body:
     """``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
-    state = finger.state
     wrench = state.wrench
     return {
         "finger": finger.name,
@@ -127,7 +124,7 @@ def wrench_body(finger: Finger, t_ns: int) -> Body:
         "tangential_n": None if wrench is None else finite(wrench[:2]),
         "status": list(state.status),
         "tare_id": finger.tare.current.id,
-        "age_s": finger.age_s(t_ns),
+        "age_s": state.age_s,
     }
 
 

@@ -53,38 +53,55 @@ class Stream:
     _counted: int = field(default=0, repr=False)
     _bad_bytes: int = field(default=0, repr=False)
 
-    def take(self, sample: Sample, late_ns: int) -> int | None:
-        """Counts a reading and returns when it was acquired, CLOCK_MONOTONIC; None for an image that does not fit.
+    def take(self, samples: list[Sample], late_ns: int) -> tuple[list[Sample], list[int]]:
+        """Counts the readings of one read; returns those that fit, and when each was acquired, CLOCK_MONOTONIC.
 
         Args:
-            sample: The reading.
-            late_ns: How long it may have waited for the daemon; nothing else tells where the device has no clock.
+            samples: The readings, at least one.
+            late_ns: How long they may have waited for the daemon; nothing else tells where the device has no clock.
         """
-        self.misfit = self._misfit(sample)
-        if self.misfit:
-            return None
-        receipt_ns = sample.t_ns
-        self.last_ns = receipt_ns
-        self.count += 1
-        device_ns = sample.device_time_ns
-        if self.host_clock:
-            acquired_ns, believed = host_time(device_ns, receipt_ns)
-            if not believed and device_ns is not None:
-                self._bad_time_ns = receipt_ns
-            return self._in_order(acquired_ns)
-        if isinstance(sample, TactileSample) and device_ns is not None:
-            device_ns += (len(sample.values) - 1) * sample.dwell_ns  # the end of the scan is what was sent at once
-        acquired_ns = self.clock.map(device_ns, receipt_ns)
-        return self._in_order(acquired_ns - late_ns if late_ns and self.clock.state != "locked" else acquired_ns)
+        self.misfit = ""
+        if any(self._misfit(sample) for sample in samples):
+            self.misfit = self._misfit(samples[-1])
+            samples = [sample for sample in samples if not self._misfit(sample)]
+        if not samples:
+            return samples, []
+        self.last_ns = samples[-1].t_ns
+        self.count += len(samples)
+        times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
+        newest_ns = self._acquired_ns  # what integrates over time needs times that never go back
+        for at, t_ns in enumerate(times_ns):
+            if t_ns < newest_ns:
+                times_ns[at] = newest_ns
+            else:
+                newest_ns = t_ns
+        self._acquired_ns = newest_ns
+        return samples, times_ns
+
+    def _host_times(self, samples: list[Sample]) -> list[int]:
+        times_ns = []
+        for sample in samples:
+            acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)
+            if not believed and sample.device_time_ns is not None:
+                self._bad_time_ns = sample.t_ns
+            times_ns.append(acquired_ns)
+        return times_ns
+
+    def _device_times(self, samples: list[Sample], late_ns: int) -> list[int]:
+        map_time = self.clock.map
+        times_ns = []
+        for sample in samples:
+            device_ns = sample.device_time_ns
+            if device_ns is not None and isinstance(sample, TactileSample):
+                device_ns += (len(sample.values) - 1) * sample.dwell_ns  # the end of the scan is what was sent at once
+            times_ns.append(map_time(device_ns, sample.t_ns))
+        if late_ns and self.clock.state != "locked":
+            return [t_ns - late_ns for t_ns in times_ns]
+        return times_ns
 
     def forget(self) -> None:
         """The link was opened anew, or the host slept: what was learned of the device's clock is over."""
         self.clock.forget()
-
-    def _in_order(self, acquired_ns: int) -> int:
-        """What integrates over time needs times that never go back."""
-        self._acquired_ns = max(acquired_ns, self._acquired_ns)
-        return self._acquired_ns
 
     def _misfit(self, sample: Sample) -> str:
         if not isinstance(sample, self.kind):

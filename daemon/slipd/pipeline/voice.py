@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from slipd.config import Rates
 from slipd.pipeline.decision import SEVERITY
 from slipd.pipeline.events import Output
 from slipd.pipeline.finger import Finger
-from slipd.pipeline.judge import State
 from slipd.pipeline.outlet import Outlet, Pace
 from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
-from slipd_client.messages import WARNING_TOPIC, slip_topic, tactile_topic, wrench_topic
+from slipd.pipeline.state import Judged, State
+from slipd_client.messages import LEVELS, WARNING_TOPIC, Level, slip_topic, tactile_topic, wrench_topic
 
 
 class Voice:
@@ -25,21 +27,31 @@ class Voice:
         self._finger = finger
         self._outlet = outlet
         self._frame = f"{finger.name}_pad"
-        self._told = "unknown"
+        self._told: Level = "unknown"
         self._slip, self._wrench = Pace(rates.slip_hz), Pace(rates.wrench_hz)
         self._tactile = Pace(rates.tactile_hz)
 
     def tell(self, state: State, out: list[Output]) -> None:
         """Adds what is to be said of a new state."""
-        finger, t_ns = self._finger, state.t_ns
-        level = state.verdict.level
-        changed = level != self._told
+        t_ns, topic = state.t_ns, self._finger.name
+        changed = state.verdict.level != self._told
         if changed:
             self._warn(state, out)
         if self._slip.passes(t_ns, now=changed):
-            out.append(self._outlet.message(slip_topic(finger.name), t_ns, self._frame, slip_body(finger, t_ns)))
+            out.append(self._outlet.message(slip_topic(topic), t_ns, self._frame, slip_body(self._finger, state)))
         if self._wrench.passes(t_ns, now=changed):
-            out.append(self._outlet.message(wrench_topic(finger.name), t_ns, self._frame, wrench_body(finger, t_ns)))
+            out.append(self._outlet.message(wrench_topic(topic), t_ns, self._frame, wrench_body(self._finger, state)))
+
+    def tell_read(self, judged: Judged, out: list[Output]) -> None:
+        """Adds what is to be said of the readings of one read."""
+        told, due_ns = LEVELS.index(self._told), self._due_ns()
+        for at, (level, t_ns) in enumerate(zip(judged.levels, judged.read.times_ns, strict=True)):
+            if level != told or t_ns >= due_ns:
+                self.tell(judged[at], out)
+                told, due_ns = level, self._due_ns()
+
+    def _due_ns(self) -> int:
+        return min(self._slip.due_ns, self._wrench.due_ns)
 
     def tell_image(self, t_ns: int, out: list[Output]) -> None:
         """Adds what is to be said of a new image."""
@@ -49,7 +61,7 @@ class Voice:
             out.append(self._outlet.message(tactile_topic(finger.name), t_ns, self._frame, body))
 
     def _warn(self, state: State, out: list[Output]) -> None:
-        level, told = state.verdict.level, self._told
+        level, told = cast("Level", state.verdict.level), self._told
         self._told = level
         change = {"previous": told, "rising": SEVERITY[level] > SEVERITY[told]}
         used = None if state.utilisation is None else number(state.utilisation.value)

@@ -8,9 +8,12 @@ at rest repeats its counts for a while; neither is a fault.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from slipd.fusion.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -116,6 +119,9 @@ class WrenchWatch:
 
     Raises:
         ValueError: A range that is not positive and finite.
+
+    Attributes:
+        fault: What speaks against the newest reading; "" where nothing does.
     """
 
     def __init__(
@@ -126,38 +132,51 @@ class WrenchWatch:
         self._range2 = range_n**2
         self._jump2 = (0.25 * range_n if jump_n is None else jump_n) ** 2
         self._repeats, self._gap_ns = repeats, gap_ns
-        self._force = [math.nan] * 3
-        self._torque: Array | None = None
+        self._row = np.full(6, math.nan)
         self._equal = 0
         self._since_ns = self._last_ns = _NEVER_NS
         self._step: tuple[float, float, float] | None = None  # the last change, where it was a jump
         self._impossible = 0.0
         self._garbage = self._failing = self._alert = False
         self._failed_ns: list[int] = []
+        self.fault = ""
 
-    def update(self, force_n: Array, torque_nm: Array | None, t_ns: int) -> str:
-        """Takes a reading as the sensor sent it, before tare and mounting; its arrays must not change afterwards.
+    def update(self, rows: Array, times_ns: Sequence[int]) -> dict[int, str]:
+        """Takes readings as the sensor sent them, before tare and mounting.
 
         Args:
-            force_n: Shape (3,), N.
-            torque_nm: Shape (3,), N·m; None where the device has none.
-            t_ns: Time of the reading.
+            rows: Force, N, and torque, N·m (zeros where the device has none), shape (n, 6), n ≥ 1; not to be changed
+                afterwards.
+            times_ns: Time of each.
 
         Returns:
-            "stuck", "garbage", "intermittent" or, when nothing speaks against the stream, "".
+            "stuck", "garbage" or "intermittent" of each reading that something speaks against, by its place.
         """
-        before, self._force = self._force, force_n.tolist()
-        torque, self._torque = self._torque, torque_nm
+        before = self._row
+        self._row = rows[-1]
+        in_time = times_ns[-1] - self._last_ns <= self._gap_ns
+        if in_time and not self._alert and _is_lively(before, rows, self._range2, self._jump2):
+            self._last_ns, self._equal, self._step, self.fault = times_ns[-1], 0, None, ""
+            return {}
+        found = {}
+        for at, t_ns in enumerate(times_ns):
+            self.fault = self._take(before, rows[at], t_ns)
+            before = rows[at]
+            if self.fault:
+                found[at] = self.fault
+        return found
+
+    def _take(self, before: Array, row: Array, t_ns: int) -> str:
         gap = t_ns - self._last_ns > self._gap_ns
-        x, y, z = self._force
-        if z == before[2] and self._force == before and not gap and _equal(torque_nm, torque):
+        if not gap and row.tobytes() == before.tobytes():
             if self._equal == 0:
                 self._since_ns = self._last_ns
             self._equal += 1
-        elif self._equal:
+        else:
             self._equal = 0
         self._last_ns = t_ns
-        dx, dy, dz = x - before[0], y - before[1], z - before[2]
+        x, y, z, *_ = row.tolist()
+        dx, dy, dz = (row[:3] - before[:3]).tolist()
         if dx * dx + dy * dy + dz * dz < self._jump2 and x * x + y * y + z * z <= self._range2:
             self._step = None
         else:
@@ -187,7 +206,18 @@ class WrenchWatch:
         return "stuck" if stuck else "garbage" if self._garbage else "intermittent" if often else ""
 
 
-def _equal(one: Array | None, other: Array | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return one.tobytes() == other.tobytes()
+@compiled
+def _is_lively(before: Array, rows: Array, range2: float, jump2: float) -> bool:
+    """Each reading differs from the one before, by less than a jump, and is in range."""
+    for k in range(len(rows)):
+        last = before if k == 0 else rows[k - 1]
+        jump = size = 0.0
+        alike = True
+        for i in range(6):
+            alike = alike and rows[k, i] == last[i]
+            if i < 3:
+                jump += (rows[k, i] - last[i]) ** 2
+                size += rows[k, i] ** 2
+        if alike or not (jump < jump2 and size <= range2):
+            return False
+    return True

@@ -1,0 +1,194 @@
+"""What is known of a finger after a reading, and after each reading of one read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.fusion import (
+    FREE,
+    LATE,
+    TOUCHING,
+    UNTRUSTED,
+    Contact,
+    Found,
+    Loads,
+    Utilisation,
+    contact_told,
+    utilisation_told,
+)
+from slipd.pipeline.decision import STABLE, WARNING, Verdict, danger_reasons
+from slipd.pipeline.image import Shares
+from slipd.samples import Array
+from slipd_client.messages import LEVELS, level_code
+
+HOLDS = Verdict("stable", ())
+NOTHING = Verdict("no_contact", ())
+LOST = Verdict("unknown", ("stale",))
+#: The finger's own weight may be a contact, or hide one.
+HIDDEN = Verdict("unknown", ("weight_unknown",))
+NO_MU = Verdict("unknown", ("no_mu",))
+UNKNOWN = level_code("unknown")
+
+
+@dataclass(slots=True)
+class State:
+    """What is known of a finger after its newest force reading; None or NaN is unknown.
+
+    Attributes:
+        t_ns: When the reading was acquired, CLOCK_MONOTONIC.
+        verdict: Level and reasons.
+        wrench: Force on the finger in the pad frame, N, and torque about the pad's origin, N·m: six numbers.
+        contact: What the force sensor alone sees; not valid without contact.
+        shares: How the image shares the normal force among its taxels.
+        utilisation: λ of the load, with its bounds.
+        tipping_margin_m: Signed distance of the centroid to the outline of the image, m.
+        model: "none", "translation" or "exact": the most that was needed.
+        status: Conditions that the device reported with the reading.
+        age_s: Age of the newest reading when this was found, s; None before the first.
+    """
+
+    t_ns: int
+    verdict: Verdict
+    wrench: tuple[float, ...] | None = None
+    contact: Contact | None = None
+    shares: Shares | None = None
+    utilisation: Utilisation | None = None
+    tipping_margin_m: float = math.nan
+    model: str = "none"
+    status: tuple[str, ...] = ()
+    age_s: float | None = None
+
+    @property
+    def loads(self) -> Loads | None:
+        """Normal forces on the active taxels, N."""
+        if self.shares is None or self.contact is None:
+            return None
+        shares = self.shares.loads
+        return Loads(shares.loads * self.contact.normal_n, shares.centroid_residual_m, shares.status)
+
+
+@dataclass(slots=True, eq=False)
+class Read:
+    """The readings of one read of a finger's force, as they are judged.
+
+    Attributes:
+        times_ns: When each was acquired, CLOCK_MONOTONIC.
+        received_ns: When they were received.
+        wrench: Force, N, and torque, N·m, in the pad frame, shape (n, 6); the torque is NaN where none is measured.
+        usable: USABLE, UNTRUSTED or LATE of each, shape (n,), int8.
+        untrusted: What speaks against the untrusted ones, by their place.
+        statuses: What the device reported with each; empty where it reported nothing with any.
+    """
+
+    times_ns: Sequence[int]
+    received_ns: int
+    wrench: Array
+    usable: NDArray[np.int8]
+    untrusted: dict[int, tuple[str, ...]]
+    statuses: Sequence[tuple[str, ...]]
+
+
+@dataclass(slots=True, eq=False)
+class Judged:
+    """The verdicts on the readings of one read; a `State` is made of those that somebody asks for.
+
+    Attributes:
+        read: The readings.
+        touch: What each is to the contact, shape (n,).
+        contacts: Numbers of the `Contact` of each, shape (n, 10).
+        shares: How the image shares the force of those that touch.
+        used: Numbers of the `Utilisation` of each, shape (n, 9), or (0, 9).
+        margins_m: Tipping margin of each, m, shape (n,).
+        found: `Found` of each, shape (n, 6).
+        mu: Coefficient of static friction; NaN: not known.
+        caution: Utilisation that counts as danger.
+        image_hangs: The image cannot be used because it repeats.
+        disagreement: What force sensor and image contradict each other about, until the contact ends.
+        ends_at: Place of the first reading with which a contact ended; that of the last and one where none did.
+        levels: ``level_code`` of each.
+    """
+
+    read: Read
+    touch: NDArray[np.int8]
+    contacts: Array
+    shares: Shares | None
+    used: Array
+    margins_m: Array
+    found: Array
+    mu: float
+    caution: float
+    image_hangs: bool
+    disagreement: tuple[str, ...]
+    ends_at: int
+    levels: list[int]
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    def __iter__(self) -> Iterator[State]:
+        return (self[at] for at in range(len(self)))
+
+    def __getitem__(self, at: int) -> State:
+        at = range(len(self))[at]
+        read, touch = self.read, self.touch[at]
+        t_ns = read.times_ns[at]
+        state = State(t_ns, self._verdict(at), age_s=(read.received_ns - t_ns) * 1e-9)
+        if touch == LATE:
+            return state
+        wrench = tuple(read.wrench[at].tolist())
+        state.wrench = wrench if not math.isnan(wrench[2]) or touch != UNTRUSTED else None
+        if read.statuses:
+            state.status = read.statuses[at]
+        if touch == UNTRUSTED:
+            return state
+        state.contact = contact_told(self.contacts[at], touches=bool(touch == TOUCHING))
+        if touch == FREE:
+            return state
+        state.shares = self.shares
+        state.tipping_margin_m = float(self.margins_m[at])
+        if self._exact(at):
+            state.model, state.utilisation = "exact", utilisation_told(self.used[at].tolist())
+        elif not math.isnan(self.mu):
+            state.model = "translation"
+        return state
+
+    def _exact(self, at: int) -> bool:
+        return len(self.used) > 0 and not math.isnan(self.contacts[at, 7])
+
+    def _verdict(self, at: int) -> Verdict:
+        match self.touch[at]:
+            case 0:
+                return Verdict("unknown", self.read.untrusted[at])
+            case -1:
+                return LOST
+            case 1:
+                return HIDDEN if self.levels[at] == UNKNOWN else NOTHING
+        if self.disagreement and at < self.ends_at:
+            return Verdict("unknown", ("disagreement", *self.disagreement))
+        verdict = self._of_contact(at)
+        if self.shares is None and self.image_hangs:
+            return Verdict(verdict.level, ("stuck", *verdict.reasons))
+        return verdict
+
+    def _of_contact(self, at: int) -> Verdict:
+        if math.isnan(self.mu):
+            return NO_MU
+        found, level = Found(*self.found[at].tolist()), LEVELS[self.levels[at]]
+        translation = float(self.contacts[at, 8]) / self.mu
+        if not self._exact(at):
+            reasons: tuple[str, ...] = ("translation",) if found.step == WARNING else ("rotation_unobserved",)
+            return Verdict(level, ("slip_detected", *reasons) if found.slips else reasons)
+        if found.step == found.tipping == STABLE and not found.slips:
+            return HOLDS
+        value, upper = float(self.used[at, 1]), float(self.used[at, 3])
+        reasons = danger_reasons(value, translation, self.caution) if found.step > STABLE else ()
+        if found.step > STABLE and upper < self.caution and not found.weighed and found.upper > upper:
+            reasons = (*reasons, "weight_unknown")
+        if found.tipping > STABLE:
+            reasons = (*reasons, "tipping", "weight_unknown") if found.weighed else (*reasons, "tipping")
+        return Verdict(level, ("slip_detected", *reasons) if found.slips else reasons)
