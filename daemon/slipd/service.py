@@ -27,8 +27,9 @@ from slipd.bus.requests import RequestServer
 from slipd.bus.runtime import RuntimeDirectory
 from slipd.config import Config
 from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Event, Publish, Reply, Request, Tick, Write
+from slipd.pipeline.events import Event, Publish, Record, Reply, Request, Tick, Write
 from slipd.pipeline.warm_up import warm_up
+from slipd.recording.on_request import RequestedRecordings, state_dir
 from slipd.recording.writer import Recorder
 from slipd.transport import Links
 from slipd.zeromq.gate import raise_descriptor_limit
@@ -83,7 +84,7 @@ async def serve(
         stack.callback(gc.unfreeze)
         async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.take) as links:
             run.links = links
-            ticker = tasks.create_task(_tick(run.take), name="ticker")
+            ticker = tasks.create_task(_tick(run.tick), name="ticker")
             teller = tasks.create_task(_tell_losses(links), name="losses")
             on_ready(run.endpoints)
             await stop.wait()
@@ -121,6 +122,8 @@ class _Run:
         allowed = guard(bus)
         home = stack.enter_context(RuntimeDirectory(runtime_dir())) if None in (bus.publish, bus.requests) else None
         self._recorder = self._open_recorder(stack)
+        self._requested = RequestedRecordings(state_dir(), self._make_recorder)
+        stack.callback(self._requested.close)
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         stack.callback(context.term)
         if allowed.keys:
@@ -144,14 +147,18 @@ class _Run:
     def _open_recorder(self, stack: ExitStack) -> Recorder | None:
         if self._record is None:
             return None
-        recorder = Recorder(
-            self._record,
+        recorder = self._make_recorder(self._record)
+        stack.callback(recorder.close)
+        return recorder
+
+    def _make_recorder(self, path: Path, prepare: Callable[[], None] | None = None) -> Recorder:
+        return Recorder(
+            path,
             config_text=self._config.text,
             boot=self.boot,
             wall_minus_monotonic_ns=self._wall_minus_monotonic_ns,
+            prepare=prepare,
         )
-        stack.callback(recorder.close)
-        return recorder
 
     def end(self) -> None:
         """Stops the sensors, unless the engine failed; what comes while the links close is not taken any more."""
@@ -170,6 +177,13 @@ class _Run:
             self._failure = self._failure or error
             self._stop.set()
 
+    def tick(self, tick: Tick) -> None:
+        """Lets time enter the engine, behind what became of a recording meanwhile."""
+        failed = self._requested.failed()
+        if failed is not None:
+            self.take(failed)
+        self.take(tick)
+
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """A callback outside the engine failed (a socket, a task): silence would be the worst answer."""
         loop.default_exception_handler(context)
@@ -185,23 +199,27 @@ class _Run:
         recorder = self._recorder
         if recorder is not None:
             recorder.event(event, t_ns)
+        self._requested.record_event(event, t_ns)
         for output in self.engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 payload = encode(output.body)
                 self._publisher.publish(output.topic, payload)
                 if recorder is not None:
                     recorder.published(output.topic, payload, t_ns)
+                self._requested.record_published(output.topic, payload, t_ns)
             elif isinstance(output, Write):
                 if self.links is not None:
                     self.links.write(output.link, output.data)
             elif isinstance(output, Reply):
                 self._requests.reply(output.client, output.body)
+            elif isinstance(output, Record):
+                self._requested.take(output, t_ns)
 
     def _on_request(self, client: bytes, body: dict[str, Any]) -> None:
         self.take(Request(client, body))
 
 
-async def _tick(take: Callable[[Event], None]) -> None:
+async def _tick(take: Callable[[Tick], None]) -> None:
     """Lets time enter the engine, without drifting; how late the loop was shows in the recorded times."""
     loop = asyncio.get_running_loop()
     due = loop.time()

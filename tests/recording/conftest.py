@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingFailed, Request, Tick
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import Entered, Published
 from slipd_client import messages
@@ -43,6 +43,7 @@ def _entry(n: int) -> Entry:
         LinkDown("left.wrench", "unplugged"),
         Request(b"\x00client", {"op": "hello", "id": n, "deep": {"a": [1, 2.5, None]}}),
         Tick(n),
+        RecordingFailed("slipd-1.mcap", "the disk is full"),
     ]
     return Entered(n, t_ns, events[n // 2 % len(events)])
 

@@ -13,7 +13,7 @@ from typing import Any
 import msgpack
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingFailed, Request, Tick
 from slipd_client import messages
 
 _CRC_BYTES = 4
@@ -24,6 +24,7 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "link_down": (LinkDown, {"link": str, "reason": str}),
     "request": (Request, {"client": bytes, "body": dict}),
     "tick": (Tick, {"suspended_ns": int}),
+    "recording_failed": (RecordingFailed, {"name": str, "reason": str}),
 }
 _KINDS = {event_type: kind for kind, (event_type, _) in _FIELDS.items()}
 _UNICODE_ERRORS = "surrogatepass"  # an operating system's error text may hold the odd bytes of a file name

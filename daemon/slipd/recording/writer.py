@@ -7,7 +7,9 @@ that is slow, full or gone costs the recording, never the run.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -39,22 +41,34 @@ class Recorder:
         config_text: The config of the run, TOML.
         boot: Id of the run.
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
+        prepare: Called on the writer's thread, which then creates the file too, so that nothing here waits for a disk;
+            a RecordingError that it raises is a failure. None: the file is created now.
 
     Raises:
-        RecordingError: The file cannot be created.
+        RecordingError: The file cannot be created now.
     """
 
-    def __init__(self, path: Path, *, config_text: str, boot: str, wall_minus_monotonic_ns: int) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        config_text: str,
+        boot: str,
+        wall_minus_monotonic_ns: int,
+        prepare: Callable[[], None] | None = None,
+    ) -> None:
         self.path = path
         self.failure: str | None = None
-        self._file = RecordingFile(
-            path, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
+        self._prepare = prepare
+        self._create = partial(
+            RecordingFile, path, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
         )
+        self._file = self._create() if prepare is None else None
         self._queue: SimpleQueue[_Entry | None] = SimpleQueue()
         self._entries = 0
         self._refused = 0  # the queue was full; counted by the caller's thread
         self._unwritten = 0  # taken from the queue and not known to be in the file; counted by the writer's thread
-        self._closed = False
+        self._closed = self._finished = False
         self._thread = Thread(target=self._run, name=f"recorder {path.name}", daemon=True)
         self._thread.start()
 
@@ -71,16 +85,22 @@ class Recorder:
         """Record the very bytes that were published because of the event of ``t_ns``."""
         self._put((self._entries, t_ns, topic, payload))
 
+    def end(self) -> None:
+        """Record no more, and let the thread finish the file meanwhile."""
+        if not self._closed:
+            self._closed = True
+            self._queue.put(None)
+
     def close(self) -> None:
         """Write what is queued and finish the file. A second call does nothing.
 
         Raises:
             RecordingError: The disk failed, now or before; what was flushed until then is readable.
         """
-        if self._closed:
+        if self._finished:
             return
-        self._closed = True
-        self._queue.put(None)
+        self._finished = True
+        self.end()
         self._thread.join(CLOSE_LIMIT_S)
         if self._thread.is_alive():
             raise RecordingError(f"{self.path}: the disk has not taken the rest within {CLOSE_LIMIT_S:.0f} s")
@@ -97,17 +117,22 @@ class Recorder:
             self._queue.put(entry)
 
     def _run(self) -> None:
+        file = self._file
         try:
-            self._write_until_closed()
-            self._file.finish(self._entries)
+            if self._prepare is not None:
+                self._prepare()
+            file = file or self._create()
+            self._write_until_closed(file)
+            file.finish(self._entries)
         except Exception as error:  # a thread must not end in silence, whatever it was
             reason = error.strerror if isinstance(error, OSError) else None
-            self.failure = f"{self.path}: the recording stopped: {reason or error}"
+            self.failure = str(error) if file is None else f"{self.path}: the recording stopped: {reason or error}"
             with suppress(OSError):  # what could not be written before cannot be written now
-                self._file.abandon()
+                if file is not None:
+                    file.abandon()
             self._discard_until_closed()
 
-    def _write_until_closed(self) -> None:
+    def _write_until_closed(self, file: RecordingFile) -> None:
         # Entry by entry: a batch would hold the interpreter's lock, and with it the live path, for milliseconds.
         next_flush_s = time.monotonic() + FLUSH_PERIOD_S
         next_sync_s = time.monotonic() + SYNC_PERIOD_S
@@ -117,25 +142,26 @@ class Recorder:
                 if entry is None:
                     return
                 self._unwritten += 1
-                self._write(entry)
+                _write(file, entry)
             now_s = time.monotonic()
             if now_s >= next_flush_s:
-                self._file.flush()
+                file.flush()
                 self._unwritten = 0
                 next_flush_s = now_s + FLUSH_PERIOD_S
             if now_s >= next_sync_s:
-                self._file.sync()
+                file.sync()
                 next_sync_s = now_s + SYNC_PERIOD_S
-
-    def _write(self, entry: _Entry) -> None:
-        if len(entry) == 3:
-            self._file.event(*entry)
-        else:
-            n, t_ns, topic, payload = entry
-            self._file.published(n, t_ns, topic, payload)
 
     def _discard_until_closed(self) -> None:
         if self._closed and self._queue.empty():
             return
         while self._queue.get() is not None:
             self._unwritten += 1
+
+
+def _write(file: RecordingFile, entry: _Entry) -> None:
+    if len(entry) == 3:
+        file.event(*entry)
+    else:
+        n, t_ns, topic, payload = entry
+        file.published(n, t_ns, topic, payload)
