@@ -33,13 +33,14 @@ def test_the_list_names_each_device_once_with_its_kind_and_transports() -> None:
         "robotiq_2f": ("gripper", ("serial",), 115_200, 0),
         "robotous": ("wrench", ("serial",), 115_200, 0),
         "tsf85": ("tactile", ("serial",), 115_200, 1),
+        "wsg": ("gripper", ("tcp",), None, 0),
         "wts": ("tactile", ("serial",), 115_200, 1),
         "xela": ("tactile", ("websocket",), None, 3),
     }
     assert all(name == device.name for name, device in DEVICES.items())
     silent = {"external", "gauges", "pvdf", "xela"}
     assert {name for name, device in DEVICES.items() if device.session is None} == silent
-    assert len(DEVICES) == 13
+    assert len(DEVICES) == 14
 
 
 def test_a_file_that_devices_share_is_no_device() -> None:

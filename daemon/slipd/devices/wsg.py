@@ -1,0 +1,449 @@
+"""Weiss and Schunk WSG grippers over TCP, in their binary command protocol.
+
+The gripper sends width, force and state by itself, and answers one command at a time. Nothing moves but on request.
+A grip is a pre-position to a width narrower than the part, which clamps what blocks the way: unlike the gripper's own
+"grasp" it may be given again while something is held, it never gives up by itself, and it opens only where a wider
+goal than the present width is asked for. The force is changed by setting the limit and giving the same goal again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from slipd.devices import Device, weiss
+from slipd.devices import wsg_messages as wire
+from slipd.devices.conversation import Conversation, Step
+from slipd.devices.health import DecoderHealth
+from slipd.devices.wsg_messages import FINGERS, Limits, Reply
+from slipd.samples import GripperSample
+
+PERIOD_MS = 20
+"""Public drivers use it, and older grippers can do no more than 7 ms."""
+SHORTEST_MS, LONGEST_MS = 5, 200
+"""Of a period: the first is twice what the gripper was seen to do, the last a fifth of what passes for silence."""
+ANSWER_NS = 250_000_000
+"""For the answer to a command: older grippers take 70 ms."""
+ATTEMPTS = 3
+"""A command that is unanswered so often is lost; repeated later it would come as a surprise."""
+HOMING_NS = 30_000_000_000
+"""A slow gripper needs some seconds for its whole stroke, there and back."""
+ECHO_TOLERANCE_N = 0.01
+"""Of the force limit: it is told and read back in the same format."""
+
+_NO_FORCE = (0.0, math.inf)
+_IDS = {
+    "system": wire.SYSTEM,
+    "limits": wire.LIMITS,
+    "width": wire.WIDTH,
+    "force": wire.FORCE,
+    "grasping state": wire.GRASPING,
+    "system state": wire.STATE,
+}
+
+
+class Decoder:
+    """Makes a gripper sample of each system state and of the width, force and grasping state that came since the last.
+
+    The gripper sends the four one by one, each at the same period. Where one is missing there is no sample.
+    ``active`` means referenced; ``echo_ok`` is None: the updates do not say what was requested. `Session` knows.
+    ``force_n`` is half of what the gripper says, which is the sum of both fingers.
+    """
+
+    def __init__(self) -> None:
+        self.health = DecoderHealth()
+        self.words: frozenset[str] = frozenset()
+        self._scanner = wire.Replies(self.health)
+        self._round: dict[int, bytes] = {}
+
+    def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
+        """Take bytes received at ``t_ns`` and return the readings they complete."""
+        samples = (self.take(reply, t_ns) for reply in self.replies(data))
+        return [sample for sample in samples if sample is not None]
+
+    def forget(self) -> None:
+        """Drop what has begun: the line was closed."""
+        self._scanner.forget()
+        self._round.clear()
+
+    def replies(self, data: bytes) -> list[Reply]:
+        """Take bytes and return every reply they complete; `take` makes samples of them."""
+        return self._scanner.replies(data)
+
+    def take(self, reply: Reply, t_ns: int) -> GripperSample | None:
+        """Take a reply, received at ``t_ns``; return the sample whose last part it is."""
+        if reply.id not in wire.UPDATES or reply.status != wire.OK:
+            return None
+        if reply.id != wire.STATE:
+            self._round[reply.id] = reply.data
+            return None
+        told, self._round = self._round, {}
+        if len(told) < len(wire.UPDATES) - 1:
+            return None
+        self.health.good += 1
+        self.words = wire.parse_state(reply.data)
+        return GripperSample(
+            t_ns=t_ns,
+            device_time_ns=None,
+            active="referenced" in self.words,
+            width_m=wire.parse_number(told[wire.WIDTH]) / 1000,
+            moving="moving" in self.words,
+            object=_object(self.words, wire.GRASPING_STATES[told[wire.GRASPING][0]]),
+            fault=next((fault for fault in wire.FAULTS if fault in self.words), ""),
+            echo_ok=None,
+            force_n=wire.parse_number(told[wire.FORCE]) / FINGERS,
+        )
+
+
+def _object(words: frozenset[str], grasping: str) -> str:
+    if "blocked_minus" in words or grasping == "holding":
+        return "contact_closing"
+    if "blocked_plus" in words:
+        return "contact_opening"
+    return "moving" if "moving" in words else "none"
+
+
+@dataclass(frozen=True, slots=True)
+class _Command:
+    """A command.
+
+    Attributes:
+        name: What it is, for people.
+        id: Of the packet, and of its reply.
+        data: The packet.
+        force: The force limit that it sets, N of both fingers.
+    """
+
+    name: str
+    id: int
+    data: bytes
+    force: float = 0.0
+
+
+_SETS = (wire.SET_FORCE, wire.PREPOSITION)
+_HOME = _Command("homing", wire.HOME, wire.home())
+_STOP = _Command("stop", wire.STOP, wire.encode(wire.STOP))
+_ACKNOWLEDGE = _Command("acknowledgement", wire.ACKNOWLEDGE, wire.acknowledge())
+_READ_BACK = _Command("force limit", wire.GET_FORCE, wire.encode(wire.GET_FORCE))
+_WELL = {
+    wire.PREPOSITION: (wire.OK, wire.PENDING, wire.ABORTED, wire.AXIS_BLOCKED),
+    wire.HOME: (wire.OK, wire.PENDING),
+}
+"""Of motions: a newer one aborts the older, and what blocks the way is what was to be clamped."""
+
+
+class Session:
+    """Asks for the updates, and sends what is asked for, one command at a time.
+
+    `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
+    lost" with the reason, or what the gripper refuses; behind "active" stand the gripper's warnings. `identity` is its serial number.
+
+    Attributes:
+        command_lost: The last command was refused, never acknowledged, or met a gripper that could not obey any more.
+        health: Its ``lost`` counts unanswered commands.
+
+    ``echo_ok`` of a sample: the force limit was read back as it was set. Widths are the gripper's own: between its
+    fingers, however thick the pads on them are. The largest force is the nominal one: whether more needs a setting of
+    the gripper is not known.
+
+    Args:
+        period_ms: Time from one update to the next, 5 to 200 ms.
+
+    Raises:
+        ValueError: The period is out of range or no integer.
+    """
+
+    def __init__(self, period_ms: int = PERIOD_MS) -> None:
+        if not (isinstance(period_ms, int) and SHORTEST_MS <= period_ms <= LONGEST_MS):
+            raise ValueError(f"period_ms {period_ms!r} is none: an integer from {SHORTEST_MS} to {LONGEST_MS} is")
+        self.decoder = Decoder()
+        self.health = self.decoder.health
+        self._talk = Conversation(
+            [
+                Step("system", wire.encode(wire.SYSTEM), "optional"),
+                Step("limits", wire.encode(wire.LIMITS)),
+                *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[2:]),
+            ]
+        )
+        self._reset()
+
+    def _reset(self) -> None:
+        self.decoder.forget()
+        self.identity = ""
+        self.command_lost = False
+        self._refusal = ""
+        self._limits: Limits | None = None
+        self._sample: GripperSample | None = None
+        self._ran = False
+        self._homing_until_ns: int | None = None
+        self._goal: tuple[float, float] | None = None  # mm, mm/s
+        self._told: float | None = None  # force limit, N of both fingers
+        self._echo_ok: bool | None = None
+        self._queue: list[_Command] = []
+        self._outstanding: _Command | None = None
+        self._attempts = 0
+        self._due_ns = 0
+
+    @property
+    def state(self) -> str:
+        """A short word for people."""
+        if self._talk.state != "running":
+            return "no reply" if self._ran and self._talk.state != "closed" else self._talk.state
+        if self.command_lost:
+            return f"command lost: {self._refusal}"
+        if self._homing_until_ns is not None:
+            return "activating"
+        if self._sample is None or not self._sample.active:
+            return "inactive"
+        if self._sample.fault:
+            return self._sample.fault
+        notices = [word for word in wire.NOTICES if word in self.decoder.words]
+        return "active" + (f" ({', '.join(notices)})" if notices else "")
+
+    @property
+    def width_range_m(self) -> tuple[float, float]:
+        """Least and largest width; (0, inf) while the gripper has not told."""
+        return (0.0, math.inf) if self._limits is None else (0.0, self._limits.stroke_mm / 1000)
+
+    @property
+    def speed_range_mps(self) -> tuple[float, float] | None:
+        """Least and largest speed; None while the gripper has not told."""
+        if self._limits is None:
+            return None
+        return self._limits.min_speed / 1000, self._limits.max_speed / 1000
+
+    @property
+    def force_range_n(self) -> tuple[float, float]:
+        """Least and nominal force, N on one pad; (0, inf) while the gripper has not told."""
+        if self._limits is None:
+            return _NO_FORCE
+        return self._limits.min_force / FINGERS, self._limits.nominal_force / FINGERS
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link. Nothing moves."""
+        self._reset()
+        self._talk.start(now_ns)
+        return self.on_time(now_ns)
+
+    def stop(self) -> bytes:
+        """End, and say so: a connection that merely breaks is a fault to the gripper. It keeps what it holds."""
+        self._reset()
+        self._talk.stop()
+        return wire.encode(wire.DISCONNECT)
+
+    def activate(self, now_ns: int) -> None:
+        """Ask for the acknowledgement of a fault where there is one, and for homing, which moves the fingers fully."""
+        faulty = self._sample is not None and self._sample.fault
+        self._queue = [_ACKNOWLEDGE, _HOME] if faulty else [_HOME]
+        self._goal = None
+        self._homing_until_ns = now_ns + HOMING_NS
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> float | None:
+        """Ask for a width, with a speed (None: half of the largest) and a force, N on one pad.
+
+        Returns:
+            The force that the gripper is told, never above ``force_n`` but for its least; None, and nothing will be
+            sent, where it is not referenced or reports a fault.
+
+        Raises:
+            ValueError: The gripper has no such width or speed, or the force is no number.
+        """
+        _check_finite("force", force_n)
+        limits = self._limits
+        if limits is None or not self._able:
+            return None
+        speed_mmps = limits.max_speed / 2 if speed_mps is None else _within(speed_mps, self.speed_range_mps, "speed")
+        self._goal = _within(width_m, self.width_range_m, "width"), speed_mmps
+        return self._grip(limits, force_n)
+
+    def set_force(self, force_n: float) -> float | None:
+        """Ask for another force; what is held is clamped anew with it, and nothing else moves. See `move`."""
+        _check_finite("force", force_n)
+        limits = self._limits
+        if limits is None or not self._able:
+            return None
+        return self._grip(limits, force_n)
+
+    def halt(self) -> bool:
+        """Ask the fingers to stop where they are, before all else; False where the gripper is not referenced."""
+        homing, sample = self._homing_until_ns is not None, self._sample
+        if sample is None or not (sample.active or homing):
+            return False
+        self._goal = None
+        self._homing_until_ns = None
+        self._outstanding = None
+        self._attempts = 0
+        self._due_ns = 0
+        self._queue = [_STOP]
+        return True
+
+    def acknowledge(self) -> None:
+        """Acknowledge a fault, where the gripper reports one."""
+        if self._sample is not None and self._sample.fault:
+            self._queue = [_ACKNOWLEDGE, *(command for command in self._queue if command is not _ACKNOWLEDGE)]
+
+    def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
+        """Take bytes received at ``now_ns`` and return the readings they complete."""
+        samples = []
+        for reply in self.decoder.replies(data):
+            self._take_reply(reply, now_ns)
+            sample = self.decoder.take(reply, now_ns)
+            if sample is not None:
+                self._note(sample, now_ns)
+                samples.append(sample)
+        return samples
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        due = [self._talk.due_ns] if self._talk.due_ns is not None else []
+        if due and self._talk.state == "running":
+            if self._outstanding is not None or self._queue:
+                due.append(self._due_ns)
+            if self._homing_until_ns is not None:
+                due.append(self._homing_until_ns)
+        return min(due, default=None)
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the question or command that is due at ``now_ns``; empty when none is."""
+        asked = self._talk.on_time(now_ns)
+        if self._talk.state != "running":
+            self._lose_all()
+            return asked
+        if self._homing_until_ns is not None and now_ns >= self._homing_until_ns:
+            self._give_up(f"no end of {_HOME.name}")
+        if now_ns < self._due_ns:
+            return asked
+        if self._outstanding is not None:
+            self._time_out(self._outstanding)
+        if not self._queue:
+            return asked
+        self._outstanding = self._queue.pop(0)
+        self._attempts += 1
+        self._due_ns = now_ns + ANSWER_NS
+        return asked + self._outstanding.data
+
+    @property
+    def _able(self) -> bool:
+        """Whether the gripper takes motions now."""
+        sample = self._sample
+        homing = self._homing_until_ns is not None
+        return (
+            sample is not None and sample.active and not sample.fault and not homing and self._talk.state == "running"
+        )
+
+    def _grip(self, limits: Limits, force_n: float) -> float:
+        force = wire.at_most(min(max(force_n * FINGERS, limits.min_force), limits.nominal_force))
+        self._queue = [command for command in self._queue if command is _STOP]
+        self._queue.append(_Command("force limit", wire.SET_FORCE, wire.set_force(force), force))
+        goal = self._goal or self._clamp(limits)
+        if goal is not None:
+            self._queue.append(_Command("pre-position", wire.PREPOSITION, wire.preposition(*goal)))
+        self._queue.append(_READ_BACK)
+        return force / FINGERS
+
+    def _clamp(self, limits: Limits) -> tuple[float, float] | None:
+        """Return the goal that holds on to what is held, where the goal that made it is not known; None for nothing."""
+        held = self._sample.object if self._sample is not None else "none"
+        ends = {"contact_closing": 0.0, "contact_opening": limits.stroke_mm}
+        return (ends[held], limits.max_speed / 2) if held in ends else None
+
+    def _take_reply(self, reply: Reply, now_ns: int) -> None:
+        asked = self._talk.asked
+        if asked and reply.id == _IDS[asked]:
+            well = reply.status == wire.OK
+            self._talk.answered(now_ns, "" if well else f"refused {asked}: {weiss.status_word(reply.status)}")
+            if reply.status == wire.OK:
+                self._learn(reply)
+            return
+        command = self._outstanding
+        if command is not None and reply.id == command.id and not _is_of_another(reply):
+            self._outstanding, self._attempts, self._due_ns = None, 0, now_ns
+            self._take_answer(command, reply)
+        elif reply.id in _WELL:
+            self._end_motion(reply)
+
+    def _learn(self, reply: Reply) -> None:
+        if reply.id == wire.LIMITS:
+            self._limits = wire.parse_limits(reply.data)
+        elif reply.id == wire.SYSTEM:
+            self.identity = f"S/N {wire.parse_serial(reply.data)}"
+
+    def _take_answer(self, command: _Command, reply: Reply) -> None:
+        if reply.status not in _WELL.get(command.id, (wire.OK,)):
+            self._give_up(f"{command.name}: {weiss.status_word(reply.status)}")
+            return
+        self.command_lost = False
+        if command.id == wire.SET_FORCE:
+            self._told = command.force
+        elif command is _READ_BACK and self._told is not None:
+            self._echo_ok = abs(wire.parse_number(reply.data) - self._told) <= ECHO_TOLERANCE_N
+        elif command.id == wire.HOME:
+            self._end_motion(reply)
+
+    def _end_motion(self, reply: Reply) -> None:
+        """Take the last word about a motion, which comes when it ended."""
+        if reply.id == wire.HOME and reply.status != wire.PENDING:
+            self._homing_until_ns = None
+        if reply.status not in _WELL[reply.id]:
+            self.command_lost = True
+            self._refusal = (
+                f"{'homing' if reply.id == wire.HOME else 'pre-position'}: {weiss.status_word(reply.status)}"
+            )
+
+    def _note(self, sample: GripperSample, now_ns: int) -> None:
+        self._talk.has_reading(now_ns)
+        self._ran = True
+        sample.active = sample.active and self._homing_until_ns is None
+        sample.echo_ok = self._echo_ok
+        self._sample = sample
+        if sample.active and not sample.fault:
+            return
+        self._goal = None  # what was under way is not taken up again behind the back of whoever mends it
+        waiting = [*self._queue, self._outstanding]
+        if any(command is not None and command.id in _SETS for command in waiting):
+            self._give_up(sample.fault or "not referenced")
+
+    def _time_out(self, command: _Command) -> None:
+        self.health.lost += 1
+        self._outstanding = None
+        if self._attempts >= ATTEMPTS:
+            self._give_up(f"no answer to {command.name}")
+        elif not any(newer.id == command.id for newer in self._queue):
+            self._queue.insert(0, command)
+        else:
+            self._attempts = 0
+
+    def _give_up(self, reason: str) -> None:
+        self._queue = []
+        self._outstanding = None
+        self._attempts = 0
+        self._homing_until_ns = None
+        self.command_lost = True
+        self._refusal = reason
+
+    def _lose_all(self) -> None:
+        """Drop what was asked for: the gripper does not answer, or is asked anew what it is."""
+        if self._queue or self._outstanding is not None or self._homing_until_ns is not None:
+            self._give_up("no reply")
+        self._sample = None
+
+
+def _is_of_another(reply: Reply) -> bool:
+    """Say whether a reply ends an older motion that a newer one of its kind has aborted."""
+    return reply.id == wire.PREPOSITION and reply.status == wire.ABORTED
+
+
+def _check_finite(name: str, value: float) -> None:
+    if not math.isfinite(value):
+        raise ValueError(f"a {name} of {value} cannot be asked for: a finite one can")
+
+
+def _within(value: float, bounds: tuple[float, float] | None, name: str) -> float:
+    """Return thousandths of a value that lies within its bounds."""
+    low, high = bounds or (0.0, 0.0)
+    if not low <= value <= high:  # also where it is no number
+        raise ValueError(f"a {name} of {value} cannot be asked for: {low:g} to {high:g} can")
+    return value * 1000
+
+
+DEVICE = Device("wsg", "gripper", ("tcp",), Decoder, Session)

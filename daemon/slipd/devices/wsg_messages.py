@@ -1,0 +1,301 @@
+"""The messages of Weiss/Schunk WSG grippers, read and written from either side of the line.
+
+Packets are those of `slipd.devices.weiss`, with a checksum over the preamble too; a reply has the id of its command and
+begins with a status (u16). Widths are mm, speeds mm/s, numbers little-endian. **Forces are the sum of both fingers**:
+twice the newtons on one pad. Source: the public WSG drivers and the fieldbus manual.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+from slipd.devices import weiss
+from slipd.devices.health import DecoderHealth
+from slipd.devices.weiss import WITH_PREAMBLE, Packets
+
+DISCONNECT = 0x07
+HOME = 0x20
+PREPOSITION = 0x21
+STOP = 0x22
+ACKNOWLEDGE = 0x24
+SET_FORCE = 0x32
+GET_FORCE = 0x33
+STATE = 0x40
+GRASPING = 0x41
+WIDTH = 0x43
+FORCE = 0x45
+SYSTEM = 0x50
+LIMITS = 0x53
+
+UPDATES = (WIDTH, FORCE, GRASPING, STATE)
+"""What the gripper sends by itself, one packet each, once a period was asked for."""
+
+OK = 0
+NOT_INITIALISED = 3
+ABORTED = 19
+PENDING = 26
+RANGE_ERROR = 28
+AXIS_BLOCKED = 29
+
+FINGERS = 2
+"""Newtons of the gripper in a newton on one pad."""
+
+CLAMP_ABSOLUTE = 0
+"""Flags of a pre-position: to an absolute width, and hold with the force limit whatever blocks the way. The meaning of
+the other bits is told differently by different sources."""
+
+STATE_BITS = {
+    0: "referenced",
+    1: "moving",
+    2: "blocked_minus",
+    3: "blocked_plus",
+    4: "soft_limit_minus",
+    5: "soft_limit_plus",
+    6: "axis_stopped",
+    7: "target_reached",
+    8: "overdrive",
+    9: "force_control",
+    12: "fast_stop",
+    13: "temperature_warning",
+    14: "over_temperature",
+    15: "power_fault",
+    16: "overcurrent",
+    17: "finger_fault",
+    18: "command_failure",
+    19: "script_running",
+    20: "script_failure",
+}
+FAULTS = ("fast_stop", "over_temperature", "power_fault", "overcurrent", "finger_fault", "script_failure")
+"""The worst first, but for the fast stop: the gripper does that because of others, and it is what has to be ended."""
+NOTICES = (
+    "soft_limit_minus",
+    "soft_limit_plus",
+    "overdrive",
+    "temperature_warning",
+    "command_failure",
+    "script_running",
+)
+"""What people may want to know of a gripper that goes on."""
+
+GRASPING_STATES = ("idle", "grasping", "no_part", "part_lost", "holding", "releasing", "positioning", "error")
+
+MOST = 1000.0
+"""No width (mm), speed (mm/s) or force (N) that a gripper tells is more."""
+
+_F32 = struct.Struct("<f")
+_FLAGS = struct.Struct("<I")
+_GOAL = struct.Struct("<Bff")
+_UPDATE = struct.Struct("<BH")
+_SYSTEM = struct.Struct("<BBHI")
+_LIMITS = struct.Struct("<8f")
+_STATUS_LENGTH = 2
+_TYPICAL_BYTES = 14
+
+REPLY_SIZES = {
+    DISCONNECT: 0,
+    HOME: 0,
+    PREPOSITION: 0,
+    STOP: 0,
+    ACKNOWLEDGE: 0,
+    SET_FORCE: 0,
+    GET_FORCE: _F32.size,
+    STATE: _FLAGS.size,
+    GRASPING: 1,
+    WIDTH: _F32.size,
+    FORCE: _F32.size,
+    SYSTEM: _SYSTEM.size,
+    LIMITS: _LIMITS.size,
+}
+"""Bytes behind a status of 0; behind any other there are none."""
+REQUEST_SIZES = {
+    DISCONNECT: 0,
+    HOME: 1,
+    PREPOSITION: _GOAL.size,
+    STOP: 0,
+    ACKNOWLEDGE: 3,
+    SET_FORCE: _F32.size,
+    GET_FORCE: 0,
+    STATE: _UPDATE.size,
+    GRASPING: _UPDATE.size,
+    WIDTH: _UPDATE.size,
+    FORCE: _UPDATE.size,
+    SYSTEM: 0,
+    LIMITS: 0,
+}
+
+
+class Limits(NamedTuple):
+    """What a gripper can do, in its own units."""
+
+    stroke_mm: float
+    min_speed: float
+    max_speed: float
+    min_acceleration: float
+    max_acceleration: float
+    min_force: float
+    nominal_force: float
+    overdrive_force: float
+
+
+class Reply(NamedTuple):
+    """An answer or an update: the id, a status, and what stands behind it."""
+
+    id: int
+    status: int
+    data: bytes
+
+
+class Replies(Packets):
+    """Finds the replies in a stream.
+
+    Args:
+        health: Receives ``bad`` and ``bad_bytes``.
+    """
+
+    def __init__(self, health: DecoderHealth) -> None:
+        super().__init__(WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, health)
+
+    def replies(self, data: bytes) -> list[Reply]:
+        """Take the next bytes of the stream and return the replies they complete."""
+        return [
+            Reply(packet.id, int.from_bytes(packet.payload[:_STATUS_LENGTH], "little"), packet.payload[_STATUS_LENGTH:])
+            for packet in self.packets(data)
+        ]
+
+
+def _is_reply(reply_id: int, size: int, begun: bytes) -> bool:
+    expected = REPLY_SIZES.get(reply_id)
+    if expected is None or size not in (_STATUS_LENGTH, _STATUS_LENGTH + expected):
+        return False
+    if len(begun) < _STATUS_LENGTH:
+        return True
+    status = int.from_bytes(begun[:_STATUS_LENGTH], "little")
+    if status >= len(weiss.STATUS_WORDS) or size != _STATUS_LENGTH + (expected if status == OK else 0):
+        return False
+    return len(begun) < size or _is_sound(reply_id, status, begun[_STATUS_LENGTH:])
+
+
+def _is_sound(reply_id: int, status: int, data: bytes) -> bool:
+    """Say whether numbers are ones that a gripper can mean."""
+    if status != OK:
+        return True
+    if reply_id in (GET_FORCE, WIDTH, FORCE):
+        return abs(parse_number(data)) <= MOST  # also False where it is no number
+    if reply_id == GRASPING:
+        return data[0] < len(GRASPING_STATES)
+    if reply_id == LIMITS:
+        return _are_limits(parse_limits(data))
+    return True
+
+
+def _are_limits(told: Limits) -> bool:
+    return (
+        all(map(math.isfinite, told))
+        and 0.0 < told.stroke_mm <= MOST
+        and 0.0 <= told.min_speed < told.max_speed <= MOST
+        and 0.0 <= told.min_force < told.nominal_force <= MOST
+    )
+
+
+def encode(packet_id: int, payload: bytes = b"") -> bytes:
+    """Return a packet, of either side."""
+    return weiss.encode(packet_id, payload, WITH_PREAMBLE)
+
+
+def preposition(width_mm: float, speed_mmps: float) -> bytes:
+    """Return the command to go to a width, and to hold what blocks the way."""
+    return encode(PREPOSITION, _GOAL.pack(CLAMP_ABSOLUTE, width_mm, speed_mmps))
+
+
+def parse_goal(payload: bytes) -> tuple[int, float, float]:
+    """Return flags, width in mm and speed in mm/s of a pre-position."""
+    flags, width_mm, speed_mmps = _GOAL.unpack(payload)
+    return flags, width_mm, speed_mmps
+
+
+def home() -> bytes:
+    """Return the command to look for the reference, in the direction that the gripper is set to."""
+    return encode(HOME, b"\0")
+
+
+def acknowledge() -> bytes:
+    """Return the acknowledgement of a fault or fast stop."""
+    return encode(ACKNOWLEDGE, b"ack")
+
+
+def set_force(newtons: float) -> bytes:
+    """Return the command that sets the force limit, N of both fingers together."""
+    return encode(SET_FORCE, _F32.pack(newtons))
+
+
+def update_request(update_id: int, period_ms: int) -> bytes:
+    """Return the request for one of `UPDATES` every ``period_ms``."""
+    return encode(update_id, _UPDATE.pack(1, period_ms))
+
+
+def parse_update(payload: bytes) -> int:
+    """Return the period that a request for updates asks for, ms; 0 for one answer alone."""
+    automatic, period_ms = _UPDATE.unpack(payload)
+    return period_ms if automatic else 0
+
+
+def encode_reply(reply_id: int, status: int = OK, data: bytes = b"") -> bytes:
+    """Return a reply as the gripper sends it."""
+    return encode(reply_id, status.to_bytes(_STATUS_LENGTH, "little") + data)
+
+
+def encode_number(reply_id: int, number: float) -> bytes:
+    """Return the reply that is one number: width, force or force limit."""
+    return encode_reply(reply_id, data=_F32.pack(number))
+
+
+def encode_state(words: set[str]) -> bytes:
+    """Return the system state in which the bits of these words are set."""
+    flags = sum(1 << bit for bit, word in STATE_BITS.items() if word in words)
+    return encode_reply(STATE, data=_FLAGS.pack(flags))
+
+
+def encode_grasping(state: str) -> bytes:
+    """Return the grasping state."""
+    return encode_reply(GRASPING, data=bytes((GRASPING_STATES.index(state),)))
+
+
+def encode_limits(limits: Limits) -> bytes:
+    """Return the answer that tells what the gripper can do."""
+    return encode_reply(LIMITS, data=_LIMITS.pack(*limits))
+
+
+def encode_system(serial: int) -> bytes:
+    """Return the answer that tells which gripper it is."""
+    return encode_reply(SYSTEM, data=_SYSTEM.pack(1, 0, 0, serial))
+
+
+def parse_number(data: bytes) -> float:
+    """Return the one number of a reply, or of the command that sets the force limit."""
+    return float(_F32.unpack(data)[0])
+
+
+def parse_state(data: bytes) -> frozenset[str]:
+    """Return the words of the bits that are set in a system state; bits without a meaning are passed over."""
+    flags = _FLAGS.unpack(data)[0]
+    return frozenset(word for bit, word in STATE_BITS.items() if flags >> bit & 1)
+
+
+def parse_limits(data: bytes) -> Limits:
+    """Return what a gripper can do."""
+    return Limits(*_LIMITS.unpack(data))
+
+
+def parse_serial(data: bytes) -> int:
+    """Return the serial number of the answer about the system."""
+    return int(_SYSTEM.unpack(data)[3])
+
+
+def at_most(number: float) -> float:
+    """Return the largest number that the wire can carry and that is not above ``number``."""
+    rounded = np.float32(number)
+    return float(rounded if float(rounded) <= number else np.nextafter(rounded, np.float32(-math.inf)))

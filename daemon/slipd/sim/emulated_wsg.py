@@ -1,0 +1,162 @@
+"""A WSG gripper seen from its line: two jaws that move, and hold what blocks their way with the force limit.
+
+Left out: grasp, release, soft limits, scripts and whatever the daemon never asks for; what is held does not give.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slipd.devices import wsg_messages as wire
+from slipd.devices.health import DecoderHealth
+from slipd.devices.weiss import WITH_PREAMBLE, Packet, Packets
+from slipd.devices.wsg_messages import Limits
+
+SERIAL = 4711
+LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
+HOMING_MMPS = 100.0
+UPDATE_HZ = 50.0
+STARTS_AT_MM = 60.0
+
+_TYPICAL_BYTES = 12
+
+
+class Gripper:
+    """The gripper's end of its line; time is told to it.
+
+    Attributes:
+        part_mm: Width of what lies between the jaws; 0 for nothing.
+        words: Conditions of the system state that are not made by motion: "referenced" and faults, set by tests too.
+        width_mm: Where the jaws are.
+        limit: Force limit, N of both fingers.
+    """
+
+    def __init__(self) -> None:
+        self.options: dict[str, Any] = {}
+        self.rate_hz = UPDATE_HZ
+        self.part_mm = 0.0
+        self.words: set[str] = set()
+        self.width_mm = STARTS_AT_MM
+        self.limit = LIMITS.nominal_force
+        self._requests = Packets(WITH_PREAMBLE, _is_request, _TYPICAL_BYTES, DecoderHealth())
+        self._greeted = False  # a host came and has not said goodbye
+        self._now_ns = 0
+        self._goal: tuple[int, float, float] | None = None  # command, mm, mm/s
+        self._blocked = ""
+        self._updates: dict[int, tuple[int, int]] = {}  # id: period and when the next is due, ns
+
+    def opened(self, t_ns: int) -> None:
+        """Somebody connected; who went before without a word makes it stop fast."""
+        if self._greeted:
+            self.words.add("fast_stop")
+            self._goal = None
+        self._greeted = True
+        self._updates.clear()
+        self._requests.forget()
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Take what the host wrote by ``t_ns``; return the answers."""
+        said = self._go_on(t_ns)
+        for request in self._requests.packets(data):
+            said += self._obey(request)
+        return said
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Go on to ``t_ns`` and return the ends of motions and the updates due until then."""
+        said = self._go_on(t_ns)
+        for update, (period_ns, due_ns) in sorted(self._updates.items()):
+            while due_ns <= t_ns:
+                said.append(self._told(update))
+                due_ns += period_ns
+            self._updates[update] = period_ns, due_ns
+        return said
+
+    def _obey(self, request: Packet) -> list[bytes]:
+        match request.id:
+            case wire.DISCONNECT:
+                self._greeted = False
+                self._updates.clear()
+            case wire.ACKNOWLEDGE:
+                self.words -= set(wire.FAULTS)
+            case wire.STOP:
+                return [*self._abort(), wire.encode_reply(request.id)]
+            case wire.SET_FORCE:
+                return [wire.encode_reply(request.id, self._set_force(wire.parse_number(request.payload)))]
+            case wire.HOME:
+                return self._begin(wire.HOME, LIMITS.stroke_mm, HOMING_MMPS)
+            case wire.PREPOSITION:
+                _, width_mm, speed_mmps = wire.parse_goal(request.payload)
+                return self._begin(wire.PREPOSITION, width_mm, speed_mmps)
+            case wire.SYSTEM:
+                return [wire.encode_system(SERIAL)]
+            case wire.LIMITS:
+                return [wire.encode_limits(LIMITS)]
+            case wire.GET_FORCE:
+                return [wire.encode_number(wire.GET_FORCE, self.limit)]
+            case _:
+                period_ns = wire.parse_update(request.payload) * 1_000_000
+                if period_ns:
+                    self._updates[request.id] = period_ns, self._now_ns + period_ns
+                return [self._told(request.id)]
+        return [wire.encode_reply(request.id)]
+
+    def _set_force(self, newtons: float) -> int:
+        if not LIMITS.min_force <= newtons <= LIMITS.overdrive_force:
+            return wire.RANGE_ERROR
+        self.limit = newtons
+        return wire.OK
+
+    def _begin(self, command: int, width_mm: float, speed_mmps: float) -> list[bytes]:
+        ready = "referenced" in self.words or command == wire.HOME
+        if not ready or self.words & set(wire.FAULTS):
+            return [wire.encode_reply(command, wire.NOT_INITIALISED)]
+        said = self._abort()
+        self._goal = command, width_mm, speed_mmps
+        self._blocked = ""
+        return [*said, wire.encode_reply(command, wire.PENDING)]
+
+    def _abort(self) -> list[bytes]:
+        if self._goal is None:
+            return []
+        command, self._goal = self._goal[0], None
+        return [wire.encode_reply(command, wire.ABORTED)]
+
+    def _go_on(self, t_ns: int) -> list[bytes]:
+        """Move the jaws until ``t_ns``; return the end of the motion, where it ended."""
+        step_s, self._now_ns = max(t_ns - self._now_ns, 0) * 1e-9, max(t_ns, self._now_ns)
+        if self._goal is None:
+            return []
+        command, width_mm, speed_mmps = self._goal
+        reach = speed_mmps * step_s
+        target_mm = width_mm
+        if self.part_mm and width_mm < self.part_mm <= self.width_mm:
+            target_mm = self.part_mm
+        self.width_mm += min(max(target_mm - self.width_mm, -reach), reach)
+        if self.width_mm != target_mm:
+            return []
+        self._blocked = "blocked_minus" if target_mm != width_mm else ""
+        self._goal = None
+        if command == wire.HOME:
+            self.words.add("referenced")
+        return [wire.encode_reply(command)]
+
+    def _told(self, update: int) -> bytes:
+        if update == wire.WIDTH:
+            return wire.encode_number(update, self.width_mm)
+        if update == wire.FORCE:
+            return wire.encode_number(update, self.limit if self._blocked else 0.0)
+        if update == wire.GRASPING:
+            return wire.encode_grasping("positioning" if self._goal else "idle")
+        return wire.encode_state(self.words | {"moving" if self._goal else "target_reached", self._blocked})
+
+
+def _is_request(request_id: int, size: int, _: bytes) -> bool:
+    return wire.REQUEST_SIZES.get(request_id) == size
+
+
+def make(seed: int) -> Gripper:
+    """Make a gripper that is referenced, as one that was switched on before; ``seed`` tells none apart."""
+    del seed
+    gripper = Gripper()
+    gripper.words.add("referenced")
+    return gripper
