@@ -188,7 +188,7 @@ class GripPolicy:
             return refusal
         if self._force_n is None or self._asked_n is None:
             return Refusal("not_ready", "nothing is gripped")
-        if force_n < self._asked_n - ROUNDING_N:
+        if force_n < min(self._asked_n, self._force_n) - ROUNDING_N:
             return Refusal("out_of_range", f"the reflex does not lower below the {self._asked_n:g} N asked for")
         return self._check_budget(force_n - self._force_n)
 

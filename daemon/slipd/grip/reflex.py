@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slipd.grip.policy import GripPolicy
+from slipd.grip.policy import ROUNDING_N, GripPolicy
 
 #: Least time between two acts, and the time whose rise one act may take: grippers answer some 50 commands a second.
 PERIOD_NS = 20_000_000
@@ -153,7 +153,7 @@ class Reflex:
         line_n = force_n if self._line_n is None else self._line_n - rate * elapsed_ns * 1e-9
         step_n = max(rate * PERIOD_NS * 1e-9, DEAD_BAND_N)
         self._line_n = max(line_n, force_n - step_n, keep_n, self._policy.asked_n or 0.0)
-        return ReflexAct(self._line_n, force_n, "calm") if self._line_n <= force_n - DEAD_BAND_N else None
+        return ReflexAct(self._line_n, force_n, "calm") if self._line_n <= force_n - DEAD_BAND_N + ROUNDING_N else None
 
     def _hand_out(self, act: ReflexAct | None) -> ReflexAct | None:
         """Lets an act pass that neither comes too soon, nor repeats the last at once, nor is refused."""
