@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import grp
 import os
 import stat
 import subprocess
@@ -10,6 +11,10 @@ import pytest
 
 from slipd.bus.runtime import RuntimeDirectory
 from slipd.errors import LinkError
+
+#: Root may give files to any group; one that every machine has.
+GROUP = "daemon"
+needs_a_group = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files to a group it is not in")
 
 HOLD = """
 import sys, pathlib
@@ -25,14 +30,72 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "deep" / "slipd"
 
 
-def test_the_directory_is_made_for_the_user_alone(path: Path) -> None:
+def test_without_a_group_the_directory_is_made_for_the_user_alone(path: Path) -> None:
     umask = os.umask(0)
     try:
-        with RuntimeDirectory(path):
+        with RuntimeDirectory(path, group="no such group") as home:
+            socket = path / "publish"
+            socket.touch(0o700)
+            home.share(f"ipc://{socket}")
+            assert stat.S_IMODE(socket.stat().st_mode) == 0o700
+            socket.unlink()
             assert stat.S_IMODE(path.stat().st_mode) == 0o700
             assert {stat.S_IMODE(file.stat().st_mode) for file in path.iterdir()} == {0o600}
     finally:
         os.umask(umask)
+
+
+@needs_a_group
+@pytest.mark.parametrize("umask", [0, 0o022, 0o077])
+def test_with_a_group_its_members_may_enter_and_use_the_sockets_and_nothing_else(umask: int, path: Path) -> None:
+    before = os.umask(umask)
+    try:
+        with RuntimeDirectory(path, group=GROUP) as home:
+            socket = path / "publish"
+            socket.touch(0o700)
+            home.share(f"ipc://{socket}")
+            assert modes(path) == {"slipd": (0o750, GROUP), "publish": (0o660, GROUP), "lock": (0o600, None)}
+    finally:
+        os.umask(before)
+    with RuntimeDirectory(path, group=GROUP):
+        pass  # it is taken as it was left
+
+
+def modes(path: Path) -> dict[str, tuple[int, str | None]]:
+    """Mode of the directory and of what is in it, and the group where it may do anything."""
+    found = {file.name: file.stat() for file in (path, *path.iterdir())}
+    return {
+        name: (stat.S_IMODE(each.st_mode), grp.getgrgid(each.st_gid).gr_name if each.st_mode & 0o070 else None)
+        for name, each in found.items()
+    }
+
+
+@needs_a_group
+def test_a_directory_that_exists_is_opened_to_nobody(path: Path) -> None:
+    path.mkdir(parents=True, mode=0o700)
+    with RuntimeDirectory(path, group=GROUP) as home:
+        (path / "publish").touch(0o700)
+        home.share(f"ipc://{path}/publish")
+        assert modes(path) == {"slipd": (0o700, None), "publish": (0o700, None), "lock": (0o600, None)}
+
+
+@needs_a_group
+def test_a_socket_elsewhere_is_not_shared(path: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "publish"
+    elsewhere.touch(0o700)
+    with RuntimeDirectory(path, group=GROUP) as home:
+        home.share(f"ipc://{elsewhere}")
+        home.share("tcp://127.0.0.1:5555")
+    assert stat.S_IMODE(elsewhere.stat().st_mode) == 0o700
+
+
+@needs_a_group
+def test_a_directory_of_another_group_is_refused(path: Path) -> None:
+    path.mkdir(parents=True)
+    os.chown(path, -1, 12345)
+    path.chmod(0o750)
+    with pytest.raises(LinkError, match=f"that is not {GROUP}"):
+        RuntimeDirectory(path, group=GROUP).__enter__()
 
 
 def test_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path) -> None:
@@ -59,12 +122,12 @@ def test_the_directory_is_free_again_after_the_end(path: Path) -> None:
     assert len(list(Path("/proc/self/fd").iterdir())) == files
 
 
-@pytest.mark.parametrize("mode", [0o755, 0o750, 0o711, 0o1777])
+@pytest.mark.parametrize("mode", [0o755, 0o750, 0o770, 0o711, 0o701, 0o1777])
 def test_a_directory_that_others_may_enter_is_refused_and_left_as_it_is(mode: int, path: Path) -> None:
     path.mkdir(parents=True)
     path.chmod(mode)
     with pytest.raises(LinkError, match="chmod 700"):
-        RuntimeDirectory(path).__enter__()
+        RuntimeDirectory(path, group="no such group").__enter__()
     assert stat.S_IMODE(path.stat().st_mode) == mode
 
 
