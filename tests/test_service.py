@@ -285,6 +285,30 @@ async def test_what_was_recorded_replays_as_it_was_published(rig: Rig, tmp_path:
     assert {(topic, body["seq"]) for topic, body in replayed} >= set(heard)
 
 
+async def test_a_recording_that_a_client_asks_for_holds_what_it_was_sent(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
+    async with serving(rig.config) as client:
+        await until(lambda: client.hear("slip.left"), rig.send)
+        client.ask(op="hello")
+        hello = (await until(client.answer))["result"]
+        envelope = {"boot": hello["boot"], "deadline_ns": time.monotonic_ns() + 400_000_000}
+        client.ask(op="record.start", **envelope)
+        name = (await until(client.answer))["result"]["name"]
+        begun = len(client.hear("slip.left"))
+        await until(lambda: len(client.hear("slip.left")) > begun + 5, rig.send)
+        client.ask(op="status")
+        recording = (await until(client.answer))["result"]["recording"]
+        assert recording == {"name": name, "running": True, "failure": None}
+        heard = [encode(body) for body in client.hear("slip.left")[begun + 1 :]]
+    recorded = open_recording(tmp_path / "state" / name)
+    told = [payload for topic, payload in recorded.messages() if topic == "slip.left"]
+    assert recorded.complete
+    assert set(heard) <= set(told)
+    assert len(list(replay(recorded))) > 10, "its links are open, so its readings are heard"
+
+
 async def test_a_recording_is_never_overwritten(rig: Rig, tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"precious")
     with pytest.raises(RecordingError):
