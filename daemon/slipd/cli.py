@@ -16,6 +16,7 @@ from slipd import __version__
 from slipd.errors import ConfigError, SlipdError
 
 if TYPE_CHECKING:
+    from slipd.config import Config
     from slipd.service import Endpoints
 
 DONE, FAULT, WRONG = 0, 1, 2
@@ -135,8 +136,23 @@ def _check(arguments: argparse.Namespace) -> int:
             print(f'finger.{name}: no pad: rotation is not observed, its level will never be "stable"')
     if rig.gripper is not None and rig.gripper.max_force_n is None:
         print("gripper: no max_force_n: nothing will be moved")
+    if rig.reflex.enabled:
+        print(_reach(rig))
     print(f"{arguments.file}: good, config_id {rig.config_id}")
     return DONE
+
+
+def _reach(rig: Config) -> str:
+    """What the reflex can do in the time that the config says there is."""
+    from slipd.grip.reflex import PERIOD_NS
+
+    reflex, gripper = rig.reflex, rig.gripper
+    ceiling_n = reflex.ceiling_n or (gripper.max_force_n if gripper is not None else None) or 0.0
+    gain_n = min(reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9), ceiling_n)
+    return (
+        f"reflex: asks for up to {gain_n:.1f} N more within the lead time of {reflex.lead_time_s:g} s,"
+        f" up to {ceiling_n:g} N on one pad; the gripper's own time to follow is not in it"
+    )
 
 
 def _replay(arguments: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ import re
 from typing import Any
 from urllib.parse import urlsplit
 
-from slipd.config_model import Bus, Config, Finger, Gripper, Pad, Stream, Table
+from slipd.config_model import Bus, Config, Finger, Grasp, Gripper, Pad, Stream, Table
 from slipd.devices import DEVICES
 
 Fault = tuple[str, str]
@@ -29,6 +29,8 @@ QUATERNION_TOLERANCE = 1e-3
 #: A stream is stale after so many periods without a reading, and no sooner than after the least.
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
+#: Cosine of the angle between the pads of parallel jaws: they face each other within 11 degrees.
+FACING = -0.98
 #: A gripper's own settings are bytes.
 MAX_UNITS = 255
 
@@ -291,7 +293,22 @@ def _grasp(config: Config) -> list[Fault]:
         if abs(length - 1.0) > QUATERNION_TOLERANCE:
             message = f"must be a unit quaternion x, y, z, w; this one has length {length:.4g}"
             faults.append((f"{path}.quat_xyzw", message))
-    return faults
+    return faults or _facing(config.grasp)
+
+
+def _facing(config: Grasp) -> list[Fault]:
+    """Pads that do not face each other: the forces of one would be taken for a push of the world on the other."""
+    first, second = (_outward(place.quat_xyzw) for place in config.pads.values())
+    if sum(a * b for a, b in zip(first, second, strict=True)) <= FACING:
+        return []
+    right = "quat_xyzw must turn their Z axes against each other"
+    return [("grasp.pads", f"the pads {' and '.join(config.pads)} do not face each other: {right}")]
+
+
+def _outward(quat_xyzw: list[float]) -> tuple[float, float, float]:
+    """Z axis of a pad in the gripper frame."""
+    x, y, z, w = (part / math.hypot(*quat_xyzw) for part in quat_xyzw)
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 def _reflex(config: Config) -> list[Fault]:

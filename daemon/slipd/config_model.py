@@ -239,6 +239,7 @@ class Rates(_Model):
     slip_hz: Hertz = 250.0
     wrench_hz: Hertz = 250.0
     tactile_hz: Hertz = 50.0
+    grasp_hz: Hertz = 50.0
     status_hz: Hertz = 1.0
 
 

@@ -27,9 +27,10 @@ from slipd.pipeline.events import (
 )
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl
+from slipd.pipeline.holding import make_holding
 from slipd.pipeline.lateness import Lateness
 from slipd.pipeline.links import Link, make_links
-from slipd.pipeline.outlet import Outlet, Pace
+from slipd.pipeline.outlet import NO_FRAME, Outlet, Pace
 from slipd.pipeline.recordings import Recordings
 from slipd.pipeline.streams import Stream
 from slipd.pipeline.voice import Voice
@@ -41,7 +42,6 @@ from slipd_client.messages import (
 
 #: Sleep of the host that ends what was known of the present: streams are stale, leases over.
 SUSPENSION_NS = 50_000_000
-NO_FRAME = ""
 GRIPPER_LINK = "gripper"
 NO_LEASE: dict[str, Any] = {"held": False, "expires_in_s": None}
 
@@ -62,6 +62,7 @@ class Engine:
         self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
         self._voices = {name: Voice(finger, self._outlet, config.rates) for name, finger in self._fingers.items()}
         self._gripper = self._make_gripper()
+        self._holding = make_holding(config, self._fingers, self._gripper, self._outlet)
         self._recordings = Recordings(boot, wall_minus_monotonic_ns)
         self._desk = Desk(boot, self._fingers, self._gripper, self._recordings, self._status)
         self._status_pace = Pace(config.rates.status_hz)
@@ -113,7 +114,7 @@ class Engine:
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
         for stream, samples, times_ns in link.receive(data, t_ns, self._lateness.late_ns):
-            self._take(stream, samples, times_ns, out)
+            self._take(stream, samples, times_ns, t_ns, out)
         out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
         if link.spec.name == GRIPPER_LINK:
             self._watch_gripper(t_ns, out)
@@ -136,7 +137,7 @@ class Engine:
             out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns)))
             self._publish_status(t_ns, out)
 
-    def _take(self, stream: str, samples: Sequence[Any], times_ns: Sequence[int], out: list[Output]) -> None:
+    def _take(self, stream: str, samples: Sequence[Any], times_ns: Sequence[int], t_ns: int, out: list[Output]) -> None:
         """Takes the readings of one stream that came in one read."""
         owner, _, kind = stream.partition(".")
         if not kind:
@@ -145,13 +146,24 @@ class Engine:
         finger, voice = self._fingers[owner], self._voices[owner]
         if kind == "wrench":
             for judged in finger.take_wrenches(samples, times_ns):
+                self._react(t_ns, out)
                 voice.tell_read(judged, out)
-            return
-        for sample, acquired_ns in zip(samples, times_ns, strict=True):
-            decided = finger.take_tactile(sample, acquired_ns)
-            if decided is not None:
-                voice.tell_read(decided, out)
-            voice.tell_image(acquired_ns, out)
+        else:
+            for sample, acquired_ns in zip(samples, times_ns, strict=True):
+                decided = finger.take_tactile(sample, acquired_ns)
+                if decided is not None:
+                    self._react(t_ns, out)
+                    voice.tell_read(decided, out)
+                voice.tell_image(acquired_ns, out)
+        if self._holding is not None:
+            self._holding.tell(t_ns, out)
+
+    def _react(self, t_ns: int, out: list[Output]) -> None:
+        """Lets the reflex act: its command leaves before anything is said of what called it."""
+        act = None if self._holding is None else self._holding.react(t_ns)
+        if act is not None:
+            out += [Write(GRIPPER_LINK, piece) for piece in self._links[GRIPPER_LINK].due(t_ns)]
+            out.append(act)
 
     def _take_gripper(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
         gripper = cast("GripperControl", self._gripper)
@@ -169,7 +181,10 @@ class Engine:
             if state is not None:
                 self._voices[name].tell(state, out)
         self._watch_gripper(t_ns, out)
+        self._react(t_ns, out)
         self._write_due(t_ns, out)
+        if self._holding is not None:
+            self._holding.tell(t_ns, out)
         if self._status_pace.passes(t_ns):
             self._publish_status(t_ns, out)
 

@@ -145,6 +145,22 @@ class GripperControl:
             self.policy.grip(applied_n, t_ns)
         return self._sent(applied_n, t_ns, self._goal_m)
 
+    @property
+    def width_m(self) -> float | None:
+        """Width between the pads, m; None where it is not known."""
+        return None if self.sample is None else self.sample.width_m
+
+    def react(self, force_n: float, t_ns: int) -> bool:
+        """Sets the force for the reflex; False where the gripper cannot take it now."""
+        if self.refuse() is not None or self.check_force(force_n) is not None:
+            return False
+        applied_n = self._session.set_force(force_n)
+        if applied_n is None:
+            return False
+        self.policy.grip(applied_n, t_ns, reflex=True)
+        self._sent(applied_n, t_ns, self._goal_m)
+        return True
+
     def halt(self) -> Result:
         """Stops the fingers where they are, whatever else is wrong."""
         return {} if self._session.halt() else (self.may_activate() or _NOT_ACTIVE)
@@ -191,6 +207,7 @@ class GripperControl:
             "current_a": None if sample is None else number(sample.current_a),
             "force_n": None if sample is None else number(sample.force_n),
             "lease": self.lease(t_ns),
+            "reflex": None,
             "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
         }
 

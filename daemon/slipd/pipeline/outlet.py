@@ -7,6 +7,9 @@ from typing import Any
 from slipd.pipeline.events import Publish
 from slipd_client.messages import PROTOCOL_VERSION
 
+#: Of messages without vectors.
+NO_FRAME = ""
+
 
 class Outlet:
     """Makes messages: numbers them per topic without gaps and dates them.

@@ -1,0 +1,101 @@
+"""The grasp as it is told, and the reflex that keeps it: both follow the fingers' readings."""
+
+from __future__ import annotations
+
+from slipd.config import Config
+from slipd.grip.reflex import PERIOD_NS, Reflex, ReflexAct, ReflexSettings
+from slipd.pipeline.decision import SEVERITY
+from slipd.pipeline.events import Output, Publish
+from slipd.pipeline.finger import Finger
+from slipd.pipeline.grasp import GraspView
+from slipd.pipeline.gripper import GripperControl
+from slipd.pipeline.outlet import NO_FRAME, Outlet, Pace
+from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC
+
+GRASP_FRAME = "gripper"
+#: Levels at which the reflex is asked at once.
+ALARMS = frozenset({"warning", "slipping"})
+
+
+class Holding:
+    """One grasp of two fingers.
+
+    Args:
+        config: The rig, with ``[grasp]``.
+        view: The two fingers as one grasp.
+        fingers: They.
+        gripper: What closes them; None where the config names none.
+        outlet: Numbers and dates the messages.
+    """
+
+    def __init__(
+        self, config: Config, view: GraspView, fingers: list[Finger], gripper: GripperControl | None, outlet: Outlet
+    ) -> None:
+        self._view, self._fingers, self._gripper, self._outlet = view, fingers, gripper, outlet
+        self._pace = Pace(config.rates.grasp_hz)
+        self._told = "unknown"
+        self._reflex = None if gripper is None else _reflex(config, gripper)
+        self._alarmed = False
+        self._due_ns = 0
+
+    def react(self, t_ns: int) -> Publish | None:
+        """Asks the reflex, at once where a finger begins to warn and else once a control period.
+
+        Returns:
+            What is to be said of an act, once the gripper's session wrote its command; None where there was none.
+        """
+        reflex, gripper = self._reflex, self._gripper
+        if reflex is None or gripper is None:
+            return None
+        before, self._alarmed = self._alarmed, self._level() in ALARMS
+        if t_ns < self._due_ns and (before or not self._alarmed):
+            return None
+        self._due_ns = t_ns + PERIOD_NS
+        state = self._view.update(t_ns, gripper.width_m)
+        act = reflex.decide(state.level, state.grip_needed_n, state.internal_n, state.trusted, t_ns)
+        if act is None or not gripper.react(act.force_n, t_ns):
+            return None
+        return self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns) | {"reflex": _told(act)})
+
+    def tell(self, t_ns: int, out: list[Output]) -> None:
+        """Adds what is to be said of the grasp."""
+        level = self._level()
+        changed = level != self._told
+        if not self._pace.passes(t_ns, now=changed):
+            return
+        self._told = level
+        self._view.update(t_ns, None if self._gripper is None else self._gripper.width_m)
+        out.append(self._outlet.message(GRASP_TOPIC, t_ns, GRASP_FRAME, self._view.body(t_ns)))
+
+    def _level(self) -> str:
+        """Of the worse finger."""
+        return max((finger.state.verdict.level for finger in self._fingers), key=SEVERITY.__getitem__)
+
+
+def make_holding(
+    config: Config, fingers: dict[str, Finger], gripper: GripperControl | None, outlet: Outlet
+) -> Holding | None:
+    """The grasp of a config; None where it has no ``[grasp]``."""
+    if config.grasp is None:
+        return None
+    held = [fingers[name] for name in config.grasp.pads]
+    return Holding(config, GraspView(config.grasp, fingers), held, gripper, outlet)
+
+
+def _reflex(config: Config, gripper: GripperControl) -> Reflex | None:
+    limit_n = None if config.gripper is None else config.gripper.max_force_n
+    if not config.reflex.enabled or limit_n is None:
+        return None
+    wanted = config.reflex
+    settings = ReflexSettings(
+        ceiling_n=limit_n if wanted.ceiling_n is None else wanted.ceiling_n,
+        raise_n_per_s=wanted.raise_n_per_s,
+        slip_gain=wanted.slip_gain,
+        calm_s=wanted.calm_s,
+        lower_n_per_s=wanted.lower_n_per_s,
+    )
+    return Reflex(settings, gripper.policy)
+
+
+def _told(act: ReflexAct) -> dict[str, float | str]:
+    return {"force_n": act.force_n, "from_n": act.from_n, "reason": act.reason}
