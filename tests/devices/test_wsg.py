@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from slipd.devices import wsg_messages as wire
+from slipd.devices.commands import ATTEMPTS
 from slipd.devices.weiss import WITH_PREAMBLE, Packet, Packets
-from slipd.devices.wsg import ANSWER_NS, ATTEMPTS, HOMING_NS, Decoder, Session
+from slipd.devices.wsg import ANSWER_NS, HOMING_NS, Decoder, Session
 from slipd.samples import GripperSample
 from slipd.sim.emulated_wsg import LIMITS, Gripper, make
 

@@ -76,12 +76,12 @@ class GripperSession(Session, Protocol):
     """The conversation with a gripper, in metres between the pads and newtons on one pad.
 
     Nothing moves but on request, and a request that the gripper cannot take sends nothing.
-
-    Attributes:
-        command_lost: The last command was refused by the gripper, or never acknowledged.
     """
 
-    command_lost: bool
+    @property
+    def command_lost(self) -> bool:
+        """The last command was refused by the gripper, or never acknowledged."""
+        ...
 
     @property
     def width_range_m(self) -> tuple[float, float]:

@@ -9,10 +9,10 @@ goal than the present width is asked for. The force is changed by setting the li
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from slipd.devices import Device, weiss
 from slipd.devices import wsg_messages as wire
+from slipd.devices.commands import Command, Commands
 from slipd.devices.conversation import Conversation, Step
 from slipd.devices.health import DecoderHealth
 from slipd.devices.wsg_messages import FINGERS, Limits, Reply
@@ -24,8 +24,6 @@ SHORTEST_MS, LONGEST_MS = 5, 200
 """Of a period: the first is twice what the gripper was seen to do, the last a fifth of what passes for silence."""
 ANSWER_NS = 250_000_000
 """For the answer to a command: older grippers take 70 ms."""
-ATTEMPTS = 3
-"""A command that is unanswered so often is lost; repeated later it would come as a surprise."""
 HOMING_NS = 30_000_000_000
 """A slow gripper needs some seconds for its whole stroke, there and back."""
 ECHO_TOLERANCE_N = 0.01
@@ -103,28 +101,11 @@ def _object(words: frozenset[str], grasping: str) -> str:
     return "moving" if "moving" in words else "none"
 
 
-@dataclass(frozen=True, slots=True)
-class _Command:
-    """A command.
-
-    Attributes:
-        name: What it is, for people.
-        id: Of the packet, and of its reply.
-        data: The packet.
-        force: The force limit that it sets, N of both fingers.
-    """
-
-    name: str
-    id: int
-    data: bytes
-    force: float = 0.0
-
-
 _SETS = (wire.SET_FORCE, wire.PREPOSITION)
-_HOME = _Command("homing", wire.HOME, wire.home())
-_STOP = _Command("stop", wire.STOP, wire.encode(wire.STOP))
-_ACKNOWLEDGE = _Command("acknowledgement", wire.ACKNOWLEDGE, wire.acknowledge())
-_READ_BACK = _Command("force limit", wire.GET_FORCE, wire.encode(wire.GET_FORCE))
+_HOME = Command("homing", wire.HOME, wire.home())
+_STOP = Command("stop", wire.STOP, wire.encode(wire.STOP))
+_ACKNOWLEDGE = Command("acknowledgement", wire.ACKNOWLEDGE, wire.acknowledge())
+_READ_BACK = Command("force limit", wire.GET_FORCE, wire.encode(wire.GET_FORCE))
 _WELL = {
     wire.PREPOSITION: (wire.OK, wire.PENDING, wire.ABORTED, wire.AXIS_BLOCKED),
     wire.HOME: (wire.OK, wire.PENDING),
@@ -136,10 +117,10 @@ class Session:
     """Asks for the updates, and sends what is asked for, one command at a time.
 
     `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
-    lost" with the reason, or what the gripper refuses; behind "active" stand the gripper's warnings. `identity` is its serial number.
+    lost" with the reason, or what the gripper refuses; behind "active" stand the gripper's warnings. `identity` is its
+    serial number.
 
     Attributes:
-        command_lost: The last command was refused, never acknowledged, or met a gripper that could not obey any more.
         health: Its ``lost`` counts unanswered commands.
 
     ``echo_ok`` of a sample: the force limit was read back as it was set. Widths are the gripper's own: between its
@@ -165,24 +146,25 @@ class Session:
                 *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[2:]),
             ]
         )
+        self._commands = Commands(ANSWER_NS, self.health)
         self._reset()
 
     def _reset(self) -> None:
         self.decoder.forget()
+        self._commands.reset()
         self.identity = ""
-        self.command_lost = False
-        self._refusal = ""
         self._limits: Limits | None = None
         self._sample: GripperSample | None = None
         self._ran = False
         self._homing_until_ns: int | None = None
         self._goal: tuple[float, float] | None = None  # mm, mm/s
-        self._told: float | None = None  # force limit, N of both fingers
+        self._told = 0.0  # force limit, N of both fingers
         self._echo_ok: bool | None = None
-        self._queue: list[_Command] = []
-        self._outstanding: _Command | None = None
-        self._attempts = 0
-        self._due_ns = 0
+
+    @property
+    def command_lost(self) -> bool:
+        """The last command was refused, never acknowledged, or met a gripper that could not obey any more."""
+        return bool(self._commands.trouble)
 
     @property
     def state(self) -> str:
@@ -190,7 +172,7 @@ class Session:
         if self._talk.state != "running":
             return "no reply" if self._ran and self._talk.state != "closed" else self._talk.state
         if self.command_lost:
-            return f"command lost: {self._refusal}"
+            return f"command lost: {self._commands.trouble}"
         if self._homing_until_ns is not None:
             return "activating"
         if self._sample is None or not self._sample.active:
@@ -234,7 +216,7 @@ class Session:
     def activate(self, now_ns: int) -> None:
         """Ask for the acknowledgement of a fault where there is one, and for homing, which moves the fingers fully."""
         faulty = self._sample is not None and self._sample.fault
-        self._queue = [_ACKNOWLEDGE, _HOME] if faulty else [_HOME]
+        self._commands.replace([_ACKNOWLEDGE, _HOME] if faulty else [_HOME])
         self._goal = None
         self._homing_until_ns = now_ns + HOMING_NS
 
@@ -271,16 +253,13 @@ class Session:
             return False
         self._goal = None
         self._homing_until_ns = None
-        self._outstanding = None
-        self._attempts = 0
-        self._due_ns = 0
-        self._queue = [_STOP]
+        self._commands.interrupt(_STOP)
         return True
 
     def acknowledge(self) -> None:
         """Acknowledge a fault, where the gripper reports one."""
         if self._sample is not None and self._sample.fault:
-            self._queue = [_ACKNOWLEDGE, *(command for command in self._queue if command is not _ACKNOWLEDGE)]
+            self._commands.replace([_ACKNOWLEDGE], keep=(_STOP, _HOME))
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Take bytes received at ``now_ns`` and return the readings they complete."""
@@ -295,13 +274,10 @@ class Session:
 
     def next_deadline(self) -> int | None:
         """Return when `on_time` is due, ns; None while closed."""
-        due = [self._talk.due_ns] if self._talk.due_ns is not None else []
-        if due and self._talk.state == "running":
-            if self._outstanding is not None or self._queue:
-                due.append(self._due_ns)
-            if self._homing_until_ns is not None:
-                due.append(self._homing_until_ns)
-        return min(due, default=None)
+        due = [self._talk.due_ns]
+        if self._talk.state == "running":
+            due += [self._commands.due_ns, self._homing_until_ns]
+        return min((time_ns for time_ns in due if time_ns is not None), default=None)
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the question or command that is due at ``now_ns``; empty when none is."""
@@ -311,16 +287,7 @@ class Session:
             return asked
         if self._homing_until_ns is not None and now_ns >= self._homing_until_ns:
             self._give_up(f"no end of {_HOME.name}")
-        if now_ns < self._due_ns:
-            return asked
-        if self._outstanding is not None:
-            self._time_out(self._outstanding)
-        if not self._queue:
-            return asked
-        self._outstanding = self._queue.pop(0)
-        self._attempts += 1
-        self._due_ns = now_ns + ANSWER_NS
-        return asked + self._outstanding.data
+        return asked + self._commands.on_time(now_ns)
 
     @property
     def _able(self) -> bool:
@@ -333,12 +300,11 @@ class Session:
 
     def _grip(self, limits: Limits, force_n: float) -> float:
         force = wire.at_most(min(max(force_n * FINGERS, limits.min_force), limits.nominal_force))
-        self._queue = [command for command in self._queue if command is _STOP]
-        self._queue.append(_Command("force limit", wire.SET_FORCE, wire.set_force(force), force))
+        commands = [Command("force limit", wire.SET_FORCE, wire.set_force(force), force)]
         goal = self._goal or self._clamp(limits)
         if goal is not None:
-            self._queue.append(_Command("pre-position", wire.PREPOSITION, wire.preposition(*goal)))
-        self._queue.append(_READ_BACK)
+            commands.append(Command("pre-position", wire.PREPOSITION, wire.preposition(*goal)))
+        self._commands.replace([*commands, _READ_BACK], keep=(_STOP,))
         return force / FINGERS
 
     def _clamp(self, limits: Limits) -> tuple[float, float] | None:
@@ -355,10 +321,9 @@ class Session:
             if reply.status == wire.OK:
                 self._learn(reply)
             return
-        command = self._outstanding
-        if command is not None and reply.id == command.id and not _is_of_another(reply):
-            self._outstanding, self._attempts, self._due_ns = None, 0, now_ns
-            self._take_answer(command, reply)
+        command = self._commands.outstanding
+        if command is not None and reply.id == command.kind and not _is_of_another(reply):
+            self._take_answer(command, reply, now_ns)
         elif reply.id in _WELL:
             self._end_motion(reply)
 
@@ -368,27 +333,23 @@ class Session:
         elif reply.id == wire.SYSTEM:
             self.identity = f"S/N {wire.parse_serial(reply.data)}"
 
-    def _take_answer(self, command: _Command, reply: Reply) -> None:
-        if reply.status not in _WELL.get(command.id, (wire.OK,)):
-            self._give_up(f"{command.name}: {weiss.status_word(reply.status)}")
-            return
-        self.command_lost = False
-        if command.id == wire.SET_FORCE:
-            self._told = command.force
-        elif command is _READ_BACK and self._told is not None:
-            self._echo_ok = abs(wire.parse_number(reply.data) - self._told) <= ECHO_TOLERANCE_N
-        elif command.id == wire.HOME:
+    def _take_answer(self, command: Command, reply: Reply, now_ns: int) -> None:
+        well = reply.status in _WELL.get(reply.id, (wire.OK,))
+        self._commands.answered(now_ns, "" if well else f"{command.name}: {weiss.status_word(reply.status)}")
+        if reply.id == wire.HOME:
             self._end_motion(reply)
+        elif well and reply.id == wire.SET_FORCE:
+            self._told = command.force
+        elif well and reply.id == wire.GET_FORCE:
+            self._echo_ok = abs(wire.parse_number(reply.data) - self._told) <= ECHO_TOLERANCE_N
 
     def _end_motion(self, reply: Reply) -> None:
         """Take the last word about a motion, which comes when it ended."""
         if reply.id == wire.HOME and reply.status != wire.PENDING:
             self._homing_until_ns = None
         if reply.status not in _WELL[reply.id]:
-            self.command_lost = True
-            self._refusal = (
-                f"{'homing' if reply.id == wire.HOME else 'pre-position'}: {weiss.status_word(reply.status)}"
-            )
+            name = "homing" if reply.id == wire.HOME else "pre-position"
+            self._commands.trouble = f"{name}: {weiss.status_word(reply.status)}"
 
     def _note(self, sample: GripperSample, now_ns: int) -> None:
         self._talk.has_reading(now_ns)
@@ -399,31 +360,16 @@ class Session:
         if sample.active and not sample.fault:
             return
         self._goal = None  # what was under way is not taken up again behind the back of whoever mends it
-        waiting = [*self._queue, self._outstanding]
-        if any(command is not None and command.id in _SETS for command in waiting):
-            self._give_up(sample.fault or "not referenced")
+        if self._commands.holds(_SETS):
+            self._commands.give_up(sample.fault or "not referenced")
 
-    def _time_out(self, command: _Command) -> None:
-        self.health.lost += 1
-        self._outstanding = None
-        if self._attempts >= ATTEMPTS:
-            self._give_up(f"no answer to {command.name}")
-        elif not any(newer.id == command.id for newer in self._queue):
-            self._queue.insert(0, command)
-        else:
-            self._attempts = 0
-
-    def _give_up(self, reason: str) -> None:
-        self._queue = []
-        self._outstanding = None
-        self._attempts = 0
+    def _give_up(self, trouble: str) -> None:
+        self._commands.give_up(trouble)
         self._homing_until_ns = None
-        self.command_lost = True
-        self._refusal = reason
 
     def _lose_all(self) -> None:
         """Drop what was asked for: the gripper does not answer, or is asked anew what it is."""
-        if self._queue or self._outstanding is not None or self._homing_until_ns is not None:
+        if self._commands.due_ns is not None or self._homing_until_ns is not None:
             self._give_up("no reply")
         self._sample = None
 
