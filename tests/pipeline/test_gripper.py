@@ -2,44 +2,75 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from slipd.config import Config
-from slipd.devices.robotiq_2f import Session
+from slipd.devices.health import DecoderHealth
 from slipd.grip.policy import Refusal
 from slipd.pipeline.gripper import GripperControl
 from slipd.samples import GripperSample
+from slipd_client.messages import Health
 
+MS = 1_000_000
 T0 = 100_000_000_000
 Parse = Callable[[str], Config]
 
 
-def reading(closure: float = 0.0, *, active: bool = True, fault: str = "", t_ns: int = T0) -> GripperSample:
-    return GripperSample(t_ns, None, active, closure, False, "none", fault, True, 0.1)
+def reading(width_m: float | None = 0.085, t_ns: int = T0, **changes: Any) -> GripperSample:
+    usual = {"active": True, "moving": False, "object": "none", "fault": "", "echo_ok": True}
+    return GripperSample(t_ns, None, width_m=width_m, **(usual | changes))
 
 
-class Recorded(Session):
-    """A session that takes every command (or none) and keeps it."""
+class Recorded:
+    """A gripper that sets half newtons and whole millimetres, takes every command (or none) and keeps it."""
 
-    def __init__(self, *, takes: bool = True) -> None:
-        super().__init__()
-        self.takes = takes
+    identity, state = "", "running"
+
+    def __init__(self) -> None:
+        self.health = DecoderHealth()
+        self.takes = True
+        self.command_lost = False
         self.commands: list[tuple[Any, ...]] = []
+        self.width_range_m = (0.0, 0.085)
+        self.speed_range_mps: tuple[float, float] | None = (0.02, 0.15)
+        self.force_range_n = (3.0, 28.5)
 
-    def move(self, position: int, speed: int, force: int) -> bool:
-        self.commands.append(("move", position, speed, force))
-        return self.takes
+    def start(self, now_ns: int) -> bytes:
+        return b""
 
-    def set_force(self, force: int) -> bool:
-        self.commands.append(("force", force))
-        return self.takes
+    def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
+        return []
+
+    def next_deadline(self) -> int | None:
+        return None
+
+    def on_time(self, now_ns: int) -> bytes:
+        return b""
+
+    def stop(self) -> bytes:
+        return b""
+
+    def activate(self, now_ns: int) -> None:
+        self.commands.append(("activate",))
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> float | None:
+        self.commands.append(("move", round(width_m, 3), speed_mps, force_n))
+        return math.floor(2.0 * force_n) / 2.0 if self.takes else None
+
+    def set_force(self, force_n: float) -> float | None:
+        self.commands.append(("force", force_n))
+        return math.floor(2.0 * force_n) / 2.0 if self.takes else None
 
     def halt(self) -> bool:
         self.commands.append(("halt",))
         return self.takes
+
+    def acknowledge(self) -> None:
+        self.commands.append(("acknowledge",))
 
 
 @pytest.fixture
@@ -49,11 +80,10 @@ def session() -> Recorded:
 
 @pytest.fixture
 def control(left: str, gripper: str, parse: Parse, session: Recorded) -> GripperControl:
-    """0…255 is 3…28.5 N (0.1 N a step), 85…0 mm and 20…150 mm/s; at most 25 N."""
     return make(left + gripper, parse, session)
 
 
-def make(text: str, parse: Parse, session: Session) -> GripperControl:
+def make(text: str, parse: Parse, session: Recorded) -> GripperControl:
     config = parse(text).gripper
     assert config is not None
     control = GripperControl(config, session)
@@ -66,34 +96,41 @@ def refused(found: object) -> tuple[str, str]:
     return found.code, found.field
 
 
-def test_a_grip_closes_fully_with_the_force_below_what_was_asked(control: GripperControl, session: Recorded) -> None:
-    assert control.close(10.0, None, None) == {"applied_n": pytest.approx(10.0)}
-    assert control.close(10.09, None, None) == {"applied_n": pytest.approx(10.0)}
-    assert session.commands == [("move", 255, 128, 70)] * 2
-    assert control.body(T0)["force_command_n"] == pytest.approx(10.0)
+def test_a_grip_closes_fully_and_says_what_force_the_gripper_was_told(
+    control: GripperControl, session: Recorded
+) -> None:
+    assert control.close(10.3, None, None, T0) == {"applied_n": 10.0}
+    assert session.commands == [("move", 0.0, None, 10.3)]
+    assert control.body(T0)["force_command_n"] == control.policy.force_n == 10.0
 
 
-def test_widths_and_speeds_are_those_of_the_tables(control: GripperControl, session: Recorded) -> None:
-    control.close(3.0, 0.0425, 0.085)
-    control.open(0.085, 0.02)
-    control.open(None, 0.15)
-    assert session.commands == [("move", 128, 128, 0), ("move", 0, 0, 0), ("move", 0, 255, 0)]
+def test_widths_and_speeds_are_handed_on(control: GripperControl, session: Recorded) -> None:
+    control.close(3.0, 0.04, 0.085, T0)
+    control.open(0.085, 0.02, T0)
+    control.open(None, 0.15, T0)
+    assert session.commands == [
+        ("move", 0.04, 0.085, 3.0),
+        ("move", 0.085, 0.02, 3.0),
+        ("move", 0.085, 0.15, 3.0),
+    ]
+    assert control.policy.force_n is None, "what opens holds nothing"
+    assert control.body(T0)["force_command_n"] == 3.0
 
 
-def test_tables_may_have_any_number_of_points(left: str, gripper: str, parse: Parse, session: Recorded) -> None:
-    text = gripper.replace("[255, 0.15]", "[200, 0.1], [255, 0.2]").replace("[0.0, 0.085]", "[0.0, 0.085], [0.2, 0.08]")
-    control = make(left + text, parse, session)
-    assert isinstance(control.open(0.082, 0.15), dict)
-    assert isinstance(control.close(5.0, 0.02, 0.12), dict)
-    assert [command[:3] for command in session.commands] == [("move", 31, 228), ("move", 204, 211)]
+def test_opening_takes_the_least_force_that_may_be_asked_for(
+    left: str, gripper: str, parse: Parse, session: Recorded
+) -> None:
+    control = make(left + gripper + "min_force_n = 4.0\n", parse, session)
+    control.open(None, None, T0)
+    assert session.commands == [("move", 0.085, None, 4.0)]
 
 
 @pytest.mark.parametrize("width_m", [-0.001, 0.086, 1e300])
-def test_a_width_that_the_gripper_does_not_have_is_refused(
+def test_g3_a_width_that_the_gripper_does_not_have_is_refused(
     control: GripperControl, session: Recorded, width_m: float
 ) -> None:
-    assert refused(control.open(width_m, None)) == ("out_of_range", "width_m")
-    assert refused(control.close(5.0, width_m, None)) == ("out_of_range", "width_m")
+    assert refused(control.open(width_m, None, T0)) == ("out_of_range", "width_m")
+    assert refused(control.close(5.0, width_m, None, T0)) == ("out_of_range", "width_m")
     assert session.commands == []
 
 
@@ -101,66 +138,110 @@ def test_a_width_that_the_gripper_does_not_have_is_refused(
 def test_a_speed_that_the_gripper_does_not_have_is_refused(
     control: GripperControl, session: Recorded, speed_mps: float
 ) -> None:
-    assert refused(control.open(None, speed_mps)) == ("out_of_range", "speed_mps")
-    assert refused(control.close(5.0, None, speed_mps)) == ("out_of_range", "speed_mps")
+    assert refused(control.open(None, speed_mps, T0)) == ("out_of_range", "speed_mps")
+    assert refused(control.close(5.0, None, speed_mps, T0)) == ("out_of_range", "speed_mps")
     assert session.commands == []
 
 
-def test_without_a_speed_table_no_speed_may_be_asked(left: str, gripper: str, parse: Parse, session: Recorded) -> None:
-    control = make((left + gripper).replace("speed_table", "# speed_table"), parse, session)
-    assert refused(control.close(5.0, None, 0.05)) == ("out_of_range", "speed_mps")
-    assert control.close(5.0, None, None) == {"applied_n": pytest.approx(5.0)}
+def test_a_gripper_without_speeds_is_told_none(control: GripperControl, session: Recorded) -> None:
+    session.speed_range_mps = None
+    assert refused(control.close(5.0, None, 0.05, T0)) == ("out_of_range", "speed_mps")
+    assert control.close(5.0, None, None, T0) == {"applied_n": 5.0}
+
+
+def test_g3_a_force_is_within_the_config_and_within_the_gripper(control: GripperControl, session: Recorded) -> None:
+    session.force_range_n = (2.0, 18.0)
+    assert control.check_force(18.0) is None
+    assert refused(control.check_force(18.1)) == ("out_of_range", "force_n")
+    assert refused(control.check_force(1.9)) == ("out_of_range", "force_n")
+    session.force_range_n = (0.0, math.inf)
+    assert control.check_force(25.0) is None, "what is not told is not a limit"
+    assert refused(control.check_force(25.1)) == ("out_of_range", "force_n")
+
+
+def test_a_gripper_that_has_not_told_its_widths_is_opened_only_to_a_given_one(
+    control: GripperControl, session: Recorded
+) -> None:
+    session.width_range_m = (0.0, math.inf)
+    assert refused(control.open(None, None, T0)) == ("not_ready", "width_m")
+    assert isinstance(control.open(0.05, None, T0), dict)
+    assert isinstance(control.close(5.0, None, None, T0), dict)
+    assert session.commands == [("move", 0.05, None, 3.0), ("move", 0.0, None, 5.0)]
 
 
 def test_closing_never_opens(control: GripperControl, session: Recorded) -> None:
     """An object held at 42.5 mm would fall at 50 mm."""
-    control.take(reading(closure=0.5))
-    assert refused(control.close(5.0, 0.050, None)) == ("out_of_range", "width_m")
+    control.take(reading(0.0425))
+    assert refused(control.close(5.0, 0.050, None, T0)) == ("out_of_range", "width_m")
     assert session.commands == []
-    width_m = control.body(T0)["width_m"]
-    assert width_m == pytest.approx(0.0425)
-    assert isinstance(control.close(5.0, width_m, None), dict), "the width that is told may be asked for"
-    assert isinstance(control.close(5.0, 0.040, None), dict)
+    assert isinstance(control.close(5.0, control.body(T0)["width_m"], None, T0), dict), "the width that is told"
+    assert isinstance(control.close(5.0, 0.040, None, T0), dict)
+
+
+def test_closing_never_opens_fingers_that_have_moved_on_since_they_were_heard(
+    control: GripperControl, session: Recorded
+) -> None:
+    """At 150 mm/s they are 3 mm further on after a poll."""
+    assert isinstance(control.close(5.0, 0.03, None, T0), dict)
+    assert refused(control.close(5.0, 0.05, None, T0 + MS)) == ("out_of_range", "width_m")
+    control.take(reading(0.06, T0 + 20 * MS, moving=True))
+    assert refused(control.close(5.0, 0.05, None, T0 + 21 * MS)) == ("out_of_range", "width_m")
+    assert isinstance(control.close(5.0, 0.02, None, T0 + 21 * MS), dict)
+    control.take(reading(0.055, T0 + 60 * MS, object="contact_closing"))
+    assert isinstance(control.close(5.0, 0.05, None, T0 + 61 * MS), dict), "something stopped them"
+
+
+def test_a_width_is_not_asked_for_where_the_present_one_is_not_known(control: GripperControl) -> None:
+    control.take(reading(None))
+    assert refused(control.close(5.0, 0.01, None, T0)) == ("not_ready", "width_m")
+    assert isinstance(control.close(5.0, None, None, T0), dict)
 
 
 def test_a_setting_force_changes_nothing_but_the_force(control: GripperControl, session: Recorded) -> None:
-    assert control.set_force(12.34) == {"applied_n": pytest.approx(12.3)}
-    assert session.commands == [("force", 93)]
+    assert control.set_force(12.34, T0) == {"applied_n": 12.0}
+    assert session.commands == [("force", 12.34)]
+    assert control.policy.force_n == 12.0
 
 
-def test_a_command_that_the_session_does_not_take_is_refused(left: str, gripper: str, parse: Parse) -> None:
-    control = make(left + gripper, parse, Recorded(takes=False))
-    for found in (control.close(5.0, None, None), control.open(None, None), control.set_force(5.0), control.halt()):
+def test_a_command_that_the_session_does_not_take_is_refused(control: GripperControl, session: Recorded) -> None:
+    control.close(6.0, None, None, T0)
+    session.takes = False
+    for found in (
+        control.close(5.0, None, None, T0),
+        control.open(None, None, T0),
+        control.set_force(5.0, T0),
+        control.halt(),
+        control.hold(),
+    ):
         assert refused(found)[0] == "not_active"
-    assert control.body(T0)["force_command_n"] is None
+    assert control.body(T0)["force_command_n"] == control.policy.force_n == 6.0
 
 
-def test_a_gripper_is_refused_for_what_is_wrong_with_it(control: GripperControl, session: Recorded) -> None:
+def test_a_gripper_is_refused_for_what_is_wrong_with_it(control: GripperControl) -> None:
     assert control.refuse() is None
     control.take(reading(active=False))
+    assert refused(control.refuse()) == ("fault_latched", ""), "it was active before"
+    control.acknowledge()
     assert refused(control.refuse()) == ("not_active", "")
-    control.take(reading(fault="over_temperature"))
+    control.take(reading(active=False, fault="over_temperature"))
+    control.acknowledge()
     assert refused(control.refuse()) == ("gripper_fault", "")
+    assert control.may_activate() is None, "an activation may be what clears it"
     control.lose()
     assert refused(control.refuse()) == ("no_gripper", "")
     assert refused(control.may_activate()) == ("no_gripper", "")
-
-
-def test_a_gripper_that_no_longer_answers_is_none(control: GripperControl, session: Recorded) -> None:
-    session.state = "no reply"
-    assert refused(control.may_activate()) == ("no_gripper", "")
-    assert refused(control.refuse()) == ("no_gripper", "")
 
 
 def test_without_a_limit_nothing_is_moved(left: str, gripper: str, parse: Parse, session: Recorded) -> None:
     control = make((left + gripper).replace("max_force_n", "# max_force_n"), parse, session)
     assert refused(control.may_activate()) == ("no_limit", "")
     assert refused(control.refuse()) == ("no_limit", "")
+    assert refused(control.check_force(5.0)) == ("no_limit", "")
     assert control.body(T0)["force_limit_n"] is None
 
 
 def test_a_gripper_that_is_not_there_is_told_as_unknown(control: GripperControl) -> None:
-    assert control.body(T0 + 5_000_000) == {
+    assert control.body(T0 + 5 * MS) == {
         "width_m": 0.085,
         "force_command_n": None,
         "force_limit_n": 25.0,
@@ -168,22 +249,109 @@ def test_a_gripper_that_is_not_there_is_told_as_unknown(control: GripperControl)
         "object": "none",
         "moving": False,
         "fault": "",
+        "latched_fault": "",
         "echo_ok": True,
-        "current_a": 0.1,
+        "current_a": None,
+        "force_n": None,
+        "lease": {"held": False, "expires_in_s": None},
+        "reflex": None,
         "age_s": pytest.approx(0.005),
     }
     control.lose()
     body = control.body(T0)
-    assert {name for name, value in body.items() if value is not None} == {"force_limit_n"}
+    known = {name for name, value in body.items() if value is not None}
+    assert known == {"force_limit_n", "latched_fault", "lease"}
+
+
+def test_what_a_gripper_measures_is_told(control: GripperControl) -> None:
+    control.take(reading(None, current_a=0.1, force_n=7.5))
+    body = control.body(T0)
+    assert (body["width_m"], body["current_a"], body["force_n"]) == (None, 0.1, 7.5)
+    control.take(reading(math.nan, current_a=math.inf, force_n=math.nan))
+    body = control.body(T0)
+    assert (body["width_m"], body["current_a"], body["force_n"]) == (None, None, None)
 
 
 def test_a_lost_gripper_has_no_lease(control: GripperControl) -> None:
-    control.policy.acquire(b"ann", 1000, T0)
+    control.policy.acquire(b"ann", 200, T0)
     control.lose()
     assert control.policy.holder(T0) is None
 
 
+def test_the_force_of_a_grip_is_known_beyond_a_lost_link(control: GripperControl) -> None:
+    """What the gripper holds it goes on holding: the next change is a change of that force."""
+    control.close(10.0, None, None, T0)
+    control.lose()
+    assert control.policy.fault == "link_lost"
+    control.take(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
+    assert control.policy.force_n == 10.0
+
+
 def test_a_gripper_that_lost_its_activation_has_no_force_command(control: GripperControl) -> None:
-    control.close(10.0, None, None)
+    control.close(10.0, None, None, T0)
     control.take(reading(active=False))
-    assert control.body(T0)["force_command_n"] is None
+    assert control.body(T0)["force_command_n"] is control.policy.force_n is None
+    assert control.policy.fault == "activation_lost"
+
+
+def test_an_activation_ends_the_grasp(control: GripperControl, session: Recorded) -> None:
+    control.close(10.0, None, None, T0)
+    assert control.activate(T0) == {}
+    assert control.policy.force_n is None
+    control.take(reading(active=False, fault="activation_needed"))
+    assert control.policy.fault == ""
+
+
+def test_a_reading_from_before_the_command_does_not_end_the_grasp(control: GripperControl) -> None:
+    control.take(reading(0.03, T0, object="contact_closing"))
+    control.close(10.0, None, None, T0)
+    control.take(reading(0.03, T0, object="none"))
+    assert control.policy.force_n == 10.0
+    control.take(reading(0.03, T0 + MS, object="none"))
+    assert control.policy.force_n == 10.0, "it was not held yet"
+    control.take(reading(0.03, T0 + 2 * MS, object="contact_closing"))
+    control.take(reading(0.02, T0 + 3 * MS, object="none"))
+    assert control.policy.force_n is None
+
+
+def test_a6_a_lost_command_is_latched_once(control: GripperControl, session: Recorded) -> None:
+    assert control.on_time(T0) is False
+    session.command_lost = True
+    assert control.on_time(T0 + MS) is True
+    assert control.policy.fault == "command_lost"
+    assert control.conditions()[0][0] is Health.ERROR
+    assert control.acknowledge() == {"fault": "command_lost"}
+    assert control.on_time(T0 + 2 * MS) is False
+    assert control.conditions() == []
+    assert session.commands == [("acknowledge",)]
+
+
+def test_silence_is_judged_by_the_daemons_own_time_awake(control: GripperControl) -> None:
+    control.close(10.0, None, None, T0)
+    control.on_time(T0)
+    control.on_time(T0 + 60_000 * MS)
+    assert control.policy.fault == "", "the daemon stood still, and what was said meanwhile waits to be read"
+    for k in range(100):
+        control.on_time(T0 + (60_000 + 5 * k) * MS)
+    assert control.policy.fault == "no_answer"
+    assert control.sample is None
+
+
+def test_a_slow_gripper_may_be_silent_for_three_of_its_periods(
+    left: str, gripper: str, parse: Parse, session: Recorded
+) -> None:
+    control = make(left + gripper.replace("rate_hz = 50.0", "rate_hz = 2.0"), parse, session)
+    control.close(10.0, None, None, T0)
+    for k in range(290):
+        control.on_time(T0 + 5 * k * MS)
+    assert control.policy.fault == ""
+    for k in range(290, 330):
+        control.on_time(T0 + 5 * k * MS)
+    assert control.policy.fault == "no_answer"
+
+
+def test_silence_of_a_gripper_that_holds_nothing_is_no_fault(control: GripperControl) -> None:
+    for k in range(100):
+        control.on_time(T0 + 5 * k * MS)
+    assert (control.policy.fault, control.sample) == ("", None)
+    assert refused(control.refuse()) == ("no_gripper", "")

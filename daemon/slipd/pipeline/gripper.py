@@ -121,6 +121,7 @@ class GripperControl:
         goal_m = self._session.width_range_m[0] if width_m is None else width_m
         applied_n = self._session.move(goal_m, speed_mps, force_n)
         if applied_n is not None:
+            self._held = self._held and self.policy.force_n is not None
             self.policy.grip(applied_n, t_ns)
         return self._sent(applied_n, t_ns, goal_m)
 
