@@ -222,7 +222,7 @@ def test_a_stream_is_stale_after_three_periods_and_never_within_20_ms(
     state = finger.on_time(T0 + stale_ns + 1)
     assert state is not None
     assert verdict(state) == ("unknown", ("stale",))
-    assert state.force_n is None
+    assert state.wrench is None
     assert finger.on_time(T0 + stale_ns + 2) is None, "it is told once"
     assert finger.age_s(T0 + stale_ns + 1) == pytest.approx(stale_ns * 1e-9)
 
@@ -297,8 +297,9 @@ def test_the_mounting_stands_between_sensor_and_pad(left: str, parse: Parse, ima
     finger.take_tactile(image(T0, FULL))
     # Half a turn about X, and the load by the finger: the pad's (2, 0, −10) is the sensor's (−2, 0, −10).
     state = finger.take_wrench(WrenchSample(T0, None, np.array((-2.0, 0.0, -10.0)), np.zeros(3)))
-    assert state.force_n == pytest.approx((2.0, 0.0, -10.0))
-    assert state.torque_nm == pytest.approx((0.0, -0.04, 0.0)), "r × F with r 20 mm behind the pad"
+    assert state.wrench is not None
+    assert state.wrench[:3] == pytest.approx((2.0, 0.0, -10.0))
+    assert state.wrench[3:] == pytest.approx((0.0, -0.04, 0.0)), "r × F with r 20 mm behind the pad"
 
 
 class TestPressed:

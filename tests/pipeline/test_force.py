@@ -38,8 +38,8 @@ def read(
     force: ForceSide, values: object, t_ns: int = T0, *, untouched: bool | None = None, status: tuple[str, ...] = ()
 ) -> tuple[float, ...]:
     six = np.array(values, dtype=np.float64)
-    (reading,) = force.take([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], untouched)
-    return reading.wrench
+    wrench, _ = force.take([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], untouched)
+    return tuple(wrench[0].tolist())
 
 
 def weigh(gravity: list[float]) -> list[float]:

@@ -9,12 +9,19 @@ import pytest
 
 from slipd.config import Config
 from slipd.pipeline.streams import BAD_TIME_TOLD_NS, Stream, make_stream
-from slipd.samples import TactileSample, WrenchSample
+from slipd.samples import Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 MS = 1_000_000
 T0 = 100_000_000_000
 Parse = Callable[[str], Config]
+
+
+def take(stream: Stream, sample: Sample, late_ns: int = 0) -> int | None:
+    """When a reading that comes alone was acquired; None where it does not fit the stream."""
+    kept, times_ns = stream.take([sample], late_ns)
+    assert kept == [sample] * len(times_ns)
+    return times_ns[0] if times_ns else None
 
 
 def reading(t_ns: int, device_ns: int | None) -> WrenchSample:
@@ -31,7 +38,7 @@ def test_L12_readings_that_come_in_bunches_get_their_own_times(stream: Stream) -
     for bunch in range(200):
         receipt_ns = T0 + (bunch + 1) * 16 * MS + int(rng.exponential(0.2 * MS))
         for k in range(16):
-            acquired = stream.take(reading(receipt_ns, (bunch * 16 + k) * MS), 0)
+            acquired = take(stream, reading(receipt_ns, (bunch * 16 + k) * MS))
     assert acquired == pytest.approx(T0 + 200 * 16 * MS - 1 * MS, abs=1.5 * MS)
     told = stream.told(receipt_ns)
     assert told["clock"] == "locked"
@@ -39,21 +46,22 @@ def test_L12_readings_that_come_in_bunches_get_their_own_times(stream: Stream) -
 
 
 def test_without_a_device_clock_the_receipt_counts_less_what_waited(stream: Stream) -> None:
-    assert stream.take(reading(T0, None), 0) == T0
-    assert stream.take(reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
-    assert stream.take(reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
+    assert take(stream, reading(T0, None)) == T0
+    assert take(stream, reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
+    assert take(stream, reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
     assert stream.told(T0)["clock"] == "none"
     assert stream.told(T0)["clock_uncertainty_s"] is None
 
 
 def test_a_known_delay_is_taken_off(left: str, parse: Parse) -> None:
     text = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\ndelay_s = 0.002')
-    assert make_stream("left.wrench", parse(text).streams()["left.wrench"]).take(reading(T0, None), 0) == T0 - 2 * MS
+    stream = make_stream("left.wrench", parse(text).streams()["left.wrench"])
+    assert take(stream, reading(T0, None)) == T0 - 2 * MS
 
 
 def test_a_clock_that_is_none_is_told(stream: Stream) -> None:
     for k in range(20_000):
-        stream.take(reading(T0 + k * MS, k * 2 * MS), 0)
+        take(stream, reading(T0 + k * MS, k * 2 * MS))
     assert stream.level(T0 + k * MS) == (
         Health.WARN,
         "its clock is none (stuck, jumping, or off by more than 1000 ppm): the receipt counts",
@@ -64,9 +72,9 @@ def test_a_scan_is_dated_by_its_end(left: str, parse: Parse) -> None:
     stream = make_stream("left.pad", parse(left).streams()["left.pad"])
     for k in range(400):
         image = TactileSample(T0 + k * 10 * MS, k * 10 * MS, np.zeros(16), dwell_ns=100_000)
-        acquired = stream.take(image, 0)
+        acquired = take(stream, image)
     assert acquired == pytest.approx(T0 + k * 10 * MS, abs=0.1 * MS)
-    assert stream.take(TactileSample(T0, 0, np.zeros(9)), 0) is None
+    assert take(stream, TactileSample(T0, 0, np.zeros(9))) is None
     assert stream.level(T0) == (
         Health.ERROR,
         "images of 9 taxels of one axis, where the config says 16 taxels of one axis",
@@ -85,26 +93,26 @@ rate_hz = 1000.0
 
 def test_a_pusher_on_this_host_tells_its_own_time(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
-    assert stream.take(reading(T0, T0 - 3 * MS), 0) == T0 - 3 * MS
+    assert take(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
     assert stream.told(T0)["clock"] == "host"
     assert stream.level(T0) == (Health.OK, "")
-    assert stream.take(reading(T0, None), 0) == T0
-    assert stream.take(reading(T0, T0 - 2 * MS), 0) == T0, "times never go back"
+    assert take(stream, reading(T0, None)) == T0
+    assert take(stream, reading(T0, T0 - 2 * MS)) == T0, "times never go back"
     assert stream.level(T0) == (Health.OK, "")
-    assert stream.take(reading(T0, T0 + MS), 0) == T0, "a time to come is not believed"
+    assert take(stream, reading(T0, T0 + MS)) == T0, "a time to come is not believed"
     assert stream.level(T0)[0] == Health.WARN
-    assert stream.take(reading(T0 + BAD_TIME_TOLD_NS, T0 + BAD_TIME_TOLD_NS), 0) == T0 + BAD_TIME_TOLD_NS
+    assert take(stream, reading(T0 + BAD_TIME_TOLD_NS, T0 + BAD_TIME_TOLD_NS)) == T0 + BAD_TIME_TOLD_NS
     assert stream.level(T0 + BAD_TIME_TOLD_NS) == (Health.OK, "")
 
 
 def test_a_pusher_that_sends_what_the_stream_is_not_is_told(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
-    assert stream.take(TactileSample(T0, T0, np.zeros(16)), 0) is None
+    assert take(stream, TactileSample(T0, T0, np.zeros(16))) is None
     assert stream.level(T0) == (Health.ERROR, "readings that are a TactileSample, which this stream is not")
     pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
     pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
     pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
     pad = make_stream("left.pad", parse(pads.replace('"left.pad"', '"p"')).streams()["left.pad"])
-    assert pad.take(TactileSample(T0, T0, np.zeros((4, 3))), 0) is None
+    assert take(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     assert "4 taxels of three axes, where the config says 4 taxels of one axis" in pad.level(T0)[1]
-    assert pad.take(TactileSample(T0, T0, np.zeros(4)), 0) == T0
+    assert take(pad, TactileSample(T0, T0, np.zeros(4))) == T0

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from slipd.config import Config, Levels
-from slipd.pipeline.finger import Finger, State
+from slipd.pipeline.finger import Finger
+from slipd.pipeline.state import State
 from slipd.samples import Array, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -176,8 +177,9 @@ def test_T1_masked_taxels_of_a_three_axis_pad_give_no_force_of_their_own(right: 
     for k in range(120):
         counts = np.tile((0.0, 0.0, 500.0 + 100.0 * math.sin(0.5 * k)), (16, 1)) + rng.normal(0.0, 3.0, (16, 3))
         counts[6] = (9000.0, 9000.0, 65535.0)
-        state = finger.take_tactile(TactileSample(T0 + k * 10 * MS, None, counts))
-    assert state is not None
+        judged = finger.take_tactile(TactileSample(T0 + k * 10 * MS, None, counts))
+    assert judged is not None
+    (state,) = judged
     assert finger.image is not None
     assert finger.image.told(T0)["taxel_faults"] == {"saturated": [6]}
     assert state.wrench is not None
@@ -400,6 +402,7 @@ def test_a_tare_is_taken_from_readings_that_come_together(hand: Hand) -> None:
 
 def test_N1_a_three_axis_image_without_numbers_is_no_reading(right: str, parse: Parse) -> None:
     finger = Finger("right", parse(right).finger["right"], Levels())
-    state = finger.take_tactile(TactileSample(T0, None, np.full((4, 3), math.nan)))
-    assert state is not None
+    judged = finger.take_tactile(TactileSample(T0, None, np.full((4, 3), math.nan)))
+    assert judged is not None
+    (state,) = judged
     assert (state.verdict.level, state.verdict.reasons, state.wrench) == ("unknown", ("not_finite",), None)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from slipd.signals.frozen import (
     DEFAULT_REPEATS,
@@ -20,6 +21,7 @@ from slipd.signals.frozen import (
 )
 
 MS = 1_000_000
+Array = NDArray[np.float64]
 DATA = Path(__file__).parents[1] / "data" / "grips" / "2022-02-22-08-10-01"
 
 
@@ -90,6 +92,13 @@ def test_a_noise_too_small_to_tell_anything_is_refused(std: float) -> None:
         repeats_of_a_stuck_sensor(std)
 
 
+def take(watch: WrenchWatch, force: Array, torque: Array, t_ns: int) -> str:
+    """What is said of a reading that comes alone."""
+    said = watch.update(np.concatenate((force, torque)).reshape(1, 6), [t_ns])
+    assert said == ({0: watch.fault} if watch.fault else {})
+    return watch.fault
+
+
 class Stream:
     """A force sensor at 1 kHz with noise of 0.3 counts of 10 mN, and what is said of it."""
 
@@ -111,7 +120,7 @@ class Stream:
         said = []
         for _ in range(count):
             self.t_ns += MS
-            said.append(self.watch.update(self.force.copy(), self.torque.copy(), self.t_ns))
+            said.append(take(self.watch, self.force, self.torque, self.t_ns))
         return said
 
     def give(self, *force: float) -> str:
@@ -135,13 +144,13 @@ def test_F1_a_stuck_sensor_is_told_as_soon_as_chance_allows_and_forgiven_at_once
 
 def test_F1_a_few_repeats_in_a_short_time_are_one_conversion_sent_often() -> None:
     watch = WrenchWatch(200.0, repeats=4)
-    force, torque = np.ones(3), np.ones(3)
-    said = [watch.update(force, torque, k * MS) for k in range(40)]
+    force, torque, none = np.ones(3), np.ones(3), np.zeros(3)
+    said = [take(watch, force, torque, k * MS) for k in range(40)]
     assert said.index("stuck") == 20
-    assert watch.update(force, np.zeros(3), 40 * MS) == "", "its torque moves"
+    assert take(watch, force, none, 40 * MS) == "", "its torque moves"
     without = WrenchWatch(200.0, repeats=4)
-    assert [without.update(force, None, k * 5 * MS) for k in range(6)] == ["", "", "", "", "stuck", "stuck"]
-    assert without.update(force, torque, 30 * MS) == "", "it has a torque now"
+    assert [take(without, force, none, k * 5 * MS) for k in range(6)] == ["", "", "", "", "stuck", "stuck"]
+    assert take(without, force, torque, 30 * MS) == "", "it has a torque now"
 
 
 @pytest.mark.parametrize("seed", range(20))

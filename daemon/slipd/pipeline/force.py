@@ -129,8 +129,9 @@ class ForceSide:
             if fault in UNTRUSTED_FAULTS:
                 untrusted[at] = (*untrusted.get(at, ()), fault)
         self.fault = self._watch.fault
-        if not math.isfinite(rows.sum()):
-            for at in np.flatnonzero(~np.isfinite(rows.sum(axis=1))).tolist():
+        finite = np.isfinite(rows)
+        if not finite.all():
+            for at in np.flatnonzero(~finite.all(axis=1)).tolist():
                 untrusted.setdefault(at, ("not_finite",))
         return untrusted
 

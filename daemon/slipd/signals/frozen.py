@@ -176,7 +176,8 @@ class WrenchWatch:
             self._equal = 0
         self._last_ns = t_ns
         x, y, z, *_ = row.tolist()
-        dx, dy, dz = (row[:3] - before[:3]).tolist()
+        last_x, last_y, last_z, *_ = before.tolist()
+        dx, dy, dz = x - last_x, y - last_y, z - last_z
         if dx * dx + dy * dy + dz * dz < self._jump2 and x * x + y * y + z * z <= self._range2:
             self._step = None
         else:
