@@ -143,7 +143,7 @@ class AsyncGripClient(Ops[Coroutine[Any, Any, Result]]):
             try:
                 await self._run(self._renewal(lease))
             except ClientError as error:
-                lease.lose(str(error))
+                lease.failed(error)
             else:
                 lease.renewed(sent_ns)
 

@@ -82,7 +82,7 @@ class GripClient(Ops[Result]):
             try:
                 self._run(self._renewal(lease))
             except (ClientError, zmq.ZMQError) as error:  # ZMQError: the connection was closed within the block
-                lease.lose(str(error))
+                lease.failed(error)
             else:
                 lease.renewed(sent_ns)
 

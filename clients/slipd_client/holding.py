@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from slipd_client.errors import LeaseLost
+from slipd_client.errors import LeaseLost, RequestRefused
 
 LEASE_MS = 200
 """How long a lease lasts without renewal: so long does the daemon believe that a dead program steers."""
@@ -54,6 +54,11 @@ class Holding:
     def renewed(self, sent_ns: int) -> None:
         """The daemon has confirmed a renewal that was sent then."""
         self._sent_ns = sent_ns
+
+    def failed(self, error: Exception) -> None:
+        """A renewal failed: it is lost, unless the daemon only had too many requests and may be asked again."""
+        if not (isinstance(error, RequestRefused) and error.code == "busy"):
+            self.lose(str(error))
 
     def lose(self, why: str) -> None:
         """It is lost; the first reason stays."""

@@ -120,6 +120,8 @@ def _print_status(status: dict[str, Any], as_json: bool) -> None:
 
 
 def _print_result(result: dict[str, Any]) -> None:
+    if not result:
+        print("done", flush=True)
     for field, value in result.items():
         print(f"{field}: {json.dumps(value)}", flush=True)
 

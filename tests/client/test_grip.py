@@ -202,6 +202,16 @@ def test_a_lease_that_is_refused_its_renewal_is_lost_at_once(daemon: Daemon, oft
     assert not {"grip.set", "gripper.stop", "fault.ack", "lease.release"} & set(daemon.ops)
 
 
+def test_a_renewal_that_the_daemon_is_too_busy_for_is_asked_again(daemon: Daemon, often: int) -> None:
+    answers = iter([{"error": {"code": "busy", "message": "ask more slowly"}}] * 2)
+    daemon.handlers["lease.renew"] = lambda _: next(answers, {})
+    with GripClient(daemon.endpoint) as client, client.lease(often) as lease:
+        until_s = time.monotonic() + PATIENCE_S
+        while daemon.ops.count("lease.renew") < 4:
+            lease.wait(0.001)
+            assert time.monotonic() < until_s
+
+
 @pytest.mark.parametrize("code", ["no_lease", "wrong_boot"])
 def test_a_refusal_for_want_of_the_lease_ends_it(daemon: Daemon, code: str) -> None:
     daemon.handlers["grip.set"] = refuse(code)

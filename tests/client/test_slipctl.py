@@ -116,6 +116,11 @@ def test_tare_prints_what_was_taken(daemon: Daemon, capsys: pytest.CaptureFixtur
     assert daemon.requests[1]["seconds"] == 0.5
 
 
+def test_a_result_without_fields_is_done(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--requests", daemon.endpoint, "grip", "stop"]) == 0
+    assert capsys.readouterr().out == "done\n"
+
+
 def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:
     assert main(["--requests", daemon.endpoint, "grip", "set", "5.5"]) == 0
     assert daemon.ops == ["hello", "lease.acquire", "grip.set", "lease.release"]
