@@ -27,9 +27,9 @@ class Watch:
     def take(self, load_n: float, normal_n: float, used: float, *, touch: int = TOUCHING) -> Found:
         contact = np.array([(0.0, 0.0, 0.0, 0.0, normal_n, load_n, 0.0, 0.0, load_n / normal_n, 0.0)])
         row = np.array([(0.0, used, used, used, *[math.nan] * 5)])
-        margins, times = np.array((0.01,)), np.array((self.k * 1e-3,))
+        margins, times = np.array((0.01,)), np.array((self.k * 1_000_000,))
         self.k += 1
-        found = self.watch.follow(times, contact, np.array((touch,), np.int8), row, margins, MU, Doubt(), 0.0)
+        _, found = self.watch.follow(times, contact, np.array((touch,), np.int8), row, margins, MU, Doubt(), 0.0)
         return Found(*found[0].tolist())
 
     def step(self, used: float) -> int:
@@ -155,5 +155,5 @@ def test_a_read_longer_than_the_window_is_followed_as_a_whole() -> None:
     rows[:, 1:4] = (load / 6.0)[:, None]
     watch = ContactWatch(Thresholds(), SlipSettings(), 0.001, 0.3)
     touch = np.full(count, TOUCHING, np.int8)
-    found = watch.follow(np.arange(count) * 1e-4, contacts, touch, rows, np.full(count, 0.01), MU, Doubt(), 0.0)
-    assert np.flatnonzero(found[:, 2])[0] == 400
+    _, found = watch.follow(np.arange(count) * 100_000, contacts, touch, rows, np.full(count, 0.01), MU, Doubt(), 0.0)
+    assert np.flatnonzero(found[:, 1])[0] == 400

@@ -73,7 +73,6 @@ class Found(NamedTuple):
     """What is found of one reading, as a row of numbers.
 
     Attributes:
-        level: NO_CONTACT, STABLE + 1, CAUTION + 1, WARNING + 1, SLIPPING or UNKNOWN.
         step: What the utilisation asks for: STABLE, CAUTION or WARNING.
         slips: It slips, or did within ``hold_s``.
         tipping: What the tipping margin asks for.
@@ -81,7 +80,6 @@ class Found(NamedTuple):
         upper: Upper bound of the utilisation with what the unknown load may add.
     """
 
-    level: float
     step: float
     slips: float
     tipping: float
@@ -117,7 +115,7 @@ class ContactWatch:
 
     def follow(
         self,
-        times_s: Array,
+        times_ns: NDArray[np.int64],
         contacts: Array,
         touch: NDArray[np.int8],
         used: Array,
@@ -125,28 +123,30 @@ class ContactWatch:
         mu: float,
         doubt: Doubt,
         turn: float,
-    ) -> Array:
+    ) -> tuple[list[int], Array]:
         """Takes the readings of one read.
 
         Args:
-            times_s: Time of each, s, rising, shape (n,).
+            times_ns: Time of each, ns, rising, shape (n,).
             contacts: As from `find_contacts`, shape (n, 10).
             touch: Likewise, shape (n,).
             used: As from `follow_readings`, shape (n, 9); shape (0, 9) where no image tells of the rotation.
-            margins_m: Tipping margin of each, shape (n,), m; NaN where it is not known.
+            margins_m: Tipping margin of each, shape (n,), m; shape (0,) where no image tells it.
             mu: Coefficient of static friction; NaN: not known.
             doubt: Of all of them.
             turn: λ that the doubt of the torque alone has at a normal force of 1 N.
 
         Returns:
-            `Found` of each, shape (n, 6).
+            Level of each, NO_CONTACT, STABLE + 1, CAUTION + 1, WARNING + 1, SLIPPING or UNKNOWN, and its `Found`, shape
+            (n, 5).
         """
-        while self._windows[:, 1].max() + len(times_s) > self._rings.shape[1]:
+        while max(self._windows.tolist()[0][1], self._windows.tolist()[1][1]) + len(times_ns) > self._rings.shape[1]:
             self._grow()
-        return _follow(
-            self._memory, self._rings, self._windows, times_s, contacts, touch, used, margins_m,
+        levels, found = _follow(
+            self._memory, self._rings, self._windows, times_ns, contacts, touch, used, margins_m,
             (*self._fixed, mu, *doubt, turn),
         )  # fmt: skip
+        return levels.tolist(), found
 
     def _grow(self) -> None:
         """Doubles the rings, each begun anew at its first place."""
@@ -159,23 +159,23 @@ class ContactWatch:
 
 @compiled
 def _follow(
-    memory: Array, rings: Array, windows: NDArray[np.int64], times_s: Array, contacts: Array,
+    memory: Array, rings: Array, windows: NDArray[np.int64], times_ns: NDArray[np.int64], contacts: Array,
     touch: NDArray[np.int8], used: Array, margins: Array, settings: tuple[float, ...],
-) -> Array:  # fmt: skip
+) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
     """The work of `ContactWatch.follow`."""
     (caution, warning, hysteresis, kept, window_s, armed_at, hold_s, half_pitch, least, mu, force_std, torque_std,
      doubt_n, doubt_nm, turn) = settings  # fmt: skip
-    out = np.zeros((len(times_s), 6))
-    for k in range(len(times_s)):
-        normal = contacts[k, 4]
-        out[k, 0], out[k, 5] = UNKNOWN, math.nan
+    levels, out = np.full(len(times_ns), UNKNOWN, np.int8), np.zeros((len(times_ns), 5))
+    for k in range(len(times_ns)):
+        normal, t_s = contacts[k, 4], times_ns[k] * 1e-9
+        out[k, 4] = math.nan
         if touch[k] == 0:  # UNTRUSTED
             continue
         if touch[k] != 2:  # not TOUCHING
             windows[:] = 0
             memory[0], memory[1], memory[2] = STABLE, -math.inf, -math.inf
             if touch[k] == 1 and normal + doubt_n < least:
-                out[k, 0] = NO_CONTACT
+                levels[k] = NO_CONTACT
             continue
         if math.isnan(mu):
             continue
@@ -194,23 +194,23 @@ def _follow(
             load = math.hypot(contacts[k, 5], contacts[k, 6]) if ring == 0 else abs(spin)
             armed = value if ring == 0 or translation < ROTATION_SHARE * value else math.nan
             fell = _fell(
-                rings[ring], windows[ring], times_s[k], window_s, load, load / normal, armed, kept, armed_at
+                rings[ring], windows[ring], t_s, window_s, load, load / normal, armed, kept, armed_at
             )  # fmt: skip
             if fell:
-                memory[1 + ring] = times_s[k] + hold_s
-        slips = times_s[k] < max(memory[1], memory[2])
-        out[k, 1], out[k, 2], out[k, 5] = step, slips, upper
+                memory[1 + ring] = t_s + hold_s
+        slips = t_s < max(memory[1], memory[2])
+        out[k, 0], out[k, 1], out[k, 4] = step, slips, upper
         if exact:
             reach = math.hypot(contacts[k, 0], contacts[k, 1])
             std = math.hypot(torque_std, reach * force_std) / normal
             tipping, weighed = _tips(
                 margins[k], 2.0 * std, half_pitch, (doubt_nm + reach * doubt_n) / max(normal - doubt_n, 1e-9)
             )
-            out[k, 3], out[k, 4] = tipping, weighed
-            out[k, 0] = SLIPPING if slips else max(step, tipping) + 1
+            out[k, 2], out[k, 3] = tipping, weighed
+            levels[k] = SLIPPING if slips else max(step, tipping) + 1
         elif slips or step == WARNING:  # translation alone can only prove a grip unsafe, never safe
-            out[k, 0] = SLIPPING if slips else WARNING + 1
-    return out
+            levels[k] = SLIPPING if slips else WARNING + 1
+    return levels, out
 
 
 @compiled

@@ -13,11 +13,12 @@ import numpy as np
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, stale_after_ns
 from slipd.fusion import LATE, UNTRUSTED, USABLE, Contact, Doubt, contact_of
+from slipd.fusion.slip import NO_CONTACT
 from slipd.pipeline import decision
 from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide
 from slipd.pipeline.image import UNFELT, Felt, PadImage, Shares, pad_image
 from slipd.pipeline.judge import Judge
-from slipd.pipeline.state import HIDDEN, LOST, NOTHING, Judged, Read, State
+from slipd.pipeline.state import HIDDEN, LOST, Judged, Read, State
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.samples import Array, TactileSample, WrenchSample
 from slipd.signals.agreement import CLEAR, STDS, Agreement
@@ -44,7 +45,6 @@ class Finger:
         levels: ``[levels]``.
 
     Attributes:
-        state: After the newest force reading.
         tare: The tare that force readings pass.
     """
 
@@ -58,7 +58,7 @@ class Finger:
         self.image: PadImage | None = pad_image(config)
         self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
         self.tare: Tare = cast("ForceSide | PadImage", self.force or self.image).tare
-        self.state = State(0, LOST)
+        self._newest: State | Judged = State(0, LOST)
         self._judge = Judge(config, levels)
         self._mu_source = "config"
         self._agreement = _agreement(config)
@@ -88,6 +88,12 @@ class Finger:
         if self.state.contact is None or self.state.verdict is HIDDEN:
             return None
         return False if tared else shown
+
+    @property
+    def state(self) -> State:
+        """What is known after the newest force reading."""
+        newest = self._newest
+        return newest if isinstance(newest, State) else newest[-1]
 
     @property
     def mu(self) -> float | None:
@@ -176,10 +182,10 @@ class Finger:
             return self.lose(t_ns)
         if self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
             verdict = decision.Verdict("unknown", ("rotation_unobserved",))
-            self.state = replace(
+            self._newest = replace(
                 self.state, verdict=verdict, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
             )
-            return self.state
+            return self._newest
         return None
 
     def disconnect(self, t_ns: int) -> State:
@@ -197,8 +203,8 @@ class Finger:
         """Forgets what the force stream told: from now on the verdict is unknown."""
         self._end_contact()
         self._free = False
-        self.state = State(t_ns, LOST, age_s=self.age_s(t_ns))
-        return self.state
+        self._newest = State(t_ns, LOST, age_s=self.age_s(t_ns))
+        return self._newest
 
     def _decide(
         self,
@@ -210,7 +216,7 @@ class Finger:
     ) -> Judged:
         """Decides on the readings of one read."""
         self._received_ns, self._acquired_ns = received_ns, times_ns[-1]
-        usable = np.full(len(times_ns), USABLE, np.int8)
+        usable = np.array([USABLE] * len(times_ns), np.int8)
         for at in untrusted:
             usable[at] = UNTRUSTED
         if received_ns - min(times_ns) > self._stale_ns:
@@ -225,8 +231,8 @@ class Finger:
         judged = self._judge.judge(read, doubt, shares, self._disagreement, image_hangs=hangs)
         if judged.ends_at < len(judged):
             self._forget_comparison()
-        self.state = judged[-1]
-        self._free = self.state.verdict is NOTHING
+        self._newest = judged
+        self._free = judged.levels[-1] == NO_CONTACT
         self._note(judged)
         if self.tare.busy and self.pressed():
             self.tare.abort("a contact began")
@@ -317,15 +323,18 @@ class Finger:
         """Keeps what an image will be compared with."""
         if self.image is None:
             return
-        past = self._past
-        last_ns = past[-1][0] if past else -PAST_NS
-        for at, t_ns in enumerate(judged.read.times_ns):
-            if t_ns - last_ns >= PAST_NS and judged.touch[at] > 0:
-                past.append((t_ns, judged.read.wrench[at]))
+        last_ns = self._past[-1][0] if self._past else -PAST_NS
+        normals_n = judged.contacts[:, 4].tolist()
+        for at, (t_ns, touches, normal_n) in enumerate(zip(judged.read.times_ns, judged.touch, normals_n, strict=True)):
+            if touches <= UNTRUSTED:
+                continue
+            if t_ns - last_ns >= PAST_NS:
+                self._past.append((t_ns, judged.read.wrench[at]))
                 last_ns = t_ns
-        normal_n = judged.contacts[judged.touch > 0, 4]
-        if normal_n.size:
-            self._low_n, self._high_n = min(self._low_n, normal_n.min()), max(self._high_n, normal_n.max())
+            if normal_n < self._low_n:
+                self._low_n = normal_n
+            if normal_n > self._high_n:
+                self._high_n = normal_n
 
     def _end_contact(self) -> None:
         if self._judge.in_contact:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
@@ -36,6 +35,7 @@ DECISION_GAP = 1e-6
 #: Of the fall from static to dynamic friction, so much must be seen; and no less than noise may bring.
 SEEN_SHARE, LEAST_DROP = 0.5, 0.05
 _NOT_USED: Array = np.empty((0, 9))
+_NO_MARGINS: Array = np.empty(0)
 
 
 class Judge:
@@ -102,52 +102,46 @@ class Judge:
             image_hangs: The image cannot be used because it repeats.
         """
         noise = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
-        touch, contacts = find_contacts(read.wrench, read.usable, self._contact_n, self.in_contact, *noise)
-        shares, used, turn = None, _NOT_USED, 0.0
-        margins_m = np.full(len(touch), math.nan)
-        touching = np.flatnonzero(touch == TOUCHING)
-        if touching.size:
-            shares = shares_of(contact_told(contacts[touching[0]], touches=True))
+        found_touch, contacts = find_contacts(read.wrench, read.usable, self._contact_n, self.in_contact, *noise)
+        touch = found_touch.tolist()
+        shares, used, margins_m, turn = None, _NOT_USED, _NO_MARGINS, 0.0
+        if TOUCHING in touch:
+            shares = shares_of(contact_told(contacts[touch.index(TOUCHING)], touches=True))
         if shares is not None:
             margins_m = shares.outline.margins_m(contacts)
-            if self.mu is not None:
-                x, y, loads = shares.x, shares.y, shares.loads.loads
-                used = follow_readings(x, y, loads, self.mu, contacts, touch, self._twist, DECISION_GAP)
-                if doubt.force_n > 0.0:
-                    turn = utilisation_of(x, y, loads, self.mu, (0.0, 0.0), doubt.torque_nm, (0.0, 0.0)).upper
-        times_s = np.array(read.times_ns) * 1e-9
-        mu = math.nan if self.mu is None else self.mu
-        found = self._watch.follow(times_s, contacts, touch, used, margins_m, mu, doubt, turn)
-        levels = list(map(int, found[:, 0].tolist()))
+        if shares is not None and self.mu is not None:
+            x, y, loads = shares.x, shares.y, shares.loads.loads
+            used = follow_readings(x, y, loads, self.mu, contacts, found_touch, self._twist, DECISION_GAP)
+            if doubt.force_n > 0.0:
+                turn = utilisation_of(x, y, loads, self.mu, (0.0, 0.0), doubt.torque_nm, (0.0, 0.0)).upper
+        times_ns, mu = np.array(read.times_ns), math.nan if self.mu is None else self.mu
+        levels, found = self._watch.follow(times_ns, contacts, found_touch, used, margins_m, mu, doubt, turn)
         ends_at = _contact_end(touch, self.in_contact)
         if disagreement:
-            for at in touching[touching < ends_at].tolist():
-                levels[at] = UNKNOWN
-        judged = Judged(
+            levels[:ends_at] = [UNKNOWN if at == TOUCHING else level for level, at in zip(levels, touch, strict=True)][
+                :ends_at
+            ]
+        self._keep(touch, used)
+        return Judged(
             read, touch, contacts, shares, used, margins_m, found, mu, self._caution, image_hangs, disagreement,
             ends_at, levels,
         )  # fmt: skip
-        self._keep(judged)
-        return judged
 
-    def _keep(self, judged: Judged) -> None:
-        """Remembers what the next read goes on from."""
-        telling = np.flatnonzero(judged.touch != UNTRUSTED)
-        if not telling.size:
-            return
-        last = telling[-1]
-        self.in_contact = bool(judged.touch[last] == TOUCHING)
-        self._twist = None
-        if self.in_contact and len(judged.used):
-            vx, vy, om = judged.used[last, 6:].tolist()
-            self._twist = vx, vy, om
+    def _keep(self, touch: list[int], used: Array) -> None:
+        """Remembers what the next read goes on from: the newest reading that says something."""
+        for at in range(len(touch) - 1, -1, -1):
+            if touch[at] != UNTRUSTED:
+                self.in_contact, self._twist = touch[at] == TOUCHING, None
+                if self.in_contact and len(used):
+                    vx, vy, om = used[at, 6:].tolist()
+                    self._twist = vx, vy, om
+                return
 
 
-def _contact_end(touch: NDArray[np.int8], in_contact: bool) -> int:
+def _contact_end(touch: list[int], in_contact: bool) -> int:
     """Place of the first reading with which a contact ends; that behind the last where none does."""
-    if touch.min() != TOUCHING:
-        for at, now in enumerate(touch.tolist()):
-            if in_contact and now in (FREE, LATE):
-                return at
-            in_contact = in_contact or now == TOUCHING
+    for at, now in enumerate(touch):
+        if in_contact and now in (FREE, LATE):
+            return at
+        in_contact = in_contact or now == TOUCHING
     return len(touch)

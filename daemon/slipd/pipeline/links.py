@@ -114,7 +114,7 @@ class Link:
             self._recognise()
         if not samples or self._stranger:
             return []
-        if len(samples) > self._allowed or t_ns > self._allowed_ns:
+        if len(samples) > self._allowed:
             samples = self._within_rate(samples, t_ns)
         self._allowed -= len(samples)
         found = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,11 +99,11 @@ class Judged:
 
     Attributes:
         read: The readings.
-        touch: What each is to the contact, shape (n,).
+        touch: What each is to the contact.
         contacts: Numbers of the `Contact` of each, shape (n, 10).
         shares: How the image shares the force of those that touch.
         used: Numbers of the `Utilisation` of each, shape (n, 9), or (0, 9).
-        margins_m: Tipping margin of each, m, shape (n,).
+        margins_m: Tipping margin of each, m, shape (n,), or (0,).
         found: `Found` of each, shape (n, 6).
         mu: Coefficient of static friction; NaN: not known.
         caution: Utilisation that counts as danger.
@@ -114,7 +114,7 @@ class Judged:
     """
 
     read: Read
-    touch: NDArray[np.int8]
+    touch: list[int]
     contacts: Array
     shares: Shares | None
     used: Array
@@ -126,6 +126,7 @@ class Judged:
     disagreement: tuple[str, ...]
     ends_at: int
     levels: list[int]
+    _made: dict[int, State] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.levels)
@@ -135,6 +136,11 @@ class Judged:
 
     def __getitem__(self, at: int) -> State:
         at = range(len(self))[at]
+        if at not in self._made:
+            self._made[at] = self._make(at)
+        return self._made[at]
+
+    def _make(self, at: int) -> State:
         read, touch = self.read, self.touch[at]
         t_ns = read.times_ns[at]
         state = State(t_ns, self._verdict(at), age_s=(read.received_ns - t_ns) * 1e-9)
@@ -146,11 +152,12 @@ class Judged:
             state.status = read.statuses[at]
         if touch == UNTRUSTED:
             return state
-        state.contact = contact_told(self.contacts[at], touches=bool(touch == TOUCHING))
+        state.contact = contact_told(self.contacts[at], touches=touch == TOUCHING)
         if touch == FREE:
             return state
         state.shares = self.shares
-        state.tipping_margin_m = float(self.margins_m[at])
+        if len(self.margins_m):
+            state.tipping_margin_m = float(self.margins_m[at])
         if self._exact(at):
             state.model, state.utilisation = "exact", utilisation_told(self.used[at].tolist())
         elif not math.isnan(self.mu):

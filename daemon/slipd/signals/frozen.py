@@ -122,6 +122,7 @@ class WrenchWatch:
 
     Attributes:
         fault: What speaks against the newest reading; "" where nothing does.
+        lively: The newest readings were all numbers, in range, and no two running alike.
     """
 
     def __init__(
@@ -140,6 +141,7 @@ class WrenchWatch:
         self._garbage = self._failing = self._alert = False
         self._failed_ns: list[int] = []
         self.fault = ""
+        self.lively = False
 
     def update(self, rows: Array, times_ns: Sequence[int]) -> dict[int, str]:
         """Takes readings as the sensor sent them, before tare and mounting.
@@ -155,7 +157,8 @@ class WrenchWatch:
         before = self._row
         self._row = rows[-1]
         in_time = times_ns[-1] - self._last_ns <= self._gap_ns
-        if in_time and not self._alert and _is_lively(before, rows, self._range2, self._jump2):
+        self.lively = in_time and not self._alert and _is_lively(before, rows, self._range2, self._jump2)
+        if self.lively:
             self._last_ns, self._equal, self._step, self.fault = times_ns[-1], 0, None, ""
             return {}
         found = {}
@@ -209,7 +212,7 @@ class WrenchWatch:
 
 @compiled
 def _is_lively(before: Array, rows: Array, range2: float, jump2: float) -> bool:
-    """Each reading differs from the one before, by less than a jump, and is in range."""
+    """Each reading is finite, differs from the one before, by less than a jump, and is in range."""
     for k in range(len(rows)):
         last = before if k == 0 else rows[k - 1]
         jump = size = 0.0
@@ -219,6 +222,6 @@ def _is_lively(before: Array, rows: Array, range2: float, jump2: float) -> bool:
             if i < 3:
                 jump += (rows[k, i] - last[i]) ** 2
                 size += rows[k, i] ** 2
-        if alike or not (jump < jump2 and size <= range2):
+        if alike or not (jump < jump2 and size <= range2 and math.isfinite(rows[k].sum())):
             return False
     return True
