@@ -158,3 +158,65 @@ class TestGravity:
     def test_anything_else_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
         given = {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.8]} | fields
         assert run.refusal("gravity.set", **given) == refusal
+
+
+class TestAtMostOnce:
+    def test_a2_a_request_that_comes_again_is_answered_again_and_not_done_again(self, run: Run) -> None:
+        first = run.ask("record.start", id="c-1", deadline_ns=run.t_ns + 400 * MS)
+        deadline_ns = run.t_ns + 400 * MS
+        run.wait(100)
+        assert run.ask("record.start", id="c-1", deadline_ns=deadline_ns) == first
+        assert run.refusal("record.stop", id="c-1") == ("repeated_id", "id")
+        assert run.refusal("record.start", client=b"ben", id="c-1", deadline_ns=deadline_ns) == ("replayed", "")
+        assert run.ask("status")["result"]["recording"]["running"] is True
+
+    def test_a2_what_was_refused_stays_refused(self, run: Run) -> None:
+        body = {"id": "c-1", "deadline_ns": run.t_ns + 400 * MS, "finger": "left"}
+        refused = run.ask("tare", **body)
+        assert refused["ok"] is False
+        run.wrench(0.0)
+        assert run.ask("tare", **body) == refused
+
+    def test_a2_a_late_copy_is_refused(self, run: Run) -> None:
+        body = {"id": "c-1", "deadline_ns": run.t_ns + 400 * MS}
+        assert run.refusal("record.start", **body) is None
+        run.wait(400)
+        assert run.refusal("record.start", **body) == ("deadline_passed", "deadline_ns")
+
+    def test_too_many_at_once_are_refused_until_their_deadlines_have_passed(self, run: Run) -> None:
+        found = {run.refusal("tare.get", finger="left") for _ in range(100)}
+        assert found == {None, ("busy", "")}
+        run.wait(101)
+        assert run.refusal("tare.get", finger="left") is None
+
+    def test_a1_what_was_captured_in_another_run_is_refused(self, run: Run) -> None:
+        assert run.refusal("record.start", boot="before") == ("wrong_boot", "boot")
+
+
+class TestFriction:
+    def test_it_is_set_for_a_finger_and_told(self, run: Run) -> None:
+        reply = run.ask("friction.set", finger="left", mu_s=0.8, mu_d=0.6)
+        assert reply["result"] == {"finger": "left", "mu": 0.8, "mu_source": "request"}
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        told = run.told("slip.left")[-1]
+        assert (told["mu"], told["mu_source"]) == (0.8, "request")
+        assert run.ask("friction.set", finger="left", mu_s=1)["result"]["mu"] == 1.0
+
+    @pytest.mark.parametrize(
+        ("fields", "refusal"),
+        [
+            ({"finger": "middle"}, ("unknown_finger", "finger")),
+            ({"mu_s": 0.0}, ("out_of_range", "mu_s")),
+            ({"mu_s": 10.1}, ("out_of_range", "mu_s")),
+            ({"mu_s": -0.5}, ("out_of_range", "mu_s")),
+            ({"mu_d": 0.51}, ("out_of_range", "mu_d")),
+            ({"mu_d": 0.0}, ("out_of_range", "mu_d")),
+            ({"mu_s": "0.5"}, ("bad_type", "mu_s")),
+            ({"mu_s": ...}, ("missing_field", "mu_s")),
+            ({"mu": 0.5}, ("unknown_field", "mu")),
+        ],
+    )
+    def test_anything_else_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
+        given = {"finger": "left", "mu_s": 0.5} | fields
+        assert run.refusal("friction.set", **given) == refusal

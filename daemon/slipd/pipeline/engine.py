@@ -253,11 +253,11 @@ class Engine:
         body = link.told(stream, t_ns)
         owner, _, kind = stream.name.partition(".")
         side = self._fingers[owner].side(kind) if kind else None
-        if side is not None:
+        if side is None:
+            conditions += cast("GripperControl", self._gripper).conditions()
+        else:
             conditions += side.conditions(t_ns)
             body |= side.told(t_ns)
-        elif self._gripper is not None and not kind:
-            conditions += self._gripper.conditions()
         worst = max(health for health, _ in conditions)
         message = "; ".join(text for _, text in sorted(conditions, key=lambda told: -told[0]) if text)
         return {"health": int(worst), "message": message, **body}
