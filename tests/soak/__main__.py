@@ -1,6 +1,6 @@
-"""Long runs on this machine: unplugging, floods, and two fingers for ten minutes.
+"""Long runs on this machine: unplugging, floods, two fingers for ten minutes, and subscribers that never read.
 
-    PYTHONPATH=tests python -m soak [--quick] [--only unplug|flood|backlog] [--minutes M]
+    PYTHONPATH=tests python -m soak [--quick] [--only unplug|flood|backlog|subscribers] [--minutes M]
         [--report FILE]
 
 What is measured is the daemon itself, with real pseudo-terminals, sockets and processes. Times are this machine's, and
@@ -21,16 +21,22 @@ from pathlib import Path
 from bench.child import BenchError
 from bench.commit import measured_commit
 from bench.tables import Table
-from soak import backlog, flood, unplug
+from soak import backlog, flood, subscribers, unplug
 
-PARTS = ("unplug", "flood", "backlog")
+PARTS = ("unplug", "flood", "backlog", "subscribers")
 
 
 def main() -> int:
     """Measure and print; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m soak", description="Long runs of the daemon on this machine.")
     parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be given again (default: all)")
-    parser.add_argument("--minutes", type=float, default=10.0, metavar="M", help="of the backlog (default 10)")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=10.0,
+        metavar="M",
+        help="of the backlog, and of stalled subscribers (default 10)",
+    )
     parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
     options = parser.parse_args()
@@ -49,7 +55,7 @@ def main() -> int:
     return 0
 
 
-def _sections(parts: tuple[str, ...], backlog_s: float, *, quick: bool) -> Iterator[Table]:
+def _sections(parts: tuple[str, ...], long_s: float, *, quick: bool) -> Iterator[Table]:
     with tempfile.TemporaryDirectory(prefix="slipd-soak-") as name:
         folder = Path(name)
         os.environ["SLIPD_RUNTIME_DIR"] = str(folder / "run")
@@ -58,7 +64,9 @@ def _sections(parts: tuple[str, ...], backlog_s: float, *, quick: bool) -> Itera
         if "flood" in parts:
             yield flood.run(folder, quick=quick)
         if "backlog" in parts:
-            yield from backlog.run(folder, backlog_s, quick=quick)
+            yield from backlog.run(folder, long_s, quick=quick)
+        if "subscribers" in parts:
+            yield subscribers.run(folder, long_s, quick=quick)
 
 
 def _header() -> str:
