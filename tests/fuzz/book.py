@@ -97,6 +97,7 @@ class Book:
     _heard_ns: int = 0
     _until_ns: int = 0
     _ttl_ns: int = 0
+    _last: Told | None = None
     _slept: bool = False
     _zeros_known: bool = True
     _goal: str = ""
@@ -279,6 +280,9 @@ class Book:
         self.commands += 1
         if told.reserved:
             self._blame(t_ns, f"reserved bits are set: {told}")
+        if told == self._last and not told.goes:
+            return  # a command that was not acknowledged is sent again
+        self._last = told
         if told.activates or (told.goes is False and self._activations and len(told.addresses) == 3):
             self._activations -= 1
             if self._activations < 0:

@@ -235,8 +235,7 @@ class _Run:
             self.found.faults.append(f"message {number} ({ask.kind}): refused with {refusal}")
         if refusal is not None and refusal["code"] == "fault_latched":
             self.seen.faulty = True
-        if ask.again is not None:
-            self._judge_replay(ask, ask.again, reply, number)
+        if ask.again is not None and not self._is_late(ask, ask.again, reply, number):
             return
         body = _body(ask.frames)
         if body is None:
@@ -250,20 +249,25 @@ class _Run:
             self.seen.captured.append(Captured(ask.client, ask.frames[0], reply))
             del self.seen.captured[:-MOST_CAPTURED]
 
-    def _judge_replay(self, ask: Ask, old: Captured, reply: dict[str, Any], number: int) -> None:
-        """A captured request may be answered as before to whoever sent it first, and must not be done again."""
+    def _is_late(self, ask: Ask, old: Captured, reply: dict[str, Any], number: int) -> bool:
+        """Whether a captured request is done for the first time.
+
+        It may be answered as before to whoever sent it first, and must not be done again.
+        """
         self.found.replays += 1
         if not reply["ok"]:
-            return
+            return False
         if ask.client == old.client and reply == old.reply:
             self.found.cached += 1
-            return
+            return False
         first = old.reply.get("error", {}).get("code", "granted")
         if first in UNJUDGED:
             self.found.late += 1
-            return
+            old.client, old.reply = ask.client, reply
+            return True
         what = f"{_body(ask.frames)} of {old.client!r}, {first}, was granted to {ask.client!r}"
         self.found.accepted_replays.append(f"message {number}: {what}")
+        return False
 
     def _look(self) -> None:
         """What clients can know."""
