@@ -56,8 +56,8 @@ class View:
         lines = [self._header(silent_s if silent else 0.0)]
         for finger, body in self._fingers():
             lines += _finger_lines(finger, body, silent)
-        if GRIPPER_TOPIC in self._newest:
-            lines.append(_gripper_line(self._newest[GRIPPER_TOPIC]))
+        if gripper := self._newest.get(GRIPPER_TOPIC) or self._status("gripper"):
+            lines.append(_gripper_line(gripper))
         lines += [_stream_line(name, _map(stream)) for name, stream in self._status("streams").items()]
         return [_paint(line, width, colour) for line in lines]
 
@@ -148,6 +148,8 @@ def _gripper_line(body: dict[str, Any]) -> list[Span]:
     ]
     if fault := body.get("fault"):
         line.append((f"  fault {_text(fault)}", "1;31"))
+    if latched := body.get("latched_fault"):
+        line.append((f"  latched: {_text(latched)}", "1;31"))
     if body.get("echo_ok") is False:
         line.append(("  does not echo the command", "1;31"))
     return line

@@ -1,10 +1,23 @@
 from __future__ import annotations
 
+import ast
 import pkgutil
 import subprocess
 import sys
+from pathlib import Path
 
 import slipd_client
+
+
+def test_every_file_is_python_3_10() -> None:
+    for file in sorted(Path(slipd_client.__file__).parent.rglob("*.py")):
+        ast.parse(file.read_text(encoding="utf-8"), feature_version=(3, 10))
+
+
+def test_a_subscriber_loads_no_asyncio() -> None:
+    code = "import sys, slipd_client.subscriber, slipd_client.slipctl_parser; print('asyncio' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 def test_importing_the_whole_client_loads_nothing_heavy_and_nothing_of_the_daemon() -> None:
@@ -15,6 +28,6 @@ for name in {modules}:
     importlib.import_module(name)
 print(sorted({{"numpy", "scipy", "numba", "pydantic", "slipd"}} & set(sys.modules)))
 """
-    assert {"slipd_client.slipctl", "slipd_client.messages.codec"} <= set(modules)
+    assert {"slipd_client.slipctl", "slipd_client.aio", "slipd_client.messages.codec"} <= set(modules)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

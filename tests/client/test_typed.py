@@ -13,7 +13,9 @@ from slipd_client.messages.typed import (
     FingerStatus,
     Grasp,
     Gripper,
+    LeaseStatus,
     Message,
+    ReflexAct,
     Slip,
     SlipLevel,
     SlipWarning,
@@ -79,6 +81,15 @@ def test_status_has_fingers_and_streams() -> None:
     assert status.streams == {"left.wrench": StreamStatus(Health.WARN, "slow", rate_hz=100.0)}
 
 
+def test_a_gripper_has_its_lease_and_what_the_reflex_did() -> None:
+    reflex = {"force_n": 9.0, "from_n": 7.0, "reason": "slip_detected"}
+    gripper = message("gripper", lease={"held": True, "expires_in_s": 0.1}, reflex=reflex, latched_fault="overheated")
+    assert isinstance(gripper, Gripper)
+    assert gripper.lease == LeaseStatus(True, 0.1)
+    assert gripper.reflex == ReflexAct(9.0, 7.0, "slip_detected")
+    assert gripper.latched_fault == "overheated"
+
+
 def test_fields_and_topics_that_are_not_known_stand_in_the_map() -> None:
     assert message("wrench.left", finger="left", later=[1]).raw["later"] == [1]
     other = message("later.topic", more=1)
@@ -134,8 +145,9 @@ def test_a_known_field_of_another_kind_is_refused_with_its_name(fields: dict[str
 @pytest.mark.parametrize(
     ("fields", "complaint"),
     [
-        ({"fingers": []}, "fingers: a map of maps"),
-        ({"fingers": {"left": 1}}, "fingers: a map of maps"),
+        ({"fingers": []}, "fingers: a map is expected"),
+        ({"fingers": {"left": 1}}, "fingers: a map is expected"),
+        ({"lease": {"held": 1}}, "bool expected"),
         ({"fingers": {"left": {"level": "fine"}}}, "level: one of"),
         ({"streams": {"left.wrench": {"health": 9}}}, "health: one of 0, 1, 2, 3"),
         ({"streams": {"left.wrench": {}}}, "missing_field: health"),
@@ -146,7 +158,7 @@ def test_a_status_within_is_as_strict(fields: dict[str, Any], complaint: str) ->
 
 
 def test_a_share_that_is_none_is_refused() -> None:
-    assert "a map of numbers" in fault("grasp", level="stable", load_share=[0.5, 0.5])
+    assert "a map is expected" in fault("grasp", level="stable", load_share=[0.5, 0.5])
 
 
 def test_a_message_cannot_be_changed() -> None:

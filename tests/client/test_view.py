@@ -123,6 +123,16 @@ def test_the_gripper_shows_its_fault_and_a_missing_echo() -> None:
     assert "at rest" not in text
 
 
+def test_a_latched_fault_is_shown_until_it_is_acknowledged() -> None:
+    assert "latched: no_echo" in drawn(gripper=GRIPPER | {"latched_fault": "no_echo"})
+    assert "latched" not in drawn(gripper=GRIPPER | {"latched_fault": ""})
+
+
+def test_status_alone_shows_the_gripper_too() -> None:
+    assert "force 12.0 N of at most 40.0 N" in drawn(status={"gripper": GRIPPER})
+    assert "gripper" not in drawn(status={"gripper": None})
+
+
 def test_a_silent_daemon_has_no_level() -> None:
     text = drawn(slip_left=SLIP | {"level": "stable"}, silent_s=5.0)
     assert text.startswith("nothing heard for 5.0 s")

@@ -16,7 +16,10 @@ from slipd_client.messages.typed import (
     FingerStatus,
     Grasp,
     Gripper,
+    LeaseStatus,
     Message,
+    RecordingStatus,
+    ReflexAct,
     Slip,
     SlipLevel,
     SlipWarning,
@@ -119,19 +122,22 @@ def _list_of(reader: Callable[[Any], Any]) -> Callable[[Any], tuple[Any, ...]]:
     return read_list
 
 
-def _map_of(cls: type[Any]) -> Callable[[Any], dict[str, Any]]:
+def _one(cls: type[Any]) -> Callable[[Any], Any]:
+    def read_one(value: Any) -> Any:
+        if type(value) is not dict:
+            raise TypeError(f"a map is expected, this is {value!r}")
+        return cls(**_values(cls, value))
+
+    return read_one
+
+
+def _map_of(reader: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
     def read_map(value: Any) -> dict[str, Any]:
-        if type(value) is not dict or not all(type(entry) is dict for entry in value.values()):
-            raise TypeError(f"a map of maps is expected, this is {value!r}")
-        return {name: cls(**_values(cls, entry)) for name, entry in value.items()}
+        if type(value) is not dict:
+            raise TypeError(f"a map is expected, this is {value!r}")
+        return {name: reader(entry) for name, entry in value.items()}
 
     return read_map
-
-
-def _map_of_numbers(value: Any) -> dict[str, float]:
-    if type(value) is not dict:
-        raise TypeError(f"a map of numbers is expected, this is {value!r}")
-    return {name: _number(entry) for name, entry in value.items()}
 
 
 def _word(words: Mapping[Any, Any]) -> Callable[[Any], Any]:
@@ -157,9 +163,12 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "tuple[str, ...]": _list_of(_text),
     "tuple[float, ...]": _numbers(None),
     "tuple[Pair, ...]": _list_of(_pair),
-    "Mapping[str, float]": _map_of_numbers,
-    "Mapping[str, FingerStatus]": _map_of(FingerStatus),
-    "Mapping[str, StreamStatus]": _map_of(StreamStatus),
+    "LeaseStatus": _one(LeaseStatus),
+    "ReflexAct": _one(ReflexAct),
+    "RecordingStatus": _one(RecordingStatus),
+    "Mapping[str, float]": _map_of(_number),
+    "Mapping[str, FingerStatus]": _map_of(_one(FingerStatus)),
+    "Mapping[str, StreamStatus]": _map_of(_one(StreamStatus)),
 }
 """By the annotation of a field, without its ``| None``."""
 
@@ -187,4 +196,5 @@ _CLASSES: dict[str, type[Message]] = {
     "warning": SlipWarning,
     "status": Status,
 }
-_PLANS = {cls: _plan(cls) for cls in (Message, FingerStatus, StreamStatus, *_CLASSES.values())}
+_PARTS = (FingerStatus, StreamStatus, LeaseStatus, ReflexAct, RecordingStatus)
+_PLANS = {cls: _plan(cls) for cls in (Message, *_PARTS, *_CLASSES.values())}

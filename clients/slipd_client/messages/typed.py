@@ -189,9 +189,26 @@ class Grasp(Message):
     reading_age_s: float | None = field(default=None, metadata={"wire": "age_s"})
 
 
+@dataclass(frozen=True, slots=True)
+class LeaseStatus:
+    """Who may move the gripper: ``held`` by some client, for ``expires_in_s`` unless it renews."""
+
+    held: bool
+    expires_in_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReflexAct:
+    """What the reflex has just done: the force on one pad that it commands, the one before, and why."""
+
+    force_n: float | None = None
+    from_n: float | None = None
+    reason: str | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gripper(Message):
-    """``gripper``: state of the gripper; forces are those on one pad."""
+    """``gripper``: state of the gripper; forces are those on one pad. ``reflex`` is None but where it acted."""
 
     width_m: float | None = None
     force_command_n: float | None = None
@@ -200,8 +217,12 @@ class Gripper(Message):
     object: str | None = None
     moving: bool | None = None
     fault: str | None = None
+    latched_fault: str | None = None
     echo_ok: bool | None = None
     current_a: float | None = None
+    force_n: float | None = None
+    lease: LeaseStatus | None = None
+    reflex: ReflexAct | None = None
     reading_age_s: float | None = field(default=None, metadata={"wire": "age_s"})
 
 
@@ -231,6 +252,15 @@ class StreamStatus:
     reconnects: int | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class RecordingStatus:
+    """The newest recording that was asked for: ``failure`` is why it ended by itself, None where it did not."""
+
+    name: str | None = None
+    running: bool | None = None
+    failure: str | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status(Message):
     """``status``: the daemon, its fingers and its streams."""
@@ -238,5 +268,7 @@ class Status(Message):
     version: str | None = None
     uptime_s: float | None = None
     late_s: float | None = None
+    lease: LeaseStatus | None = None
+    recording: RecordingStatus | None = None
     fingers: Mapping[str, FingerStatus] = field(default_factory=dict)
     streams: Mapping[str, StreamStatus] = field(default_factory=dict)
