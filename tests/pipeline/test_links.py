@@ -12,6 +12,7 @@ from slipd.config import Config
 from slipd.devices import bota, bota_text, pvdf, xela
 from slipd.pipeline.events import LinkSpec
 from slipd.pipeline.links import Link, make_links
+from slipd.samples import TactileSample
 from slipd_client.messages import Health
 
 MS = 1_000_000
@@ -58,8 +59,10 @@ def test_a_line_speed_of_the_config_goes_before_the_devices_own(left: str, parse
 
 def test_the_options_of_the_config_reach_the_device(left: str, parse: Parse) -> None:
     links = make_links(parse(left.replace("rows = 4", "rows = 2").replace("cols = 4", "cols = 3")))
-    ((name, sample, _),) = links["left.pad"].receive(pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0), T0)
+    scan = pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0)
+    ((name, (sample,), _),) = links["left.pad"].receive(scan, T0)
     assert name == "left.pad"
+    assert isinstance(sample, TactileSample)
     assert sample.values.shape == (6,)
 
 
@@ -82,7 +85,8 @@ def test_only_an_open_link_to_a_device_that_listens_says_farewell(links: dict[st
 
 def test_samples_that_share_a_port_are_told_apart_by_their_sensor(links: dict[str, Link]) -> None:
     found = links["right.pad"].receive(skin(1), T0)
-    assert sorted((name, sample.source) for name, sample, _ in found) == [("right.pad", "2"), ("third.pad", "1")]
+    sources = [(name, sample.source) for name, samples, _ in found for sample in samples]
+    assert sorted(sources) == [("right.pad", "2"), ("third.pad", "1")]
 
 
 def test_samples_of_no_stream_are_passed_over(links: dict[str, Link]) -> None:
@@ -224,12 +228,13 @@ def test_L9_a_flood_is_thinned_from_its_oldest_end_and_told(links: dict[str, Lin
     link = links["left.wrench"]
     link.open("port", T0)
     flood = b"".join(frame(n * 1000) for n in range(1500))
-    found = link.receive(flood, T0)
-    assert len(found) == 1000, "a second of readings may have waited"
-    assert found[-1][1].device_time_ns == 1499 * 1000
+    ((_, samples, times_ns),) = link.receive(flood, T0)
+    assert len(samples) == len(times_ns) == 1000, "a second of readings may have waited"
+    assert samples[-1].device_time_ns == 1499 * 1000
     assert (told(link, T0)["dropped"], told(link, T0)["good"]) == (500, 1500)
     assert health(link, T0) == (Health.WARN, "sends more than 4 times its rate: the oldest readings are dropped")
-    assert len(link.receive(flood, T0 + 10 * MS)) == 40, "four times 1000 Hz for 10 ms"
+    ((_, samples, _),) = link.receive(flood, T0 + 10 * MS)
+    assert len(samples) == 40, "four times 1000 Hz for 10 ms"
     now = feed(link, 1000.0, 1.5, T0 + 11 * MS)
     assert health(link, now) == (Health.OK, "")
     assert told(link, now)["dropped"] == 500 + 1460

@@ -377,15 +377,16 @@ def test_the_readings_of_one_read_are_judged_as_if_they_came_singly(left: str, p
     rng = np.random.default_rng(5)
     forces = rng.normal(0.0, 1.0, (300, 3)) + np.array((1.0, 0.0, -2.0))
     forces[::17, 2] = 0.3
-    samples = [WrenchSample(T0 + k * MS // 4, None, f, np.cross((0.001, 0.0, 0.0), f)) for k, f in enumerate(forces)]
+    times_ns = [T0 + k * MS // 16 for k in range(len(forces))]
+    samples = [WrenchSample(times_ns[-1], None, f, np.cross((0.001, 0.0, 0.0), f)) for f in forces]
     told = []
     for size in (1, 7, 300):
         finger = Finger("left", parse(left).finger["left"], Levels())
         finger.take_tactile(TactileSample(T0, None, np.full(16, 50.0)))
         states = []
         for at in range(0, len(samples), size):
-            some = samples[at : at + size]
-            states += list(finger.take_wrenches(some, [sample.t_ns for sample in some]))
+            for judged in finger.take_wrenches(samples[at : at + size], times_ns[at : at + size]):
+                states += list(judged)
         told.append([(state.verdict, state.utilisation and state.utilisation[:3]) for state in states])
     assert told[0] == told[1] == told[2]
     assert {verdict.level for verdict, _ in told[0]} >= {"stable", "warning", "no_contact"}
@@ -394,7 +395,8 @@ def test_the_readings_of_one_read_are_judged_as_if_they_came_singly(left: str, p
 def test_a_tare_is_taken_from_readings_that_come_together(hand: Hand) -> None:
     hand.finger.begin_tare(T0, 0.01, "someone")
     samples = [WrenchSample(T0 + k * MS, None, np.full(3, 0.1), np.zeros(3)) for k in range(30)]
-    states = list(hand.finger.take_wrenches(samples, [sample.t_ns for sample in samples]))
+    read = hand.finger.take_wrenches(samples, [sample.t_ns for sample in samples])
+    states = [state for judged in read for state in judged]
     assert hand.finger.tare.current.id == 1
     assert states[0].wrench == pytest.approx((0.1, 0.1, 0.1, 0.0, 0.0, 0.0))
     assert states[-1].wrench == pytest.approx((0.0,) * 6)
