@@ -161,13 +161,13 @@ def test_the_first_force_of_a_grasp_meets_the_limits_alone(policy: GripPolicy, f
     assert (policy.force_n, policy.asked_n) == (force_n, force_n)
 
 
-@pytest.mark.parametrize("force_n", [7.0 + 1e-6, 3.0 - 1e-6, 24.0])
+@pytest.mark.parametrize("force_n", [12.0 + 1e-6, 8.0 - 1e-6, 3.0, 24.0])
 def test_A3_a_held_object_feels_no_more_than_a_step(policy: GripPolicy, force_n: float) -> None:
-    policy.grip(5.0, T0)
+    policy.grip(10.0, T0)
     refusal = policy.check_change(force_n, T0 + 10_000 * MS)
     assert refusal is not None
     assert (refusal.code, refusal.field) == ("out_of_range", "force_n")
-    assert policy.force_n == 5.0
+    assert policy.force_n == 10.0
 
 
 @pytest.mark.parametrize(("from_n", "force_n"), [(3.1, 5.1), (4.1, 6.1), (8.3, 10.3), (10.3, 8.3)])

@@ -216,6 +216,20 @@ def test_C4_an_earlier_time_counts_as_the_last() -> None:
     assert held.watch("warning", 15.0, 500) == []
 
 
+def test_C4_an_act_of_long_ago_that_was_not_carried_out_is_not_built_upon() -> None:
+    held = Held()
+    assert held.reflex.decide("warning", 15.0, None, True, held.t_ns) is not None
+    held.t_ns += 95 * MS
+    assert held.watch("warning", 15.0, 5) == [ReflexAct(6.0, 5.0, "needed")]
+
+
+def test_a_rise_goes_on_from_where_a_client_has_lowered_to() -> None:
+    held = Held()
+    held.watch("warning", 15.0, 5)
+    held.policy.grip(4.5, held.t_ns)
+    assert held.watch("warning", 15.0, 20) == [ReflexAct(5.5, 4.5, "needed")]
+
+
 @pytest.mark.parametrize(("rate", "unit_n"), [(2.0, 0.1), (2.0, 0.85), (50.0, 0.85)])
 def test_coarse_settings_are_reached_too_however_slow_the_rise(rate: float, unit_n: float) -> None:
     held = Held(replace(SETTINGS, raise_n_per_s=rate), unit_n=unit_n)
@@ -245,6 +259,13 @@ def test_it_lowers_only_when_calm_for_long_and_then_slowly() -> None:
     assert held.force_n == pytest.approx(8.0, abs=0.11)
     assert {act.reason for act in acts} == {"calm"}
     assert max(act.from_n - act.force_n for act in acts) <= 0.1 + 1e-9
+
+
+def test_it_lowers_as_fast_as_it_may() -> None:
+    held = calmed(replace(SETTINGS, lower_n_per_s=30.0))
+    held.watch("stable", 5.0, 2000)
+    assert len(held.watch("stable", 5.0, 100)) == 5
+    assert held.force_n == pytest.approx(7.0, abs=0.6)
 
 
 def test_it_lowers_to_a_tenth_above_the_need() -> None:

@@ -123,21 +123,22 @@ class Site(RuleBasedStateMachine):
     def ask_about_the_lease(self, client: bytes, op: str, ttl_ms: int, ahead_ms: int) -> None:
         self.send(client, {"op": op, "ttl_ms": ttl_ms}, ahead_ms)
 
-    @rule(client=st.sampled_from(CLIENTS), force_n=FORCES, trusted=st.booleans(), ahead_ms=st.integers(-20, 520))
-    def ask_for_a_force(self, client: bytes, force_n: float, trusted: bool, ahead_ms: int) -> None:
-        self.send(client, {"op": "grip.set", "force_n": force_n, "trusted": trusted}, ahead_ms)
+    @rule(client=st.sampled_from(CLIENTS), force_n=FORCES, ahead_ms=st.integers(-20, 520))
+    def ask_for_a_force(self, client: bytes, force_n: float, ahead_ms: int) -> None:
+        self.send(client, {"op": "grip.set", "force_n": force_n}, ahead_ms)
 
     @precondition(lambda self: self.force_n is not None)
     @rule(change_n=st.floats(-3.0, 3.0))
     def the_holder_asks_for_a_little_more_or_less(self, change_n: float) -> None:
         assert self.force_n is not None
-        body = {"op": "grip.set", "force_n": self.force_n + change_n, "trusted": True}
-        self.send(self.holder or CLIENTS[0], body, 100)
+        client = self.holder or CLIENTS[0]
+        self.send(client, {"op": "lease.acquire", "ttl_ms": 200}, 100)
+        self.send(client, {"op": "grip.set", "force_n": self.force_n + change_n}, 100)
 
     @rule(client=st.sampled_from(CLIENTS), force_n=st.floats(3.0, 8.0))
     def take_the_lease_and_grip(self, client: bytes, force_n: float) -> None:
         self.send(client, {"op": "lease.acquire", "ttl_ms": 200}, 100)
-        self.send(client, {"op": "grip.set", "force_n": force_n, "trusted": True}, 100)
+        self.send(client, {"op": "grip.set", "force_n": force_n}, 100)
 
     @precondition(lambda self: bool(self.sent))
     @rule(
