@@ -16,13 +16,14 @@ _FINGER_NAME = re.compile(r"[a-z0-9]+")
 _ENDPOINT = re.compile(r"ipc:///[^\0]+|tcp://(\d{1,3}(\.\d{1,3}){3}|localhost|\*):(\d{1,5}|\*)")
 _LOCAL = re.compile(r"tcp://(127\.|localhost:)")
 _KINDS = {"wrench": ("wrench",), "tactile": ("tactile",), "gripper": ("gripper",), "any": ("wrench", "tactile")}
-_TRANSPORTS = {"ws": "websocket", "wss": "websocket", "tcp": "tcp", "udp": "udp", "ipc": "external"}
+_TRANSPORTS = {"ws": "websocket", "wss": "websocket", "tcp": "tcp", "udp": "udp", "ipc": "external", "unix": "local"}
 _ADDRESSES = {
     "serial": "the path of a serial port",
     "tcp": "tcp://HOST:PORT",
     "udp": "udp://HOST:PORT",
     "websocket": "ws://HOST:PORT",
     "external": "ipc:///PATH",
+    "local": "unix:///PATH",
 }
 #: A quaternion written with four digits is still a unit quaternion.
 QUATERNION_TOLERANCE = 1e-3
@@ -172,7 +173,7 @@ def transport_of(port: str) -> str:
 def _wrong_address(port: str) -> str:
     """What is wrong with the address of a server, "" where nothing is; paths and endpoints are judged when opened."""
     transport = transport_of(port)
-    if transport in ("serial", "external"):
+    if transport in ("serial", "external", "local"):
         return ""
     try:
         parts = urlsplit(port)

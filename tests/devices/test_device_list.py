@@ -25,6 +25,7 @@ def test_the_list_names_each_device_once_with_its_kind_and_transports() -> None:
         "bota": ("wrench", ("serial",), 460_800, 0),
         "dsacon32": ("tactile", ("serial", "tcp"), 115_200, 1),
         "external": ("any", ("external",), None, 0),
+        "external_gripper": ("gripper", ("local",), None, 0),
         "gauges": ("wrench", ("serial",), 921_600, 0),
         "netft": ("wrench", ("udp",), None, 0),
         "optoforce": ("wrench", ("serial", "udp"), 1_000_000, 0),
@@ -40,7 +41,7 @@ def test_the_list_names_each_device_once_with_its_kind_and_transports() -> None:
     assert all(name == device.name for name, device in DEVICES.items())
     silent = {"external", "gauges", "pvdf", "xela"}
     assert {name for name, device in DEVICES.items() if device.session is None} == silent
-    assert len(DEVICES) == 14
+    assert len(DEVICES) == 15
 
 
 def test_a_file_that_devices_share_is_no_device() -> None:

@@ -146,7 +146,7 @@ class Device:
     Attributes:
         name: Its name in a config, and of its module.
         kind: What its samples are.
-        transports: How its bytes may travel: "serial", "tcp", "udp", "websocket" or "external".
+        transports: How its bytes may travel: "serial", "tcp", "udp", "websocket", "external" or "local".
         decoder: Makes a decoder from the device's options.
         session: Makes a session from the device's options; None where the device speaks unasked.
         baud: Default line speed of a serial port, bit/s; None for devices that have none. All lines are 8N1.

@@ -24,12 +24,14 @@ class Command:
         kind: Commands of one kind replace each other.
         data: The bytes to write.
         force: The force that it sets, N in the gripper's own way of counting.
+        number: By which its answer is known, where answers carry one.
     """
 
     name: str
     kind: int | str
     data: bytes
     force: float = 0.0
+    number: int = 0
 
 
 class Commands:

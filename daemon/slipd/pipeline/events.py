@@ -18,9 +18,9 @@ class LinkSpec:
 
     Attributes:
         name: Name of the link, e.g. ``left.wrench``.
-        transport: "serial", "tcp", "udp", "websocket" or "external".
+        transport: "serial", "tcp", "udp", "websocket", "external" or "local".
         address: Path of a serial port; ``tcp://HOST:PORT``, ``udp://HOST:PORT`` or URL of a server; endpoint of the
-            socket to which other processes push.
+            socket to which other processes push, or path of the one to which a driver connects.
         baud: Line speed of a serial port, bit/s; 0 for others.
         inquiry: What is asked over TCP before the link is up; the answer is the link's first Bytes.
     """

@@ -134,7 +134,7 @@ def emulator_for(device: str, address: str, seed: int = 0) -> Emulator:
     """
     if device not in DEVICES:
         raise ValueError(f"{device!r} is no device; known: {', '.join(sorted(DEVICES))}")
-    kinds = {"udp": "udp", "tcp": "tcp", "ws": "websocket", "ipc": "external"}
+    kinds = {"udp": "udp", "tcp": "tcp", "ws": "websocket", "ipc": "external", "unix": "local"}
     transport = kinds.get(address.partition("://")[0], "serial") if "://" in address else "serial"
     if transport not in DEVICES[device].transports:
         raise ValueError(f"{device} is not read at {address}: it has {', '.join(DEVICES[device].transports)}")
@@ -149,7 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--at",
         required=True,
         metavar="ADDRESS",
-        help="path of a pseudo-terminal to make, udp://HOST:PORT, tcp://HOST:PORT, ws://HOST:PORT or ipc:///PATH",
+        help="path of a pseudo-terminal to make, udp://HOST:PORT, tcp://HOST:PORT, ws://HOST:PORT, ipc:///PATH or unix:///PATH",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all noise (default 0)")
     options = parser.parse_args(argv)

@@ -45,7 +45,7 @@ async def open_line(address: str) -> AsyncIterator[Line]:
 
     Args:
         address: Path of a pseudo-terminal to be made, ``udp://``, ``tcp://`` or ``ws://`` with ``HOST:PORT`` to serve
-            at, or the ``ipc://`` endpoint to push to.
+            at, or the ``ipc://`` endpoint to push to, or the ``unix://`` path to connect to.
 
     Raises:
         OSError: It cannot be served there.
@@ -63,10 +63,14 @@ async def open_line(address: str) -> AsyncIterator[Line]:
             yield stack.enter_context(_closing(_TcpLine(*_place(address))))
         elif scheme == "ipc":
             yield stack.enter_context(_closing(_PushLine(address)))
+        elif scheme == "unix":
+            yield stack.enter_context(_closing(_DriverLine(address.removeprefix("unix://"))))
         elif not scheme:
             yield stack.enter_context(_closing(_PtyLine(Path(address))))
         else:
-            raise ValueError(f"{address}: no line; give a path, udp://, tcp:// or ws:// with HOST:PORT, or ipc:///PATH")
+            raise ValueError(
+                f"{address}: no line; give a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
+            )
 
 
 def _place(address: str) -> tuple[str, int]:
@@ -218,6 +222,48 @@ class _PushLine:
 
     def close(self) -> None:
         self._context.destroy(linger=0)
+
+
+class _DriverLine:
+    """Connects to a daemon, once one is there, and again when it has left."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._socket: socket.socket | None = None
+
+    def listen(self) -> tuple[bool, list[bytes]]:
+        if self._socket is None:
+            return self._connect(), []
+        try:
+            data = self._socket.recv(READ_BYTES)
+        except BlockingIOError:
+            return False, []
+        except OSError:
+            data = b""
+        if not data:
+            self.close()
+        return False, [data] if data else []
+
+    def send(self, pieces: Sequence[bytes]) -> None:
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.send(b"".join(pieces))
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _connect(self) -> bool:
+        made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        made.setblocking(False)
+        try:
+            made.connect(self._path)
+        except OSError:
+            made.close()
+            return False
+        self._socket = made
+        return True
 
 
 class _WebsocketLine:

@@ -1,7 +1,7 @@
 """Thin asyncio shells that move bytes between devices and the engine.
 
 `Links` is the whole room from outside: the files below say how one link stays open (`link`) and what lies beneath it
-(`serial`, `tcp`, `udp`, `websocket`, `external`).
+(`serial`, `tcp`, `udp`, `websocket`, `external`, `local`).
 """
 
 from __future__ import annotations
@@ -94,8 +94,10 @@ def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
             from slipd.transport.websocket import open_websocket as opener
         case "external":
             from slipd.transport.external import open_external as opener
+        case "local":
+            from slipd.transport.local import open_local as opener
         case _:
             raise ValueError(
-                f"unknown transport {spec.transport!r}; there are serial, tcp, udp, websocket and external"
+                f"unknown transport {spec.transport!r}; there are serial, tcp, udp, websocket, external and local"
             )
     return Link(spec, opener, on_event, look)
