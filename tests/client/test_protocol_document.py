@@ -43,7 +43,7 @@ def test_its_reasons_are_those_of_the_client_with_their_meanings() -> None:
 def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
     """Reasons stand in tuples, or are added to a list, in the files that make verdicts."""
     given = {f"disagreement_{what}" for what in ("contact", "centroid", "force")}
-    for name in ("samples", "pipeline/decision", "pipeline/judge", "pipeline/finger", "pipeline/force"):
+    for name in ("samples", "pipeline/decision", "pipeline/state", "pipeline/judge", "pipeline/finger", "pipeline/force"):
         for node in ast.walk(ast.parse((DAEMON / f"{name}.py").read_text(encoding="utf-8"))):
             if isinstance(node, (ast.Tuple, ast.Set)):
                 words = node.elts
