@@ -1,17 +1,22 @@
 from __future__ import annotations
 
+import os
 import random
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 import zmq
 
-from slipd.bus.requests import RequestServer
+from slipd.bus.requests import RECEIVE_HWM, RequestServer
 from slipd.zeromq.endpoint import USER_ALONE, Access
+from slipd.zeromq.gate import cut_off
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
 if TYPE_CHECKING:
@@ -208,6 +213,113 @@ async def test_a_flood_does_not_keep_another_client_from_being_served(
         finally:
             stop.set()
             thread.join()
+
+
+async def test_who_asks_too_often_is_told_so_and_others_are_served(
+    context: Context, endpoint: str, dealer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    answering = Answering(context, endpoint, per_second=5.0)
+    with answering.server as server:
+        hasty, patient = dealer(), dealer()
+        for number in range(8):
+            hasty.socket.send(encode(HELLO | {"id": number}))
+        await eventually(lambda: len(hasty.got) == 8)
+        assert [reply["id"] for reply in replies(hasty)] == list(range(8))
+        assert [reply["ok"] for reply in replies(hasty)] == [True] * 5 + [False] * 3
+        assert {reply["error"]["code"] for reply in replies(hasty)[5:]} == {"busy"}
+        await expect_service(patient, eventually)
+        assert (server.busy, server.unanswered) == (3, 0)
+
+
+async def test_who_does_not_heed_it_is_disconnected_and_others_are_not(
+    context: Context, endpoint: str, dealer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    answering = Answering(context, endpoint, per_second=5.0)
+    with answering.server as server:
+        hasty, patient = dealer(RECONNECT_IVL=-1, IMMEDIATE=1), dealer()
+        await expect_service(patient, eventually)
+        for _ in range(100):
+            hasty.socket.send(encode(HELLO))
+        await eventually(lambda: not hasty.socket.poll(0, zmq.POLLOUT))
+        await eventually(lambda: server.unanswered)
+        await expect_service(patient, eventually)
+        assert len(answering.requests) <= 5 + 2
+
+
+async def test_the_same_over_tcp(context: Context, peer: Callable[..., Peer], eventually: Eventually) -> None:
+    answering = Answering(context, "tcp://127.0.0.1:*", Access(local_tcp=True), per_second=5.0)
+    with answering.server as server:
+        hasty = peer(zmq.DEALER, server.endpoint, RECONNECT_IVL=-1, IMMEDIATE=1)
+        await eventually(lambda: hasty.socket.poll(0, zmq.POLLOUT))
+        for _ in range(100):
+            hasty.socket.send(encode(HELLO))
+        await eventually(lambda: not hasty.socket.poll(0, zmq.POLLOUT))
+
+
+def test_only_connections_to_the_server_itself_are_cut_off(tmp_path: Path) -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs, (tmp_path / "file").open("w") as file:
+        for descriptor in (b"%d" % ours.fileno(), b"%d" % file.fileno(), b"", b"-1", b"999999", b"no number"):
+            cut_off(descriptor, f"ipc://{tmp_path}/s")
+            cut_off(descriptor, "tcp://127.0.0.1:5555")
+        theirs.send(b"still there")
+        assert ours.recv(100) == b"still there"
+
+
+SERVER = """
+import asyncio, sys, time, zmq
+from slipd.bus.requests import RequestServer
+
+async def main():
+    context = zmq.Context()
+    with RequestServer(context, sys.argv[1], lambda client, body: server.reply(client, body)) as server:
+        print("serving", flush=True)
+        await asyncio.sleep(0.1)
+        sys.stdin.readline()
+        time.sleep(1.5)
+        await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline)
+    context.term()
+
+asyncio.run(main())
+"""
+
+
+def test_a_flood_that_ends_while_the_daemon_stands_still_does_not_kill_it(endpoint: str, clients: Context) -> None:
+    """Longer than ZeroMQ's heartbeats would be apart: they would abort the process."""
+    with subprocess.Popen(
+        [sys.executable, "-c", SERVER, endpoint], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+        assert server.stdout.readline() == "serving\n"
+        with clients.socket(zmq.DEALER) as polite, clients.socket(zmq.DEALER) as flooder:
+            for each in (polite, flooder):
+                each.setsockopt(zmq.LINGER, 0)
+                each.setsockopt(zmq.SNDHWM, 0)
+                each.connect(endpoint)
+            polite.send(encode(HELLO))
+            assert polite.poll(30_000)
+            polite.recv()
+            server.stdin.write("stand still\n")
+            server.stdin.flush()
+            for _ in range(5 * RECEIVE_HWM):
+                flooder.send(b"x" * 100)
+            time.sleep(0.3)
+            flooder.close()
+            polite.send(encode(HELLO))
+            assert polite.poll(30_000)
+        server.communicate("end\n")
+        assert server.returncode == 0
+
+
+async def test_Z5_a_client_is_known_by_its_process_and_not_by_the_name_it_chose_alone(
+    answering: Answering, dealer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    with answering.server:
+        await expect_service(dealer(ROUTING_ID=b"name"), eventually)
+    process, _, route = answering.clients[0].partition(b"\0")
+    assert process.endswith(b":%d:%d:%d" % (os.geteuid(), os.getegid(), os.getpid()))
+    assert route == b"name"
 
 
 async def test_a_second_client_under_the_name_of_another_gets_nothing_of_it(

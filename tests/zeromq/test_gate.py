@@ -161,7 +161,7 @@ async def main():
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    context, opened, failed = zmq.Context(), 0, 0
+    context, opened = zmq.Context(), []
     access = Access(local_tcp=True)
     with Publisher(context, "tcp://127.0.0.1:*", access) as publisher, RequestServer(
         context, "tcp://127.0.0.1:*", lambda *_: None, access
@@ -172,12 +172,12 @@ async def main():
                 files = [open("/dev/null") for _ in range(16)]
                 for file in files:
                     file.close()
-                opened += 1
+                opened.append("y")
             except OSError:
-                failed += 1
+                opened.append("n")
             await asyncio.sleep(0.001)
     context.term()
-    print(opened, failed, flush=True)
+    print("".join(opened), flush=True)
 
 asyncio.run(main())
 """
@@ -186,6 +186,7 @@ asyncio.run(main())
 def test_Z4_600_idle_connections_do_not_keep_a_daemon_with_128_descriptors_from_opening_files(
     strangers: Callable[[str], socket.socket],
 ) -> None:
+    """But for the moment of the storm in which the gate closes."""
     with subprocess.Popen(
         [sys.executable, "-c", DAEMON], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as daemon:
@@ -193,8 +194,6 @@ def test_Z4_600_idle_connections_do_not_keep_a_daemon_with_128_descriptors_from_
         endpoints = daemon.stdout.readline().split()
         for number in range(600):
             strangers(endpoints[number % 2])
-        time.sleep(0.5)
-        said, _ = daemon.communicate("")
-        opened, failed = map(int, said.split())
-    assert opened > 50
-    assert failed == 0
+        time.sleep(1.0)  # less than strangers have before they are dropped by themselves
+        opened, _ = daemon.communicate("")
+    assert opened.strip().endswith("y" * 50), opened

@@ -16,8 +16,11 @@ SEND_HWM = 1000
 MAX_SUBSCRIPTION_BYTES = 1024
 """Longest message taken from a subscriber: it sends the beginning of a topic, or some 300 bytes to prove its key."""
 
-REST_S = 0.002
-"""How long subscriptions wait when very many come at once."""
+HEARTBEAT_MS = 1000
+"""How often a silent subscriber is asked for a sign of life."""
+
+HEARTBEAT_TIMEOUT_MS = 3000
+"""A subscriber that gives none for this long is gone, and what is kept for it is freed."""
 
 REPEAT_AFTER_S = 0.5
 """How long a latecomer waits for the next message of a topic before the last one is sent again, to all."""
@@ -60,10 +63,17 @@ class Publisher:
 
     def __enter__(self) -> Publisher:
         self._loop = asyncio.get_running_loop()
-        options: dict[int, int] = {zmq.XPUB_MANUAL: 1, zmq.SNDHWM: SEND_HWM, zmq.MAXMSGSIZE: MAX_SUBSCRIPTION_BYTES}
+        options: dict[int, int] = {
+            zmq.XPUB_MANUAL: 1,
+            zmq.SNDHWM: SEND_HWM,
+            zmq.MAXMSGSIZE: MAX_SUBSCRIPTION_BYTES,
+            zmq.RCVHWM: 0,  # an XPUB takes subscriptions in at once and keeps them itself; heartbeats need it
+            zmq.HEARTBEAT_IVL: HEARTBEAT_MS,
+            zmq.HEARTBEAT_TIMEOUT: HEARTBEAT_TIMEOUT_MS,
+        }
         self._serving = serving(self._context, zmq.XPUB, self.endpoint, options, self._access)
         self._socket, self.endpoint = self._serving.__enter__()
-        self._drain = Drain(self._socket, self._on_subscription, max_frames=1, rest_s=REST_S)
+        self._drain = Drain(self._socket, self._on_subscription, max_frames=1)
         self._drain.start()
         return self
 

@@ -1,7 +1,8 @@
 """Takes requests and sends replies, whatever else a client may send, and however much of it.
 
 A client chooses the name under which ZeroMQ routes to it, and may choose that of another. So the daemon knows a client
-by what it cannot choose as well: its key, or the process at the other end of an ipc connection.
+by what it cannot choose as well: its key, or the process at the other end of an ipc connection. Who asks too often is
+told so, and who does not heed it is disconnected.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ import zmq
 from slipd.bus.rate_limit import RateLimit
 from slipd.zeromq.draining import Drain
 from slipd.zeromq.endpoint import USER_ALONE, Access, serving
+from slipd.zeromq.gate import cut_off
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
-RECEIVE_HWM = 100
-"""Requests kept for one client; with their size this bounds what a flood may occupy to 1.6 MB a client."""
+RECEIVE_HWM = 10_000
+"""Requests kept for one client, 160 MB at most. Who floods is disconnected long before; who meets the limit by being
+quicker than that, and goes with a heartbeat of his own unread, may still abort ZeroMQ (`slipd.zeromq.endpoint`)."""
 
 SEND_HWM = 100
 """Replies kept for one client that does not read them; the rest are dropped."""
@@ -27,8 +30,8 @@ SEND_HWM = 100
 PER_SECOND = 50.0
 """Requests that one client may send a second: a lease renewed, gravity told for two fingers, and room for steering."""
 
-REST_S = 0.002
-"""How long a flood waits between gulps of 32 requests: some 12,000 a second are looked at, a tenth of the loop."""
+FRAMES_PER_WAKE, REST_S = 256, 0.002
+"""A flood is read in gulps of 128 requests with rests between them: it gets a quarter of the loop at most."""
 
 SEAL_BYTES = 33
 """By how much encryption lengthens a message (RFC 26: command name, nonce, authenticator and flags)."""
@@ -58,7 +61,7 @@ class RequestServer:
         endpoint: As clients reach it, once served.
         malformed: Requests refused here because of what they are.
         busy: Requests refused because they were too many.
-        unanswered: Likewise, and no longer answered.
+        unanswered: Those among them that were not even answered.
         undelivered: Replies to clients that were gone or did not read.
     """
 
@@ -83,6 +86,7 @@ class RequestServer:
         self._requesters = requesters
         self._limit = RateLimit(per_second)
         self._refusals = RateLimit(per_second)
+        self._cut_off = b""
 
     def __enter__(self) -> RequestServer:
         sealing = 0 if self._access.secret is None else SEAL_BYTES
@@ -94,8 +98,9 @@ class RequestServer:
         }
         self._serving = serving(self._context, zmq.ROUTER, self.endpoint, options, self._access)
         self._socket, self.endpoint = self._serving.__enter__()
-        told_by = "Peer-Address" if self._access.secret is None else "User-Id"
-        self._drain = Drain(self._socket, self._on_message, max_frames=_FRAMES, rest_s=REST_S, identify=told_by)
+        self._drain = Drain(
+            self._socket, self._on_message, _FRAMES, frames_per_wake=FRAMES_PER_WAKE, rest_s=REST_S, identify=True
+        )
         self._drain.start()
         return self
 
@@ -116,7 +121,7 @@ class RequestServer:
         self._drain.after_send()
 
     def _on_message(self, frames: list[bytes]) -> None:
-        sender = self._drain.sender
+        sender = self._drain.told("Peer-Address" if self._access.secret is None else "User-Id")
         client = sender + _BETWEEN + frames[0]
         account = client if self._access.secret is None else sender
         now_ns = time.monotonic_ns()
@@ -125,6 +130,9 @@ class RequestServer:
             self.busy += 1
             if not self._refusals.allows(account, now_ns):
                 self.unanswered += 1
+                if client != self._cut_off:
+                    self._cut_off = client
+                    cut_off(self._drain.told("__fd"), self.endpoint)
                 return
         if len(frames) != _FRAMES:
             self._refuse(client, MessageError("malformed", "a request is one frame, as a DEALER sends it"))

@@ -1,7 +1,9 @@
 """Binds the daemon's sockets where only its user reaches them, or only who has a key.
 
 ZeroMQ lets in whoever the umask allows, steals an ipc path that another program serves, deletes a file that lies there,
-keeps a connection that never says a word for half a minute, and takes any key where nobody judges it.
+keeps a connection that never says a word for half a minute, and takes any key where nobody judges it. Its heartbeats
+abort the process (an assertion in ``stream_engine_base_t::out_event``) when a peer goes while more than RCVHWM of what
+it sent is unread: only sockets without that limit may have them, and the kernel's keepalive serves the others.
 """
 
 from __future__ import annotations
@@ -22,11 +24,11 @@ from slipd.zeromq.gate import Gate, most_connections, unwatch, watch
 MAX_IPC_PATH_BYTES = 107
 """Longest path of a Unix socket (``sun_path`` less its closing zero)."""
 
-HEARTBEAT_MS = 1000
-"""How often a silent peer is asked for a sign of life."""
+KEEPALIVE_S, KEEPALIVE_PROBES = 1, 2
+"""After so much silence the kernel asks the other machine for a sign of life, so often, as long each."""
 
-HEARTBEAT_TIMEOUT_MS = 3000
-"""A peer that gives none for this long is gone, and what is kept for it is freed."""
+UNANSWERED_MS = 3000
+"""A machine that confirms nothing for this long is gone, and what is kept for it is freed."""
 
 HANDSHAKE_MS = 2000
 """How long a connection may take to speak ZeroMQ before it is dropped, with the descriptor it holds."""
@@ -91,8 +93,11 @@ def open_server(
     """
     _check(endpoint, access)
     server = context.socket(kind)
-    server.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
-    server.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
+    server.setsockopt(zmq.TCP_KEEPALIVE, 1)
+    server.setsockopt(zmq.TCP_KEEPALIVE_IDLE, KEEPALIVE_S)
+    server.setsockopt(zmq.TCP_KEEPALIVE_INTVL, KEEPALIVE_S)
+    server.setsockopt(zmq.TCP_KEEPALIVE_CNT, KEEPALIVE_PROBES)
+    server.setsockopt(zmq.TCP_MAXRT, UNANSWERED_MS)
     server.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
     server.setsockopt(zmq.LINGER, LINGER_MS)
     for option, value in options.items():

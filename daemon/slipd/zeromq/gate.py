@@ -8,8 +8,8 @@ there are too many.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
-import os
 import resource
 import socket
 import struct
@@ -63,6 +63,29 @@ def unwatch(server: zmq.Socket[bytes]) -> None:
     monitor.close(linger=0)
 
 
+def cut_off(descriptor: bytes, endpoint: str) -> None:
+    """End one connection to a server, which ZeroMQ offers no way to do.
+
+    Args:
+        descriptor: In digits, as ZeroMQ told it. It may be in use for something else by now, and only a connection to
+            this very server is ended.
+        endpoint: Of the server.
+    """
+    with contextlib.suppress(ValueError, OSError):
+        connection = socket.socket(fileno=int(descriptor))  # no copy: there may be no descriptor left for one
+        try:
+            own = connection.getsockname()
+            if (own if isinstance(own, str) else own[1]) == _place(endpoint):
+                connection.shutdown(socket.SHUT_RDWR)
+        finally:
+            connection.detach()
+
+
+def _place(endpoint: str) -> str | int:
+    """The path of an ipc endpoint, or the port of one over TCP."""
+    return endpoint.removeprefix("ipc://") if endpoint.startswith("ipc:") else int(endpoint.rpartition(":")[2])
+
+
 class Gate:
     """Watches one bound server; serves from ``with`` to its end, on the running loop.
 
@@ -79,6 +102,7 @@ class Gate:
         self.closed = False
         self.times_closed = 0
         self._server, self._most = server, most
+        self._endpoint = server.getsockopt_string(zmq.LAST_ENDPOINT)
         self._connections: set[int] = set()
         self._listener: socket.socket | None = None
 
@@ -91,15 +115,17 @@ class Gate:
         self._drain.stop()
         unwatch(self._server)
         if self._listener is not None:
-            self._listener.close()
+            self._listener.detach()
 
     def _on_event(self, frames: list[bytes]) -> None:
         """Count; the first frame is the event (16 bits) and the descriptor that it is about (32 bits)."""
         event, descriptor = struct.unpack("=Hi", frames[0])
         if event == zmq.EVENT_LISTENING:
-            self._listener = socket.socket(fileno=os.dup(descriptor))
+            self._listener = socket.socket(fileno=descriptor)  # ZeroMQ keeps and closes it
         elif event == zmq.EVENT_ACCEPTED:
             self._connections.add(descriptor)
+            if len(self._connections) > self._most:  # the gate is closing, and ZeroMQ was quicker
+                cut_off(b"%d" % descriptor, self._endpoint)
         elif event == zmq.EVENT_DISCONNECTED:
             self._connections.discard(descriptor)
         if not self.closed and len(self._connections) >= self._most:
