@@ -320,7 +320,9 @@ def test_a6_a_lost_command_is_latched_once(control: GripperControl, session: Rec
     assert control.on_time(T0 + MS) is True
     assert control.policy.fault == "command_lost"
     assert control.conditions()[0][0] is Health.ERROR
+    assert control.on_time(T0 + 2 * MS) is False
     assert control.acknowledge() == {"fault": "command_lost"}
+    assert control.on_time(T0 + 2 * MS) is True, "that it is over is news too"
     assert control.on_time(T0 + 2 * MS) is False
     assert control.conditions() == []
     assert session.commands == [("acknowledge",)]

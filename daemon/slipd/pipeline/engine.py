@@ -131,7 +131,7 @@ class Engine:
         return tuple(LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
 
     def _watch_gripper(self, t_ns: int, out: list[Output]) -> None:
-        """Tells at once what began with the gripper that nobody asked for."""
+        """Tells at once what is new with the gripper that no request asked for."""
         gripper = self._gripper
         if gripper is not None and gripper.on_time(t_ns):
             out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns)))

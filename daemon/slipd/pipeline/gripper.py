@@ -50,6 +50,7 @@ class GripperControl:
         self._goal_m = math.inf
         self._commanded_ns = 0
         self._looked_ns = self._silent_ns = 0
+        self._told_fault = ""
 
     def take(self, sample: GripperSample) -> None:
         """Takes a status reading."""
@@ -64,8 +65,7 @@ class GripperControl:
             self._held = sample.object.startswith("contact")
 
     def on_time(self, t_ns: int) -> bool:
-        """Lets time pass; True where something began that nobody asked for: a fault, or the end of a lease."""
-        before = self.policy.fault
+        """Lets time pass; True where there is news: the latched fault is another, or a lease ended by itself."""
         self._latch(self._watch.take_command(lost=self._session.command_lost))
         self._silent_ns += min(t_ns - self._looked_ns, LONGEST_LOOK_NS)
         self._looked_ns = t_ns
@@ -74,7 +74,8 @@ class GripperControl:
         lapsed = self.policy.lapsed(t_ns)
         if lapsed and self._config.lease_end == "stop" and self._moves():
             self._session.halt()
-        return lapsed or self.policy.fault != before
+        told, self._told_fault = self._told_fault, self.policy.fault
+        return lapsed or self._told_fault != told
 
     def lose(self) -> None:
         """The link went down: nothing is known of the gripper, and nobody holds the lease."""
