@@ -235,7 +235,7 @@ def _ports(config: Config) -> list[Fault]:
 
 
 def _gripper(gripper: Gripper) -> list[Fault]:
-    if gripper.device not in DEVICES:
+    if gripper.device not in DEVICES or DEVICES[gripper.device].kind != "gripper":
         return []
     faults = _limits(gripper)
     tables = {"force_table": gripper.force_table, "width_table": gripper.width_table}
