@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Union
 
 from slipd_client.clock import ServerClock
-from slipd_client.errors import NoAnswer, RequestRefused
+from slipd_client.errors import NoAnswer, RequestRefused, is_it_there
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, MessageError, decode, encode
 
 TIMEOUT_S = 1.0
@@ -173,7 +173,7 @@ class Asking:
 
     def unheard(self) -> NoAnswer:
         """What to raise when nobody is there to send to."""
-        return NoAnswer(f"nobody takes requests at {self.endpoint}; nothing was sent. Is slipd running?")
+        return NoAnswer(f"nobody takes requests at {self.endpoint}; nothing was sent. {is_it_there(self.endpoint)}")
 
     def unanswered(self, timeout_s: float) -> NoAnswer:
         """What to raise when no reply came."""

@@ -42,3 +42,9 @@ class RequestRefused(ClientError):  # noqa: N818 - it names what happened
         self.message = message
         self.field = field
         super().__init__(f"{code}: {field}: {message}" if field else f"{code}: {message}")
+
+
+def is_it_there(endpoint: str) -> str:
+    """The question to ask where nobody is heard at an endpoint."""
+    across = endpoint.startswith("tcp:")
+    return "Is slipd running, and are the keys right?" if across else "Is slipd running?"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from slipd_client.errors import Silence
+from slipd_client.errors import Silence, is_it_there
 from slipd_client.messages import STATUS_TOPIC, MessageError
 from slipd_client.messages.reader import read, typed_message
 from slipd_client.messages.typed import Message
@@ -67,7 +67,7 @@ class Hearing:
         """What to raise when it has; from now on it counts anew."""
         self._since_s = time.monotonic()
         unreadable = f"; {self.bad} could not be read, the last: {self.bad_reason}" if self.bad else ""
-        return Silence(f"no message from {endpoint} for {self.silence_s} s{unreadable}. Is slipd running?")
+        return Silence(f"no message from {endpoint} for {self.silence_s} s{unreadable}. {is_it_there(endpoint)}")
 
     def take(self, frames: list[bytes]) -> Message | None:
         """The message in these frames; None for one that is unreadable, heard already, or not asked for."""

@@ -9,7 +9,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
-from slipd_client.errors import Silence
+from slipd_client.errors import Silence, is_it_there
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.view import View, change_line
@@ -44,7 +44,8 @@ def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once
         first = subscriber.receive(FIRST_S)
         if first is None:
             unreadable = f"; {subscriber.bad} unreadable, the last: {subscriber.bad_reason}" if subscriber.bad else ""
-            raise Silence(f"no message from {subscriber.endpoint} within {FIRST_S} s{unreadable}. Is slipd running?")
+            where = subscriber.endpoint
+            raise Silence(f"no message from {where} within {FIRST_S} s{unreadable}. {is_it_there(where)}")
         if once:
             _show_once(_gather(subscriber, first), as_json)
         elif as_json:

@@ -69,11 +69,12 @@ class Daemon(threading.Thread):
     A handler returns a result, an ``{"error": …}``, raw bytes to send as they are, or None for no answer.
     """
 
-    def __init__(self, endpoint: str, boot: str = "boot-1", ahead_ns: int = 0) -> None:
+    def __init__(self, endpoint: str, boot: str = "boot-1", ahead_ns: int = 0, secret: bytes = b"") -> None:
         super().__init__(name="daemon", daemon=True)
         self.endpoint = endpoint
         self.boot = boot
         self.ahead_ns = ahead_ns
+        self.secret = secret
         self.requests: list[dict[str, Any]] = []
         self.handlers: dict[str, Handler] = {"hello": self._hello}
         self._stopping = threading.Event()
@@ -91,6 +92,9 @@ class Daemon(threading.Thread):
     def run(self) -> None:
         with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
             router.setsockopt(zmq.LINGER, 0)
+            if self.secret:
+                router.setsockopt(zmq.CURVE_SERVER, 1)
+                router.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
             router.bind(self.endpoint)
             self._bound.set()
             while not self._stopping.is_set():
@@ -170,8 +174,8 @@ def publisher(start_publisher: Callable[..., Publisher]) -> Publisher:
 def start_daemon(requests: str) -> Iterator[Callable[..., Daemon]]:
     started: list[Daemon] = []
 
-    def start(boot: str = "boot-1", ahead_ns: int = 0) -> Daemon:
-        started.append(Daemon(requests, boot, ahead_ns))
+    def start(boot: str = "boot-1", ahead_ns: int = 0, secret: bytes = b"") -> Daemon:
+        started.append(Daemon(requests, boot, ahead_ns, secret))
         return started[-1]
 
     yield start

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
+import zmq
 
 from slipd_client.errors import LeaseLost, NoAnswer, RequestRefused
 from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
 from slipd_client.messages import MessageError, encode
 
 if TYPE_CHECKING:
@@ -372,6 +374,25 @@ def test_a_tare_without_readings_is_told(daemon: Daemon) -> None:
 def test_a_tare_over_no_time_is_a_bad_call(requests: str, seconds: float) -> None:
     with GripClient(requests) as client, pytest.raises(ValueError, match="positive time"):
         client.tare("left", seconds)
+
+
+def test_a_client_with_keys_is_answered_by_the_daemon_that_it_trusts_and_by_no_other(
+    start_daemon: Callable[..., Daemon],
+) -> None:
+    (server, secret), own, other = (zmq.curve_keypair() for _ in range(3))
+    daemon = start_daemon(secret=secret)
+    with GripClient(daemon.endpoint, keys=Keys(*own, server), timeout_s=PATIENCE_S) as client:
+        assert client.hello()["boot"] == "boot-1"
+    with (
+        GripClient(daemon.endpoint, keys=Keys(*own, other[0]), timeout_s=0.3) as client,
+        pytest.raises(NoAnswer, match="nothing was sent"),
+    ):
+        client.hello()
+
+
+def test_across_a_network_silence_may_be_for_want_of_a_key() -> None:
+    with GripClient("tcp://127.0.0.1:9", timeout_s=0.01) as client, pytest.raises(NoAnswer, match="keys right"):
+        client.status()
 
 
 def test_an_endpoint_that_is_none_is_a_bad_call() -> None:

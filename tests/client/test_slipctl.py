@@ -25,8 +25,9 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
 
 @pytest.mark.parametrize("command", [["status"], ["tare", "take", "left"], ["grip", "set", "5"]])
 def test_without_a_daemon_every_request_fails_with_a_clear_line(
-    requests: str, command: list[str], capsys: pytest.CaptureFixture[str]
+    requests: str, command: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setitem(GripClient.__init__.__kwdefaults__, "timeout_s", 0.05)
     assert main(["--requests", requests, *command]) == 1
     shown = capsys.readouterr()
     assert shown.out == ""
