@@ -13,6 +13,7 @@ from slipd.devices import rdt
 from slipd.devices.health import DecoderHealth
 
 RESERVED = 0xFFFF_0000
+SPAN = 1 << 32
 COUNTS = (12_345_678, -2_500_000, 98_100_000, 150_000, -42_000, 7)
 
 
@@ -213,6 +214,86 @@ def test_L1_any_split_of_any_stream_reads_the_same(parts: list[bytes], sizes: li
         pieces.append(stream[at : at + size])
         at += size
     assert read(*pieces) == read(stream)
+
+
+#: What happens to the next datagram, and by how much: records in it, or records that are missed, or a place.
+EVENTS = st.tuples(
+    st.sampled_from(
+        "send send send gap repeat start other_start reset_clock rest reserved status rail flip cut insert forget wrap".split()
+    ),
+    st.integers(1, 40),
+    st.integers(0, 1 << 12),
+)
+
+
+def datagrams(events: list[tuple[str, int, int]]) -> list[bytes | None]:
+    """What a sensor sends in datagrams of some records on a line with faults; None: the stream is opened anew."""
+    number, clock, step, status, sent = 1, 7, 7, 0, []
+    for what, count, place in [*events, *[("send", 2, 0)] * 3]:
+        if what == "forget":
+            sent.append(None)
+            continue
+        clock += count * step if what == "gap" else 0
+        number += count if what == "gap" else 0
+        if what in ("start", "other_start"):
+            number, clock = 1 if what == "start" else 1 + count, clock + place
+        elif what == "reset_clock":
+            clock = place
+        elif what == "wrap":
+            number, clock = number if place % 2 else SPAN - 3, SPAN - 10
+        elif what == "rest":
+            step = 7 if place % 2 else 0
+        elif what == "reserved":
+            status ^= 1 << 16 + place % 16
+        elif what == "status":
+            status ^= 1 << place % 16
+        datagram = bytearray()
+        for k in range(1 + count % 5):
+            counts = [*COUNTS]
+            if what == "rail" and k == place % 3:
+                counts[place % 6] = (-(1 << 31), (1 << 31) - 1)[place % 2]
+            datagram += rdt.encode_record(counts, number, clock, status)
+            number, clock = number + 1, clock + step
+        at = place % len(datagram)
+        if what == "flip":
+            datagram[at] ^= 1 << count % 8
+        elif what == "cut":
+            del datagram[at : at + count]
+        elif what == "insert":
+            datagram[at:at] = datagram[:count]
+        sent += [bytes(datagram)] * (2 if what == "repeat" else 1)
+    return sent
+
+
+def told(sent: list[bytes | None], size: int) -> tuple[list[list[object]], DecoderHealth]:
+    """Heads and counts behind each datagram, which comes in pieces of ``size`` bytes, and the counters."""
+    health = DecoderHealth()
+    records = rdt.Records(health, RESERVED)
+    found: list[list[object]] = []
+    for datagram in sent:
+        if datagram is None:
+            records.forget()
+            continue
+        found.append([])
+        for at in range(0, len(datagram), size):
+            heads, counts = records.receive(datagram[at : at + size])
+            found[-1] += zip(heads, counts.tolist(), strict=True)
+    return found, health
+
+
+@given(st.lists(EVENTS, max_size=12), st.sampled_from((1, 11, 36)))
+def test_L1_a_whole_datagram_is_read_as_its_pieces_are(events: list[tuple[str, int, int]], size: int) -> None:
+    sent = datagrams(events)
+    assert told(sent, 2000) == told(sent, size)
+
+
+def test_D3_a_wrong_clock_of_a_late_record_moves_none_behind_it() -> None:
+    top = [rdt.encode_record(COUNTS, SPAN - 3 + step, SPAN - 21 + 7 * step) for step in range(4)]
+    late = [record(37, ticks=270), record(38, ticks=277)]
+    stream = [[record(37), record(38)], top, late, *([record(n), record(n + 1)] for n in range(39, 45, 2))]
+    whole, _ = told([b"".join(records) for records in stream], 2000)
+    assert whole == told([b"".join(records) for records in stream], 1)[0]
+    assert [head[0] for found in whole for head, _ in found] == [7 * n for n in range(37, 45)]
 
 
 def test_counts_own_their_memory() -> None:

@@ -93,7 +93,10 @@ class Records:
         """Take the usual datagram as a whole: records that go on from the newest; None, and nothing is taken, else."""
         if len(data) % RECORD_LENGTH or len(data) == RECORD_LENGTH or not self._in_step or self._frames.begun:
             return None
-        if self._handed_on is None or self._handed_on[0] != self._newest:
+        if self._handed_on is None:
+            return None
+        number, clock = self._handed_on
+        if (number, clock % _SPAN) != (self._newest, self._newest_ticks):
             return None
         words = np.frombuffer(data, ">u4").reshape(-1, RECORD_LENGTH // 4)
         sequence, ticks, status = words[:, :3].astype(np.int64).T
@@ -105,10 +108,10 @@ class Records:
             and self._numbering.go_on(int(sequence[0]), len(words))
         ):
             return None
-        clock = (ticks + (self._handed_on[1] - self._newest_ticks)).tolist()
+        clocks = (ticks + (clock - self._newest_ticks)).tolist()
         self._newest, self._newest_ticks = int(sequence[-1]), int(ticks[-1])
-        self._handed_on = self._newest, clock[-1]
-        return list(zip(clock, status.tolist(), strict=True)), words.view(">i4")[:, 3:].astype(np.float64)
+        self._handed_on = self._newest, clocks[-1]
+        return list(zip(clocks, status.tolist(), strict=True)), words.view(">i4")[:, 3:].astype(np.float64)
 
     def _find(self, data: bytes) -> tuple[list[Head], Array]:
         """Take bytes of any kind."""
