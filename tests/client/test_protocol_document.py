@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from slipd.pipeline.requests import OPS
 from slipd_client.messages import (
     ERROR_CODES,
     LEVELS,
@@ -66,6 +67,20 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
 def test_its_error_codes_are_those_of_the_client() -> None:
     table = TEXT.partition("## Error codes")[2].partition("\n## ")[0]
     assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(ERROR_CODES)
+
+
+def test_its_operations_are_those_of_the_daemon_with_their_fields() -> None:
+    table = TEXT.partition("### Operations")[2].partition("\n\n| needs |")[0]
+    told = {
+        op: {name: not optional for name, optional in re.findall(r"`(\w+)`(\??)", fields)}
+        for op, fields in re.findall(r"^\| `([a-z.]+)` \|(.*?)\|", table, re.MULTILINE)
+    }
+    assert told == {op: {name: field.required for name, field in fields.items()} for op, fields in OPS.items()}
+
+
+def test_every_field_of_a_request_has_a_range_or_a_meaning() -> None:
+    table = TEXT.partition("| field | type | unit and range | |\n")[2].partition("\n\n")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {name for op in OPS.values() for name in op}
 
 
 @pytest.mark.parametrize("field", ["data_bytes", "text_bytes", "items"])
