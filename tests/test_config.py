@@ -172,7 +172,12 @@ MEANING = [
         "finger.left.pad.device",
         "is no tactile device; known: dsacon32, external, ",
     ),
-    ('device = "robotiq_2f"', 'device = "bota"', "gripper.device", "no gripper device; known: external_gripper, robotiq_2f, wsg"),
+    (
+        'device = "robotiq_2f"',
+        'device = "bota"',
+        "gripper.device",
+        "no gripper device; known: external_gripper, robotiq_2f, wsg",
+    ),
     ('device = "bota"', 'device = "botta"', "finger.left.wrench.device", "'botta' is no wrench device"),
     ('port = "/dev/left-pad"', 'port = "/dev/left-wrench"', "finger.left.pad.port", "is used by left.wrench too"),
     ('port = "/dev/gripper"', 'port = "/dev/left-pad"', "gripper.port", "is used by left.pad too"),
