@@ -146,9 +146,13 @@ USABLE = FREE
 
 
 def find_contacts(
-    wrench: Array, usable: NDArray[np.int8], contact_n: tuple[float, float], in_contact: bool, force_std_n: float,
+    wrench: Array,
+    usable: NDArray[np.int8],
+    contact_n: tuple[float, float],
+    in_contact: bool,
+    force_std_n: float,
     torque_std_nm: float,
-) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
+) -> Array:
     """`contact_of` of readings that follow each other; a contact lasts down to a lower force than it begins at.
 
     Args:
@@ -161,42 +165,41 @@ def find_contacts(
         torque_std_nm: Standard deviation of each torque component, N·m.
 
     Returns:
-        LATE, UNTRUSTED, FREE or TOUCHING of each, shape (n,), and the numbers of its `Contact` in their order, shape
-        (n, 10), NaN but for the forces where it does not touch.
+        The numbers of the `Contact` of each in their order, NaN but for the forces where it does not touch; in place of
+        ``valid`` LATE, UNTRUSTED, FREE or TOUCHING. Shape (n, 11).
     """
     return _find(wrench, usable, *contact_n, in_contact, force_std_n, torque_std_nm)
 
 
-def contact_told(row: Array, *, touches: bool) -> Contact:
-    """Makes a `Contact` of a row of numbers."""
-    cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std = row.tolist()
-    return Contact(cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touches)
+def contact_told(row: Sequence[float]) -> Contact:
+    """Makes a `Contact` of the numbers that `find_contacts` gives for it."""
+    cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touch = row
+    return Contact(cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touch == TOUCHING)
 
 
 @compiled
 def _find(
     wrench: Array, usable: NDArray[np.int8], begins_n: float, lasts_n: float, in_contact: bool, force_std: float,
     torque_std: float,
-) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
-    count = len(wrench)
-    touch, rows = np.empty(count, np.int8), np.empty((count, 10))
-    for k in range(count):
+) -> Array:  # fmt: skip
+    rows = np.empty((len(wrench), 11))
+    for k in range(len(wrench)):
         fx, fy, fz, mx, my, mz = wrench[k]
-        normal = -fz
-        touch[k] = usable[k]
-        if usable[k] == USABLE:
+        normal, touch = -fz, usable[k]
+        if touch == USABLE:
             pressed = normal >= (lasts_n if in_contact else begins_n)
-            touch[k] = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
-        if touch[k] == TOUCHING:
+            touch = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
+        if touch == TOUCHING:
             row = _contact(fx, fy, normal, mx, my, mz, force_std, torque_std)
             for i in range(10):
                 rows[k, i] = row[i]
         else:
             rows[k] = math.nan
             rows[k, 4], rows[k, 5], rows[k, 6] = normal, fx, fy
-        if touch[k] != UNTRUSTED:
-            in_contact = touch[k] == TOUCHING
-    return touch, rows
+        rows[k, 10] = touch
+        if touch != UNTRUSTED:
+            in_contact = touch == TOUCHING
+    return rows
 
 
 @compiled

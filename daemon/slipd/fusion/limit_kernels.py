@@ -835,21 +835,20 @@ def utilisation_in(
 
 @compiled
 def follow_utilisation(
-    x: Array, y: Array, shares: Array, mu: float, contacts: Array, touch: NDArray[np.int8], start: Twist, gap: float,
-    passes: int,
-) -> Array:  # fmt: skip
+    x: Array, y: Array, shares: Array, mu: float, contacts: Array, start: Twist, gap: float, passes: int
+) -> Array:
     """`solve_utilisation` for the readings of one read, each started from the one before, shape (n, 9).
 
-    The shares are those of 1 N, the contacts rows of `Contact`; `touch` is positive where a reading tells of the
-    contact, TOUCHING (2) where it touches. Without contact a row is NaN, and what comes next starts anew.
+    The shares are those of 1 N; the last number of a contact is 2 where it touches, 0 where it says nothing. Without
+    contact a row is NaN, and what comes next starts anew.
     """
     taxels = np.empty((3, x.size))
     out = np.empty((len(contacts), 9))
     none = (math.nan, math.nan, math.nan)
     for k in range(len(contacts)):
-        if touch[k] != 2:
+        if contacts[k, 10] != 2:
             out[k] = math.nan
-            if touch[k] != 0:
+            if contacts[k, 10] != 0:
                 start = none
             continue
         cx, cy, normal, fx, fy, spin = (

@@ -187,7 +187,6 @@ def follow_readings(
     shares: Array,
     mu: float,
     contacts: Array,
-    touch: NDArray[np.int8],
     start: Twist | None,
     gap: float,
 ) -> Array:
@@ -198,8 +197,7 @@ def follow_readings(
         y: Likewise, shape (k,), m.
         shares: Load on each for a normal force of 1 N, shape (k,).
         mu: Coefficient of static friction.
-        contacts: As from `find_contacts`, shape (n, 10).
-        touch: Likewise, shape (n,).
+        contacts: As from `find_contacts`, shape (n, 11).
         start: Twist of the reading before; None where there is none.
         gap: Relative gap of the bounds at which to stop.
 
@@ -207,7 +205,7 @@ def follow_readings(
         A row of numbers each, of which `utilisation_told` makes a `Utilisation`, shape (n, 9); NaN for readings that do
         not touch. Of a row, 1 is λ, 2 and 3 are its bounds.
     """
-    return follow_utilisation(x, y, shares, mu, contacts, touch, start or _NO_TWIST, gap, MAX_PASSES)
+    return follow_utilisation(x, y, shares, mu, contacts, start or _NO_TWIST, gap, MAX_PASSES)
 
 
 def utilisation_told(row: Sequence[float]) -> Utilisation:

@@ -25,6 +25,8 @@ ROTATION_SHARE = 0.7
 STABLE, CAUTION, WARNING = range(3)
 #: Codes of a level: those of STABLE, CAUTION and WARNING lie one above them.
 NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
+#: Among the numbers that the kernel is told: what is kept of a load that slips; what changes from read to read.
+KEPT, TOLD = 3, 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,7 @@ class Found(NamedTuple):
     """What is found of one reading, as a row of numbers.
 
     Attributes:
+        level: NO_CONTACT, STABLE + 1, CAUTION + 1, WARNING + 1, SLIPPING or UNKNOWN.
         step: What the utilisation asks for: STABLE, CAUTION or WARNING.
         slips: It slips, or did within ``hold_s``.
         tipping: What the tipping margin asks for.
@@ -80,6 +83,7 @@ class Found(NamedTuple):
         upper: Upper bound of the utilisation with what the unknown load may add.
     """
 
+    level: float
     step: float
     slips: float
     tipping: float
@@ -98,7 +102,10 @@ class ContactWatch:
     """
 
     def __init__(self, thresholds: Thresholds, slip: SlipSettings, half_pitch_m: float, least_n: float) -> None:
-        self._fixed = (*astuple(thresholds), 1.0 - slip.drop, *astuple(slip)[1:], half_pitch_m, least_n)
+        fixed = (*astuple(thresholds), 1.0 - slip.drop, *astuple(slip)[1:], half_pitch_m, least_n)
+        self._settings = np.array((*fixed, *[math.nan] * 6))  # and what `follow` is told beside the readings
+        self._told: tuple[float, Doubt, float] | None = None
+        self._most_kept = 0  # in a ring; no more than so many
         self._rings = np.empty((2, FIRST_CAPACITY, 4))  # of force and of spin: time s, load, ratio, utilisation
         self._windows = np.zeros((2, 2), np.int64)  # of each ring: first reading, how many
         self._memory = np.zeros(3)  # step; until when a slip of force, of spin, is told
@@ -111,25 +118,23 @@ class ContactWatch:
 
     def set_drop(self, drop: float) -> None:
         """Takes another least fall: the friction coefficients are known better now."""
-        self._fixed = (*self._fixed[:3], 1.0 - drop, *self._fixed[4:])
+        self._settings[KEPT] = 1.0 - drop
 
     def follow(
         self,
         times_ns: NDArray[np.int64],
         contacts: Array,
-        touch: NDArray[np.int8],
         used: Array,
         margins_m: Array,
         mu: float,
         doubt: Doubt,
         turn: float,
-    ) -> tuple[list[int], Array]:
+    ) -> Array:
         """Takes the readings of one read.
 
         Args:
             times_ns: Time of each, ns, rising, shape (n,).
-            contacts: As from `find_contacts`, shape (n, 10).
-            touch: Likewise, shape (n,).
+            contacts: As from `find_contacts`, shape (n, 11).
             used: As from `follow_readings`, shape (n, 9); shape (0, 9) where no image tells of the rotation.
             margins_m: Tipping margin of each, shape (n,), m; shape (0,) where no image tells it.
             mu: Coefficient of static friction; NaN: not known.
@@ -137,16 +142,17 @@ class ContactWatch:
             turn: λ that the doubt of the torque alone has at a normal force of 1 N.
 
         Returns:
-            Level of each, NO_CONTACT, STABLE + 1, CAUTION + 1, WARNING + 1, SLIPPING or UNKNOWN, and its `Found`, shape
-            (n, 5).
+            `Found` of each, shape (n, 6).
         """
-        while max(self._windows.tolist()[0][1], self._windows.tolist()[1][1]) + len(times_ns) > self._rings.shape[1]:
-            self._grow()
-        levels, found = _follow(
-            self._memory, self._rings, self._windows, times_ns, contacts, touch, used, margins_m,
-            (*self._fixed, mu, *doubt, turn),
-        )  # fmt: skip
-        return levels.tolist(), found
+        if self._told != (mu, doubt, turn):
+            self._told = mu, doubt, turn
+            self._settings[TOLD:] = (mu, *doubt, turn)
+        self._most_kept += len(times_ns)
+        while self._most_kept > self._rings.shape[1]:
+            self._most_kept = int(self._windows[:, 1].max()) + len(times_ns)
+            if self._most_kept > self._rings.shape[1]:
+                self._grow()
+        return _follow(self._memory, self._rings, self._windows, times_ns, contacts, used, margins_m, self._settings)
 
     def _grow(self) -> None:
         """Doubles the rings, each begun anew at its first place."""
@@ -160,22 +166,25 @@ class ContactWatch:
 @compiled
 def _follow(
     memory: Array, rings: Array, windows: NDArray[np.int64], times_ns: NDArray[np.int64], contacts: Array,
-    touch: NDArray[np.int8], used: Array, margins: Array, settings: tuple[float, ...],
-) -> tuple[NDArray[np.int8], Array]:  # fmt: skip
+    used: Array, margins: Array, settings: Array,
+) -> Array:  # fmt: skip
     """The work of `ContactWatch.follow`."""
     (caution, warning, hysteresis, kept, window_s, armed_at, hold_s, half_pitch, least, mu, force_std, torque_std,
-     doubt_n, doubt_nm, turn) = settings  # fmt: skip
-    levels, out = np.full(len(times_ns), UNKNOWN, np.int8), np.zeros((len(times_ns), 5))
+     doubt_n, doubt_nm, turn) = (
+        settings[0], settings[1], settings[2], settings[3], settings[4], settings[5], settings[6], settings[7],
+        settings[8], settings[9], settings[10], settings[11], settings[12], settings[13], settings[14],
+    )  # fmt: skip
+    out = np.zeros((len(times_ns), 6))
     for k in range(len(times_ns)):
-        normal, t_s = contacts[k, 4], times_ns[k] * 1e-9
-        out[k, 4] = math.nan
-        if touch[k] == 0:  # UNTRUSTED
+        normal, touch, t_s = contacts[k, 4], contacts[k, 10], times_ns[k] * 1e-9
+        out[k, 0], out[k, 5] = UNKNOWN, math.nan
+        if touch == 0:  # UNTRUSTED
             continue
-        if touch[k] != 2:  # not TOUCHING
+        if touch != 2:  # not TOUCHING
             windows[:] = 0
             memory[0], memory[1], memory[2] = STABLE, -math.inf, -math.inf
-            if touch[k] == 1 and normal + doubt_n < least:
-                levels[k] = NO_CONTACT
+            if touch == 1 and normal + doubt_n < least:
+                out[k, 0] = NO_CONTACT
             continue
         if math.isnan(mu):
             continue
@@ -199,18 +208,18 @@ def _follow(
             if fell:
                 memory[1 + ring] = t_s + hold_s
         slips = t_s < max(memory[1], memory[2])
-        out[k, 0], out[k, 1], out[k, 4] = step, slips, upper
+        out[k, 1], out[k, 2], out[k, 5] = step, slips, upper
         if exact:
             reach = math.hypot(contacts[k, 0], contacts[k, 1])
             std = math.hypot(torque_std, reach * force_std) / normal
             tipping, weighed = _tips(
                 margins[k], 2.0 * std, half_pitch, (doubt_nm + reach * doubt_n) / max(normal - doubt_n, 1e-9)
             )
-            out[k, 2], out[k, 3] = tipping, weighed
-            levels[k] = SLIPPING if slips else max(step, tipping) + 1
+            out[k, 3], out[k, 4] = tipping, weighed
+            out[k, 0] = SLIPPING if slips else max(step, tipping) + 1
         elif slips or step == WARNING:  # translation alone can only prove a grip unsafe, never safe
-            levels[k] = SLIPPING if slips else WARNING + 1
-    return levels, out
+            out[k, 0] = SLIPPING if slips else WARNING + 1
+    return out
 
 
 @compiled

@@ -14,11 +14,10 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, stale_after_ns
 from slipd.fusion import LATE, UNTRUSTED, USABLE, Contact, Doubt, contact_of
 from slipd.fusion.slip import NO_CONTACT
-from slipd.pipeline import decision
 from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide
-from slipd.pipeline.image import UNFELT, Felt, PadImage, Shares, pad_image
+from slipd.pipeline.image import UNFELT, Felt, PadImage, pad_image
 from slipd.pipeline.judge import Judge
-from slipd.pipeline.state import HIDDEN, LOST, Judged, Read, State
+from slipd.pipeline.state import HIDDEN, LOST, UNOBSERVED, Judged, Read, State
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.samples import Array, TactileSample, WrenchSample
 from slipd.signals.agreement import CLEAR, STDS, Agreement
@@ -151,7 +150,7 @@ class Finger:
 
     def _take_some(self, force: ForceSide, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Judged:
         wrench, untrusted = force.take(samples, times_ns, self._untouched() if force.drifts else None)
-        statuses = [sample.status for sample in samples] if any(sample.status for sample in samples) else ()
+        statuses = [sample.status for sample in samples]
         return self._decide(samples[-1].t_ns, times_ns, wrench, untrusted, statuses)
 
     def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> Judged | None:
@@ -168,8 +167,7 @@ class Finger:
         if wrench is None:
             words = words or ("not_finite",)
         rows = np.array([(math.nan,) * 6 if wrench is None else wrench])
-        statuses = (sample.status,) if sample.status else ()
-        return self._decide(sample.t_ns, (t_ns,), rows, {0: words} if words else {}, statuses)
+        return self._decide(sample.t_ns, (t_ns,), rows, {0: words} if words else {}, (sample.status,))
 
     def on_time(self, t_ns: int) -> State | None:
         """Notices that a stream which the verdict stands on fell silent; None where nothing changed."""
@@ -181,9 +179,8 @@ class Finger:
         if self._received_ns is None or silent_ns > self._stale_ns:
             return self.lose(t_ns)
         if self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
-            verdict = decision.Verdict("unknown", ("rotation_unobserved",))
             self._newest = replace(
-                self.state, verdict=verdict, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
+                self.state, verdict=UNOBSERVED, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
             )
             return self._newest
         return None
@@ -221,14 +218,15 @@ class Finger:
             usable[at] = UNTRUSTED
         if received_ns - min(times_ns) > self._stale_ns:
             usable[received_ns - np.array(times_ns) > self._stale_ns] = LATE
-        doubt = self._doubt(times_ns[-1])
-
-        def shares(contact: Contact) -> Shares | None:
-            return self._fresh_shares(received_ns, contact)
-
-        read = Read(times_ns, received_ns, wrench, usable, untrusted, statuses)
-        hangs = self.image is not None and self.image.hangs
-        judged = self._judge.judge(read, doubt, shares, self._disagreement, image_hangs=hangs)
+        image = self.image
+        shares_of = image.shares if image is not None and self._is_fresh(image, received_ns) else None
+        judged = self._judge.judge(
+            Read(times_ns, received_ns, wrench, usable, untrusted, statuses),
+            self._doubt(times_ns[-1]),
+            shares_of,
+            self._disagreement,
+            image_hangs=image is not None and image.hangs,
+        )
         if judged.ends_at < len(judged):
             self._forget_comparison()
         self._newest = judged
@@ -313,20 +311,14 @@ class Finger:
             return False
         return image.received_ns - image.t_ns <= self._image_stale_ns
 
-    def _fresh_shares(self, received_ns: int, contact: Contact) -> Shares | None:
-        image = self.image
-        if image is None or not self._is_fresh(image, received_ns):
-            return None
-        return image.shares(contact)
-
     def _note(self, judged: Judged) -> None:
         """Keeps what an image will be compared with."""
         if self.image is None:
             return
         last_ns = self._past[-1][0] if self._past else -PAST_NS
-        normals_n = judged.contacts[:, 4].tolist()
-        for at, (t_ns, touches, normal_n) in enumerate(zip(judged.read.times_ns, judged.touch, normals_n, strict=True)):
-            if touches <= UNTRUSTED:
+        for at, (t_ns, row) in enumerate(zip(judged.read.times_ns, judged.contacts, strict=True)):
+            normal_n = row[4]
+            if judged.touch[at] <= UNTRUSTED:
                 continue
             if t_ns - last_ns >= PAST_NS:
                 self._past.append((t_ns, judged.read.wrench[at]))

@@ -87,7 +87,7 @@ class Judge:
         self,
         read: Read,
         doubt: Doubt,
-        shares_of: Callable[[Contact], Shares | None],
+        shares_of: Callable[[Contact], Shares | None] | None,
         disagreement: tuple[str, ...],
         *,
         image_hangs: bool,
@@ -97,34 +97,37 @@ class Judge:
         Args:
             read: The readings.
             doubt: What they may hold beside the contact's load.
-            shares_of: How a fresh image shares the force of a contact; None where there is none.
+            shares_of: How the image shares the force of a contact, and None where it cannot; None without a fresh one.
             disagreement: What force sensor and image contradict each other about.
             image_hangs: The image cannot be used because it repeats.
         """
         noise = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
-        found_touch, contacts = find_contacts(read.wrench, read.usable, self._contact_n, self.in_contact, *noise)
-        touch = found_touch.tolist()
+        contacts = find_contacts(read.wrench, read.usable, self._contact_n, self.in_contact, *noise)
+        rows = contacts.tolist()
+        touch = [int(row[-1]) for row in rows]
         shares, used, margins_m, turn = None, _NOT_USED, _NO_MARGINS, 0.0
-        if TOUCHING in touch:
-            shares = shares_of(contact_told(contacts[touch.index(TOUCHING)], touches=True))
+        if shares_of is not None and TOUCHING in touch:
+            shares = shares_of(contact_told(rows[touch.index(TOUCHING)]))
         if shares is not None:
             margins_m = shares.outline.margins_m(contacts)
         if shares is not None and self.mu is not None:
             x, y, loads = shares.x, shares.y, shares.loads.loads
-            used = follow_readings(x, y, loads, self.mu, contacts, found_touch, self._twist, DECISION_GAP)
+            used = follow_readings(x, y, loads, self.mu, contacts, self._twist, DECISION_GAP)
             if doubt.force_n > 0.0:
                 turn = utilisation_of(x, y, loads, self.mu, (0.0, 0.0), doubt.torque_nm, (0.0, 0.0)).upper
-        times_ns, mu = np.array(read.times_ns), math.nan if self.mu is None else self.mu
-        levels, found = self._watch.follow(times_ns, contacts, found_touch, used, margins_m, mu, doubt, turn)
+        mu = math.nan if self.mu is None else self.mu
+        found = self._watch.follow(np.array(read.times_ns), contacts, used, margins_m, mu, doubt, turn).tolist()
+        levels = [int(row[0]) for row in found]
         ends_at = _contact_end(touch, self.in_contact)
         if disagreement:
-            levels[:ends_at] = [UNKNOWN if at == TOUCHING else level for level, at in zip(levels, touch, strict=True)][
-                :ends_at
+            levels = [
+                UNKNOWN if now == TOUCHING and at < ends_at else level
+                for at, (level, now) in enumerate(zip(levels, touch, strict=True))
             ]
         self._keep(touch, used)
         return Judged(
-            read, touch, contacts, shares, used, margins_m, found, mu, self._caution, image_hangs, disagreement,
-            ends_at, levels,
+            read, touch, rows, shares, used, margins_m, found, mu, self._caution, image_hangs, disagreement, ends_at,
+            levels,
         )  # fmt: skip
 
     def _keep(self, touch: list[int], used: Array) -> None:

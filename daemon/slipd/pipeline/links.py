@@ -118,10 +118,10 @@ class Link:
             samples = self._within_rate(samples, t_ns)
         self._allowed -= len(samples)
         found = []
-        for source, run in groupby(samples, key=attrgetter("source")):
-            stream = self.streams.get(source)
+        for run in _runs(samples):
+            stream = self.streams.get(run[0].source)
             if stream is not None:
-                kept, times_ns = stream.take(list(run), late_ns)
+                kept, times_ns = stream.take(run, late_ns)
                 if kept:
                     found.append((stream.name, kept, times_ns))
         return found
@@ -203,6 +203,13 @@ class Link:
 
     def _burst(self) -> float:
         return max(BURST_S * self._rate_hz, LEAST_BURST)
+
+
+def _runs(samples: Sequence[Sample]) -> list[list[Sample]]:
+    """Samples of one source each."""
+    if len(samples) == 1:
+        return [list(samples)]
+    return [list(run) for _, run in groupby(samples, key=attrgetter("source"))]
 
 
 def make_links(config: Config) -> dict[str, Link]:

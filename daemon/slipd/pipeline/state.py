@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from slipd.fusion import (
     FREE,
     LATE,
-    TOUCHING,
     UNTRUSTED,
     Contact,
     Found,
@@ -32,6 +31,8 @@ LOST = Verdict("unknown", ("stale",))
 #: The finger's own weight may be a contact, or hide one.
 HIDDEN = Verdict("unknown", ("weight_unknown",))
 NO_MU = Verdict("unknown", ("no_mu",))
+#: Without an image translation alone can prove a grip unsafe, and never safe.
+UNOBSERVED, PULLED = Verdict("unknown", ("rotation_unobserved",)), Verdict("warning", ("translation",))
 UNKNOWN = level_code("unknown")
 
 
@@ -82,7 +83,7 @@ class Read:
         wrench: Force, N, and torque, N·m, in the pad frame, shape (n, 6); the torque is NaN where none is measured.
         usable: USABLE, UNTRUSTED or LATE of each, shape (n,), int8.
         untrusted: What speaks against the untrusted ones, by their place.
-        statuses: What the device reported with each; empty where it reported nothing with any.
+        statuses: What the device reported with each.
     """
 
     times_ns: Sequence[int]
@@ -100,11 +101,11 @@ class Judged:
     Attributes:
         read: The readings.
         touch: What each is to the contact.
-        contacts: Numbers of the `Contact` of each, shape (n, 10).
+        contacts: Numbers of the `Contact` of each.
         shares: How the image shares the force of those that touch.
         used: Numbers of the `Utilisation` of each, shape (n, 9), or (0, 9).
         margins_m: Tipping margin of each, m, shape (n,), or (0,).
-        found: `Found` of each, shape (n, 6).
+        found: Numbers of the `Found` of each.
         mu: Coefficient of static friction; NaN: not known.
         caution: Utilisation that counts as danger.
         image_hangs: The image cannot be used because it repeats.
@@ -115,11 +116,11 @@ class Judged:
 
     read: Read
     touch: list[int]
-    contacts: Array
+    contacts: list[list[float]]
     shares: Shares | None
     used: Array
     margins_m: Array
-    found: Array
+    found: list[list[float]]
     mu: float
     caution: float
     image_hangs: bool
@@ -135,46 +136,39 @@ class Judged:
         return (self[at] for at in range(len(self)))
 
     def __getitem__(self, at: int) -> State:
-        at = range(len(self))[at]
-        if at not in self._made:
-            self._made[at] = self._make(at)
-        return self._made[at]
-
-    def _make(self, at: int) -> State:
-        read, touch = self.read, self.touch[at]
-        t_ns = read.times_ns[at]
-        state = State(t_ns, self._verdict(at), age_s=(read.received_ns - t_ns) * 1e-9)
-        if touch == LATE:
-            return state
-        wrench = tuple(read.wrench[at].tolist())
-        state.wrench = wrench if not math.isnan(wrench[2]) or touch != UNTRUSTED else None
-        if read.statuses:
-            state.status = read.statuses[at]
-        if touch == UNTRUSTED:
-            return state
-        state.contact = contact_told(self.contacts[at], touches=touch == TOUCHING)
-        if touch == FREE:
-            return state
-        state.shares = self.shares
-        if len(self.margins_m):
-            state.tipping_margin_m = float(self.margins_m[at])
-        if self._exact(at):
-            state.model, state.utilisation = "exact", utilisation_told(self.used[at].tolist())
-        elif not math.isnan(self.mu):
-            state.model = "translation"
+        at = range(len(self.levels))[at]
+        state = self._made.get(at)
+        if state is None:
+            state = self._made[at] = self._make(at)
         return state
 
+    def _make(self, at: int) -> State:
+        read, touch, t_ns = self.read, self.touch[at], self.read.times_ns[at]
+        age_s = (read.received_ns - t_ns) * 1e-9
+        if touch == LATE:
+            return State(t_ns, LOST, age_s=age_s)
+        wrench, status = tuple(read.wrench[at].tolist()), read.statuses[at]
+        if touch == UNTRUSTED:
+            verdict = Verdict("unknown", read.untrusted[at])
+            return State(t_ns, verdict, None if math.isnan(wrench[2]) else wrench, status=status, age_s=age_s)
+        contact = contact_told(self.contacts[at])
+        if touch == FREE:
+            verdict = HIDDEN if self.levels[at] == UNKNOWN else NOTHING
+            return State(t_ns, verdict, wrench, contact, status=status, age_s=age_s)
+        verdict, used, margin_m, model = self._verdict(at), None, math.nan, "translation"
+        if len(self.margins_m):
+            margin_m = float(self.margins_m[at])
+        if self._exact(at):
+            model, used = "exact", utilisation_told(self.used[at].tolist())
+        elif math.isnan(self.mu):
+            model = "none"
+        return State(t_ns, verdict, wrench, contact, self.shares, used, margin_m, model, status, age_s)
+
     def _exact(self, at: int) -> bool:
-        return len(self.used) > 0 and not math.isnan(self.contacts[at, 7])
+        return len(self.used) > 0 and not math.isnan(self.contacts[at][7])
 
     def _verdict(self, at: int) -> Verdict:
-        match self.touch[at]:
-            case 0:
-                return Verdict("unknown", self.read.untrusted[at])
-            case -1:
-                return LOST
-            case 1:
-                return HIDDEN if self.levels[at] == UNKNOWN else NOTHING
+        """Of a reading that touches."""
         if self.disagreement and at < self.ends_at:
             return Verdict("unknown", ("disagreement", *self.disagreement))
         verdict = self._of_contact(at)
@@ -185,13 +179,14 @@ class Judged:
     def _of_contact(self, at: int) -> Verdict:
         if math.isnan(self.mu):
             return NO_MU
-        found, level = Found(*self.found[at].tolist()), LEVELS[self.levels[at]]
-        translation = float(self.contacts[at, 8]) / self.mu
+        found, level = Found(*self.found[at]), LEVELS[self.levels[at]]
         if not self._exact(at):
-            reasons: tuple[str, ...] = ("translation",) if found.step == WARNING else ("rotation_unobserved",)
-            return Verdict(level, ("slip_detected", *reasons) if found.slips else reasons)
+            if not found.slips:
+                return UNOBSERVED if found.step < WARNING else PULLED
+            return Verdict(level, ("slip_detected", *(UNOBSERVED if found.step < WARNING else PULLED).reasons))
         if found.step == found.tipping == STABLE and not found.slips:
             return HOLDS
+        translation = self.contacts[at][8] / self.mu
         value, upper = float(self.used[at, 1]), float(self.used[at, 3])
         reasons = danger_reasons(value, translation, self.caution) if found.step > STABLE else ()
         if found.step > STABLE and upper < self.caution and not found.weighed and found.upper > upper:

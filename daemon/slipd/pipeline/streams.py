@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from itertools import accumulate
+from typing import Any, cast
 
 from slipd.config import Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
@@ -60,22 +61,18 @@ class Stream:
             samples: The readings, at least one.
             late_ns: How long they may have waited for the daemon; nothing else tells where the device has no clock.
         """
-        self.misfit = ""
-        if any(self._misfit(sample) for sample in samples):
-            self.misfit = self._misfit(samples[-1])
-            samples = [sample for sample in samples if not self._misfit(sample)]
-        if not samples:
-            return samples, []
+        misfits = [self._misfit(sample) for sample in samples]
+        self.misfit = misfits[-1]
+        if any(misfits):
+            samples = [sample for sample, misfit in zip(samples, misfits, strict=True) if not misfit]
+            if not samples:
+                return samples, []
         self.last_ns = samples[-1].t_ns
         self.count += len(samples)
         times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
-        newest_ns = self._acquired_ns  # what integrates over time needs times that never go back
-        for at, t_ns in enumerate(times_ns):
-            if t_ns < newest_ns:
-                times_ns[at] = newest_ns
-            else:
-                newest_ns = t_ns
-        self._acquired_ns = newest_ns
+        if self.host_clock or times_ns[0] < self._acquired_ns:  # what integrates needs times that never go back
+            times_ns = list(accumulate(times_ns, max, initial=self._acquired_ns))[1:]
+        self._acquired_ns = times_ns[-1]
         return samples, times_ns
 
     def _host_times(self, samples: list[Sample]) -> list[int]:
@@ -89,12 +86,10 @@ class Stream:
 
     def _device_times(self, samples: list[Sample], late_ns: int) -> list[int]:
         map_time = self.clock.map
-        times_ns = []
-        for sample in samples:
-            device_ns = sample.device_time_ns
-            if device_ns is not None and isinstance(sample, TactileSample):
-                device_ns += (len(sample.values) - 1) * sample.dwell_ns  # the end of the scan is what was sent at once
-            times_ns.append(map_time(device_ns, sample.t_ns))
+        if self.kind is TactileSample:
+            times_ns = [map_time(_scanned_ns(cast("TactileSample", sample)), sample.t_ns) for sample in samples]
+        else:
+            times_ns = [map_time(sample.device_time_ns, sample.t_ns) for sample in samples]
         if late_ns and self.clock.state != "locked":
             return [t_ns - late_ns for t_ns in times_ns]
         return times_ns
@@ -166,6 +161,12 @@ def make_stream(name: str, config: StreamConfig) -> Stream:
         taxels = config.rows * config.cols
         kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)
     return Stream(name, config.rate_hz, stale_after_ns(config), device.host_clock, clock, kind, shape)
+
+
+def _scanned_ns(sample: TactileSample) -> int | None:
+    """Device time of the end of a scan: what was sent at once."""
+    start_ns = sample.device_time_ns
+    return None if start_ns is None else start_ns + (len(sample.values) - 1) * sample.dwell_ns
 
 
 def _shape(shape: tuple[int, ...]) -> str:

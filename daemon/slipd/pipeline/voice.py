@@ -44,14 +44,11 @@ class Voice:
 
     def tell_read(self, judged: Judged, out: list[Output]) -> None:
         """Adds what is to be said of the readings of one read."""
-        told, due_ns = LEVELS.index(self._told), self._due_ns()
-        for at, (level, t_ns) in enumerate(zip(judged.levels, judged.read.times_ns, strict=True)):
-            if level != told or t_ns >= due_ns:
+        slip, wrench, times_ns = self._slip, self._wrench, judged.read.times_ns
+        for at, level in enumerate(judged.levels):
+            t_ns = times_ns[at]
+            if t_ns >= slip.due_ns or t_ns >= wrench.due_ns or LEVELS[level] != self._told:
                 self.tell(judged[at], out)
-                told, due_ns = level, self._due_ns()
-
-    def _due_ns(self) -> int:
-        return min(self._slip.due_ns, self._wrench.due_ns)
 
     def tell_image(self, t_ns: int, out: list[Output]) -> None:
         """Adds what is to be said of a new image."""
