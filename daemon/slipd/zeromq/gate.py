@@ -37,8 +37,9 @@ _RETURN = 0x06  # BPF_RET | BPF_K: keep so many bytes of a packet
 
 def raise_descriptor_limit() -> None:
     """Let this process open as many files as its hard limit says; the soft one is for programs that use select()."""
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft != hard:  # where it is the same, a service may be forbidden to ask
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
 def most_connections() -> int:
