@@ -11,7 +11,21 @@ import pytest
 from pydantic import BaseModel
 
 from slipd import cli, config
-from slipd.config_model import Bus, Config, Finger, Gripper, Levels, Pad, Pose, Rates, Slip, Wrench
+from slipd.config_model import (
+    Bus,
+    Config,
+    Finger,
+    Grasp,
+    Gripper,
+    Levels,
+    Pad,
+    PadPlace,
+    Pose,
+    Rates,
+    Reflex,
+    Slip,
+    Wrench,
+)
 
 SHIPPED = sorted((Path(__file__).parents[1] / "config").glob("*.toml"))
 INNER: dict[str, type[BaseModel]] = {
@@ -19,6 +33,8 @@ INNER: dict[str, type[BaseModel]] = {
     "levels": Levels,
     "rates": Rates,
     "gripper": Gripper,
+    "grasp": Grasp,
+    "reflex": Reflex,
     "wrench": Wrench,
     "pad": Pad,
     "slip": Slip,
@@ -39,6 +55,9 @@ def keys_of(model: type[BaseModel], table: dict[str, Any]) -> Iterator[tuple[str
         if model is Config and key == "finger":
             for finger in value.values():
                 yield from keys_of(Finger, finger)
+        elif model is Grasp:
+            for place in value.values():
+                yield from keys_of(PadPlace, place)
         elif key in INNER:
             yield from keys_of(INNER[key], value)
 
@@ -65,6 +84,6 @@ def test_no_serial_port_is_a_number_that_goes_to_whichever_device_is_plugged_in_
 
 def test_together_they_show_every_key() -> None:
     shown = {found for path in SHIPPED for found in keys_of(Config, tomllib.loads(path.read_text(encoding="utf-8")))}
-    models: list[type[BaseModel]] = [Config, Finger, *INNER.values()]
+    models: list[type[BaseModel]] = [Config, Finger, PadPlace, *INNER.values()]
     known = {(owner(model, key), key) for model in models for key in model.model_fields}
     assert known - shown == set()
