@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from slipd.signals import frozen
 from slipd.signals.frozen import (
     DEFAULT_REPEATS,
     FLICKER_NS,
@@ -221,3 +222,61 @@ def test_F1_equal_readings_before_and_behind_a_gap_are_two_runs() -> None:
     stream.repeat(45)
     stream.t_ns += 100 * MS
     assert set(stream.repeat(45)) == {""}
+
+
+@pytest.mark.parametrize("bad", [[math.inf, -math.inf, 0.0], [1e200, -1e200, 1e200]])
+def test_N3_numbers_that_overflow_warn_of_nothing(bad: list[float]) -> None:
+    stream = Stream()
+    stream.send(10)
+    said = [stream.give(*(sign * part for part in bad)) for sign in (1.0, -1.0, 1.0, -1.0, -1.0)]
+    assert (said[0], said[-1]) == ("", "garbage")
+
+
+ROWS = st.sampled_from(("well", "well", "well", "again", "jump", "far", "nan", "inf"))
+#: What each reading of a read is, and how long after the one before it came, ms.
+READS = st.lists(st.lists(st.tuples(ROWS, st.sampled_from((0, 1, 1, 1, 7, 21))), min_size=1, max_size=8), max_size=8)
+
+
+def rows_of(kinds: list[str], rng: np.random.Generator, last: Array) -> Array:
+    """Readings of a sensor with range 100 N that follow ``last``."""
+    rows = []
+    for kind in kinds:
+        row = np.concatenate((5.0 + 0.01 * rng.normal(size=3), 0.001 * rng.normal(size=3)))
+        if kind == "again":
+            row = last
+        elif kind != "well":
+            wrong = {"jump": 60.0, "far": 150.0, "nan": math.nan, "inf": math.inf}[kind]
+            row[rng.integers(3)] = wrong * rng.choice((-1.0, 1.0))
+        rows.append(row)
+        last = row
+    return np.array(rows)
+
+
+@given(reads=READS, seed=st.integers(0, 99), failed=st.booleans())
+def test_readings_that_come_together_are_told_of_as_if_they_came_singly(
+    reads: list[list[tuple[str, int]]], seed: int, failed: bool
+) -> None:
+    together, singly = (WrenchWatch(100.0, repeats=4) for _ in range(2))
+    rng = np.random.default_rng(seed)
+    t_ns, last = 0, np.ones(6)
+    before = [[("again", 1)] * 30, [("well", 40)], [("well", 40)]] if failed else []
+    for read in [*before, *reads]:
+        rows = rows_of([kind for kind, _ in read], rng, last)
+        times_ns = (t_ns + MS * np.cumsum([ms for _, ms in read])).tolist()
+        found = {}
+        for at, (row, row_ns) in enumerate(zip(rows, times_ns, strict=True)):
+            if singly.update(row.reshape(1, 6), [row_ns]):
+                found[at] = singly.fault
+        assert together.update(rows, times_ns) == found
+        assert together.fault == singly.fault
+        t_ns, last = times_ns[-1], rows[-1]
+
+
+@given(kinds=st.lists(ROWS, min_size=1, max_size=5), seed=st.integers(0, 99))
+def test_the_kernel_does_what_it_does_without_compilation(kinds: list[str], seed: int) -> None:
+    before = np.full(6, 5.0)
+    rows = rows_of(kinds, np.random.default_rng(seed), before)
+    lively = frozen._is_lively(before, rows, 1e4, 625.0)
+    plain = getattr(frozen._is_lively, "py_func", frozen._is_lively)
+    with np.errstate(invalid="ignore"):
+        assert plain(before, rows, 1e4, 625.0) == lively == (set(kinds) == {"well"})
