@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
+import socket
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import msgpack
@@ -19,6 +24,8 @@ from slipd.sim.emulated_external_gripper import DRIVER, Driver
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 MS = 1_000_000
+PATIENCE_S = 30.0
+DOCUMENT = Path(__file__).parents[2] / "docs" / "devices.md"
 
 
 @dataclass
@@ -329,3 +336,53 @@ def test_the_bytes_kept_are_bounded_by_the_longest_message() -> None:
     for _ in range(100):
         decoder.receive(b"\x8a\xa5fault\xd9\x78" + bytes(60), 0)
         assert len(decoder._tail) < wire.MAX_MESSAGE
+
+
+def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> None:
+    pattern = r"<!-- external gripper driver -->\n+```python\n(.*?)```"
+    (program,) = re.findall(pattern, DOCUMENT.read_text("utf-8"), re.DOTALL)
+    path = str(tmp_path / "gripper")
+    assert program.count("/run/slipd/gripper") == 1
+    told: list[dict[str, Any]] = []
+
+    def obey(setpoint: dict[str, Any]) -> float | None:
+        told.append(setpoint)
+        return setpoint.get("force_n")
+
+    scope = {"obey": obey, "state_of_my_gripper": lambda: {"width_m": 0.05, "moving": False}}
+    driver = threading.Thread(target=exec, args=(program.replace("/run/slipd/gripper", path), scope))
+    session, until_s = Session(), time.monotonic() + PATIENCE_S
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(path)
+        server.listen()
+        driver.start()
+        line, _ = server.accept()
+        with line:
+            line.settimeout(0.005)
+            session.start(time.monotonic_ns())
+
+            def go_on(reached: Callable[[], bool]) -> None:
+                while not reached():
+                    assert time.monotonic() < until_s, session.state
+                    line.sendall(session.on_time(time.monotonic_ns()))
+                    try:
+                        session.receive(line.recv(4096), time.monotonic_ns())
+                    except TimeoutError:
+                        continue
+
+            go_on(lambda: session.state == "active")
+            assert session.move(0.0, None, 100.0) == 60.0
+            go_on(lambda: session._commands.due_ns is None)
+            assert session.set_force(7.0) == 7.0
+            go_on(lambda: session._commands.due_ns is None)
+            assert session.halt()
+            go_on(lambda: session._commands.due_ns is None)
+    driver.join(PATIENCE_S)
+    assert not driver.is_alive()
+    assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in told] == [
+        ("move", 60.0),
+        ("force", 7.0),
+        ("stop", None),
+    ]
+    assert (session.identity, session.command_lost, session._echo_ok) == ("my gripper", False, True)
+    assert (session.health.bad, session.health.lost) == (0, 0)
