@@ -12,11 +12,18 @@ import zmq
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
-HEARTBEAT_MS = 1000
-"""Asks the peer for a sign of life, so that a cut cable is noticed although TCP itself says nothing."""
+KEEPALIVE = {
+    zmq.TCP_KEEPALIVE: 1,
+    zmq.TCP_KEEPALIVE_IDLE: 1,
+    zmq.TCP_KEEPALIVE_INTVL: 1,
+    zmq.TCP_KEEPALIVE_CNT: 2,
+    zmq.TCP_MAXRT: 3000,
+}
+"""The kernel asks the peer for a sign of life each second, and gives it up after three: so a cut cable is noticed.
 
-HEARTBEAT_TIMEOUT_MS = 3000
-"""Three signs of life missed: the peer is gone, and ZeroMQ connects anew."""
+ZeroMQ's own heartbeats abort the whole process (an assertion in ``stream_engine_base_t::out_event``) when the peer dies
+while more than RCVHWM of what it sent is unread: a slow subscriber would die with its daemon.
+"""
 
 
 class Link:
@@ -39,9 +46,7 @@ class Link:
         self._context = zmq.Context()
         self.socket = self._context.socket(kind)
         self.socket.setsockopt(zmq.LINGER, 0)
-        self.socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
-        self.socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
-        for option, value in (options or {}).items():
+        for option, value in {**KEEPALIVE, **(options or {})}.items():
             self.socket.setsockopt(option, value)
         try:
             if keys is not None:

@@ -395,6 +395,16 @@ def test_across_a_network_silence_may_be_for_want_of_a_key() -> None:
         client.status()
 
 
+def test_a_request_that_waits_too_long_for_its_turn_is_not_sent(daemon: Daemon) -> None:
+    with (
+        GripClient(daemon.endpoint, timeout_s=0.01) as client,
+        client._turn,
+        pytest.raises(NoAnswer, match="another thread"),
+    ):
+        client.status()
+    assert daemon.ops == []
+
+
 def test_an_endpoint_that_is_none_is_a_bad_call() -> None:
     with pytest.raises(ValueError, match="'tcp://robot'"):
         GripClient("tcp://robot")

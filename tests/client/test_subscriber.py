@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pytest
+import zmq
 
 from slipd_client.errors import Silence
 from slipd_client.messages import encode
@@ -207,6 +208,13 @@ def test_an_endpoint_that_is_none_is_a_bad_call() -> None:
 def test_one_text_as_topics_is_a_bad_call(publish: str) -> None:
     with pytest.raises(ValueError, match="sequence"):
         Subscriber(publish, "slip")
+
+
+def test_a_daemon_that_dies_behind_a_backlog_does_not_take_its_subscribers_along(publish: str) -> None:
+    """ZeroMQ's heartbeats abort the process then; the kernel's keepalive does not."""
+    with Subscriber(publish) as subscriber:
+        assert subscriber._link.socket.getsockopt(zmq.HEARTBEAT_IVL) == 0
+        assert subscriber._link.socket.getsockopt(zmq.TCP_KEEPALIVE) == 1
 
 
 def test_closing_twice_is_harmless(publish: str) -> None:
