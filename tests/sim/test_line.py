@@ -140,3 +140,25 @@ async def test_a_place_that_is_taken_is_told(unused_tcp_port: int) -> None:
         with pytest.raises(OSError, match="in use"):
             async with open_line(address):
                 pass
+
+
+async def test_a_driver_connects_once_a_daemon_is_there_and_again_after_it_left(tmp_path: Path) -> None:
+    path = str(tmp_path / "gripper")
+    async with open_line(f"unix://{path}") as line:
+        assert line.listen() == (False, [])
+        line.send([b"to nobody"])
+        for _ in range(2):
+            with socket.socket(socket.AF_UNIX) as server:
+                server.bind(path)
+                server.listen()
+                await until_opened(line)
+                daemon, _ = server.accept()
+                with daemon:
+                    daemon.settimeout(PATIENCE_S)
+                    daemon.send(b"go")
+                    assert await heard(line, 2) == [b"go"]
+                    line.send([b"one", b"two"])
+                    assert daemon.recv(100) == b"onetwo"
+            os.unlink(path)
+            line.listen()
+        assert line.listen() == (False, [])
