@@ -159,6 +159,6 @@ async def test_a_driver_connects_once_a_daemon_is_there_and_again_after_it_left(
                     assert await heard(line, 2) == [b"go"]
                     line.send([b"one", b"two"])
                     assert daemon.recv(100) == b"onetwo"
-            os.unlink(path)
+            (tmp_path / "gripper").unlink()
             line.listen()
         assert line.listen() == (False, [])
