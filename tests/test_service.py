@@ -29,7 +29,11 @@ from slipd.recording.replay import replay
 from slipd.service import Endpoints
 from slipd.sim.emulators import make_emulator
 from slipd.transport import Links
+from slipd_client.errors import RequestRefused
+from slipd_client.grip import GripClient
+from slipd_client.keys import create, load
 from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
+from slipd_client.subscriber import Subscriber
 
 PATIENCE_S = 30.0
 SLIPD = str(Path(sys.executable).with_name("slipd"))
@@ -126,6 +130,7 @@ class Client:
     """A subscriber of everything and a requester, in a context of their own."""
 
     def __init__(self, endpoints: Endpoints) -> None:
+        self.endpoints = endpoints
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._sub, self._dealer = self._context.socket(zmq.SUB), self._context.socket(zmq.DEALER)
         self._sub.connect(endpoints.publish)
@@ -330,6 +335,42 @@ async def test_endpoints_of_the_config_need_no_runtime_directory(rig: Rig, runti
     async with serving(with_bus) as client:
         await until(lambda: client.hear("wrench.left"), rig.send)
     assert left_in(runtime) is None
+
+
+async def test_over_tcp_each_key_does_what_its_list_says(rig: Rig, tmp_path: Path) -> None:
+    keys = tmp_path / "keys"
+    for name in ("daemon", "reader", "requester"):
+        create(name, keys)
+    for name in ("reader", "requester"):
+        (tmp_path / f"{name}s").mkdir()
+        (tmp_path / f"{name}s" / f"{name}.key").write_bytes((keys / f"{name}.key").read_bytes())
+    bus = f"""
+[bus]
+publish = "tcp://127.0.0.1:*"
+requests = "tcp://127.0.0.1:*"
+secret_key = "{keys}/daemon.key_secret"
+readers = "{tmp_path}/readers"
+requesters = "{tmp_path}/requesters"
+"""
+    with_bus = config.parse(rig.file.read_text(encoding="utf-8") + bus, "rig.toml")
+
+    def ask(endpoint: str, name: str) -> str:
+        with GripClient(endpoint, keys=load(keys / f"{name}.key_secret", keys / "daemon.key")) as client:
+            try:
+                return str(client.status()["version"])
+            except RequestRefused as refusal:
+                return refusal.code
+
+    def listen(endpoint: str) -> str:
+        mine = load(keys / "reader.key_secret", keys / "daemon.key")
+        with Subscriber(endpoint, ["status"], keys=mine) as subscriber:
+            return next(iter(subscriber)).topic
+
+    async with serving(with_bus) as keyless:
+        assert await asyncio.to_thread(ask, keyless.endpoints.requests, "requester")
+        assert await asyncio.to_thread(ask, keyless.endpoints.requests, "reader") == "read_only"
+        assert await asyncio.to_thread(listen, keyless.endpoints.publish) == "status"
+        assert not keyless.hear("status")
 
 
 async def test_a_failure_of_the_engine_ends_the_run_and_is_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
