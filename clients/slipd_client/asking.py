@@ -68,14 +68,12 @@ class Asking:
     Attributes:
         clock: The daemon's clock.
         boot: The daemon's run; None while it must be asked for.
-        fingers: Names of the daemon's fingers, as it told them last.
     """
 
     def __init__(self, endpoint: str, now_ns: Callable[[], int]) -> None:
         self.endpoint = endpoint
         self.clock = ServerClock()
         self.boot: str | None = None
-        self.fingers: tuple[str, ...] = ()
         self._now_ns = now_ns
         self._unreadable = ""
         self._prefix = uuid.uuid4().hex[:16]
@@ -89,7 +87,6 @@ class Asking:
             if type(boot) is not str or type(result.get("t_ns")) is not int:
                 raise NoAnswer(f"{self.endpoint} answers hello without boot and t_ns: is this slipd?")
             self.boot = boot
-            self.fingers = tuple(map(str, result.get("fingers") or ()))
             if self._error_ns() <= GOOD_ERROR_NS:
                 break
         return result

@@ -12,7 +12,7 @@ import zmq
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
-KEEPALIVE = {
+KEEPALIVE: dict[int, int] = {
     zmq.TCP_KEEPALIVE: 1,
     zmq.TCP_KEEPALIVE_IDLE: 1,
     zmq.TCP_KEEPALIVE_INTVL: 1,
@@ -46,7 +46,7 @@ class Link:
         self._context = zmq.Context()
         self.socket = self._context.socket(kind)
         self.socket.setsockopt(zmq.LINGER, 0)
-        for option, value in {**KEEPALIVE, **(options or {})}.items():
+        for option, value in (KEEPALIVE | dict(options or {})).items():
             self.socket.setsockopt(option, value)
         try:
             if keys is not None:
