@@ -40,6 +40,8 @@ def test_it_closes_on_the_part_and_opens_again() -> None:
     driver.advance(1000 * MS)
     held = driver.report
     assert (held.width_m, held.moving, held.object, held.force_n) == (0.04, False, "contact_closing", 9.0)
+    driver.receive(encode_setpoint(3, "stop"), 1000 * MS)
+    assert (driver.report.object, driver.report.force_n) == ("contact_closing", 9.0)
     driver.receive(encode_setpoint(2, "move", width_m=0.06, speed_mps=0.2, force_n=2.0), 1000 * MS)
     driver.advance(2000 * MS)
     assert (driver.report.width_m, driver.report.object, driver.report.force_n) == (0.06, "none", 0.0)

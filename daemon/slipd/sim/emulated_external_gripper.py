@@ -44,6 +44,7 @@ class Driver:
         self._goal_m: float | None = None
         self._speed_mps = SPEED_MPS
         self._width_m = 0.08
+        self._blocked = False
         self._now_ns = self._next_ns = 0
         self._answered = 0
         self._greets = False
@@ -104,7 +105,9 @@ class Driver:
 
     def _tell(self, *, active: bool, cured: bool) -> None:
         goal_m, width_m = self._goal_m, self._width_m
-        blocked = goal_m is not None and goal_m < width_m == self.part_m
+        if goal_m is not None:
+            self._blocked = goal_m < width_m == self.part_m
+        blocked = self._blocked  # what is held when it stops stays held
         moving = goal_m is not None and not blocked and goal_m != width_m
         self.report = Report(
             width_m,
