@@ -274,6 +274,13 @@ def test_a_sensor_without_torque_proves_a_grip_unsafe_at_most(finger: Finger, im
     assert verdict(finger.take_wrench(WrenchSample(T0, None, np.zeros(3), None))) == ("no_contact", ())
 
 
+def test_a_force_sensor_without_a_pad_proves_a_grip_unsafe_at_most(left: str, parse: Parse, wrench: Wrench) -> None:
+    finger = make(left.partition("[finger.left.pad]")[0], parse)
+    assert verdict(finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0)))) == ("unknown", ("rotation_unobserved",))
+    assert verdict(finger.take_wrench(wrench(T0, 10.0, (4.8, 0.0)))) == ("warning", ("translation",))
+    assert math.isnan(finger.state.tipping_margin_m)
+
+
 def test_a_level_is_left_a_hysteresis_below_its_threshold(judge: Judge) -> None:
     levels = pull(judge, [0.5 * 10.0 * share for share in (0.72, 0.66, 0.64, 0.86, 0.81, 0.79)])
     assert levels == ["caution", "caution", "stable", "warning", "warning", "caution"]

@@ -177,7 +177,7 @@ def test_the_finger_that_lacks_most_decides_on_the_grip_needed(make_hand: MakeHa
     hand.press("left", 13.0, (3.0, 0.0))
     hand.press("right", 10.0, (1.0, 0.0))
     body = hand.body()
-    needs = slip_body(hand.fingers["left"], T0)["grip_needed_n"]
+    needs = slip_body(hand.fingers["left"], hand.fingers["left"].state)["grip_needed_n"]
     assert needs == pytest.approx(24.0, rel=1e-5)
     assert body["grip_needed_n"] == pytest.approx(24.0 - 3.0, rel=1e-5), "its pad has 3 N more than the grip"
     assert body["utilisation"] == pytest.approx(3.0 / (0.25 * 13.0), rel=1e-5)

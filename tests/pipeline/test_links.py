@@ -109,6 +109,7 @@ def test_a_link_is_judged_from_its_opening_to_its_loss(links: dict[str, Link]) -
     link = links["left.wrench"]
     assert health(link, T0) == (Health.ERROR, "not opened yet")
     link.open("/dev/ttyUSB0", T0)
+    assert link.opened == "/dev/ttyUSB0"
     assert health(link, T0) == (Health.STALE, "open, but no reading yet")
     assert told(link, T0)["samples"] == 0
     link.receive(frame(T0), T0)

@@ -114,5 +114,9 @@ def test_a_pusher_that_sends_what_the_stream_is_not_is_told(parse: Parse) -> Non
     pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
     pad = make_stream("left.pad", parse(pads.replace('"left.pad"', '"p"')).streams()["left.pad"])
     assert take(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
+    mixed: list[Sample] = [TactileSample(T0, T0, np.zeros(shape)) for shape in (4, (4, 3), 4)]
+    assert pad.take(mixed, 0) == ([mixed[0], mixed[2]], [T0, T0]), "those that fit are kept"
+    assert pad.level(T0) == (Health.OK, ""), "the newest fits"
+    assert take(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     assert "4 taxels of three axes, where the config says 4 taxels of one axis" in pad.level(T0)[1]
     assert take(pad, TactileSample(T0, T0, np.zeros(4))) == T0
