@@ -126,10 +126,9 @@ class AsyncGripClient(Ops[Coroutine[Any, Any, Result]]):
         try:
             yield lease
         finally:
-            renewer.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await renewer
             self._holding = None
+            renewer.cancel()
+            await asyncio.wait([renewer])
             if not lease.lost:
                 with contextlib.suppress(ClientError):
                     await self.request("lease.release")
