@@ -41,6 +41,11 @@ BOOT = "bed"
 FINGERS = ("left", "right")
 NEVER_S = 1e6
 GRIP_N = 8.0
+LIMITS = {
+    "step_n = 2.0": "step_n = 3.0",
+    "lower_n_per_s = 2.0": "lower_n_per_s = 20.0",
+    "budget_n = 25.0": "budget_n = 1000.0",
+}
 
 ANSWER_S, READY_S, TARE_S, HELD_S = 0.05, 0.75, 0.05, 0.7
 """The gripper answers after the first; after the second streams run; then a tare; then the grip and the lift."""
@@ -94,7 +99,7 @@ class Line:
 
 
 def settings(*, charge: bool = False, streams: dict[str, str] | None = None, extra: str = "") -> config.Config:
-    """The demo's rig, its status told at every fourth tick.
+    """The demo's rig, its status told at every fourth tick, its grip changed as fast as a moving load needs.
 
     Args:
         charge: Its pads leak their charge; else they read force.
@@ -104,6 +109,8 @@ def settings(*, charge: bool = False, streams: dict[str, str] | None = None, ext
     text = config.shipped("demo.toml").read_text(encoding="utf-8")
     if not charge:
         text = text.replace("charge_tau_s = 2.0", "").replace("threshold = 0.005", "threshold = 0.04")
+    for slow, fast in LIMITS.items():
+        text = text.replace(slow, fast)
     for stream, lines in (streams or {}).items():
         header = f"[finger.{stream}]\n"
         text = text.replace(header, f"{header}{lines}\n")
@@ -280,8 +287,8 @@ class Bed:
         for line in LINES:
             self.plug(line.replace("-", "."))
         self.run(ANSWER_S)
-        self._do("lease.acquire", ttl_ms=1000)
-        self._do("gripper.activate")
+        self._do("lease.acquire", ttl_ms=200)
+        self._do("gripper.activate", drop=True)
         self.run(READY_S - ANSWER_S)
         for finger in FINGERS:
             self._do("tare", finger=finger, seconds=TARE_S)
@@ -290,7 +297,7 @@ class Bed:
 
     def close(self) -> None:
         """Grips the box; the script lifts it a moment later."""
-        self._do("lease.acquire", ttl_ms=1000)
+        self._do("lease.acquire", ttl_ms=200)
         self._do("gripper.close", force_n=GRIP_N, speed_mps=0.15)
         self.run(HELD_S)
 
@@ -355,7 +362,8 @@ def quiet_script() -> Script:
 
 
 def _listener(stream: config.Stream) -> Decoder:
-    return DEVICES[stream.device].decoder(**config.device_options(stream))
+    device = DEVICES[stream.device]
+    return device.decoder(**({} if device.tabled else config.device_options(stream)))
 
 
 def _bytes_of(output: Output) -> bytes:

@@ -89,21 +89,23 @@ def test_D3_a_pad_that_counts_anew_is_told_as_a_restart_and_loses_nothing_else(h
 def test_D4_a_gripper_that_does_not_answer_is_not_moved(held, seed):
     held.line("gripper").fault = Drop(held.rng)
     held.run(0.5)
-    reply = held.ask("lease.acquire", ttl_ms=1000)
+    reply = held.ask("lease.acquire", ttl_ms=200)
     reply = held.ask("grip.set", force_n=10.0)
     assert not reply["ok"]
     assert held.health("gripper")["health"] >= 1
     assert held.level() == "stable"
     held.line("gripper").fault = None
     held.run(0.5)
-    assert held.ask("lease.acquire", ttl_ms=1000)["ok"]
+    assert held.ask("lease.acquire", ttl_ms=200)["ok"]
+    assert held.ask("grip.set", force_n=10.0)["error"]["code"] == "fault_latched"
+    assert held.ask("fault.ack")["result"] == {"fault": "no_answer"}
     assert held.ask("grip.set", force_n=10.0)["ok"]
     assert_sound(held)
 
 
 @pytest.mark.parametrize("seed", [1])
 def test_D4_a_command_that_never_reaches_the_gripper_is_told(held, seed):
-    assert held.ask("lease.acquire", ttl_ms=1000)["ok"]
+    assert held.ask("lease.acquire", ttl_ms=200)["ok"]
     held.line("gripper").deaf = True
     held.ask("grip.set", force_n=10.0)
     held.run(0.5)
@@ -135,12 +137,14 @@ def test_D4_every_fault_of_the_gripper_is_shown_and_refuses_what_moves_it(held, 
             gripper(lambda status, code=code: status.__setitem__(FAULT, code)), lies=False
         )
         held.run(0.06)
-        held.ask("lease.acquire", ttl_ms=1000)
+        held.ask("lease.acquire", ttl_ms=200)
         assert held.watch.gripper["fault"], code
-        for op, fields in (("grip.set", {"force_n": 9.0}), ("gripper.close", {"force_n": 9.0})):
-            reply = held.ask(op, **fields)
-            assert (reply["ok"], reply["error"]["code"]) == (False, "gripper_fault")
-            assert held.watch.gripper["fault"] in reply["error"]["message"]
+        for refusal in ("fault_latched", "gripper_fault"):
+            for op in ("grip.set", "gripper.close"):
+                reply = held.ask(op, force_n=9.0)
+                assert (reply["ok"], reply["error"]["code"]) == (False, refusal)
+                assert held.watch.gripper["fault"] in reply["error"]["message"]
+            assert held.ask("fault.ack")["ok"]
     held.line("gripper").fault = None
     held.run(0.06)
     assert held.watch.gripper["fault"] == ""

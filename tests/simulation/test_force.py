@@ -75,7 +75,7 @@ def test_F1_streams_that_fall_silent_one_after_the_other_are_each_noticed_in_tim
 @pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("stream", ["left.wrench"])
 def test_F1_no_grip_is_raised_on_a_stale_sensor(held, seed, stream):
-    held.ask("lease.acquire", ttl_ms=1000)
+    held.ask("lease.acquire", ttl_ms=200)
     held.line(stream).fault = Drop(held.rng)
     held.run(0.1)
     reply = held.ask("grip.set", force_n=10.0)

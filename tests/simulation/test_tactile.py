@@ -37,7 +37,7 @@ def one_taxel(value):
 def wobble(bed, seconds):
     """The grip is changed a little, up and down: only under a load that moves does a taxel that rests show."""
     for n in range(round(seconds / 0.25)):
-        bed.ask("lease.acquire", ttl_ms=1000)
+        bed.ask("lease.acquire", ttl_ms=200)
         bed.ask("grip.set", force_n=9.5 if n % 2 else 7.0)
         bed.run(0.25)
 

@@ -44,6 +44,7 @@ class Desk:
     ) -> None:
         self._boot = boot
         self._fingers = fingers
+        self._recordings = recordings
         self._once = OnceOnly()
         self._status = status
         self._ops: dict[str, Handler] = {
@@ -54,8 +55,8 @@ class Desk:
             "tare.undo": self._tare_undo,
             "gravity.set": self._gravity_set,
             "friction.set": self._friction_set,
-            "record.start": lambda _, t_ns: recordings.start(t_ns),
-            "record.stop": lambda _, __: recordings.stop(),
+            "record.start": self._record_start,
+            "record.stop": self._record_stop,
         }
         grip_ops = {} if gripper is None else GripDesk(fingers, gripper).ops
         self._ops = dict.fromkeys(OPS, without_gripper) | self._ops | grip_ops
@@ -154,6 +155,12 @@ class Desk:
             return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, not {mu_d:g}", "mu_d")
         finger.set_friction(mu_s, mu_d if "mu_d" in body else None)
         return {"finger": finger.name, "mu": finger.mu, "mu_source": finger.mu_source}
+
+    def _record_start(self, _: Request, t_ns: int) -> Result:
+        return self._recordings.start(t_ns)
+
+    def _record_stop(self, _: Request, __: int) -> Result:
+        return self._recordings.stop()
 
 
 def _reply(request: Request, found: Result, t_ns: int) -> Reply:

@@ -36,21 +36,36 @@ class GripDesk:
         self._oldest_s = {name: _oldest_s(finger) for name, finger in fingers.items()}
         self.ops: dict[str, Handler] = {
             "lease.acquire": self._lease_acquire,
-            "lease.renew": lambda request, t_ns: self._policy.renew(request.client, t_ns) or {},
-            "lease.release": lambda request, t_ns: self._policy.release(request.client, t_ns) or {},
+            "lease.renew": self._lease_renew,
+            "lease.release": self._lease_release,
             "grip.set": self._grip_set,
             "grip.adjust": self._grip_adjust,
-            "grip.hold": lambda request, t_ns: self._policy.check_lease(request.client, t_ns) or gripper.hold(),
+            "grip.hold": self._hold,
             "gripper.activate": self._activate,
             "gripper.close": self._close,
             "gripper.open": self._open,
-            "gripper.stop": lambda request, t_ns: self._policy.check_lease(request.client, t_ns) or gripper.halt(),
-            "fault.ack": lambda request, t_ns: self._policy.check_lease(request.client, t_ns) or gripper.acknowledge(),
+            "gripper.stop": self._stop,
+            "fault.ack": self._acknowledge,
         }
 
     def _lease_acquire(self, request: Request, t_ns: int) -> Result:
         ttl_ms = request.body["ttl_ms"]
         return self._policy.acquire(request.client, ttl_ms, t_ns) or {"ttl_ms": ttl_ms}
+
+    def _lease_renew(self, request: Request, t_ns: int) -> Result:
+        return self._policy.renew(request.client, t_ns) or {}
+
+    def _lease_release(self, request: Request, t_ns: int) -> Result:
+        return self._policy.release(request.client, t_ns) or {}
+
+    def _hold(self, request: Request, t_ns: int) -> Result:
+        return self._policy.check_lease(request.client, t_ns) or self._gripper.hold()
+
+    def _stop(self, request: Request, t_ns: int) -> Result:
+        return self._policy.check_lease(request.client, t_ns) or self._gripper.halt()
+
+    def _acknowledge(self, request: Request, t_ns: int) -> Result:
+        return self._policy.check_lease(request.client, t_ns) or self._gripper.acknowledge()
 
     def _grip_set(self, request: Request, t_ns: int) -> Result:
         return self._refuse(request, t_ns) or self._set_force(float(request.body["force_n"]), t_ns)
