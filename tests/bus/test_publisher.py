@@ -206,7 +206,7 @@ async def test_who_unsubscribes_gets_no_more(
     assert raw.got == [[b"end", b""]]
 
 
-async def test_a_subscriber_that_never_reads_costs_the_others_nothing(
+async def test_Z1_a_subscriber_that_never_reads_costs_the_others_nothing(
     context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually
 ) -> None:
     with Publisher(context, endpoint) as publisher:
@@ -280,7 +280,7 @@ async def test_a_subscriber_that_sends_no_subscription_but_a_heap_is_disconnecte
         monitor.close()
 
 
-async def test_a_storm_of_reconnections_leaks_nothing(
+async def test_Z2_a_storm_of_reconnections_leaks_nothing(
     context: Context, endpoint: str, clients: Context, subscribe: Subscribe, eventually: Eventually
 ) -> None:
     def open_files() -> int:

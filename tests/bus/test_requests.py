@@ -322,7 +322,7 @@ async def test_Z5_a_client_is_known_by_its_process_and_not_by_the_name_it_chose_
     assert route == b"name"
 
 
-async def test_a_second_client_under_the_name_of_another_gets_nothing_of_it(
+async def test_Z5_a_second_client_under_the_name_of_another_gets_nothing_of_it(
     answering: Answering, dealer: Callable[..., Peer], eventually: Eventually
 ) -> None:
     with answering.server:

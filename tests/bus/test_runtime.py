@@ -5,12 +5,15 @@ import os
 import stat
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
+import zmq
 
 from slipd.bus.runtime import RuntimeDirectory
 from slipd.errors import LinkError
+from slipd.zeromq.endpoint import open_server
 
 #: Root may give files to any group; one that every machine has.
 GROUP = "daemon"
@@ -70,6 +73,30 @@ def modes(path: Path) -> dict[str, tuple[int, str | None]]:
     }
 
 
+CONNECT = "import socket, sys; socket.socket(socket.AF_UNIX).connect(sys.argv[1])"
+
+
+@needs_a_group
+def test_a_member_of_the_group_can_connect_and_nobody_else_can(context: zmq.Context[zmq.Socket[bytes]]) -> None:
+    with tempfile.TemporaryDirectory(dir="/tmp") as parent:
+        Path(parent).chmod(0o711)
+        path = Path(parent) / "slipd"
+        with RuntimeDirectory(path, group=GROUP) as home:
+            server, endpoint = open_server(context, zmq.ROUTER, f"ipc://{path}/requests", {})
+            home.share(endpoint)
+            nobody, group = 65534, grp.getgrnam(GROUP).gr_gid
+            for groups, connects in ((group, True), (nobody, False)):
+                done = subprocess.run(
+                    ["/usr/bin/python3", "-c", CONNECT, f"{path}/requests"],
+                    user=nobody,
+                    group=groups,
+                    extra_groups=[],
+                    capture_output=True,
+                )
+                assert (done.returncode == 0) == connects, done.stderr
+            server.close()
+
+
 @needs_a_group
 def test_a_directory_that_exists_is_opened_to_nobody(path: Path) -> None:
     path.mkdir(parents=True, mode=0o700)
@@ -98,7 +125,7 @@ def test_a_directory_of_another_group_is_refused(path: Path) -> None:
         RuntimeDirectory(path, group=GROUP).__enter__()
 
 
-def test_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path) -> None:
+def test_Z6_a_second_daemon_is_refused_with_the_process_that_holds_it(path: Path) -> None:
     holder = subprocess.Popen(
         [sys.executable, "-c", HOLD, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )

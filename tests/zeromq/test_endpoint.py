@@ -108,7 +108,7 @@ def test_bytes_count_and_not_letters(context: Context, tmp_path: Path) -> None:
         open_server(context, zmq.ROUTER, f"ipc://{tmp_path}/".ljust(MAX_IPC_PATH_BYTES, "µ"), {})
 
 
-def test_the_path_of_a_living_server_is_not_stolen(context: Context, endpoint: str) -> None:
+def test_Z6_the_path_of_a_living_server_is_not_stolen(context: Context, endpoint: str) -> None:
     server, _ = open_server(context, zmq.ROUTER, endpoint, {})
     with pytest.raises(LinkError, match="another program serves here"):
         open_server(context, zmq.ROUTER, endpoint, {})

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import resource
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -17,7 +18,15 @@ import zmq
 from slipd.zeromq import gate as gate_module
 from slipd.zeromq.draining import Drain
 from slipd.zeromq.endpoint import Access, open_server
-from slipd.zeromq.gate import BACKLOG, MAX_CONNECTIONS, RESERVE, Gate, most_connections, raise_descriptor_limit
+from slipd.zeromq.gate import (
+    BACKLOG,
+    MAX_CONNECTIONS,
+    RESERVE,
+    Gate,
+    drop_all,
+    most_connections,
+    raise_descriptor_limit,
+)
 
 if TYPE_CHECKING:
     from zeromq_peers import Context, Eventually, Peer
@@ -94,6 +103,38 @@ async def test_a_closed_gate_costs_those_who_are_in_nothing(
             inside.socket.send(b"%d" % number)
             await eventually(lambda: len(inside.got) > number)  # noqa: B023
     drain.stop()
+
+
+async def test_Z3_a_connection_that_is_reset_or_whose_cable_is_cut_is_forgotten(
+    server: tuple[zmq.Socket[bytes], str],
+    strangers: Callable[[str], socket.socket],
+    clients: Context,
+    eventually: Eventually,
+) -> None:
+    """Cut: what comes from the server is dropped before the client's kernel confirms it."""
+    with Gate(server[0], MOST) as gate:
+        rude = strangers(server[1])
+        await eventually(lambda: gate._connections)
+        rude.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        rude.close()
+        await eventually(lambda: not gate._connections)
+        with clients.socket(zmq.DEALER) as dealer:
+            monitor = dealer.get_monitor_socket(zmq.EVENT_CONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED)
+            dealer.setsockopt(zmq.RECONNECT_IVL, -1)
+            dealer.connect(server[1])
+            await eventually(lambda: monitor.poll(0))
+            _, descriptor = struct.unpack("=Hi", monitor.recv_multipart()[0])
+            await eventually(lambda: monitor.poll(0))
+            await eventually(lambda: gate._connections)
+            await asyncio.sleep(0.1)  # nothing may be on its way, or the kernel tries that for some seconds more
+            connection = socket.socket(fileno=descriptor)
+            drop_all(connection)
+            cut_s = time.monotonic()
+            await eventually(lambda: not gate._connections)
+            assert time.monotonic() - cut_s > 1.0
+            connection.detach()
+            dealer.disable_monitor()
+            monitor.close()
 
 
 async def test_strangers_are_dropped_by_themselves_and_the_gate_opens(

@@ -64,6 +64,12 @@ def unwatch(server: zmq.Socket[bytes]) -> None:
     monitor.close(linger=0)
 
 
+def drop_all(listener: socket.socket) -> None:
+    """Have the kernel drop whatever comes for a socket: requests for a connection, where it listens."""
+    program = ctypes.create_string_buffer(struct.pack("=HBBI", _RETURN, 0, 0, 0))
+    listener.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, struct.pack("@HP", 1, ctypes.addressof(program)))
+
+
 def cut_off(descriptor: bytes, endpoint: str) -> None:
     """End one connection to a server, which ZeroMQ offers no way to do.
 
@@ -136,9 +142,7 @@ class Gate:
 
     def _close(self) -> None:
         if self._listener is not None:
-            program = ctypes.create_string_buffer(struct.pack("=HBBI", _RETURN, 0, 0, 0))
-            filter_ = struct.pack("@HP", 1, ctypes.addressof(program))
-            self._listener.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, filter_)
+            drop_all(self._listener)
             self.closed = True
             self.times_closed += 1
 
