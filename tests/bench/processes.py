@@ -109,10 +109,10 @@ class Served:
 
 
 @contextlib.contextmanager
-def daemon(folder: Path, lines: Lines, rates: dict[str, Any]) -> Iterator[Served]:
-    """The daemon, as ``slipd run`` starts it, once it has opened all its ports."""
+def daemon(folder: Path, lines: Lines, rates: dict[str, Any], extra: str = "") -> Iterator[Served]:
+    """The daemon, as ``slipd run`` starts it, once it has opened all its ports; ``extra`` ends its config."""
     config = folder / "rig.toml"
-    config.write_text(traffic.config_text(lines.path, rates))
+    config.write_text(traffic.config_text(lines.path, rates) + extra)
     command = [sys.executable, "-m", "slipd", "run", "--config", str(config)]
     environment = os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")}
     with child.Child(command, folder, env=environment) as process:
