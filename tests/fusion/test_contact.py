@@ -9,7 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.fusion import contact_from_wrench
+from slipd.fusion import (
+    FREE,
+    LATE,
+    TOUCHING,
+    UNTRUSTED,
+    USABLE,
+    Contact,
+    carry,
+    contact_from_wrench,
+    contact_of,
+    contact_told,
+    find_contacts,
+)
 
 lengths = st.floats(-0.02, 0.02)
 forces = st.floats(-20.0, 20.0)
@@ -69,3 +81,53 @@ def test_a_bad_call_raises() -> None:
         contact_from_wrench((0, 0), (0, 0, 0))
     with pytest.raises(ValueError, match="min_normal_n"):
         contact_from_wrench((0, 0, -1), (0, 0, 0), min_normal_n=0.0)
+
+
+#: Normal forces about those at which a contact begins and ends, and what is no number.
+READINGS = st.lists(
+    st.tuples(
+        st.sampled_from((USABLE, USABLE, USABLE, UNTRUSTED, LATE)),
+        st.sampled_from((-1.0, 0.0, 0.39, 0.4, 0.45, 0.5, 7.0, math.nan, math.inf)),
+        st.tuples(forces, forces),
+        st.one_of(st.none(), st.tuples(lengths, lengths, lengths)),
+    ),
+    min_size=1,
+    max_size=20,
+)
+
+
+@given(readings=READINGS, in_contact=st.booleans(), torque_std_nm=st.floats(0.0, 0.01))
+def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
+    readings: list, in_contact: bool, torque_std_nm: float
+) -> None:
+    """A contact begins at 0.5 N and lasts down to 0.4 N; without torque its centroid and spin are not known."""
+    nan = (math.nan,) * 3
+    wrench = np.array([(*force, -normal, *(torque or nan)) for _, normal, force, torque in readings])
+    usable = np.array([what for what, *_ in readings], np.int8)
+    rows = find_contacts(wrench, usable, (0.5, 0.4), in_contact, 0.02, torque_std_nm)
+    for row, what, (*force, normal, mx, my, mz), (*_, torque) in zip(rows, usable, wrench, readings, strict=True):
+        found = contact_told(row.tolist())
+        none = (0.0, 0.0, 0.0)
+        expected = contact_of(
+            (*force, normal, *((mx, my, mz) if torque else none)), 0.4 if in_contact else 0.5, 0.02, torque_std_nm
+        )
+        if what != USABLE or not expected.valid:
+            expected = Contact(*nan, math.nan, -normal, *force, *nan, False)
+        elif torque is None:
+            expected = expected._replace(
+                cx_m=math.nan, cy_m=math.nan, cx_std_m=math.nan, cy_std_m=math.nan, spin_nm=math.nan
+            )
+        touch = what if what != USABLE else TOUCHING if expected.valid else FREE
+        assert row[10] == touch
+        assert np.array_equal(found, expected, equal_nan=True)
+        in_contact = in_contact if touch == UNTRUSTED else found.valid
+
+
+def test_readings_are_carried_alike_whatever_their_number() -> None:
+    rng = np.random.default_rng(3)
+    matrix, offset, weight = rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6)
+    readings = rng.normal(size=(50, 6))
+    carried = carry(matrix, offset, weight, readings)
+    assert carried == pytest.approx((readings - offset) @ matrix.T - weight)
+    singly = [carry(matrix, offset, weight, row.reshape(1, 6))[0] for row in readings]
+    assert np.array_equal(carried, singly), "to the last bit"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from slipd.fusion import tipping_margin
+from slipd.fusion import Outline, tipping_margin
 
 
 @settings(max_examples=200, deadline=None)
@@ -29,6 +29,21 @@ def test_the_margin_inside_is_that_of_an_independent_hull(seed: int) -> None:
 )
 def test_the_margin_of_a_square(point, margin) -> None:
     assert tipping_margin([0, 1, 1, 0, 0.5], [0, 0, 1, 1, 0], point) == pytest.approx(margin)
+
+
+@settings(max_examples=50)
+@given(seed=st.integers(0, 10**6), taxels=st.integers(1, 12))
+def test_the_margins_of_many_points_are_those_of_each(seed: int, taxels: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.integers(0, (8, 4), (taxels, 2)).astype(float).T.copy()
+    points = rng.uniform(-2.0, 10.0, (20, 3))
+    points[::7, rng.integers(2)] = (math.nan, math.inf, -math.inf)
+    outline = Outline(x, y)
+    found = outline.margins_m(points)
+    assert np.array_equal(found, [outline.margin_m(px, py) for px, py, _ in points.tolist()], equal_nan=True)
+    assert np.isnan(found[::7]).all()
+    for (px, py, _), margin in zip(points.tolist(), found, strict=True):
+        assert np.array_equal(margin, tipping_margin(x, y, (px, py)), equal_nan=True)
 
 
 def test_points_and_segments_have_no_inside() -> None:

@@ -11,7 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from slipd.fusion import torque_limit, utilisation
+from slipd.fusion import (
+    FREE,
+    UNTRUSTED,
+    USABLE,
+    contact_told,
+    find_contacts,
+    follow_readings,
+    torque_limit,
+    utilisation,
+    utilisation_told,
+)
 
 MU = 0.5
 
@@ -294,6 +304,38 @@ def test_the_start_changes_no_answer(seed: int) -> None:
         again = utilisation(x, y, loads, MU, f, spin, about, start=start)
         assert again.value == pytest.approx(plain.value, rel=1e-10)
         assert again.upper - again.lower <= 1e-9 * again.value
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed: int) -> None:
+    """Each is started from the twist before, over what says nothing, and anew behind what does not touch."""
+    x, y, loads, f, spin = random_contact(seed)
+    x, y, shares = x - x.mean(), y - y.mean(), loads / loads.sum()
+    rng = np.random.default_rng(seed)
+    wrench = np.tile((*f / loads.sum(), -1.0, 0.0, 0.0, spin / loads.sum()), (12, 1)) * rng.uniform(0.5, 1.0, (12, 6))
+    wrench *= rng.uniform(2.0, 9.0, (12, 1))
+    wrench[4, 2] = 1.0
+    usable = np.full(12, USABLE, np.int8)
+    usable[8] = UNTRUSTED
+    contacts = find_contacts(wrench, usable, (0.5, 0.4), False, 0.0, 0.0)
+    assert contacts[[4, 8], 10].tolist() == [FREE, UNTRUSTED]
+    whole = follow_readings(x, y, shares, MU, contacts, None, 1e-9)
+    twist = None
+    for k, row in enumerate(whole):
+        assert np.array_equal(
+            row, follow_readings(x, y, shares, MU, contacts[k : k + 1], twist, 1e-9)[0], equal_nan=True
+        )
+        told, contact = utilisation_told(row.tolist()), contact_told(contacts[k].tolist())
+        if not contact.valid:
+            assert (told.kind, math.isnan(told.value)) == ("none", True)
+            twist = twist if k == 8 else None
+            continue
+        alone = utilisation(
+            x, y, shares * contact.normal_n, MU, contact.tangential_n, contact.spin_nm, contact.centroid_m, start=twist
+        )
+        assert told.value == pytest.approx(alone.value, rel=2e-9)
+        assert told.lower <= told.value <= told.upper <= told.lower * (1.0 + 2e-9)
+        twist = told.twist
 
 
 def test_a_scene_that_moves_little_needs_fewer_passes_from_the_twist_before() -> None:
