@@ -37,6 +37,8 @@ def test_a_good_request_may_be_judged() -> None:
     [
         ({"v": ...}, ("unsupported_version", "v")),
         ({"v": 2}, ("unsupported_version", "v")),
+        ({"v": True}, ("unsupported_version", "v")),
+        ({"v": 1.0}, ("unsupported_version", "v")),
         ({"v": "1"}, ("unsupported_version", "v")),
         ({"id": ...}, ("bad_type", "id")),
         ({"id": None}, ("bad_type", "id")),
@@ -123,3 +125,13 @@ PLAIN = st.recursive(
 @given(st.dictionaries(st.sampled_from([*GOOD, "ttl_ms", "finger", "zz"]), PLAIN | st.sampled_from(sorted(OPS))))
 def test_nothing_that_can_arrive_makes_it_fail(changes: dict[str, Any]) -> None:
     judge(**changes)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"v": "\x01" * 1024}, {"op": "\x01" * 1024}, {"boot": "\x01" * 1024}, {"\x01" * 1024: 1}]
+)
+def test_what_a_client_sends_is_repeated_in_short(changes: dict[str, Any]) -> None:
+    """A refusal that holds four characters for each one sent is longer than what a client reads."""
+    refusal = check_request(GOOD | changes, "b", T_NS)
+    assert refusal is not None
+    assert len(refusal.message) < 600

@@ -85,7 +85,7 @@ class Desk:
         finger = self._fingers.get(name)
         if finger is None:
             known = ", ".join(self._fingers)
-            return Refusal("unknown_finger", f"there is no finger {name!r}; known: {known}", "finger")
+            return Refusal("unknown_finger", f"there is no finger {name!r:.40}; known: {known}", "finger")
         return finger
 
     def _tare(self, request: Request, t_ns: int) -> Result:

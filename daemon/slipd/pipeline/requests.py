@@ -58,13 +58,13 @@ OPS: dict[str, dict[str, Field]] = {
 
 def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
     """Refuses a request whose envelope or fields are wrong; None where it may be judged."""
-    if body.get("v") != PROTOCOL_VERSION:
-        return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, not {body.get('v')!r}", "v")
+    if not _is_integer(body.get("v")) or body["v"] != PROTOCOL_VERSION:
+        return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, not {body.get('v')!r:.40}", "v")
     if not isinstance(body.get("id"), (str, int)) or isinstance(body.get("id"), bool):
         return Refusal("bad_type", "id must be a text or an integer of the client's choice", "id")
     op = body.get("op")
     if not isinstance(op, str) or op not in OPS:
-        return Refusal("unknown_op", f"op must be one of {', '.join(OPS)}, not {op!r}", "op")
+        return Refusal("unknown_op", f"op must be one of {', '.join(OPS)}, not {op!r:.40}", "op")
     return _check_freshness(body, op, boot, t_ns) or _check_fields(body, OPS[op])
 
 
@@ -75,7 +75,7 @@ def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> Ref
         if name not in body and op not in OPEN_OPS:
             return Refusal("missing_field", f"{name} is missing; op hello tells boot and t_ns", name)
     if body.get("boot", boot) != boot:
-        return Refusal("wrong_boot", f"the request is meant for run {body['boot']!r}; this is {boot!r}", "boot")
+        return Refusal("wrong_boot", f"the request is meant for run {body['boot']!r:.40}; this is {boot!r}", "boot")
     if "deadline_ns" not in body:
         return None
     deadline = body["deadline_ns"]
@@ -94,7 +94,7 @@ def _check_fields(body: dict[str, Any], fields: dict[str, Field]) -> Refusal | N
     for name in body:
         if name not in fields and name not in _ENVELOPE:
             known = ", ".join(fields) or "no fields of its own"
-            return Refusal("unknown_field", f"{name!r} is unknown; this op has {known}", str(name))
+            return Refusal("unknown_field", f"{name!r:.40} is unknown; this op has {known}", str(name))
     for name, wanted in fields.items():
         if name not in body:
             if wanted.required:
