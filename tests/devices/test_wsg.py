@@ -456,6 +456,13 @@ def test_an_update_that_is_missing_costs_one_reading_and_only_it() -> None:
             assert len(samples) == 5 - begun, (order, missing)
 
 
+def test_updates_of_two_periods_are_not_mixed() -> None:
+    first, second, third = updates(40.0), updates(41.0), updates(42.0)
+    decoder = Decoder()
+    samples = decoder.receive(b"".join([*first[:3], *second[1:], *third]), 0)
+    assert [sample.width_m for sample in samples] == [pytest.approx(0.042)]
+
+
 def test_D4_the_words_of_the_state_make_the_sample() -> None:
     def read(*words: str, grasping: str = "idle") -> GripperSample:
         parts = updates(words=words)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from slipd.devices import DEVICES, Decoder, Session
-from slipd.devices.robotiq_2f import Session as GripperSession
+from slipd.devices import DEVICES, Decoder, GripperSession, Session
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.sim.emulators import Emulator, make_emulator
 
@@ -74,6 +73,7 @@ def key(sample: Sample) -> Key:
             sample.fault,
             sample.echo_ok,
             sample.current_a,
+            sample.force_n,
         )
     return sample.source, sample.device_time_ns, sample.values.tobytes(), sample.status, sample.dwell_ns
 
@@ -153,8 +153,8 @@ def _talk(device: str, emulator: Emulator, readings: int) -> list[bytes]:
                     sample.source: sample.values.shape for sample in samples if isinstance(sample, TactileSample)
                 }
                 _stir(emulator, list(shapes.values()), rng)
-                if isinstance(samples[-1], GripperSample) and isinstance(host, GripperSession):
-                    _command(host, samples[-1], rng, now_ns)
+                if isinstance(samples[-1], GripperSample):
+                    _command(cast("GripperSession", host), samples[-1], rng, now_ns)
         if counted >= readings:
             return heard
         written = b""
@@ -193,5 +193,5 @@ def _command(host: GripperSession, sample: GripperSample, rng: np.random.Generat
     if not sample.active and host.state != "activating":
         host.activate(now_ns)
     elif sample.active:
-        position, speed, force = rng.integers(0, 256, size=3).tolist()
-        host.move(position, speed, force)
+        speed_mps = None if host.speed_range_mps is None else float(rng.uniform(*host.speed_range_mps))
+        host.move(float(rng.uniform(*host.width_range_m)), speed_mps, float(rng.uniform(*host.force_range_n)))

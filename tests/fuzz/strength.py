@@ -54,4 +54,6 @@ STRENGTHS: dict[str, Strength] = {
     "external": Strength(150, "a map with all the keys of a reading", None, "ZeroMQ over a local socket"),
     "xela": Strength(200, "a JSON object with a number and a sensor: some forty given characters", None, "WebSocket"),
     "robotiq_2f": Strength(39, "unit (8), one of two functions (7), length (8), CRC-16", 16, _CRC),
+    "wsg": Strength(56, "preamble (24), id, length, status, and the Weiss sum (16)", 10, _WEISS),
+    "external_gripper": Strength(80, "a map with all the keys of a report", None, "a local socket"),
 }

@@ -13,10 +13,10 @@ import pytest
 from driving import drive
 
 from slipd.devices.external_gripper import Session
-from slipd.devices.external_gripper_message import encode_setpoint
+from slipd.devices.external_gripper_message import REFUSED, encode_notice, encode_registration, encode_setpoint
 from slipd.pipeline.events import LinkSpec
 from slipd.samples import GripperSample
-from slipd.sim.emulated_external_gripper import Driver, make
+from slipd.sim.emulated_external_gripper import DRIVER, Driver, make
 from slipd.transport.local import open_local
 
 MS = 1_000_000
@@ -54,6 +54,16 @@ def test_what_comes_twice_is_done_once_and_answered_twice() -> None:
     assert len(driver.told) == 1
     driver.mute = True
     assert driver.receive(encode_setpoint(2, "stop"), MS) == []
+
+
+def test_it_survives_garbage_and_registers_again_when_it_is_told_to() -> None:
+    driver = Driver()
+    driver.advance(0)
+    for garbage in (b"\xc1", b"\x81\xa1\xff\x00", b"\x05", encode_setpoint(1, "move"), b"\x81\xa2op\x01"):
+        assert driver.receive(garbage, MS) == []
+    assert driver.receive(encode_setpoint(2, "stop"), MS) != []
+    driver.receive(encode_notice(REFUSED, "a driver registers before all else"), MS)
+    assert driver.advance(2 * MS) == [encode_registration(DRIVER)]
 
 
 @pytest.fixture

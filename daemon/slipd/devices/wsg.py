@@ -73,6 +73,8 @@ class Decoder:
         if reply.id not in wire.UPDATES or reply.status != wire.OK:
             return None
         if reply.id != wire.STATE:
+            if reply.id in self._round:  # the state between was damaged: what came before it is not mixed with this
+                self._round.clear()
             self._round[reply.id] = reply.data
             return None
         told, self._round = self._round, {}

@@ -59,7 +59,13 @@ class Driver:
         """Take what the daemon wrote; return the answers."""
         self._go_on(t_ns)
         self._unpacker.feed(data)
-        return [answer for body in self._unpacker for answer in self._obey(body)]
+        said: list[bytes] = []
+        try:
+            for body in self._unpacker:
+                said += self._obey(body)
+        except (ValueError, KeyError, TypeError, msgpack.UnpackException):  # no daemon would say this: begin anew
+            self._unpacker = msgpack.Unpacker()
+        return said
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Go on to ``t_ns`` and return the reports due until then."""
@@ -76,6 +82,7 @@ class Driver:
     def _obey(self, body: dict[str, Any]) -> list[bytes]:
         if "op" not in body:
             self.notices.append(body)
+            self._greets = self._greets or "refused" in body
             return []
         if self.mute:
             return []
