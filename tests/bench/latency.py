@@ -1,4 +1,4 @@
-"""Measures on this machine: the daemon from the last byte in to the message at a subscriber, and the friction limit.
+"""Measures on this machine: the daemon from the last byte in to what leaves it, and the friction limit.
 
 Absolute times are this machine's, and of what else it does; what carries over is the ratio to what does the same job in
 the same minutes, such as a C program. ``--report FILE`` writes the same as markdown.
@@ -20,6 +20,8 @@ import chain
 import child
 import full_load
 import processes
+import reflex
+import requests
 import zmq
 from tables import Table
 
@@ -33,7 +35,10 @@ QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
 SHORTEST_S, LONGEST_S = 0.1, 20.0
 """Less has no percentiles; the readings carry their number as a pull, which grows too large for the grip in more."""
 
-PARTS = ("chain", "load", "ratios", "first", "units", "million")
+PARTS = ("chain", "load", "requests", "reflex", "ratios", "first", "units", "million")
+
+TRIALS, QUICK_TRIALS = 30, 3
+"""Of the reflex in a round, of each kind; a third of a second each."""
 
 FULL_LOAD_TIMES = 6
 """The full load takes as many times as long as a round, to show what builds up."""
@@ -72,6 +77,10 @@ def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool)
             yield chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)
         if "load" in parts:
             yield from full_load.run(folder, seconds=FULL_LOAD_TIMES * seconds, warm_up_s=warm_up_s)
+        if "requests" in parts:
+            yield requests.run(folder, rounds=rounds, seconds=seconds)
+        if "reflex" in parts:
+            yield from reflex.run(folder, rounds=rounds, trials=QUICK_TRIALS if quick else TRIALS)
         if "ratios" in parts:
             yield from ratios.run(folder, quick=quick)
     if "first" in parts:
