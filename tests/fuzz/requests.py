@@ -154,7 +154,7 @@ class _Server(RequestServer):
 
     def __init__(self, on_request: Callable[[bytes, dict[str, Any]], None]) -> None:
         super().__init__(zmq.Context.instance(), "", on_request, per_second=1e12)
-        self._drain = cast("Drain", SimpleNamespace(sender=b"process"))
+        self._drain = cast("Drain", SimpleNamespace(told=lambda _: b"process"))
         self.sent: list[tuple[bytes, bytes]] = []
 
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
