@@ -213,6 +213,15 @@ def test_halt_clears_go_and_keeps_the_gripper_active(active: Bench) -> None:
     assert active.samples[-1].active
 
 
+def test_halt_leaves_a_force_on_its_way(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.set_force(90)
+    active.session.halt()
+    active.steps(3)
+    assert active.gripper.output == (0x0100, 200, 0x805A)
+
+
 @pytest.mark.parametrize("value", [-0.001, 0.256, float("nan"), float("inf")])
 def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(active: Bench, value: float) -> None:
     with pytest.raises(ValueError, match=r"a width of .*: 0 to 0\.255 m can"):

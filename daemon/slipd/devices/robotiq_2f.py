@@ -207,9 +207,12 @@ class Session:
         return self._units.newtons(force)
 
     def halt(self) -> bool:
-        """Ask the fingers to stop where they are, by clearing "go to position"; see `move`."""
+        """Ask the fingers to stop where they are, by clearing "go to position"; a force not yet sent still is."""
         if self._active:
-            self._pending = [self._halt]
+            unsent = any(request is not self._halt for request in self._pending)
+            _, speed, force = self._goal
+            kept = [self._write((speed << 8 | force,), FORCE_ADDRESS)] if unsent else []
+            self._pending = [self._halt, *kept]
         return self._active
 
     def acknowledge(self) -> None:

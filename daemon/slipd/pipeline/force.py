@@ -129,9 +129,8 @@ class ForceSide:
             if fault in UNTRUSTED_FAULTS:
                 untrusted[at] = (*untrusted.get(at, ()), fault)
         self.fault = self._watch.fault
-        finite = np.isfinite(rows)
-        if not finite.all():
-            for at in np.flatnonzero(~finite.all(axis=1)).tolist():
+        if not self._watch.lively:
+            for at in np.flatnonzero(~np.isfinite(rows).all(axis=1)).tolist():
                 untrusted.setdefault(at, ("not_finite",))
         return untrusted
 
