@@ -132,3 +132,13 @@ def test_an_error_tells_code_place_and_reason() -> None:
     error = MessageError("bad_type", "a number is expected", "force_n")
     assert str(error) == "bad_type: force_n: a number is expected"
     assert str(MessageError("malformed", "no map")) == "malformed: no map"
+
+
+@pytest.mark.parametrize("leaf", [b"\x01", b"\x90", b"\x80", b"\xa0", b"\x81\xa0\x01"])
+def test_a_bush_of_short_lists_is_not_read_to_its_end(leaf: bytes) -> None:
+    """Of entries that are few in each list and many in all: some 7 ms of a daemon's loop otherwise."""
+    twig = b"\xdc\x00\x14" + leaf * 20
+    bush = b"\x81\xa1a\xdc\x00\x28" + (b"\x95" + twig * 5) * 40
+    assert len(bush) <= REQUEST_LIMITS.data_bytes
+    with pytest.raises(MessageError, match="more than 256 entries"):
+        decode(bush)

@@ -83,7 +83,7 @@ def test_every_field_of_a_request_has_a_range_or_a_meaning() -> None:
     assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {name for op in OPS.values() for name in op}
 
 
-@pytest.mark.parametrize("field", ["data_bytes", "text_bytes", "items"])
+@pytest.mark.parametrize("field", ["data_bytes", "text_bytes", "items", "values"])
 def test_its_limits_are_those_of_the_decoder(field: str) -> None:
     request, message = f"{getattr(REQUEST_LIMITS, field):,}", f"{getattr(MESSAGE_LIMITS, field):,}"
     assert re.search(rf"^\| .* \| {request}\b.* \| {message} \|$", TEXT, re.MULTILINE)

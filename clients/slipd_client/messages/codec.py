@@ -26,17 +26,20 @@ class Limits:
         data_bytes: Of the whole message.
         text_bytes: Of one string or byte string.
         items: Entries of one list or map.
+        values: Entries of all of them together.
     """
 
     data_bytes: int
     text_bytes: int
     items: int
+    values: int
 
 
-REQUEST_LIMITS = Limits(data_bytes=16 * 1024, text_bytes=1024, items=64)
-"""A request has under ten short fields; 64 entries a list keep a nest of list headers below 0.2 ms."""
+REQUEST_LIMITS = Limits(data_bytes=16 * 1024, text_bytes=1024, items=64, values=256)
+"""A request has under ten short fields; 64 entries a list keep a nest of list headers below 0.2 ms, and 256 in all a
+bush of short lists, which would take 7 ms."""
 
-MESSAGE_LIMITS = Limits(data_bytes=256 * 1024, text_bytes=4096, items=4096)
+MESSAGE_LIMITS = Limits(data_bytes=256 * 1024, text_bytes=4096, items=4096, values=16_384)
 """A pad image of 64 by 64 taxels, or a status of a few dozen streams."""
 
 
@@ -80,10 +83,12 @@ def decode(data: bytes, limits: Limits = REQUEST_LIMITS) -> dict[str, Any]:
     """
     if len(data) > limits.data_bytes:
         raise MessageError("malformed", f"{len(data)} bytes; at most {limits.data_bytes} are read")
+    count = _Count(limits.values)
     try:
         body = msgpack.unpackb(
             data,
-            object_pairs_hook=_unique,
+            list_hook=count.on_list,
+            object_pairs_hook=count.on_map,
             max_str_len=limits.text_bytes,
             max_bin_len=limits.text_bytes,
             max_array_len=limits.items,
@@ -99,11 +104,27 @@ def decode(data: bytes, limits: Limits = REQUEST_LIMITS) -> dict[str, Any]:
     return body
 
 
-def _unique(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
-    body = dict(pairs)
-    if len(body) != len(pairs):
-        raise MessageError("malformed", "a key stands twice in one map")
-    return body
+class _Count:
+    """Judges each list and map as soon as it is read, so that what holds too many is not read to its end."""
+
+    def __init__(self, most: int) -> None:
+        self._most = self._left = most
+
+    def on_list(self, items: list[Any]) -> list[Any]:
+        self._take(len(items))
+        return items
+
+    def on_map(self, pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+        self._take(len(pairs))
+        body = dict(pairs)
+        if len(body) != len(pairs):
+            raise MessageError("malformed", "a key stands twice in one map")
+        return body
+
+    def _take(self, entries: int) -> None:
+        self._left -= entries + 1
+        if self._left < 0:
+            raise MessageError("malformed", f"more than {self._most} entries in all lists and maps together")
 
 
 def _check(value: Any, field: str, depth: int) -> None:
