@@ -6,7 +6,15 @@ import numpy as np
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Wrench
-from slipd.fusion import contact_shape, grip_needed_n, matched_loads, tipping_margin, torque_limit, utilisation
+from slipd.fusion import (
+    contact_of,
+    contact_shape,
+    grip_needed_n,
+    matched_loads,
+    tipping_margin,
+    torque_limit,
+    utilisation,
+)
 from slipd.pipeline.finger import Finger
 from slipd.samples import TactileSample, WrenchSample
 
@@ -20,6 +28,7 @@ def warm_up() -> None:
     utilisation(x, y, loads, 0.5, force, 0.001, centre)
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
     tipping_margin(x, y, centre)
+    contact_of((0.1, 0.0, -1.0, 0.0, 0.0, 0.001), 0.5)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     _hold()
 
