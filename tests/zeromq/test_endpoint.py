@@ -149,3 +149,27 @@ def test_a_file_in_the_way_is_not_deleted(context: Context, tmp_path: Path) -> N
 def test_a_missing_directory_is_a_clear_error(context: Context, tmp_path: Path) -> None:
     with pytest.raises(LinkError, match="No such file or directory"):
         open_server(context, zmq.ROUTER, f"ipc://{tmp_path}/nowhere/s", {})
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o707])
+def test_a_directory_that_others_may_change_is_refused(mode: int, context: Context, tmp_path: Path) -> None:
+    (tmp_path / "loose").mkdir()
+    (tmp_path / "loose").chmod(mode)
+    with pytest.raises(LinkError, match=f"mode {mode:04o}"):
+        open_server(context, zmq.ROUTER, f"ipc://{tmp_path}/loose/s", {})
+
+
+@pytest.mark.parametrize("mode", [0o755, 0o1777])
+def test_a_directory_in_which_everybody_keeps_to_his_own_is_good(mode: int, context: Context, tmp_path: Path) -> None:
+    (tmp_path / "shared").mkdir()
+    (tmp_path / "shared").chmod(mode)
+    server, _ = open_server(context, zmq.ROUTER, f"ipc://{tmp_path}/shared/s", {})
+    server.close()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+def test_a_directory_of_another_user_is_refused(context: Context, tmp_path: Path) -> None:
+    (tmp_path / "theirs").mkdir()
+    os.chown(tmp_path / "theirs", 12345, -1)
+    with pytest.raises(LinkError, match="belongs to user 12345"):
+        open_server(context, zmq.ROUTER, f"ipc://{tmp_path}/theirs/s", {})
