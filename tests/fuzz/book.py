@@ -231,7 +231,7 @@ class Book:
                 and any(normal_n > PRESSES_N for _, normal_n, _ in self._felt.values())
             ):
                 self._blame(t_ns, "opened in contact without drop")
-            self._goal, self.force_n = op, None
+            self._goal, self.force_n = op, result.get("applied_n")
             self._let_go()
             return
         self._goal = op if op == "gripper.close" else self._goal
