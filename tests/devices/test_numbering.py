@@ -115,6 +115,45 @@ def test_D3_the_longest_gap_is_told_from_a_restart() -> None:
     assert counted(watch(256, 200, 200 + 129 - 256)[1]) == (0, 0, 1)
 
 
+@given(
+    st.sampled_from([128, 256]), st.integers(0, 255), st.lists(st.integers(-3, 3), max_size=3), st.integers(-2, 2),
+    st.integers(1, 12), st.lists(st.integers(-40, 40), max_size=4), st.booleans(),
+)  # fmt: skip
+def test_numbers_that_go_on_are_taken_together_as_they_are_one_by_one(
+    span: int, begin: int, before: list[int], gap: int, count: int, after: list[int], in_order: bool
+) -> None:
+    health, plain = DecoderHealth(), DecoderHealth()
+    together, singly = (Numbering(span, told, in_order=in_order) for told in (health, plain))
+    number = begin % span
+    for step in [0, *before]:
+        number = (number + step) % span
+        assert together.take(number) == singly.take(number)
+    first = (begin + sum(before) + 1) % span + gap
+    if together.go_on(first, count):
+        assert first + count <= span
+        assert all(singly.take(number) for number in range(first, first + count))
+    for number in after:
+        assert together.take((first + number) % span) == singly.take((first + number) % span)
+    assert health == plain
+
+
+def test_nothing_goes_on_from_nothing_nor_over_the_wrap() -> None:
+    numbering = Numbering(256, DecoderHealth())
+    assert not numbering.go_on(0, 1)
+    assert numbering.take(250)
+    assert not numbering.go_on(251, 6), "the last would be 0"
+    assert not numbering.go_on(252, 1)
+    assert numbering.go_on(251, 5)
+    assert numbering.take(0)
+
+
+def test_an_old_number_is_forgotten_with_those_that_go_on() -> None:
+    numbering = Numbering(256, DecoderHealth(), in_order=True)
+    assert [numbering.take(number) for number in (5, 3)] == [True, False]
+    assert numbering.go_on(6, 2)
+    assert not numbering.take(4)
+
+
 def test_after_forgetting_any_number_is_the_next() -> None:
     health = DecoderHealth()
     numbering = Numbering(256, health)

@@ -277,6 +277,7 @@ def told(sent: list[bytes | None], size: int) -> tuple[list[list[object]], Decod
         for at in range(0, len(datagram), size):
             heads, counts = records.receive(datagram[at : at + size])
             found[-1] += zip(heads, counts.tolist(), strict=True)
+            assert records._in_step or records._frames.begun, "out of step, a whole datagram is no usual one"
     return found, health
 
 

@@ -91,7 +91,9 @@ class Records:
 
     def _go_on(self, data: bytes) -> tuple[list[Head], Array] | None:
         """Take the usual datagram as a whole: records that go on from the newest; None, and nothing is taken, else."""
-        if len(data) % RECORD_LENGTH or len(data) == RECORD_LENGTH or not self._in_step or self._frames.begun:
+        if (
+            len(data) % RECORD_LENGTH or len(data) == RECORD_LENGTH or self._frames.begun
+        ):  # begun while out of step, too
             return None
         if self._handed_on is None:
             return None
