@@ -149,7 +149,8 @@ def converse(line: socket.socket, force_n: float) -> None:
     go_on(lambda: session.state == "active")
     assert session.identity == "S/N 4711"
     assert session.move(0.02, 0.4, force_n) == force_n
-    go_on(lambda: session._commands.due_ns is None and session._sample is not None and session._sample.width_m == pytest.approx(0.02))
+    there = pytest.approx(0.02)
+    go_on(lambda: session._commands.due_ns is None and session._sample is not None and session._sample.width_m == there)
     go_on(lambda: session._sample is not None and session._sample.echo_ok is True)
     assert (session.command_lost, session.health.bad, session.health.lost) == (False, 0, 0)
     line.sendall(session.stop())

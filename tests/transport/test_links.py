@@ -19,7 +19,7 @@ PORT = LinkSpec("left.wrench", "serial", "/nowhere/at/all", 115200)
 
 async def test_an_unknown_transport_is_refused_before_anything_opens() -> None:
     async with asyncio.TaskGroup() as tasks:
-        with pytest.raises(ValueError, match="'carrier pigeon'; there are serial, tcp, udp, websocket, external and local"):
+        with pytest.raises(ValueError, match="'carrier pigeon'; there are serial, tcp, udp"):
             Links(tasks, [PORT, LinkSpec("right.wrench", "carrier pigeon", "roof")], print)
 
 

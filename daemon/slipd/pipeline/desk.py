@@ -100,7 +100,7 @@ class Desk:
         if finger.pressed() is True:
             return Refusal("in_contact", f"finger {finger.name} is in contact: a tare would erase its load", "finger")
         verified = finger.pressed() is False
-        finger.begin_tare(t_ns, seconds, request.client.hex())
+        finger.begin_tare(t_ns, seconds, _named(request.client))
         in_force = finger.tare.current.id
         return {"finger": finger.name, "seconds": seconds, "verified": verified, "tare_id": in_force}
 
@@ -169,3 +169,8 @@ def _reply(request: Request, found: Result, t_ns: int) -> Reply:
         error = {"code": found.code, "message": found.message, "field": found.field}
         return Reply(request.client, head | {"ok": False, "error": error})
     return Reply(request.client, head | {"ok": True, "result": found})
+
+
+def _named(client: bytes) -> str:
+    """Who a client is, for people: its key, or its process as the kernel names it; not the route that it chose."""
+    return client.partition(b"\0")[0].decode(errors="replace")
