@@ -16,6 +16,9 @@ from fuzz.hand import Said, Told, newtons
 MS = 1_000_000
 LEAST_N, MOST_N = 4.0, 22.0
 STEP_N, RAISE_N_PER_S, LOWER_N_PER_S, BUDGET_N = 2.0, 10.0, 2.0, 8.0
+CEILING_N, REFLEX_N_PER_S, REFLEX_STEP_N = 18.0, 50.0, 1.0
+"""Of the reflex: the most it asks for, how fast it raises, and what it may add at once (20 ms of that)."""
+
 LONGEST_LEASE_MS = 200
 LONGEST_DEADLINE_NS = 500 * MS
 FRESH_NS = 50 * MS
@@ -63,12 +66,13 @@ class Allowance:
     """How much a force may still change: so much at once, and so much more with time."""
 
     rate_n_per_s: float
-    left_n: float = STEP_N
+    most_n: float = STEP_N
+    left_n: float = math.inf
     at_ns: int = 0
 
     def take(self, change_n: float, t_ns: int) -> bool:
         """Whether a change is within it; one that is, is taken from it."""
-        self.left_n = min(STEP_N, self.left_n + self.rate_n_per_s * (t_ns - self.at_ns) * 1e-9)
+        self.left_n = min(self.most_n, self.left_n + self.rate_n_per_s * (t_ns - self.at_ns) * 1e-9)
         self.at_ns = t_ns
         self.left_n -= change_n
         return self.left_n >= -EPS_N
@@ -82,12 +86,14 @@ class Book:
         violations: What was done beyond it, in words.
         granted: Op → requests that were granted.
         commands: Frames that told the gripper something.
+        acts: Of the reflex.
         holder: Who holds the lease, as far as was granted.
     """
 
     violations: list[str] = field(default_factory=list)
     granted: dict[str, int] = field(default_factory=dict)
     commands: int = 0
+    acts: int = 0
     holder: bytes | None = None
     said: Said | None = None
     held: bool = False
@@ -104,6 +110,9 @@ class Book:
     _floor: int = 0
     _activations: int = 0
     _raised_n: float = 0.0
+    _fault_seen: int = 0
+    _asked_n: float = 0.0
+    _reflex: Allowance = field(default_factory=lambda: Allowance(REFLEX_N_PER_S, REFLEX_STEP_N))
     _up: Allowance = field(default_factory=lambda: Allowance(RAISE_N_PER_S))
     _down: Allowance = field(default_factory=lambda: Allowance(LOWER_N_PER_S))
     _felt: dict[str, tuple[int, float, bool]] = field(default_factory=dict)
@@ -123,6 +132,7 @@ class Book:
         """The daemon starts anew: it knows of nothing, but what it commands must still be asked for."""
         self.end_lease()
         self.said, self.fault, self._slept = None, False, False
+        self._fault_seen = 0
         self._felt.clear()
         self._zeros_known = True  # until a finger is tared of which nobody knows what presses on it
         self._let_go()
@@ -162,8 +172,8 @@ class Book:
         if t_ns - self._heard_ns > SILENCE_NS:
             self._let_go()
         self._heard_ns = t_ns
-        began = said.active and said.fault != 0 and (self.said is None or self.said.fault == 0)
-        self.said, self.fault = said, self.fault or began
+        began = said.active and said.fault not in (0, self._fault_seen)
+        self.said, self.fault, self._fault_seen = said, self.fault or began, said.fault
         if not said.active or (self.held and not said.holds):
             self._let_go()
         elif said.holds and not self.held and self.grip_n is not None:
@@ -251,18 +261,46 @@ class Book:
                 self._look_for_blindness(op, change_n, t_ns)
             if self.held:
                 self._change(op, change_n, t_ns)
+        self.force_n = self.grip_n = self._asked_n = applied_n
+
+    def react(self, act: dict[str, Any], applied_n: Any, t_ns: int) -> None:
+        """The reflex told that it acted."""
+        self.acts += 1
+        before_n, asked_n = self.grip_n, act["force_n"]
+        if self.said is None or not self.said.active or self.said.fault or self.fault:
+            self._blame(t_ns, f"the reflex acts on a gripper that is not ready: {self.said}, fault {self.fault}")
+            return
+        if (
+            not isinstance(applied_n, float)
+            or not LEAST_N - GRAIN_N <= applied_n <= asked_n + EPS_N <= CEILING_N + 2 * EPS_N
+        ):
+            self._blame(t_ns, f"the reflex asks for {asked_n} N, {applied_n} N applied")
+            return
+        change_n = 0.0 if before_n is None else applied_n - before_n
+        if change_n > EPS_N:
+            self._look_for_blindness("the reflex", change_n, t_ns)
+            if not self._reflex.take(change_n, t_ns):
+                self._blame(t_ns, f"the reflex raised by {change_n:.3f} N, faster than {REFLEX_N_PER_S:g} N/s")
+            self._spend("the reflex", change_n, t_ns)
+        elif change_n < 0.0 and applied_n < self._asked_n - GRAIN_N:
+            self._blame(t_ns, f"the reflex lowered to {applied_n:.3f} N, below the {self._asked_n:.3f} N asked for")
         self.force_n = self.grip_n = applied_n
+
+    def _spend(self, who: str, change_n: float, t_ns: int) -> None:
+        """What all raises of one grasp add up to is bounded."""
+        if self.held:
+            self._raised_n += change_n
+            if self._raised_n > BUDGET_N + EPS_N:
+                self._blame(t_ns, f"{who} raised one grasp by {self._raised_n:.3f} N in all")
 
     def _change(self, op: str, change_n: float, t_ns: int) -> None:
         """The force on a held object changes."""
         if abs(change_n) > STEP_N + (GRAIN_N if change_n < 0.0 else EPS_N):
             self._blame(t_ns, f"{op} changed the grip by {change_n:.3f} N in one step")
         if change_n > 0.0:
-            self._raised_n += change_n
             if not self._up.take(change_n, t_ns):
                 self._blame(t_ns, f"{op} raised faster than {RAISE_N_PER_S:g} N/s")
-            if self._raised_n > BUDGET_N + EPS_N:
-                self._blame(t_ns, f"{op} raised one grasp by {self._raised_n:.3f} N in all")
+            self._spend(op, change_n, t_ns)
         elif change_n < -GRAIN_N and not self._down.take(-change_n - GRAIN_N, t_ns):
             self._blame(t_ns, f"{op} lowered faster than {LOWER_N_PER_S:g} N/s")
 

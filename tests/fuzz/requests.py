@@ -22,7 +22,7 @@ import numpy as np
 import zmq
 from bench.tables import Cell, Table
 from fuzz.asking import CLIENTS, FINGERS, MOST_CAPTURED, Ask, Asker, Captured, Seen
-from fuzz.book import BUDGET_N, LEAST_N, LOWER_N_PER_S, MOST_N, RAISE_N_PER_S, STEP_N, Book
+from fuzz.book import BUDGET_N, CEILING_N, LEAST_N, LOWER_N_PER_S, MOST_N, RAISE_N_PER_S, REFLEX_N_PER_S, STEP_N, Book
 from fuzz.hand import FAULTS, FORCE_TABLE, OPEN_M, Hand, Said
 from numpy.typing import NDArray
 
@@ -30,7 +30,7 @@ from slipd import config
 from slipd.bus.requests import RequestServer
 from slipd.devices import bota
 from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Reply, Request, Tick, Write
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick, Write
 from slipd.zeromq.draining import Drain
 from slipd_client.messages import ERROR_CODES, MESSAGE_LIMITS, MessageError, decode, encode
 
@@ -94,6 +94,25 @@ lower_n_per_s = {LOWER_N_PER_S}
 budget_n = {BUDGET_N}
 """
 
+REFLEX = f"""
+[grasp.pads.left]
+positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {OPEN_M / 2}, 0.0]]
+quat_xyzw = [0.5, -0.5, 0.5, 0.5]
+[grasp.pads.right]
+positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {-OPEN_M / 2}, 0.0]]
+quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+[reflex]
+enabled = true
+ceiling_n = {CEILING_N}
+raise_n_per_s = {REFLEX_N_PER_S}
+calm_s = 0.1
+lower_n_per_s = 1.0
+"""
+"""Of every second round: the object slips now and then, and the reflex acts on it."""
+
+MOST_PULL = 0.6
+"""Of the grip; friction carries 0.5 of it."""
+
 
 @dataclass
 class Found:
@@ -106,6 +125,7 @@ class Found:
         cached: Those answered as the first time, with nothing done.
         late: Those granted that had been refused without being judged.
         commands: Frames that told the gripper something.
+        acts: Of the reflex.
         violations: What was done beyond what is allowed, in words.
         accepted_replays: Captured requests that were done again, in words.
         took_ns: CPU time of each message, ns.
@@ -120,6 +140,7 @@ class Found:
     cached: int = 0
     late: int = 0
     commands: int = 0
+    acts: int = 0
     violations: list[str] = field(default_factory=list)
     accepted_replays: list[str] = field(default_factory=list)
     took_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -140,6 +161,7 @@ class Found:
         self.cached += other.cached
         self.late += other.late
         self.commands += other.commands
+        self.acts += other.acts
         self.violations += other.violations
         self.accepted_replays += other.accepted_replays
         self.took_ns = np.concatenate((self.took_ns, other.took_ns))
@@ -175,7 +197,7 @@ class _Run:
         self.book, self.seen, self.hand = Book(), Seen(), Hand(self.rng)
         self._asker = Asker(self.rng, self.seen)
         self._seed = seed
-        self._settings = config.parse(CONFIG, "fuzz.toml")
+        self._settings = config.parse(CONFIG + (REFLEX if seed % 2 else ""), "fuzz.toml")
         self._server = _Server(self.ask)
         self.now_ns = BEGIN_NS
         self._runs = 0
@@ -183,6 +205,7 @@ class _Run:
         self._answers: list[tuple[int, bytes, Said | None]] = []
         self._writes: list[bytes] = []
         self._state = dict.fromkeys(FINGERS, "good")
+        self._pull = dict.fromkeys(FINGERS, 0.0)
         self._up: set[str] = set()
         self.took_ns: list[int] = []
         self.kinds: list[str] = []
@@ -325,7 +348,9 @@ class _Run:
             return
         self.hand.advance(self.now_ns)
         normal_n = self.hand.grip_n + rng.gauss(0.0, 0.02)
-        force = (rng.gauss(0.0, 0.02), rng.gauss(0.0, 0.02), -normal_n)
+        if rng.random() < 0.06:
+            self._pull[finger] = rng.uniform(0.0, MOST_PULL)
+        force = (rng.gauss(0.0, 0.02), self._pull[finger] * normal_n + rng.gauss(0.0, 0.02), -normal_n)
         status = OVERLOAD if state == "overload" else 0
         frame = bota.encode_frame(force, (0.0, 0.0, rng.gauss(0.0, 1e-4)), self.now_ns // 1000, status=status)
         self.book.feel(finger, self.now_ns, normal_n, good=not status)
@@ -391,6 +416,8 @@ class _Run:
                 self._server.reply(output.client, output.body)
             elif isinstance(output, Write) and output.link == "gripper":
                 self._writes.append(output.data)
+            elif isinstance(output, Publish) and output.body.get("reflex"):
+                self.book.react(output.body["reflex"], output.body["force_command_n"], self.now_ns)
 
     def _deliver(self) -> None:
         """What was written reaches the gripper, which answers a little later."""
@@ -438,7 +465,7 @@ def fuzz(seed: int, count: int = ROUND) -> Found:
     if run.hand.bad_frames:
         found.faults.append(f"seed {seed}: the gripper got {run.hand.bad_frames} frames that are none")
     found.granted = Counter(run.book.granted)
-    found.commands = run.book.commands
+    found.commands, found.acts = run.book.commands, run.book.acts
     del run
     gc.collect()
     found.memory_kb = {os.getpid(): (_memory_kb(),) * 2}
@@ -454,7 +481,8 @@ def tables(found: Found, wanted: int) -> list[Table]:
         f"Of {len(CLIENTS)} clients with clocks of their own, while sensors fall silent, saturate or are unplugged, "
         "the gripper faults, lies, goes deaf or loses its power, the host sleeps, and the daemon starts anew.",
         f"Granted: {ops}.",
-        f"{found.commands} frames told the gripper something, each decoded by its own reading of the manual.",
+        f"{found.commands} frames told the gripper something, each decoded by its own reading of the manual; the "
+        f"reflex, on in every second round, acted {found.acts} times.",
     ]
     head = ("requests", "found", "wanted", "reached")
     figures = Table("Requests: what must hold", head)
