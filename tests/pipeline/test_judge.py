@@ -155,6 +155,29 @@ def odd_one(sample: WrenchSample, odd: str, before: Sequence[WrenchSample]) -> W
     return sample
 
 
+def test_a_late_reading_ends_a_disagreement_with_its_contact(hands: dict[bool, Finger], wrench: Wrench) -> None:
+    samples = [wrench(T0 + 25 * MS, 8.0, (0.5, 0.0), 0.0, (0.006, 0.0)) for _ in range(3)]
+    (judged,) = hands[False].take_wrenches(samples, [T0 + MS, T0 + 24 * MS, T0 + 25 * MS])
+    assert [state.verdict.reasons for state in judged] == [
+        ("stale",),
+        ("rotation_unobserved",),
+        ("rotation_unobserved",),
+    ]
+
+
+def test_a_reading_that_says_nothing_ends_neither_hysteresis_nor_slip(
+    finger: Finger, wrench: Wrench, image: Image
+) -> None:
+    told = []
+    finger.take_tactile(image(T0))
+    for k, (pull_n, word) in enumerate(
+        ((4.3, ""), (4.1, "overload"), (4.1, ""), (3.0, ""), (3.0, "overload"), (3.0, ""))
+    ):
+        state = finger.take_wrench(wrench(T0 + k * MS, 10.0, (pull_n, 0.0), status=(word,) if word else ()))
+        told.append(state.verdict.level)
+    assert told == ["warning", "unknown", "warning", "slipping", "unknown", "slipping"]
+
+
 def levels(finger: Finger, wrench: Wrench, image: Image, pulls: Iterable[float]) -> list[str]:
     """Levels of readings 10 ms apart, pressed with 10 N and pulled."""
     told = []

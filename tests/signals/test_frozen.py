@@ -241,7 +241,8 @@ def rows_of(kinds: list[str], rng: np.random.Generator, last: Array) -> Array:
     """Readings of a sensor with range 100 N that follow ``last``."""
     rows = []
     for kind in kinds:
-        row = np.concatenate((5.0 + 0.01 * rng.normal(size=3), 0.001 * rng.normal(size=3)))
+        stays = np.abs(last[:3]).max() < 100.0  # false for what is no number
+        row = np.concatenate(((last[:3] if stays else 5.0) + 0.01 * rng.normal(size=3), 0.001 * rng.normal(size=3)))
         if kind == "again":
             row = last
         elif kind != "well":
