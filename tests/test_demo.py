@@ -62,7 +62,7 @@ def test_the_slip_is_told_when_it_happens(demo: tuple[str, Path]) -> None:
 def test_the_summary_counts(demo: tuple[str, Path]) -> None:
     for pattern in (
         r"^readings: \d{5}",
-        r"^messages: \d{4,} \(\d+ gripper, \d+ slip",
+        r"^messages: \d{4,} \(\d+ grasp, \d+ gripper, \d+ slip",
         r"^warnings: [1-9]\d* ",
         r"^gaps: 0$",
         r"^median latency: \d+\.\d\d ms",

@@ -1,4 +1,4 @@
-"""One rig with every device on every kind of line it has, and the config that reads them all.
+"""Rigs with every device on every kind of line it has, and the configs that read them all.
 
 What a config must say of a device (names of its sensors, taxels) is asked of its emulator in a rehearsal.
 """
@@ -25,8 +25,13 @@ HOST = "127.0.0.4"
 REHEARSAL_S = 3.0
 MS = 1_000_000
 
-LINES = [(name, transport) for name, device in DEVICES.items() for transport in device.transports]
-"""Every device on every kind of line."""
+_LINES = [(name, transport) for name, device in DEVICES.items() for transport in device.transports]
+_GRIPPERS = [line for line in _LINES if DEVICES[line[0]].kind == "gripper"]
+RIGS = [
+    [*(line for line in _LINES if line not in _GRIPPERS), _GRIPPERS[0]],
+    *([("bota", "serial"), gripper] for gripper in _GRIPPERS[1:]),
+]
+"""Every device on every kind of line; a rig has one gripper."""
 
 COMMON = """
 [rates]
@@ -60,15 +65,16 @@ class Place:
     table: str
 
 
-def make_rig(folder: Path) -> list[Place]:
+def make_rig(folder: Path, lines: list[tuple[str, str]]) -> list[Place]:
     """Places every device: force sensors on fingers of their own, each pad in front of one of them.
 
     Args:
         folder: For pseudo-terminals and local sockets.
+        lines: Device and kind of line of each.
     """
     places: list[Place] = []
     fingers = {"wrench": 0, "pad": 0}
-    for name, transport in LINES:
+    for name, transport in lines:
         address = _address(folder, name, transport)
         emulator = make_device(name, address)
         sample = _rehearse(DEVICES[name], emulator, transport)
@@ -100,6 +106,8 @@ def _address(folder: Path, device: str, transport: str) -> str:
         return str(folder / device)
     if transport == "external":
         return f"ipc://{folder}/{device}.socket"
+    if transport == "local":
+        return f"unix://{folder}/{device}.socket"
     kind = socket.SOCK_DGRAM if transport == "udp" else socket.SOCK_STREAM
     with socket.socket(socket.AF_INET, kind) as free:
         free.bind((HOST, 0))
@@ -150,7 +158,7 @@ def _table(stream: str, name: str, address: str, emulator: Emulator, sample: Sam
     if options:
         keys["options"] = options
     lines = [f"{key} = {_toml(value)}" for key, value in keys.items()]
-    return "\n".join([header, *lines]) + (GRIPPER_TABLES if stream == "gripper" else "\n")
+    return "\n".join([header, *lines]) + (GRIPPER_TABLES if DEVICES[name].tabled else "\n")
 
 
 def _toml(value: Any) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from bed.rig import LINES, Place, config_text, make_rig, plan_text
+from bed.rig import RIGS, Place, config_text, make_rig, plan_text
 
 from slipd_client.errors import NoAnswer, RequestRefused
 from slipd_client.requester import Requester
@@ -69,9 +69,10 @@ class Bed:
 
 
 @pytest.fixture(scope="module")
-def bed(tmp_path_factory: pytest.TempPathFactory) -> Bed:
+def bed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bed:
+    """The rig of a number."""
     folder = tmp_path_factory.mktemp("bed")
-    return Bed(folder, make_rig(folder))
+    return Bed(folder, make_rig(folder, RIGS[request.param]))
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +110,12 @@ def streams(processes: tuple[Requester, ExitStack]) -> Streams:
     return good | bad
 
 
-@pytest.mark.parametrize(("device", "transport"), LINES)
+@pytest.mark.parametrize(
+    ("bed", "device", "transport"),
+    [(number, *line) for number, lines in enumerate(RIGS) for line in lines],
+    indirect=["bed"],
+    scope="module",
+)
 def test_a_device_is_read_in_health(bed: Bed, streams: Streams, device: str, transport: str) -> None:
     (place,) = (place for place in bed.places if (place.device, place.transport) == (device, transport))
     stream = streams[place.stream]
@@ -117,6 +123,7 @@ def test_a_device_is_read_in_health(bed: Bed, streams: Streams, device: str, tra
     assert stream["address"] == place.address
 
 
+@pytest.mark.parametrize("bed", range(len(RIGS)), indirect=True, scope="module")
 def test_L5_L6_all_devices_go_away_and_come_back(
     bed: Bed, streams: Streams, processes: tuple[Requester, ExitStack]
 ) -> None:
