@@ -193,6 +193,11 @@ def test_F1_a_blow_is_not_garbage() -> None:
     assert set(said) == {""}
 
 
+def test_F1_blows_that_follow_each_other_with_readings_between_are_not_garbage() -> None:
+    stream = Stream()
+    assert {said for _ in range(10) for said in stream.send(10, at=90.0) + stream.send(10, at=2.0)} == {""}
+
+
 def test_F1_a_stream_that_fails_again_and_again_is_intermittent_until_it_has_been_well_for_long() -> None:
     stream = Stream()
     for _ in range(2):
