@@ -195,9 +195,8 @@ def test_F1_a_blow_is_not_garbage() -> None:
 
 def test_F1_blows_that_follow_each_other_with_readings_between_are_not_garbage() -> None:
     stream = Stream()
-    for level_n in (90.0, 2.0, 90.0, 2.0):
-        assert set(stream.send(10, at=level_n)) == {""}
-        assert stream.watch.lively, "nothing of the blow is left"
+    assert {stream.give(force_n, 0.0, 0.0) for force_n in (90.0, 90.5, 2.0, 2.5, 90.0, 90.5)} == {""}
+    assert stream.watch.lively, "nothing of the blows is left"
 
 
 def test_F1_a_stream_that_fails_again_and_again_is_intermittent_until_it_has_been_well_for_long() -> None:
