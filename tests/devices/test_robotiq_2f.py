@@ -222,6 +222,15 @@ def test_halt_leaves_a_force_on_its_way(active: Bench) -> None:
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
 
+def test_halt_takes_back_a_move_that_never_began_with_its_force(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.move(0, 255, 0)
+    active.session.halt()
+    active.steps(2)
+    assert active.gripper.output == (0x0100, 200, 0x803C)
+
+
 @pytest.mark.parametrize("value", [-0.001, 0.256, float("nan"), float("inf")])
 def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(active: Bench, value: float) -> None:
     with pytest.raises(ValueError, match=r"a width of .*: 0 to 0\.255 m can"):

@@ -54,6 +54,9 @@ class Recorded:
     def stop(self) -> bytes:
         return b""
 
+    def applied_n(self, force_n: float) -> float:
+        return math.floor(2.0 * force_n) / 2.0
+
     def activate(self, now_ns: int) -> None:
         self.commands.append(("activate",))
 
@@ -157,6 +160,26 @@ def test_g3_a_force_is_within_the_config_and_within_the_gripper(control: Gripper
     session.force_range_n = (0.0, math.inf)
     assert control.check_force(25.0) is None, "what is not told is not a limit"
     assert refused(control.check_force(25.1)) == ("out_of_range", "force_n")
+
+
+def test_a_force_whose_setting_would_fall_below_the_least_is_refused(
+    control: GripperControl, left: str, gripper: str, parse: Parse, session: Recorded
+) -> None:
+    config = parse(left + gripper + "min_force_n = 3.2\n").gripper
+    assert config is not None
+    limited = GripperControl(config, session)
+    assert refused(limited.check_force(3.3)) == ("out_of_range", "force_n"), "it would be told 3 N"
+    assert limited.check_force(3.5) is None
+
+
+def test_the_reflex_sets_a_force_where_the_gripper_takes_it(control: GripperControl, session: Recorded) -> None:
+    assert isinstance(control.close(5.0, None, None, T0), dict)
+    assert control.react(6.7, T0)
+    assert (control.force_command_n, control.policy.asked_n) == (6.5, 5.0)
+    assert not control.react(26.0, T0), "beyond the limit"
+    session.takes = False
+    assert not control.react(7.0, T0)
+    assert control.force_command_n == 6.5
 
 
 def test_a_gripper_that_has_not_told_its_widths_is_opened_only_to_a_given_one(

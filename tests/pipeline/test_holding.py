@@ -110,6 +110,24 @@ def test_a_session_that_takes_no_command_is_no_act(hold: Callable[..., Any], mon
     assert acts(run) == []
 
 
+def test_A7_an_old_reading_of_the_other_finger_raises_nothing(hold: Callable[..., Any]) -> None:
+    run = hold(GRASP + REFLEX)
+    run.wait(60)  # the loop was held up: nothing told yet that the other finger fell silent
+    run.image()
+    run.wrench(5.0, NEAR)
+    assert run.level("right")[0] == "stable"
+    assert acts(run) == []
+
+
+def test_a_command_behind_a_poll_leaves_with_whatever_comes_next(hold: Callable[..., Any]) -> None:
+    run = hold(GRASP + REFLEX)
+    out = feel(run, *NEAR)
+    while not [output for output in out if isinstance(output, Write) and output.link == "gripper"]:
+        run.serve_gripper(5)
+        out = feel(run, *NEAR)
+    assert acts(run)
+
+
 def test_a_finger_that_nobody_believes_raises_nothing(hold: Callable[..., Any]) -> None:
     run = hold(GRASP + REFLEX)
     run.wait(60)

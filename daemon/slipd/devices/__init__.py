@@ -98,6 +98,10 @@ class GripperSession(Session, Protocol):
         """Least and largest force; (0, inf) while the gripper has not told."""
         ...
 
+    def applied_n(self, force_n: float) -> float:
+        """Return the force that the gripper would be told for ``force_n``: its settings may be steps."""
+        ...
+
     def activate(self, now_ns: int) -> None:
         """Make the gripper ready; some open and close fully while they do this."""
         ...

@@ -189,6 +189,10 @@ class Session:
         self._open = False
         return b""
 
+    def applied_n(self, force_n: float) -> float:
+        """Return ``force_n``: what is asked for is told as it is."""
+        return force_n
+
     def activate(self, now_ns: int) -> None:
         """Ask the driver to make its gripper ready, whatever that takes."""
         if self._sample is not None:

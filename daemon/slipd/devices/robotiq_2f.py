@@ -130,7 +130,7 @@ class Session:
         self.command_lost = False
         self._stage = "waiting"
         self._active = False  # the last status said so, and the gripper still answers
-        self._goal = (0, 0, 0)  # position, speed and force bytes
+        self._goal = self._sent = (0, 0, 0)  # position, speed and force bytes; those of the last move that began
         self._requested: int | None = None  # the position last sent
         self._pending: list[modbus.Request] = []
         self._outstanding: modbus.Request | None = None
@@ -150,6 +150,10 @@ class Session:
         self._reset(0)
         self.state = "closed"
         return b""
+
+    def applied_n(self, force_n: float) -> float:
+        """Return the force of the byte that would be sent, N on one pad."""
+        return self._units.newtons(self._units.force(force_n))
 
     def activate(self, now_ns: int) -> None:
         """Ask for the activation, which clears the gripper's state and moves its fingers fully."""
@@ -210,6 +214,8 @@ class Session:
         """Ask the fingers to stop where they are, by clearing "go to position"; a force not yet sent still is."""
         if self._active:
             unsent = any(request is not self._halt for request in self._pending)
+            if unsent and self._goal[0] != self._sent[0]:
+                self._goal, unsent = self._sent, False  # a move that never began, with its force
             _, speed, force = self._goal
             kept = [self._write((speed << 8 | force,), FORCE_ADDRESS)] if unsent else []
             self._pending = [self._halt, *kept]
@@ -255,7 +261,7 @@ class Session:
         if self._pending and not overdue:
             request = self._pending.pop(0)
             if _goes(request):
-                self._requested = self._goal[0]
+                self._requested, self._sent = self._goal[0], self._goal
         else:
             request = self._polls[0]
             self._poll_at_ns = now_ns + self._period_ns

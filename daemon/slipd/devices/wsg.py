@@ -215,6 +215,10 @@ class Session:
         self._talk.stop()
         return wire.encode(wire.DISCONNECT)
 
+    def applied_n(self, force_n: float) -> float:
+        """Return ``force_n``: what is asked for is told as it is."""
+        return force_n
+
     def activate(self, now_ns: int) -> None:
         """Ask for the acknowledgement of a fault where there is one, and for homing, which moves the fingers fully."""
         faulty = self._sample is not None and self._sample.fault

@@ -118,6 +118,8 @@ class Engine:
         out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
         if link.spec.name == GRIPPER_LINK:
             self._watch_gripper(t_ns, out)
+        elif self._gripper is not None:  # a command may wait for no more than the gripper's own pause
+            out += [Write(GRIPPER_LINK, piece) for piece in self._links[GRIPPER_LINK].due(t_ns)]
 
     def _answer(self, request: Request, t_ns: int, out: list[Output]) -> None:
         self._watch_gripper(t_ns, out)  # a lease that ran out ends before the request is judged

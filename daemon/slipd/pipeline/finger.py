@@ -31,6 +31,8 @@ COMPARE_NS = 10_000_000
 LONGEST_TARE_GAP_NS = 500_000_000
 #: Reasons with which nobody knows what the fingers feel.
 DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
+#: A grip is raised only on readings acquired no longer ago than this, or so many periods, beside the line's delay.
+OLDEST_S, OLDEST_PERIODS = 0.05, 2.5
 #: Of readings this far apart one is kept for an image of its time; the longest scan is a tenth of a second old.
 PAST_NS, PASTS = 1_000_000, 128
 
@@ -54,6 +56,7 @@ class Finger:
         self.name = name
         self.config = config
         self._stale_ns = stale_after_ns(main)
+        self._oldest_ns = round(1e9 * (max(OLDEST_S, OLDEST_PERIODS / main.rate_hz) + main.delay_s))
         self.image: PadImage | None = pad_image(config)
         self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
         self.tare: Tare = cast("ForceSide | PadImage", self.force or self.image).tare
@@ -113,6 +116,10 @@ class Finger:
     def trusted(self) -> bool:
         """The newest reading is fresh, and nothing speaks against its sensor."""
         return DOUBTS.isdisjoint(self.state.verdict.reasons)
+
+    def feels(self, t_ns: int) -> bool:
+        """What it feels is believed, and fresh enough to raise a grip on it."""
+        return self.trusted and self._received_ns is not None and t_ns - self._acquired_ns <= self._oldest_ns
 
     def age_s(self, t_ns: int) -> float | None:
         """Age of the newest force reading, s; None before the first."""

@@ -12,8 +12,6 @@ from slipd.pipeline.gripper import GripperControl, Result
 
 Handler = Callable[[Request, int], Result]
 
-#: A grip is not raised on a reading older than this, nor than 2.5 periods of its sensor.
-OLDEST_S, OLDEST_PERIODS = 0.05, 2.5
 _NO_GRIPPER = Refusal("no_gripper", "the config has no [gripper]")
 _NOTHING_GRIPPED = Refusal("not_ready", "no grip is in force: gripper.close begins one")
 
@@ -33,7 +31,6 @@ class GripDesk:
         self._fingers = fingers
         self._gripper = gripper
         self._policy = gripper.policy
-        self._oldest_s = {name: _oldest_s(finger) for name, finger in fingers.items()}
         self.ops: dict[str, Handler] = {
             "lease.acquire": self._lease_acquire,
             "lease.renew": self._lease_renew,
@@ -109,15 +106,11 @@ class GripDesk:
         held_n = self._policy.force_n
         if refusal is not None or held_n is None or force_n <= held_n:
             return refusal
-        blind = [name for name, finger in self._fingers.items() if not self._feels(name, finger, t_ns)]
+        blind = [name for name, finger in self._fingers.items() if not finger.feels(t_ns)]
         if not blind:
             return None
         message = f"not to be raised on a stale or doubtful sensor: {', '.join(blind)}; see status"
         return Refusal("not_ready", message, "force_n")
-
-    def _feels(self, name: str, finger: Finger, t_ns: int) -> bool:
-        age_s = finger.age_s(t_ns)
-        return finger.trusted and age_s is not None and age_s <= self._oldest_s[name]
 
     def _check_free(self, request: Request) -> Refusal | None:
         """Refuses to open where something is held or may be, unless it is to be dropped."""
@@ -131,10 +124,3 @@ class GripDesk:
 def without_gripper(_: Request, __: int) -> Result:
     """Answers every op of `GripDesk` where the config names no gripper."""
     return _NO_GRIPPER
-
-
-def _oldest_s(finger: Finger) -> float:
-    """Age beyond which the finger's newest reading is too old to raise the grip on it, s, since its acquisition."""
-    rates = [(main.rate_hz, main.delay_s) for main in (finger.config.wrench, finger.config.pad) if main is not None]
-    rate_hz, delay_s = rates[0]
-    return max(OLDEST_S, OLDEST_PERIODS / rate_hz) + delay_s

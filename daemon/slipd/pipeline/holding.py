@@ -52,7 +52,8 @@ class Holding:
             return None
         self._due_ns = t_ns + PERIOD_NS
         state = self._view.update(t_ns, gripper.width_m)
-        act = reflex.decide(state.level, state.grip_needed_n, state.internal_n, state.trusted, t_ns)
+        feels = all(finger.feels(t_ns) for finger in self._fingers)
+        act = reflex.decide(state.level, state.grip_needed_n, state.internal_n, feels, t_ns)
         if act is None or not gripper.react(act.force_n, t_ns):
             return None
         return self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns) | {"reflex": _told(act)})
