@@ -23,7 +23,7 @@ from typing import IO, Any
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.sim.operator import Operator, Report
-from slipd_client.requester import Requester
+from slipd_client.grip import GripClient
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.watch import Display
 
@@ -164,7 +164,7 @@ def _watch(
 
 
 def _final_streams(requests: str) -> dict[str, dict[str, Any]]:
-    with Requester(requests) as requester:
+    with GripClient(requests) as requester:
         streams: dict[str, dict[str, Any]] = requester.status()["streams"]
         return streams
 

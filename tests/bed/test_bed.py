@@ -15,7 +15,7 @@ import pytest
 from bed.rig import RIGS, Place, config_text, make_rig, plan_text
 
 from slipd_client.errors import NoAnswer, RequestRefused
-from slipd_client.requester import Requester
+from slipd_client.grip import GripClient
 
 pytestmark = pytest.mark.process
 
@@ -46,13 +46,13 @@ class Bed:
             yield
 
     @contextmanager
-    def daemon(self) -> Iterator[Requester]:
+    def daemon(self) -> Iterator[GripClient]:
         config = self._folder / "rig.toml"
         config.write_text(config_text(self.places))
         with self._process("slipd", "run", "--config", str(config)) as process:
             endpoints = [process.stdout.readline() for _ in range(2)] if process.stdout is not None else []
             assert endpoints[1].startswith("requests: "), "the daemon does not start"
-            with Requester(endpoints[1].removeprefix("requests: ").strip()) as requester:
+            with GripClient(endpoints[1].removeprefix("requests: ").strip()) as requester:
                 yield requester
 
     @contextmanager
@@ -76,13 +76,13 @@ def bed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 @pytest.fixture(scope="module")
-def processes(bed: Bed) -> Iterator[tuple[Requester, ExitStack]]:
+def processes(bed: Bed) -> Iterator[tuple[GripClient, ExitStack]]:
     with bed.daemon() as requester, ExitStack() as devices:
         devices.enter_context(bed.devices())
         yield requester, devices
 
 
-def watch(requester: Requester, settled: Callable[[dict[str, Any]], bool]) -> tuple[Streams, Streams]:
+def watch(requester: GripClient, settled: Callable[[dict[str, Any]], bool]) -> tuple[Streams, Streams]:
     """Each stream as it was when it had settled, and those that did not."""
     good: Streams = {}
     bad: Streams = {}
@@ -105,7 +105,7 @@ def is_well(stream: dict[str, Any]) -> bool:
 
 
 @pytest.fixture(scope="module")
-def streams(processes: tuple[Requester, ExitStack]) -> Streams:
+def streams(processes: tuple[GripClient, ExitStack]) -> Streams:
     good, bad = watch(processes[0], is_well)
     return good | bad
 
@@ -125,7 +125,7 @@ def test_a_device_is_read_in_health(bed: Bed, streams: Streams, device: str, tra
 
 @pytest.mark.parametrize("bed", range(len(RIGS)), indirect=True, scope="module")
 def test_L5_L6_all_devices_go_away_and_come_back(
-    bed: Bed, streams: Streams, processes: tuple[Requester, ExitStack]
+    bed: Bed, streams: Streams, processes: tuple[GripClient, ExitStack]
 ) -> None:
     requester, devices = processes
     devices.close()

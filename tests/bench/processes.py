@@ -28,7 +28,7 @@ import zmq
 from numpy.typing import NDArray
 
 from slipd_client.errors import NoAnswer
-from slipd_client.requester import Requester
+from slipd_client.grip import GripClient
 
 HERE = Path(__file__).parent
 OPEN_S = 20.0
@@ -133,7 +133,7 @@ def _wait_for_ports(requests: str) -> None:
 
 def status(requests: str) -> dict[str, Any]:
     """What the daemon tells of itself."""
-    with Requester(requests) as requester:
+    with GripClient(requests) as requester:
         return requester.status()
 
 

@@ -29,8 +29,8 @@ from slipd.devices import bota, bota_text
 from slipd.sim.contact import Pad, Patch
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd_client.errors import RequestRefused
+from slipd_client.grip import GripClient
 from slipd_client.messages import MESSAGE_LIMITS, decode
-from slipd_client.requester import Requester
 
 sys.path.append(str(Path(__file__).parents[1]))  # the gripper's end of the line is that of the fuzzing
 
@@ -265,7 +265,7 @@ def run(folder: Path, *, rounds: int, trials: int) -> list[Table]:
         processes.Lines(["gripper"]) as bus,
         processes.daemon(folder, fingers, RATES, extra=_gripper(bus.path["gripper"])) as served,
         _subscribed(served.endpoint) as warnings,
-        Requester(served.requests) as requester,
+        GripClient(served.requests) as requester,
     ):
         world = _World(fingers.fd | bus.fd, warnings)
         _grip(world, requester)
@@ -279,7 +279,7 @@ def run(folder: Path, *, rounds: int, trials: int) -> list[Table]:
     return [_table(kinds[False], "bus idle"), _table(kinds[True], "a poll outstanding")]
 
 
-def _grip(world: _World, requester: Requester) -> None:
+def _grip(world: _World, requester: GripClient) -> None:
     """Takes hold of the object, with the least that is asked for here."""
     until_s = time.monotonic() + READY_S
     world.pull = world.goal = 0.0

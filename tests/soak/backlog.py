@@ -21,7 +21,7 @@ from soak import devices
 
 from slipd.sim.contact import Pad
 from slipd_client.errors import NoAnswer, RequestRefused
-from slipd_client.requester import Requester
+from slipd_client.grip import GripClient
 from slipd_client.subscriber import Subscriber
 
 QUICK_SECONDS = 10.0
@@ -140,7 +140,7 @@ def _wait(requests: str) -> None:
 def _status(requests: str) -> dict[str, Any]:
     for _ in range(10):
         try:
-            with Requester(requests) as requester:
+            with GripClient(requests) as requester:
                 return requester.status()
         except (NoAnswer, RequestRefused):  # the machine is busy
             time.sleep(0.1)

@@ -15,7 +15,7 @@ from typing import Any
 
 from slipd import config
 from slipd.service import Endpoints, serve
-from slipd_client.requester import Requester
+from slipd_client.grip import GripClient
 
 READY_S = 60.0
 """A cold cache compiles the kernels first."""
@@ -75,7 +75,7 @@ async def status(endpoints: Endpoints) -> dict[str, Any]:
     """What the daemon tells of itself; asked in a thread, since it answers in this one."""
 
     def ask() -> dict[str, Any]:
-        with Requester(endpoints.requests) as requester:
+        with GripClient(endpoints.requests) as requester:
             return requester.status()
 
     return await asyncio.to_thread(ask)

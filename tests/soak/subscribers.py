@@ -31,7 +31,7 @@ from bench.tables import Table
 from numpy.typing import NDArray
 
 from slipd_client.errors import NoAnswer
-from slipd_client.requester import Requester
+from slipd_client.grip import GripClient
 
 LIVE, STALLED = 10, 100
 QUIET_S, QUICK_S = 60.0, 2.0
@@ -122,7 +122,7 @@ def _wait(requests: str) -> None:
     until_s = time.monotonic() + OPEN_S
     while time.monotonic() < until_s:
         try:
-            with Requester(requests) as requester:
+            with GripClient(requests) as requester:
                 if requester.status()["streams"][STREAM]["hardware_id"]:
                     return
         except NoAnswer:  # the machine is busy

@@ -226,7 +226,7 @@ class Operator(threading.Thread):
             report.opened_ns, self._wanted_n = time.monotonic_ns(), 0.0
 
     def _hear(self, message: Message) -> None:
-        body = message.body
+        body = message.raw
         if message.topic != "warning":
             self._slips[body["finger"]] = body
             self._note_force(body)
