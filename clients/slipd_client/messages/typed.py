@@ -73,11 +73,6 @@ class Message:
     config_id: str | None = None
 
     @property
-    def body(self) -> dict[str, Any]:
-        """The same as ``raw``."""
-        return self.raw
-
-    @property
     def age_s(self) -> float:
         """Seconds since what it tells was acquired, where the daemon runs on this machine; else see `age_by`.
 
