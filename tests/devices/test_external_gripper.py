@@ -386,3 +386,7 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
     ]
     assert (session.identity, session.command_lost, session._echo_ok) == ("my gripper", False, True)
     assert (session.health.bad, session.health.lost) == (0, 0)
+
+
+def test_a_force_is_told_as_it_is_asked_for() -> None:
+    assert Session().applied_n(12.34) == 12.34

@@ -484,3 +484,7 @@ def test_L5_a_round_that_a_closed_line_tore_is_not_completed_by_the_next() -> No
     decoder.receive(b"".join(parts[:3]), 0)
     decoder.forget()
     assert decoder.receive(parts[3], 0) == []
+
+
+def test_a_force_is_told_as_it_is_asked_for() -> None:
+    assert Session().applied_n(12.34) == 12.34

@@ -5,6 +5,7 @@ It is written as a user's program would be: a subscriber and a requester of ``sl
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from dataclasses import dataclass, field
@@ -16,6 +17,9 @@ from slipd_client.messages import Health
 from slipd_client.subscriber import Message, Subscriber
 
 LISTEN_S = 0.05
+
+TARES = 3
+"""So often is a tare asked for before the program gives up."""
 """How long it waits for a message before it looks at its plan again."""
 
 SETTLE_S = 0.5
@@ -190,7 +194,14 @@ class Operator(threading.Thread):
             if self._ending.wait(LISTEN_S):
                 return
         for finger in client.hello()["fingers"]:
-            self.report.tares[finger] = client.tare(finger, self._plan.tare_s)
+            self.report.tares[finger] = self._tare(client, finger)
+
+    def _tare(self, client: GripClient, finger: str) -> dict[str, Any]:
+        """Tare a finger; a stall of the machine tears images, and may so end a tare that nothing else speaks against."""
+        for _ in range(TARES - 1):
+            with contextlib.suppress(RequestRefused):
+                return client.tare(finger, self._plan.tare_s)
+        return client.tare(finger, self._plan.tare_s)
 
     def _hold(self, begin_s: float, subscriber: Subscriber, client: GripClient) -> None:
         """Work while a lease lasts; one that a stalled machine let run out is taken anew."""
