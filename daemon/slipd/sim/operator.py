@@ -17,10 +17,10 @@ from slipd_client.messages import Health
 from slipd_client.subscriber import Message, Subscriber
 
 LISTEN_S = 0.05
+"""How long it waits for a message before it looks at its plan again."""
 
 TARES = 3
 """So often is a tare asked for before the program gives up."""
-"""How long it waits for a message before it looks at its plan again."""
 
 SETTLE_S = 0.5
 """When the force after a raise is read: the gripper follows within a few tenths of a second."""
@@ -197,7 +197,7 @@ class Operator(threading.Thread):
             self.report.tares[finger] = self._tare(client, finger)
 
     def _tare(self, client: GripClient, finger: str) -> dict[str, Any]:
-        """Tare a finger; a stall of the machine tears images, and may so end a tare that nothing else speaks against."""
+        """Tare a finger; a machine that stalls tears images, which may end a tare that nothing else speaks against."""
         for _ in range(TARES - 1):
             with contextlib.suppress(RequestRefused):
                 return client.tare(finger, self._plan.tare_s)
