@@ -27,6 +27,9 @@ REPEAT_AFTER_S = 0.5
 
 _SUBSCRIBE, _UNSUBSCRIBE = b"\x01", b"\x00"
 
+_NOW, _AND_MORE = int(zmq.NOBLOCK), int(zmq.NOBLOCK | zmq.SNDMORE)
+"""Plain numbers: the enumerations cost a third of a send."""
+
 _NO_TOPIC = b"\xff"
 """No topic begins like this, for it is no UTF-8."""
 
@@ -96,7 +99,8 @@ class Publisher:
         self._drain.after_send()
 
     def _send(self, topic: bytes, payload: bytes) -> None:
-        self._socket.send_multipart((topic, payload), zmq.NOBLOCK)
+        self._socket.send(topic, _AND_MORE)
+        self._socket.send(payload, _NOW)
 
     def _on_subscription(self, frames: list[bytes]) -> None:
         """Apply a subscription to whoever sent it, which ZeroMQ knows only until it hears of anyone leaving."""

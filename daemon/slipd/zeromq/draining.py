@@ -20,6 +20,9 @@ FRAMES_PER_WAKE = 64
 WAKE_S = 0.001
 """Time after which the rest of the loop has its turn, where the messages are dear."""
 
+_POLLIN = int(zmq.POLLIN)
+"""A plain number: this is looked at for every message."""
+
 
 class Drain:
     """Hands on every message of one receiving socket, frame lists in order.
@@ -81,7 +84,7 @@ class Drain:
             return b""
 
     def _waiting(self) -> bool:
-        return bool(int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+        return int(self._socket.getsockopt(zmq.EVENTS)) & _POLLIN != 0
 
     def _resume(self) -> None:
         self._loop.add_reader(self._fd, self._read)
