@@ -35,3 +35,10 @@ def test_the_runtime_directory_is_for_the_group_alone() -> None:
     text = UNIT.read_text(encoding="utf-8")
     for line in ("UMask=0027", "RuntimeDirectory=slipd", "RuntimeDirectoryMode=0750", "Group=slipd"):
         assert f"\n{line}\n" in text
+
+
+def test_recordings_on_request_go_where_the_unit_lets_them_be_written() -> None:
+    text = UNIT.read_text(encoding="utf-8")
+    [variables] = re.findall(r"^Environment=(.*)$", text, re.MULTILINE)
+    [name] = re.findall(r"^StateDirectory=(.*)$", text, re.MULTILINE)
+    assert f"SLIPD_STATE_DIR=/var/lib/{name}" in variables.split()
