@@ -184,7 +184,7 @@ def test_the_finger_that_lacks_most_decides_on_the_grip_needed(make_hand: MakeHa
     assert body["load_share"] == pytest.approx({"left": 0.75, "right": 0.25})
     assert body["level"] == "warning"
     state = hand.view.state
-    assert (state.level, state.reasons, state.trusted) == ("warning", ("translation",), True)
+    assert (state.level, state.reasons) == ("warning", ("translation",))
     assert (state.internal_n, state.grip_needed_n) == (body["internal_n"], body["grip_needed_n"])
 
 
@@ -205,7 +205,6 @@ def test_a_finger_that_is_not_known_leaves_nothing_of_the_grasp_known(hand: Hand
     assert unknown == (set(body) - ALWAYS) | ({"age_s"} if what == "never" else set())
     assert body["level"] == "unknown", "one finger that holds makes no grasp"
     assert body["reasons"] == ["stale" if what == "never" else what]
-    assert hand.view.state.trusted is False
 
 
 def test_a_finger_whose_image_disagrees_is_not_believed(make_hand: MakeHand) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from slipd.grip.policy import Refusal
 
-#: Ops that change nothing and carry no deadline: asked again, they are answered again.
+#: Ops that change nothing and need neither the id of the run nor a deadline: asked again, they are answered again.
 OPEN_OPS = frozenset({"hello", "status"})
 #: Requests of one client that are remembered at once: 50 a second with the longest deadline are 25, and a burst.
 PER_CLIENT = 64

@@ -37,7 +37,6 @@ class GraspState:
         t_ns: When this was put together, CLOCK_MONOTONIC.
         level: Of the worse finger.
         reasons: Of every finger at that level.
-        trusted: Both fingers are fresh, and nothing speaks against their sensors.
         internal_n: Grip force, N on one pad.
         grip_needed_n: Least grip force that holds both fingers with their configured safety, N on one pad; None also
             where no force would do.
@@ -48,7 +47,6 @@ class GraspState:
     t_ns: int
     level: str
     reasons: tuple[str, ...]
-    trusted: bool
     internal_n: float | None
     grip_needed_n: float | None
     utilisation: float | None
@@ -89,7 +87,6 @@ class GraspView:
             t_ns,
             level,
             tuple(reasons),
-            first.trusted and second.trusted,
             number(internal_force(*normal_n)),
             number(grasp_needed_n(normal_n, (_needed_n(first), _needed_n(second)))),
             number(grasp_utilisation(_utilisation(first), _utilisation(second))),

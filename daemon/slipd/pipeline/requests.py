@@ -6,13 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from slipd.grip.once import OPEN_OPS
 from slipd.grip.policy import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
 #: A deadline may lie this far ahead: a request that waited longer was meant for another situation.
 LONGEST_DEADLINE_NS = 500_000_000
-#: Operations that say nothing about this run and so need neither its id nor a deadline.
-OPEN_OPS = frozenset({"hello", "status"})
 _ENVELOPE = frozenset({"v", "id", "op", "boot", "deadline_ns"})
 
 
