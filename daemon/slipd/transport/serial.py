@@ -152,16 +152,28 @@ class SerialConnection(asyncio.Protocol):
 
 
 class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
-    """A port whose ``flush`` discards what is still unsent.
+    """A port that never waits: its ``flush`` discards what is still unsent, its ``read`` takes what is there.
 
     The transport flushes before it closes, on the loop, and pyserial's flush waits until the device has read
-    everything: behind a device that stopped reading it waits for ever.
+    everything: behind a device that stopped reading it waits for ever. It reads when the loop says that there is
+    something, and pyserial would ask once more, for each read.
 
     Attributes:
         identity: Its path, and the USB device that it belongs to.
     """
 
     identity: str
+
+    def read(self, size: int = 1) -> bytes:
+        try:
+            data = os.read(self.fd, size)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise serial.SerialException(f"read failed: {error}") from error
+        if not data:
+            raise serial.SerialException("the device is gone: its port is ready and holds nothing")
+        return data
 
     def flush(self) -> None:
         with contextlib.suppress(OSError, termios.error):  # unplugged
