@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,7 +11,8 @@ import pytest
 
 from slipd.errors import RecordingError
 from slipd.pipeline.events import LinkUp, Record, RecordingFailed, Tick
-from slipd.recording.on_request import RequestedRecordings, private_directory, state_dir
+from slipd.recording import on_request
+from slipd.recording.on_request import MOST_UNFINISHED, RequestedRecordings, private_directory, state_dir
 from slipd.recording.reader import Entered, Published, open_recording
 from slipd.recording.writer import Recorder
 
@@ -108,6 +110,83 @@ def test_a_disk_that_fails_at_the_very_end_is_logged(
     recordings.take(Record(""), 1)
     recordings.close()
     assert "No space left on device" in caplog.text
+
+
+def test_k1_a_slow_disk_is_not_given_more_recordings_than_it_takes(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    go_on = threading.Event()
+    made: list[Recorder] = []
+
+    def make_slow(path: Path, prepare: Callable[[], None]) -> Recorder:
+        def prepare_late() -> None:
+            go_on.wait(DEADLINE_S)
+            prepare()
+
+        made.append(make(path, prepare_late))
+        return made[-1]
+
+    recordings = RequestedRecordings(tmp_path / "slipd", make_slow)
+    refused = []
+    for n in range(20):
+        recordings.take(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
+        recordings.record_event(Tick(n), n)
+        failed = recordings.failed()
+        refused += [failed.name] if failed is not None and "not taken" in failed.reason else []
+        recordings.take(Record(""), 0)
+    assert len(made) == MOST_UNFINISHED + 1
+    assert refused == [f"{n}.mcap" for n in range(len(made), 20)]
+    go_on.set()
+    for recorder in made:
+        recorder.close()
+    recordings.take(Record("next.mcap"), 0)
+    assert recordings.failed() is None, "the disk has taken what was before"
+    recordings.close()
+    assert len(list((tmp_path / "slipd").iterdir())) == len(made)
+    assert len(caplog.records) == len(refused)
+
+
+def test_a_recording_for_which_there_is_no_thread_fails_and_nothing_else(
+    recordings: RequestedRecordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def start(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", start)
+        recordings.take(Record("a.mcap"), 0)
+    recordings.record_event(Tick(1), 1)
+    assert failure(recordings) == RecordingFailed("a.mcap", "can't start new thread")
+    recordings.take(Record("b.mcap"), 2)
+    recordings.close()
+    assert open_recording(tmp_path / "state" / "slipd" / "b.mcap").complete
+
+
+def test_k1_a_disk_that_hangs_delays_the_end_once_and_not_for_each_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    go_on = threading.Event()
+    waits: list[float] = []
+
+    class Hanging(Recorder):
+        def close(self, within_s: float = DEADLINE_S) -> None:
+            waits.append(within_s)
+            super().close(within_s)
+
+    def hang() -> None:
+        go_on.wait(DEADLINE_S)
+
+    def make_hanging(path: Path, prepare: Callable[[], None]) -> Recorder:
+        return Hanging(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=hang)
+
+    recordings = RequestedRecordings(tmp_path, make_hanging)
+    recordings.take(Record("a.mcap"), 0)
+    recordings.take(Record("b.mcap"), 0)
+    monkeypatch.setattr(on_request, "CLOSE_LIMIT_S", 0.05)
+    recordings.close()
+    assert (0.0 < waits[0] <= 0.05, waits[1:]) == (True, [0.0]), "the first took all the time there was"
+    assert caplog.text.count("has not taken the rest in time") == 2
+    go_on.set()
 
 
 def test_a_directory_that_others_may_write_to_is_none(tmp_path: Path) -> None:

@@ -8,12 +8,16 @@ from __future__ import annotations
 import logging
 import os
 import stat
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from slipd.errors import RecordingError
 from slipd.pipeline.events import Event, Record, RecordingFailed
-from slipd.recording.writer import Recorder
+from slipd.recording.writer import CLOSE_LIMIT_S, Recorder
+
+MOST_UNFINISHED = 2
+"""Ended files that the disk may still be taking when another is begun: each holds a thread and up to 30 MB."""
 
 _log = logging.getLogger(__name__)
 
@@ -59,19 +63,31 @@ class RequestedRecordings:
         self._make = make
         self._ended: list[Recorder] = []
         self._told: Recorder | None = None
+        self._refused: RecordingFailed | None = None
         self.running: Recorder | None = None
 
     def take(self, record: Record, t_ns: int) -> None:
-        """Begins a recording, or ends the one that runs."""
+        """Begins a recording, or ends the one that runs; one that cannot be begun is `failed`."""
         if self.running is not None:
             self.running.end()
             self._ended.append(self.running)
             self.running = None
         if record.name:
-            path = self._directory / record.name
-            self.running = self._make(path, lambda: private_directory(self._directory))
+            try:
+                self.running = self._begin(self._directory / record.name)
+            except (RecordingError, RuntimeError) as error:  # the latter: the system gives no more threads
+                self._refused = RecordingFailed(record.name, str(error))
+                return
             for event in record.opened:
                 self.running.event(event, t_ns)
+
+    def _begin(self, path: Path) -> Recorder:
+        for recorder in [ended for ended in self._ended if ended.finished]:
+            self._ended.remove(recorder)
+            self._close(recorder, 0.0)
+        if len(self._ended) > MOST_UNFINISHED:
+            raise RecordingError(f"{path}: the disk has not taken the recordings before this one yet; ask again later")
+        return self._make(path, lambda: private_directory(self._directory))
 
     def record_event(self, event: Event, t_ns: int) -> None:
         """Records an event that enters the engine at ``t_ns``."""
@@ -85,6 +101,10 @@ class RequestedRecordings:
 
     def failed(self) -> RecordingFailed | None:
         """What the engine must know: the recording that runs cannot go on; told once."""
+        if self._refused is not None:
+            refused, self._refused = self._refused, None
+            _log.warning("%s", refused.reason)
+            return refused
         recorder = self.running
         if recorder is None or recorder.failure is None or recorder is self._told:
             return None
@@ -93,11 +113,15 @@ class RequestedRecordings:
         return RecordingFailed(recorder.path.name, recorder.failure)
 
     def close(self) -> None:
-        """Finishes every file."""
+        """Finishes every file; a disk that hangs is waited for `CLOSE_LIMIT_S` in all."""
         self.take(Record(""), 0)
+        end_s = time.monotonic() + CLOSE_LIMIT_S
         for recorder in self._ended:
-            try:
-                recorder.close()
-            except RecordingError as error:
-                if recorder is not self._told:
-                    _log.warning("%s", error)
+            self._close(recorder, max(0.0, end_s - time.monotonic()))
+
+    def _close(self, recorder: Recorder, within_s: float) -> None:
+        try:
+            recorder.close(within_s)
+        except RecordingError as error:
+            if recorder is not self._told:
+                _log.warning("%s", error)

@@ -73,6 +73,11 @@ class Recorder:
         self._thread.start()
 
     @property
+    def finished(self) -> bool:
+        """Whether the file is done with: whole, or given up; `close` then waits for nothing."""
+        return not self._thread.is_alive()
+
+    @property
     def lost(self) -> int:
         """How many entries are known not to be in the file: the queue overflowed or the disk failed."""
         return self._refused + (self._unwritten if self.failure else 0)
@@ -91,8 +96,11 @@ class Recorder:
             self._closed = True
             self._queue.put(None)
 
-    def close(self) -> None:
+    def close(self, within_s: float = CLOSE_LIMIT_S) -> None:
         """Write what is queued and finish the file. A second call does nothing.
+
+        Args:
+            within_s: How long the disk may take, s.
 
         Raises:
             RecordingError: The disk failed, now or before; what was flushed until then is readable.
@@ -101,9 +109,9 @@ class Recorder:
             return
         self._finished = True
         self.end()
-        self._thread.join(CLOSE_LIMIT_S)
+        self._thread.join(within_s)
         if self._thread.is_alive():
-            raise RecordingError(f"{self.path}: the disk has not taken the rest within {CLOSE_LIMIT_S:.0f} s")
+            raise RecordingError(f"{self.path}: the disk has not taken the rest in time")
         if self.failure:
             raise RecordingError(self.failure)
 
