@@ -137,6 +137,17 @@ def test_check_warns_of_what_is_good_but_weak(tmp_path: Path, capsys: pytest.Cap
     assert "gripper: no max_force_n: nothing will be moved" in out
 
 
+@pytest.mark.parametrize(("budget", "gain_n"), [("", 16), ("budget_n = 10.0", 10), ("budget_n = 20.0", 16)])
+def test_check_tells_how_far_the_reflex_gets_within_the_budget(
+    budget: str, gain_n: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    text = (CONFIGS / "demo.toml").read_text(encoding="utf-8").replace("enabled = false", "enabled = true")
+    rig.write_text(text.replace("budget_n = 25.0", budget), encoding="utf-8")
+    assert main(["check", str(rig)]) == 0
+    assert f"asks for up to {gain_n}.0 N more within the lead time of 0.3 s" in capsys.readouterr().out
+
+
 def test_check_tells_every_fault_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = tmp_path / "rig.toml"
     text = (CONFIGS / "grips.toml").read_text(encoding="utf-8")

@@ -148,7 +148,8 @@ def _reach(rig: Config) -> str:
 
     reflex, gripper = rig.reflex, rig.gripper
     ceiling_n = reflex.ceiling_n or (gripper.max_force_n if gripper is not None else None) or 0.0
-    gain_n = min(reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9), ceiling_n)
+    budget_n = (gripper.budget_n if gripper is not None else None) or ceiling_n
+    gain_n = min(reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9), budget_n, ceiling_n)
     return (
         f"reflex: asks for up to {gain_n:.1f} N more within the lead time of {reflex.lead_time_s:g} s,"
         f" up to {ceiling_n:g} N on one pad; the gripper's own time to follow is not in it"
