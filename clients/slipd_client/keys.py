@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 import stat
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -70,7 +71,7 @@ def load_secret(path: str | os.PathLike[str]) -> tuple[bytes, bytes]:
     Raises:
         KeyFileError: It cannot be read or holds no such pair, belongs to another user, or others may read it.
     """
-    found = _read(Path(path), private=True)
+    found = _read(Path(path), _check_private)
     if "secret-key" not in found:
         raise KeyFileError(f"{path}: holds no secret key; name the file that ends with {SECRET_SUFFIX}")
     secret = found["secret-key"]
@@ -86,7 +87,10 @@ def load_public(path: str | os.PathLike[str]) -> bytes:
     Raises:
         KeyFileError: It cannot be read or holds no public key, or holds a secret one that does not belong there.
     """
-    found = _read(Path(path), private=False)
+    return _public(Path(path), _read(Path(path)))
+
+
+def _public(path: Path, found: dict[str, bytes]) -> bytes:
     if "secret-key" in found:
         raise KeyFileError(
             f"{path}: holds a secret key; name the file of the public one, which ends with {PUBLIC_SUFFIX}"
@@ -100,19 +104,19 @@ def load_allowed(directory: str | os.PathLike[str]) -> frozenset[bytes]:
     """Read every ``*.key`` of a directory; none is a list of nobody.
 
     Raises:
-        KeyFileError: It is no directory, others may write to it, or one of its files is no public key.
+        KeyFileError: It is no directory, one of its files is no public key, or it or one of them belongs to another
+            user (but root) or may be written by others: who may do that lets itself in.
     """
     folder = Path(directory)
     try:
-        mode = folder.stat().st_mode
+        found = folder.stat()
         files = sorted(folder.iterdir())
     except OSError as error:
         raise KeyFileError(
             f"{folder}: cannot be read: {error.strerror}; name a directory of {PUBLIC_SUFFIX} files"
         ) from None
-    if mode & 0o022:
-        raise KeyFileError(f"{folder}: others may add keys to it (mode {stat.S_IMODE(mode):04o}); run chmod go-w on it")
-    return frozenset(load_public(file) for file in files if file.suffix == PUBLIC_SUFFIX)
+    _check_own(folder, found)
+    return frozenset(_public(file, _read(file, _check_own)) for file in files if file.suffix == PUBLIC_SUFFIX)
 
 
 def create(name: str, directory: Path) -> tuple[Path, Path]:
@@ -159,12 +163,12 @@ def _write_new(path: Path, mode: int, text: str, made: list[Path]) -> None:
         file.write(text)
 
 
-def _read(path: Path, *, private: bool) -> dict[str, bytes]:
+def _read(path: Path, check: Callable[[Path, os.stat_result], None] | None = None) -> dict[str, bytes]:
     """The keys in a file, by what they are called there."""
     try:
         with path.open("rb") as file:
-            if private:
-                _check_private(path, os.fstat(file.fileno()))
+            if check is not None:
+                check(path, os.fstat(file.fileno()))
             data = file.read(MAX_FILE_BYTES + 1)
     except OSError as error:
         raise KeyFileError(f"{path}: cannot be read: {error.strerror}") from None
@@ -187,6 +191,14 @@ def _check_private(path: Path, found: os.stat_result) -> None:
         raise KeyFileError(
             f"{path}: others may use this secret key (mode {mode:04o}); run chmod 600, or make a new one"
         )
+
+
+def _check_own(path: Path, found: os.stat_result) -> None:
+    if found.st_uid not in (0, os.geteuid()):
+        raise KeyFileError(f"{path}: belongs to user {found.st_uid}, who could allow keys; make it your own, or root's")
+    if found.st_mode & 0o022:
+        mode = stat.S_IMODE(found.st_mode)
+        raise KeyFileError(f"{path}: others may write to it, and so allow keys (mode {mode:04o}); run chmod go-w on it")
 
 
 def _is_key(text: bytes) -> bool:

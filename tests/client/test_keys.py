@@ -139,9 +139,34 @@ def test_those_allowed_are_the_public_keys_of_a_directory(tmp_path: Path) -> Non
 @pytest.mark.parametrize("loose", [0o770, 0o707, 0o1777])
 def test_a_list_to_which_others_may_add_is_refused(loose: int, tmp_path: Path) -> None:
     tmp_path.chmod(loose)
-    with pytest.raises(KeyFileError, match="others may add keys"):
+    with pytest.raises(KeyFileError, match="others may write to it"):
         load_allowed(tmp_path)
     tmp_path.chmod(0o700)
+
+
+@pytest.mark.parametrize("loose", [0o666, 0o660, 0o602])
+def test_a_list_of_which_others_may_write_a_key_is_refused(loose: int, tmp_path: Path) -> None:
+    public, _ = create("a", tmp_path)
+    public.chmod(loose)
+    with pytest.raises(KeyFileError, match=r"a\.key: others may write to it"):
+        load_allowed(tmp_path)
+    assert load_public(public), "a client's own copy is its own matter"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+@pytest.mark.parametrize("theirs", [".", "a.key"])
+def test_a_list_of_another_user_is_refused(theirs: str, tmp_path: Path) -> None:
+    create("a", tmp_path)
+    os.chown(tmp_path / theirs, 12345, 12345)
+    with pytest.raises(KeyFileError, match=f"{(tmp_path / theirs).name}: belongs to user 12345"):
+        load_allowed(tmp_path)
+
+
+def test_a_list_of_root_is_taken_by_everybody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if os.geteuid() == 0:
+        monkeypatch.setattr(os, "geteuid", lambda: 12345)
+    public, _ = create("a", tmp_path)
+    assert load_allowed(tmp_path) == {load_public(public)}
 
 
 def test_a_directory_that_cannot_be_written_is_told(tmp_path: Path) -> None:

@@ -138,6 +138,13 @@ async def test_what_others_serve_is_left_alone(spec: LinkSpec, path: Path) -> No
     assert lies_there(path)
 
 
+async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o777)
+    with pytest.raises(LinkError, match="others may change its directory"):
+        await open_local(LinkSpec("gripper", "local", f"unix://{tmp_path}/gripper"), bytes)
+    assert not lies_there(tmp_path / "gripper")
+
+
 @pytest.mark.parametrize(
     ("address", "words"),
     [

@@ -17,6 +17,7 @@ from slipd.errors import LinkError
 from slipd.pipeline.events import LinkSpec
 from slipd.transport.link import OnBytes
 from slipd.transport.tcp import TcpConnection
+from slipd.zeromq.endpoint import check_directory
 
 MAX_PATH_BYTES = 107
 """Longest path of a Unix socket (``sun_path`` less its closing zero)."""
@@ -31,7 +32,8 @@ async def open_local(spec: LinkSpec, on_bytes: OnBytes) -> LocalConnection:
     """Bind the socket, for this process's user alone, and wait for a driver.
 
     Raises:
-        LinkError: The address is none, another program serves there, or it cannot be bound.
+        LinkError: The address is none, others could put a socket of theirs there, another program serves there, or it
+            cannot be bound.
     """
     path = spec.address.removeprefix("unix://")
     server = _bind(spec.address, path)
@@ -77,6 +79,7 @@ def _bind(address: str, path: str) -> socket.socket:
         )
     if not Path(path).parent.is_dir():
         raise LinkError(f"{address}: there is no directory {Path(path).parent}; make it, or name one that exists")
+    check_directory(address, Path(path).parent)
     server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     umask = os.umask(0o177)
     try:

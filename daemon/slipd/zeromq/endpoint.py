@@ -128,6 +128,23 @@ def is_tcp(endpoint: str) -> bool:
     return endpoint.startswith("tcp://")
 
 
+def check_directory(endpoint: str, directory: Path) -> None:
+    """Refuse one in which others could put a socket of their own in the place of this one.
+
+    Raises:
+        LinkError: It belongs to a user who is neither root nor oneself, or others may change it (but for a sticky one).
+    """
+    try:
+        found = directory.stat()
+    except OSError:
+        return  # binding tells
+    if found.st_uid not in (0, os.geteuid()):
+        raise LinkError(f"{endpoint}: its directory belongs to user {found.st_uid}; name one of your own")
+    if found.st_mode & 0o022 and not found.st_mode & stat.S_ISVTX:
+        mode = stat.S_IMODE(found.st_mode)
+        raise LinkError(f"{endpoint}: others may change its directory (mode {mode:04o}); run chmod go-w on it")
+
+
 def _check(endpoint: str, access: Access) -> None:
     if endpoint.startswith("ipc://"):
         _check_ipc(endpoint, os.fsencode(endpoint.removeprefix("ipc://")))
@@ -142,24 +159,11 @@ def _check_ipc(endpoint: str, path: bytes) -> None:
         raise LinkError(f"{endpoint}: an ipc endpoint is an absolute path, e.g. ipc:///run/slipd/publish")
     if len(path) > MAX_IPC_PATH_BYTES:
         raise LinkError(f"{endpoint}: the path has {len(path)} bytes; a socket's path has {MAX_IPC_PATH_BYTES} at most")
-    _check_directory(endpoint, Path(os.fsdecode(path)).parent)
+    check_directory(endpoint, Path(os.fsdecode(path)).parent)
     if os.path.lexists(path) and not stat.S_ISSOCK(os.lstat(path).st_mode):
         raise LinkError(f"{endpoint}: this file is no socket, and binding would delete it; name another path")
     if _is_served(path):
         raise LinkError(f"{endpoint}: another program serves here; stop it, or name another endpoint")
-
-
-def _check_directory(endpoint: str, directory: Path) -> None:
-    """Refuse one in which others could put a socket of their own in the place of this one."""
-    try:
-        found = directory.stat()
-    except OSError:
-        return  # binding tells
-    if found.st_uid not in (0, os.geteuid()):
-        raise LinkError(f"{endpoint}: its directory belongs to user {found.st_uid}; name one of your own")
-    if found.st_mode & 0o022 and not found.st_mode & stat.S_ISVTX:
-        mode = stat.S_IMODE(found.st_mode)
-        raise LinkError(f"{endpoint}: others may change its directory (mode {mode:04o}); run chmod go-w on it")
 
 
 def _is_served(path: bytes) -> bool:
