@@ -38,6 +38,8 @@ class Recorded:
         self.width_range_m = (0.0, 0.085)
         self.speed_range_mps: tuple[float, float] | None = (0.02, 0.15)
         self.force_range_n = (3.0, 28.5)
+        self.force_told_n: float | None = None
+        self.drops = False
 
     def start(self, now_ns: int) -> bytes:
         return b""
@@ -71,6 +73,10 @@ class Recorded:
     def halt(self) -> bool:
         self.commands.append(("halt",))
         return self.takes
+
+    def drop(self) -> bool:
+        self.commands.append(("drop",))
+        return self.drops
 
     def acknowledge(self) -> None:
         self.commands.append(("acknowledge",))

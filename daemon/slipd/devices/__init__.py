@@ -98,6 +98,11 @@ class GripperSession(Session, Protocol):
         """Least and largest force; (0, inf) while the gripper has not told."""
         ...
 
+    @property
+    def force_told_n(self) -> float | None:
+        """The force that the gripper has once all that waits is sent; None where it was told none while active."""
+        ...
+
     def applied_n(self, force_n: float) -> float:
         """Return the force that the gripper would be told for ``force_n``: its settings may be steps."""
         ...
@@ -120,7 +125,17 @@ class GripperSession(Session, Protocol):
         ...
 
     def halt(self) -> bool:
-        """Stop the fingers where they are; False, and nothing will be sent, where it is not active."""
+        """Stop the fingers where they are; False, and nothing will be sent, where it is not active.
+
+        A move that was not sent yet is dropped, and so is an activation: then it is True too.
+        """
+        ...
+
+    def drop(self) -> bool:
+        """Forget what was not sent yet but for a stop; True where there was any.
+
+        What was sent and is not answered stays, but is not repeated.
+        """
         ...
 
     def acknowledge(self) -> None:

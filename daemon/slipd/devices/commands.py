@@ -23,15 +23,17 @@ class Command:
         name: What it is, for people.
         kind: Commands of one kind replace each other.
         data: The bytes to write.
-        force: The force that it sets, N in the gripper's own way of counting.
+        force: The force that it sets, N in the gripper's own way of counting; None where it sets none.
         number: By which its answer is known, where answers carry one.
+        renews: It makes the gripper ready: what was told before is void.
     """
 
     name: str
     kind: int | str
     data: bytes
-    force: float = 0.0
+    force: float | None = None
     number: int = 0
+    renews: bool = False
 
 
 class Commands:
@@ -57,6 +59,7 @@ class Commands:
         self.waiting: list[Command] = []
         self.outstanding: Command | None = None
         self.trouble = ""
+        self._force: float | None = None  # that was sent
         self._attempts = 0
         self._due_ns = 0
 
@@ -64,6 +67,27 @@ class Commands:
     def due_ns(self) -> int | None:
         """When `on_time` is due; None where nothing is to be sent."""
         return self._due_ns if self.waiting or self.outstanding is not None else None
+
+    @property
+    def force(self) -> float | None:
+        """The force that is set once all that waits is sent; None where none was."""
+        force = self._force
+        for command in self.waiting:
+            force = _force_after(command, force)
+        return force
+
+    def void(self) -> None:
+        """Take note that the gripper does not know any more what it was told."""
+        self._force = None
+
+    def drop(self, keep: Sequence[int | str]) -> bool:
+        """Forget what waits but for these kinds, and repeat nothing else; True where anything was forgotten."""
+        kept = [command for command in self.waiting if command.kind in keep]
+        dropped = len(kept) < len(self.waiting)
+        self.waiting = kept
+        if self.outstanding is not None and self.outstanding.kind not in keep:
+            self._attempts = ATTEMPTS
+        return dropped
 
     def replace(self, commands: Iterable[Command], keep: Sequence[Command] = ()) -> None:
         """Let these wait instead of what waits, behind those of ``keep`` that do."""
@@ -90,6 +114,7 @@ class Commands:
         if not self.waiting:
             return b""
         self.outstanding = self.waiting.pop(0)
+        self._force = _force_after(self.outstanding, self._force)
         self._attempts += 1
         self._due_ns = now_ns + self._answer_ns
         return self.outstanding.data
@@ -116,3 +141,8 @@ class Commands:
             self._attempts = 0
         else:
             self.waiting.insert(0, command)
+
+
+def _force_after(command: Command, force: float | None) -> float | None:
+    """Return the force that is set once a command is sent, where ``force`` was."""
+    return command.force if command.renews or command.force is not None else force

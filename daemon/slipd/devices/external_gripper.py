@@ -189,6 +189,11 @@ class Session:
         self._open = False
         return b""
 
+    @property
+    def force_told_n(self) -> float | None:
+        """The force of the last set-point that was sent or waits; None where there was none while active."""
+        return self._commands.force
+
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: what is asked for is told as it is."""
         return force_n
@@ -232,9 +237,13 @@ class Session:
     def halt(self) -> bool:
         """Ask the fingers to stop where they are, before all else; False where the gripper is not active."""
         if self._sample is None or not self._sample.active:
-            return False
+            return self.drop()  # an activation
         self._commands.interrupt(self._command("stop"))
         return True
+
+    def drop(self) -> bool:
+        """Forget what was not sent yet but for a stop; what is unanswered is not repeated."""
+        return self._commands.drop(("stop",))
 
     def acknowledge(self) -> None:
         """Tell the driver that the fault it reports was seen."""
@@ -274,7 +283,7 @@ class Session:
     def _command(self, operation: str, **values: float | None) -> Command:
         self._sent += 1
         data = wire.encode_setpoint(self._sent, operation, **values)
-        return Command(operation, operation, data, values.get("force_n") or 0.0, self._sent)
+        return Command(operation, operation, data, values.get("force_n"), self._sent, operation == "activate")
 
     def _stops(self) -> list[Command]:
         return [command for command in self._commands.waiting if command.kind == "stop"]
@@ -328,6 +337,8 @@ class Session:
         self.health.good += 1
         if (report.fault or not report.active) and self._commands.holds(_SETS):
             self._commands.give_up(report.fault or "not active")
+        if not report.active:
+            self._commands.void()
         return reading
 
     def _take_answer(self, report: Report, now_ns: int) -> None:
@@ -337,7 +348,7 @@ class Session:
             return
         self._commands.answered(now_ns, f"{command.name}: {report.error}" if report.error else "")
         if command.kind in _SETS and report.applied_n is not None:
-            self._echo_ok = report.applied_n <= command.force * (1.0 + FORCE_TOLERANCE)
+            self._echo_ok = report.applied_n <= (command.force or 0.0) * (1.0 + FORCE_TOLERANCE)
 
 
 def _check(name: str, value: float, bounds: tuple[float, float]) -> None:

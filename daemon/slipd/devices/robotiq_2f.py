@@ -130,10 +130,12 @@ class Session:
         self.command_lost = False
         self._stage = "waiting"
         self._active = False  # the last status said so, and the gripper still answers
-        self._goal = self._sent = (0, 0, 0)  # position, speed and force bytes; those of the last move that began
+        self._goal = self._sent = (0, 0, 0)  # position, speed and force bytes; those of the last move, and since
         self._requested: int | None = None  # the position last sent
+        self._force: int | None = None  # the force last sent while active
         self._pending: list[modbus.Request] = []
         self._outstanding: modbus.Request | None = None
+        self._repeats = True  # what is outstanding, where it stays unanswered
         self._unanswered = 0
         self._commands_in_a_row = 0
         self._heard = b""
@@ -151,6 +153,14 @@ class Session:
         self.state = "closed"
         return b""
 
+    @property
+    def force_told_n(self) -> float | None:
+        """The force of the byte that was sent last or is to be, N on one pad; None where none was while active."""
+        if self._activation in self._pending:
+            return None
+        force = self._goal[2] if any(request is not self._halt for request in self._pending) else self._force
+        return None if force is None else self._units.newtons(force)
+
     def applied_n(self, force_n: float) -> float:
         """Return the force of the byte that would be sent, N on one pad."""
         return self._units.newtons(self._units.force(force_n))
@@ -158,8 +168,6 @@ class Session:
     def activate(self, now_ns: int) -> None:
         """Ask for the activation, which clears the gripper's state and moves its fingers fully."""
         self._pending = [self._clear, self._activation]
-        self._active = False
-        self._requested = None
         self._stage = "activating"
         self._poll_at_ns = now_ns
 
@@ -192,7 +200,7 @@ class Session:
         """
         units = self._units
         goal = units.position(width_m), units.speed(speed_mps), units.force(force_n)
-        if not self._active:
+        if not self._able:
             return None
         self._goal = goal
         self._pending = [self._go()]
@@ -201,7 +209,7 @@ class Session:
     def set_force(self, force_n: float) -> float | None:
         """Ask for another force at the position last requested; see `move`."""
         force = self._units.force(force_n)
-        if not self._active:
+        if not self._able:
             return None
         position, speed, _ = self._goal
         self._goal = (position, speed, force)
@@ -212,6 +220,9 @@ class Session:
 
     def halt(self) -> bool:
         """Ask the fingers to stop where they are, by clearing "go to position"; a force not yet sent still is."""
+        unsent = self._activation in self._pending
+        if unsent:
+            self.drop()
         if self._active:
             unsent = any(request is not self._halt for request in self._pending)
             if unsent and self._goal[0] != self._sent[0]:
@@ -219,7 +230,15 @@ class Session:
             _, speed, force = self._goal
             kept = [self._write((speed << 8 | force,), FORCE_ADDRESS)] if unsent else []
             self._pending = [self._halt, *kept]
-        return self._active
+        return self._active or unsent
+
+    def drop(self) -> bool:
+        """Forget what was not sent yet but for a halt; what is unanswered is not repeated."""
+        kept = [request for request in self._pending if request is self._halt]
+        dropped = len(kept) < len(self._pending)
+        self._pending, self._goal = kept, self._sent
+        self._repeats = self._outstanding is self._halt
+        return dropped
 
     def acknowledge(self) -> None:
         """Do nothing: its lesser faults end by themselves, the others with the next activation."""
@@ -260,14 +279,27 @@ class Session:
         overdue = now_ns >= self._poll_at_ns and self._commands_in_a_row >= COMMANDS_IN_A_ROW
         if self._pending and not overdue:
             request = self._pending.pop(0)
-            if _goes(request):
-                self._requested, self._sent = self._goal[0], self._goal
+            self._note_sent(request)
         else:
             request = self._polls[0]
             self._poll_at_ns = now_ns + self._period_ns
-        self._outstanding = request
+        self._outstanding, self._repeats = request, True
         self._reply_by_ns = now_ns + REPLY_TIMEOUT_NS
         return modbus.encode_request(request)
+
+    @property
+    def _able(self) -> bool:
+        """Whether the gripper takes motions now: an activation that waits comes before them."""
+        return self._active and self._activation not in self._pending
+
+    def _note_sent(self, request: modbus.Request) -> None:
+        if request is self._clear:
+            self._active, self._requested, self._force = False, None, None
+        elif request not in (self._activation, self._halt):
+            if _goes(request):
+                self._requested = request.registers[1]
+            speed, self._force = divmod(request.registers[-1], 256)
+            self._sent = (self._sent[0] if self._requested is None else self._requested, speed, self._force)
 
     def _write(self, registers: tuple[int, ...], address: int = OUTPUT_ADDRESS) -> modbus.Request:
         return modbus.Request(self._unit, modbus.WRITE, write_address=address, registers=registers)
@@ -292,8 +324,10 @@ class Session:
                 self._give_up()
             if self._unanswered % ATTEMPTS == 0:
                 self._polls.reverse()
-        elif writes:
+        elif writes and self._repeats:
             self._repeat(request)
+        elif writes:
+            self.command_lost = True
         self._show_state()
 
     def _repeat(self, request: modbus.Request) -> None:
@@ -304,7 +338,7 @@ class Session:
             self._pending.append(request)
 
     def _give_up(self) -> None:
-        self._pending = []
+        self._pending, self._goal = [], self._sent
         self.command_lost = True
 
     def _take_reply(self, request: modbus.Request, reply: modbus.Reply, now_ns: int) -> list[GripperSample]:
@@ -328,6 +362,8 @@ class Session:
         if self._activation not in self._pending:
             self._stage = parse_stage(registers)
             self._active = sample.active
+            if not sample.active:
+                self._force = None
             if self._pending and not sample.active:
                 self._give_up()
         return sample

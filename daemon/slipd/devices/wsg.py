@@ -104,7 +104,7 @@ def _object(words: frozenset[str], grasping: str) -> str:
 
 
 _SETS = (wire.SET_FORCE, wire.PREPOSITION)
-_HOME = Command("homing", wire.HOME, wire.home())
+_HOME = Command("homing", wire.HOME, wire.home(), renews=True)
 _STOP = Command("stop", wire.STOP, wire.encode(wire.STOP))
 _ACKNOWLEDGE = Command("acknowledgement", wire.ACKNOWLEDGE, wire.acknowledge())
 _READ_BACK = Command("force limit", wire.GET_FORCE, wire.encode(wire.GET_FORCE))
@@ -215,6 +215,12 @@ class Session:
         self._talk.stop()
         return wire.encode(wire.DISCONNECT)
 
+    @property
+    def force_told_n(self) -> float | None:
+        """The force limit that was set last or waits, N on one pad; None where there was none while active."""
+        limit = self._commands.force
+        return None if limit is None else limit / FINGERS
+
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: what is asked for is told as it is."""
         return force_n
@@ -255,12 +261,21 @@ class Session:
     def halt(self) -> bool:
         """Ask the fingers to stop where they are, before all else; False where the gripper is not referenced."""
         homing, sample = self._homing_until_ns is not None, self._sample
-        if sample is None or not (sample.active or homing):
+        if not homing and (sample is None or not sample.active):
             return False
         self._goal = None
         self._homing_until_ns = None
         self._commands.interrupt(_STOP)
         return True
+
+    def drop(self) -> bool:
+        """Forget what was not sent yet but for a stop; what is unanswered is not repeated."""
+        if _HOME in self._commands.waiting:
+            self._homing_until_ns = None
+        dropped = self._commands.drop((wire.STOP,))
+        if dropped:
+            self._goal = None
+        return dropped
 
     def acknowledge(self) -> None:
         """Acknowledge a fault, where the gripper reports one."""
@@ -345,7 +360,7 @@ class Session:
         if reply.id == wire.HOME:
             self._end_motion(reply)
         elif well and reply.id == wire.SET_FORCE:
-            self._told = command.force
+            self._told = command.force or 0.0
         elif well and reply.id == wire.GET_FORCE:
             self._echo_ok = abs(wire.parse_number(reply.data) - self._told) <= ECHO_TOLERANCE_N
 
@@ -363,7 +378,9 @@ class Session:
         sample.active = sample.active and self._homing_until_ns is None
         sample.echo_ok = self._echo_ok
         self._sample = sample
-        if sample.active and not sample.fault:
+        if not sample.active:
+            self._commands.void()
+        elif not sample.fault:
             return
         self._goal = None  # what was under way is not taken up again behind the back of whoever mends it
         if self._commands.holds(_SETS):
