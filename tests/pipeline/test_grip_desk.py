@@ -202,6 +202,16 @@ class TestGripper:
         run.serve_gripper(50)
         assert run.gripper.told.position == 0
 
+    def test_it_is_not_opened_on_what_was_felt_before_the_loop_was_held_up(self, run: Run) -> None:
+        """No tick comes between: the readings are old, and nothing was told of that yet."""
+        run.bring_up()
+        run.feel(0.0)
+        run.wait(60)
+        assert run.refusal("gripper.open") == ("in_contact", "drop")
+        assert run.level("right") == ("unknown", ["stale"]), "told before the request was judged"
+        run.feel(0.0)
+        assert run.refusal("gripper.open") is None
+
     def test_closing_does_not_drop_either(self, run: Run) -> None:
         run.bring_up()
         run.gripper.position = 128

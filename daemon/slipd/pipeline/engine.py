@@ -122,7 +122,7 @@ class Engine:
             out += [Write(GRIPPER_LINK, piece) for piece in self._links[GRIPPER_LINK].due(t_ns)]
 
     def _answer(self, request: Request, t_ns: int, out: list[Output]) -> None:
-        self._watch_gripper(t_ns, out)  # a lease that ran out ends before the request is judged
+        self._pass_time(t_ns, out)  # a request is judged on what is known now, and by nobody whose lease ran out
         out.append(self._desk.answer(request, t_ns))
         self._write_due(t_ns, out)
         for record in self._recordings.due():
@@ -178,17 +178,21 @@ class Engine:
         self._suspended_ns = suspended_ns
         if slept > SUSPENSION_NS:
             self._wake(t_ns, out)
-        for name, finger in self._fingers.items():
-            state = finger.on_time(t_ns)
-            if state is not None:
-                self._voices[name].tell(state, out)
-        self._watch_gripper(t_ns, out)
+        self._pass_time(t_ns, out)
         self._react(t_ns, out)
         self._write_due(t_ns, out)
         if self._holding is not None:
             self._holding.tell(t_ns, out)
         if self._status_pace.passes(t_ns):
             self._publish_status(t_ns, out)
+
+    def _pass_time(self, t_ns: int, out: list[Output]) -> None:
+        """Tells what the passing of time alone changed."""
+        for name, finger in self._fingers.items():
+            state = finger.on_time(t_ns)
+            if state is not None:
+                self._voices[name].tell(state, out)
+        self._watch_gripper(t_ns, out)
 
     def _wake(self, t_ns: int, out: list[Output]) -> None:
         """The host slept, and the monotonic clock with it: what looks fresh is old, and leases are over."""

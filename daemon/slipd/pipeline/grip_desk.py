@@ -89,12 +89,12 @@ class GripDesk:
 
     def _open(self, request: Request, t_ns: int) -> Result:
         body = request.body
-        refusal = self._refuse(request, t_ns) or self._check_free(request)
+        refusal = self._refuse(request, t_ns) or self._check_free(request, t_ns)
         return refusal or self._gripper.open(body.get("width_m"), body.get("speed_mps"), t_ns)
 
     def _activate(self, request: Request, t_ns: int) -> Result:
         refusal = self._policy.check_lease(request.client, t_ns) or self._gripper.may_activate()
-        return refusal or self._check_free(request) or self._gripper.activate(t_ns)
+        return refusal or self._check_free(request, t_ns) or self._gripper.activate(t_ns)
 
     def _refuse(self, request: Request, t_ns: int) -> Refusal | None:
         """Why this client cannot move the gripper now."""
@@ -112,9 +112,10 @@ class GripDesk:
         message = f"not to be raised on a stale or doubtful sensor: {', '.join(blind)}; see status"
         return Refusal("not_ready", message, "force_n")
 
-    def _check_free(self, request: Request) -> Refusal | None:
+    def _check_free(self, request: Request, t_ns: int) -> Refusal | None:
         """Refuses to open where something is held or may be, unless it is to be dropped."""
-        touching = [name for name, finger in self._fingers.items() if finger.pressed() is not False]
+        free = {name for name, finger in self._fingers.items() if finger.pressed() is False and finger.feels(t_ns)}
+        touching = [name for name in self._fingers if name not in free]
         if not touching or request.body.get("drop", False):
             return None
         message = f"not known to be free: {', '.join(touching)}; drop: true opens all the same"
