@@ -138,11 +138,16 @@ async def test_what_others_serve_is_left_alone(spec: LinkSpec, path: Path) -> No
     assert lies_there(path)
 
 
-async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(tmp_path: Path) -> None:
+@pytest.fixture
+def open_to_all(tmp_path: Path) -> Path:
     tmp_path.chmod(0o777)
+    return tmp_path
+
+
+async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(open_to_all: Path) -> None:
     with pytest.raises(LinkError, match="others may change its directory"):
-        await open_local(LinkSpec("gripper", "local", f"unix://{tmp_path}/gripper"), bytes)
-    assert not lies_there(tmp_path / "gripper")
+        await open_local(LinkSpec("gripper", "local", f"unix://{open_to_all}/gripper"), bytes)
+    assert not lies_there(open_to_all / "gripper")
 
 
 @pytest.mark.parametrize(
