@@ -66,6 +66,41 @@ def test_an_interruption_waits_for_nothing_and_is_kept_by_what_comes_behind_it(c
     assert (commands.holds([2]), commands.on_time(2)) == (False, b"force")
 
 
+@pytest.mark.parametrize("waits", [False, True])
+def test_what_is_dropped_is_not_sent_and_what_was_sent_not_repeated(commands: Commands, waits: bool) -> None:
+    commands.replace([GO, FORCE])
+    assert commands.on_time(0) == b"go"
+    commands.replace([FORCE, STOP] if waits else [STOP])
+    assert commands.drop(keep=[2]) is waits
+    assert (commands.waiting, commands.outstanding) == ([STOP], GO)
+    commands.waiting.clear()
+    assert (commands.on_time(ANSWER_NS), commands.trouble) == (b"", "no answer to go")
+
+
+def test_a_stop_that_was_sent_is_repeated_though_all_else_is_dropped(commands: Commands) -> None:
+    commands.interrupt(STOP)
+    commands.on_time(0)
+    commands.replace([FORCE])
+    assert commands.drop(keep=[2])
+    assert [commands.on_time(at * ANSWER_NS) for at in (1, 2, 3)] == [b"stop", b"stop", b""]
+
+
+def test_the_force_is_that_of_the_last_command_sent_or_waiting_that_sets_one(commands: Commands) -> None:
+    weak, strong = Command("weak", "force", b"w", 1.0), Command("strong", "force", b"s", 2.0)
+    assert commands.force is None
+    commands.replace([weak, GO])
+    assert (commands.force, commands.on_time(0)) == (1.0, b"w")
+    commands.replace([strong, GO])
+    assert commands.force == 2.0
+    commands.drop(keep=[])
+    assert commands.force == 1.0
+    commands.replace([Command("home", "home", b"h", renews=True)])
+    assert commands.force is None
+    commands.drop(keep=[])
+    commands.void()
+    assert commands.force is None
+
+
 def test_a_new_beginning_forgets_everything(commands: Commands) -> None:
     commands.replace([GO])
     commands.on_time(0)

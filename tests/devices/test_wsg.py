@@ -154,13 +154,13 @@ def test_a_force_while_holding_clamps_again_with_the_goal_that_made_the_grip(hol
     assert (holding.last.width_m, holding.last.object) == (0.04, "contact_closing")
 
 
-def test_a_force_after_a_restart_of_the_daemon_clamps_what_is_held_and_moves_nothing_else(holding: Bench) -> None:
+def test_a_force_after_a_restart_of_the_daemon_sets_the_limit_alone(holding: Bench) -> None:
     holding.write(holding.session.stop())
     holding.start()
     holding.sent.clear()
-    assert holding.session.set_force(12.0) == 12.0
+    assert (holding.session.force_told_n, holding.session.set_force(12.0)) == (None, 12.0)
     holding.run(0.3)
-    assert wire.parse_goal(holding.sent[1].payload)[:2] == (0, 0.0)
+    assert holding.commands() == [wire.SET_FORCE, wire.GET_FORCE]
     assert (holding.last.width_m, holding.last.force_n) == (0.04, 12.0)
 
 
@@ -171,13 +171,108 @@ def test_a_force_while_nothing_is_held_and_no_goal_is_known_moves_nothing(bench:
     assert bench.last.width_m == 0.06
 
 
-def test_what_is_held_from_within_is_clamped_outwards(bench: Bench) -> None:
-    bench.hear(updates(words=("referenced", "blocked_plus")))
-    assert bench.samples[-1].object == "contact_opening"
+@pytest.mark.parametrize("blocked", ["blocked_plus", "blocked_minus"])
+@pytest.mark.parametrize("width_m", [None, 0.1])
+def test_a_force_never_opens_nor_goes_on_behind_a_stop(bench: Bench, blocked: str, width_m: float | None) -> None:
+    if width_m is not None:  # something blocks the way out
+        bench.session.move(width_m, 0.05, 10.0)
+        bench.run(0.1)
+        bench.gripper.receive(wire.encode(wire.STOP), bench.now_ns)
+    else:
+        bench.session.move(0.0, 0.05, 10.0)
+        bench.run(0.1)
+        bench.session.halt()
+    bench.gripper._blocked = blocked
+    bench.run(0.1)
+    stood_m = bench.last.width_m
+    bench.sent.clear()
+    assert bench.session.set_force(12.0) == 12.0
+    bench.run(1.0)
+    assert bench.commands() == [wire.SET_FORCE, wire.GET_FORCE]
+    assert (bench.last.width_m, bench.gripper.limit) == (stood_m, 24.0)
+
+
+def test_a_force_behind_a_move_that_was_lost_does_not_begin_it(bench: Bench) -> None:
+    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
+    bench.session.move(0.0, None, 10.0)
+    bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
+    assert bench.session.command_lost
+    bench.swallow = lambda _: False
     bench.session.set_force(12.0)
-    bench.write(bench.session.on_time(bench.now_ns))
-    bench.write(bench.session.on_time(bench.now_ns))
-    assert wire.parse_goal(bench.sent[-1].payload)[1] == pytest.approx(110.0)
+    bench.run(0.5)
+    assert (bench.last.width_m, bench.session.command_lost) == (0.06, False)
+
+
+def test_a_force_behind_a_move_that_waits_goes_with_the_move(bench: Bench) -> None:
+    bench.session.move(0.1, None, 40.0)
+    bench.session.set_force(5.0)
+    bench.run(0.5)
+    assert bench.commands() == list(GO)
+    assert (bench.last.width_m, bench.gripper.limit) == (pytest.approx(0.1), 10.0)
+
+
+@pytest.mark.parametrize("forget", ["halt", "drop"])
+def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, forget: str) -> None:
+    assert holding.session.force_told_n == 10.0
+    holding.session.set_force(12.0)
+    holding.write(holding.session.on_time(holding.now_ns))
+    holding.swallow = lambda _: True
+    holding.session.set_force(15.0)
+    holding.write(holding.session.on_time(holding.now_ns))
+    holding.session.set_force(20.0)
+    assert (holding.session.force_told_n, getattr(holding.session, forget)()) == (20.0, True)
+    assert holding.session.force_told_n == 15.0
+    assert holding.session.drop() is False
+
+
+def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: Bench) -> None:
+    bench.swallow = lambda _: True
+    bench.session.move(0.0, None, 10.0)
+    bench.run(0.001)
+    assert bench.session.drop()
+    bench.run(ANSWER_NS * 1e-9 + 0.1)
+    assert (bench.commands(), bench.session.state) == ([wire.SET_FORCE], "command lost: no answer to force limit")
+    bench.swallow = lambda _: False
+    bench.session.set_force(12.0)
+    bench.run(0.5)
+    assert bench.last.width_m == 0.06, "the move that was dropped is not taken up again"
+
+
+def test_a_stop_is_not_dropped(bench: Bench) -> None:
+    bench.session.move(0.0, 0.05, 10.0)
+    bench.run(0.1)
+    bench.session.halt()
+    assert bench.session.drop() is False
+    bench.run(0.1)
+    assert bench.commands() == [*GO, wire.STOP]
+
+
+@pytest.mark.parametrize("forget", ["halt", "drop"])
+def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, forget: str) -> None:
+    bench.session.set_force(10.0)
+    bench.run(0.1)
+    bench.session.activate(bench.now_ns)
+    assert (bench.session.force_told_n, getattr(bench.session, forget)()) == (None, True)
+    bench.run(0.1)
+    assert wire.HOME not in bench.commands()
+    assert (bench.session.state, bench.session.force_told_n) == ("active", 10.0)
+    bench.session.activate(bench.now_ns)
+    bench.run(1.0)
+    assert (bench.session.state, bench.session.force_told_n) == ("active", None)
+
+
+def test_an_activation_can_be_taken_back_before_the_first_reading() -> None:
+    session = Session()
+    assert (session.halt(), session.drop()) == (False, False)
+    session.activate(0)
+    assert session.halt()
+    assert wire.HOME not in [command.kind for command in session._commands.waiting]
+
+
+def test_a_gripper_that_is_not_referenced_any_more_was_told_no_force(holding: Bench) -> None:
+    holding.gripper.words.clear()
+    holding.run(0.1)
+    assert holding.session.force_told_n is None
 
 
 def test_stop_goes_before_all_else_and_nothing_resumes_behind_it(bench: Bench) -> None:

@@ -3,7 +3,8 @@
 The gripper sends width, force and state by itself, and answers one command at a time. Nothing moves but on request.
 A grip is a pre-position to a width narrower than the part, which clamps what blocks the way: unlike the gripper's own
 "grasp" it may be given again while something is held, it never gives up by itself, and it opens only where a wider
-goal than the present width is asked for. The force is changed by setting the limit and giving the same goal again.
+goal than the present width is asked for. The force is changed by setting the limit and giving the goal of the grip
+again; where that is not known, as behind a stop, by setting the limit alone.
 """
 
 from __future__ import annotations
@@ -248,15 +249,17 @@ class Session:
             return None
         speed_mmps = limits.max_speed / 2 if speed_mps is None else _within(speed_mps, self.speed_range_mps, "speed")
         self._goal = _within(width_m, self.width_range_m, "width"), speed_mmps
-        return self._grip(limits, force_n)
+        return self._grip(limits, force_n, self._goal)
 
     def set_force(self, force_n: float) -> float | None:
-        """Ask for another force; what is held is clamped anew with it, and nothing else moves. See `move`."""
+        """Ask for another force; what a move has gripped is clamped anew with it, and nothing opens. See `move`."""
         _check_finite("force", force_n)
         limits = self._limits
         if limits is None or not self._able:
             return None
-        return self._grip(limits, force_n)
+        if self.command_lost:
+            self._goal = None  # what may never have begun does not begin now
+        return self._grip(limits, force_n, self._goal_again())
 
     def halt(self) -> bool:
         """Ask the fingers to stop where they are, before all else; False where the gripper is not referenced."""
@@ -319,20 +322,20 @@ class Session:
             sample is not None and sample.active and not sample.fault and not homing and self._talk.state == "running"
         )
 
-    def _grip(self, limits: Limits, force_n: float) -> float:
+    def _goal_again(self) -> tuple[float, float] | None:
+        """Return the goal that a change of force gives again: of a move that still waits, or one that closes."""
+        if self._goal is None or self._sample is None or self._sample.width_m is None:
+            return None
+        waits = any(command.kind == wire.PREPOSITION for command in self._commands.waiting)
+        return self._goal if waits or self._goal[0] <= self._sample.width_m * 1000 else None
+
+    def _grip(self, limits: Limits, force_n: float, goal: tuple[float, float] | None) -> float:
         force = wire.at_most(min(max(force_n * FINGERS, limits.min_force), limits.nominal_force))
         commands = [Command("force limit", wire.SET_FORCE, wire.set_force(force), force)]
-        goal = self._goal or self._clamp(limits)
         if goal is not None:
             commands.append(Command("pre-position", wire.PREPOSITION, wire.preposition(*goal)))
         self._commands.replace([*commands, _READ_BACK], keep=(_STOP,))
         return force / FINGERS
-
-    def _clamp(self, limits: Limits) -> tuple[float, float] | None:
-        """Return the goal that holds on to what is held, where the goal that made it is not known; None for nothing."""
-        held = self._sample.object if self._sample is not None else "none"
-        ends = {"contact_closing": 0.0, "contact_opening": limits.stroke_mm}
-        return (ends[held], limits.max_speed / 2) if held in ends else None
 
     def _take_reply(self, reply: Reply, now_ns: int) -> None:
         asked = self._talk.asked
