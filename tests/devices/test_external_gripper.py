@@ -280,13 +280,97 @@ def test_D2_another_version_of_the_format_is_refused_by_name() -> None:
     assert session.state == "waiting"
 
 
-def test_a_driver_that_registers_again_begins_anew(bench: Bench) -> None:
+def test_a_driver_that_registers_again_begins_anew(holding: Bench) -> None:
+    assert holding.session.force_told_n == 10.0
+    holding.hear([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
+    assert (holding.session.state, holding.session.health.restarts) == ("waiting", 1)
+    assert (holding.session.force_range_n, holding.session.force_told_n) == ((1.0, 2.0), None)
+    holding.run(0.1)
+    assert (holding.told(), holding.session.command_lost, holding.session.state) == ([], False, "active")
+
+
+@pytest.mark.parametrize("sent", [False, True])
+def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again(bench: Bench, sent: bool) -> None:
+    bench.driver.mute = True
     bench.session.set_force(10.0)
-    bench.hear([encode_registration(Registration("other", (0.0, 0.1), (1.0, 2.0)))])
-    assert (bench.session.identity, bench.session.force_range_n) == ("other", (1.0, 2.0))
-    assert (bench.session.state, bench.session.health.restarts) == ("waiting", 1)
+    bench.run(0.01 * sent)
+    bench.hear([encode_registration(DRIVER)])
+    assert bench.session.command_lost
+    bench.run(1.0)
+    assert (bench.told(), bench.session.state) == (["force"] * sent, "command lost: the driver registered anew")
+    bench.driver.mute = False
+    bench.session.set_force(11.0)
     bench.run(0.1)
-    assert bench.told() == []
+    assert bench.session.state == "active"
+
+
+def test_another_driver_on_the_same_connection_is_told_nothing_until_the_first_registers_again(bench: Bench) -> None:
+    session, reason = bench.session, "another driver registered here: connect anew"
+    session.set_force(10.0)
+    bench.samples.clear()
+    bench.hear([encode_registration(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
+    for _ in range(2):
+        assert msgpack.unpackb(session.on_time(bench.now_ns)) == {"v": 1, "refused": reason}
+        bench.hear([encode_report(Report(0.05))])
+    assert (session.identity, session.state) == (DRIVER.name, f"refused: {reason}")
+    assert (session.move(0.0, None, 5.0), session.set_force(5.0), session.halt()) == (None, None, False)
+    assert (bench.samples, session.command_lost) == ([], True)
+    bench.hear([encode_registration(DRIVER), encode_report(Report(0.05))])
+    assert session.set_force(5.0) == 5.0
+
+
+@pytest.mark.parametrize("forget", ["halt", "drop"])
+def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, forget: str) -> None:
+    holding.driver.mute = True
+    holding.session.set_force(12.0)
+    holding.run(0.01)
+    holding.session.set_force(15.0)
+    assert (holding.session.force_told_n, getattr(holding.session, forget)()) == (15.0, True)
+    assert holding.session.force_told_n == 12.0
+    assert holding.session.drop() is False
+
+
+def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: Bench) -> None:
+    bench.driver.mute = True
+    bench.session.set_force(10.0)
+    bench.run(0.01)
+    bench.session.move(0.0, None, 10.0)
+    assert bench.session.drop()
+    bench.run(1.0)
+    assert (bench.told(), bench.session.state) == (["force"], "command lost: no answer to force")
+
+
+def test_a_stop_is_not_dropped(bench: Bench) -> None:
+    bench.session.halt()
+    assert bench.session.drop() is False
+    bench.run(0.1)
+    assert bench.told() == ["stop"]
+
+
+@pytest.mark.parametrize("active", [False, True])
+@pytest.mark.parametrize("forget", ["halt", "drop"])
+def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, forget: str, active: bool) -> None:
+    bench.driver.report = Report(0.08, active=active)
+    bench.run(0.1)
+    bench.session.activate(bench.now_ns)
+    assert getattr(bench.session, forget)()
+    bench.run(0.1)
+    assert bench.told() == ["stop"] * (active and forget == "halt")
+
+
+def test_a_gripper_that_is_not_active_any_more_or_is_activated_was_told_no_force(holding: Bench) -> None:
+    holding.session.activate(holding.now_ns)
+    assert (holding.session.force_told_n, holding.session.drop()) == (None, True)
+    assert holding.session.force_told_n == 10.0
+    holding.driver.report = Report(0.04, active=False)
+    holding.driver._goal_m = None
+    holding.run(0.1)
+    assert holding.session.force_told_n is None
+
+
+def test_an_end_with_a_set_point_on_its_way_says_nothing(holding: Bench) -> None:
+    holding.session.set_force(12.0)
+    assert (holding.session.stop(), holding.session.next_deadline()) == (b"", None)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -30,6 +30,7 @@ _BEGIN = re.compile(rb"[\x82-\x8a](?:[\xa1-\xaf]|\Z)")  # a map of so many field
 
 _SETS = ("move", "force")
 _REGISTER = "a driver registers before all else"
+_ANOTHER = "another driver registered here: connect anew"
 
 
 class Decoder:
@@ -106,6 +107,7 @@ class Session:
 
     `state` is "closed", "waiting" (for the registration), "inactive", "active", a fault, "no reply" (no report of
     late), "command lost" with the reason, or why the driver was refused. `identity` is the name that it registered.
+    A driver may register again by the same name; under another the connection tells nobody anything until it does.
     `health.lost` counts unanswered set-points, `duplicates` answers to none, `restarts` registrations after the first;
     a report that lies (before a registration, of a width beyond the registered range, an answer without the applied
     force) is `bad` and not believed.
@@ -261,7 +263,7 @@ class Session:
                 self._refuse(f"version {message.version} of the format is not spoken here: {wire.VERSION} is", now_ns)
             elif self._driver is None:
                 self.health.bad += 1
-                self._refuse(_REGISTER, now_ns)
+                self._refuse(self._refusal or _REGISTER, now_ns)
             elif self._is_believed(message, self._driver):
                 samples.append(self._take(message, now_ns))
             else:
@@ -298,9 +300,16 @@ class Session:
         return min(max(force_n, least), most)
 
     def _register(self, driver: Registration, now_ns: int) -> None:
-        self.health.restarts += self._driver is not None
-        self._commands.reset()
-        self._driver, self._sample, self._echo_ok = driver, None, None
+        if self._commands.due_ns is not None:
+            self._commands.give_up("the driver registered anew")
+        self._commands.void()
+        self._sample, self._echo_ok = None, None
+        if self.identity not in ("", driver.name):
+            self._driver = None
+            self._refuse(_ANOTHER, now_ns)
+            return
+        self.health.restarts += self.identity != ""
+        self._driver, self._refusal = driver, ""
         self._silent = False
         self.identity = driver.name
         self._silent_at_ns = now_ns + SILENCE_NS
