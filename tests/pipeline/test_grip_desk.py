@@ -209,6 +209,7 @@ class TestGripper:
         run.wait(60)
         assert run.refusal("gripper.open") == ("in_contact", "drop")
         assert run.level("right") == ("unknown", ["stale"]), "told before the request was judged"
+        run.serve_gripper(20)
         run.feel(0.0)
         assert run.refusal("gripper.open") is None
 
