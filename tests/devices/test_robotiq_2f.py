@@ -231,6 +231,120 @@ def test_halt_takes_back_a_move_that_never_began_with_its_force(active: Bench) -
     assert active.gripper.output == (0x0100, 200, 0x803C)
 
 
+@pytest.mark.parametrize("forget", ["halt", "drop"])
+def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active: Bench, forget: str) -> None:
+    assert active.session.force_told_n is None, "the gripper was active before"
+    active.move(200, 128, 60)
+    assert active.session.force_told_n == 61.0
+    active.steps(1)
+    active.set_force(90)
+    active.steps(1)
+    active.move(0, 255, 0)
+    assert (active.session.force_told_n, getattr(active.session, forget)()) == (1.0, True)
+    assert active.session.force_told_n == 91.0
+    active.steps(3)
+    assert active.gripper.output == (0x0100 if forget == "halt" else 0x0900, 200, 0x805A)
+
+
+def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(active: Bench) -> None:
+    active.gripper.mute = True
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.move(0, 255, 255)
+    assert active.session.drop()
+    assert active.session.drop() is False
+    active.gripper.mute = False
+    active.steps(5)
+    assert (active.commands(), active.session.state) == ([GO], "command lost")
+    assert (active.gripper.position, active.session.force_told_n) == (3, 61.0)
+
+
+def test_a_move_dropped_while_a_poll_was_out_is_not_made_by_a_later_force(active: Bench) -> None:
+    active.gripper.mute = True
+    active.steps(1)
+    active.move(200, 128, 60)
+    assert active.session.drop()
+    active.gripper.mute = False
+    active.set_force(90)
+    active.session.halt()
+    active.steps(3)
+    assert active.gripper.output[1] == 0
+    assert active.gripper.output[2] & 0xFF == 90
+    assert (active.session.force_told_n, active.session.command_lost) == (91.0, False)
+
+
+def test_a_halt_is_not_dropped_and_is_repeated(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.session.halt()
+    assert active.session.drop() is False
+    active.gripper.mute = True
+    active.steps(1)
+    active.session.drop()
+    active.gripper.mute = False
+    active.steps(1)
+    assert (active.gripper.output[0], active.session.command_lost) == (0x0100, False)
+
+
+@pytest.mark.parametrize("forget", ["halt", "drop"])
+def test_an_activation_that_was_not_sent_is_taken_back(active: Bench, forget: str) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.session.activate(active.now_ns)
+    assert (active.session.force_told_n, active.set_force(90)) == (None, None)
+    assert getattr(active.session, forget)()
+    active.steps(4)
+    assert CLEAR not in active.commands()
+    assert active.gripper.output[0] == (0x0100 if forget == "halt" else 0x0900), "what it did before is stopped"
+    assert (active.session.state, active.session.force_told_n) == ("active", 61.0)
+
+
+def test_half_an_activation_is_taken_back_by_a_halt_though_the_first_half_is_unanswered() -> None:
+    bench = Bench().start()
+    bench.session.activate(bench.now_ns)
+    bench.gripper.mute = True
+    bench.steps(1)
+    assert bench.session.halt()
+    assert bench.session.halt() is False
+    bench.gripper.mute = False
+    bench.steps(5)
+    assert (bench.commands(), bench.gripper.stage) == ([CLEAR], 0)
+
+
+@pytest.mark.parametrize("how", ["activated", "power lost"])
+def test_a_gripper_that_was_not_active_since_was_told_no_force(active: Bench, how: str) -> None:
+    active.move(200, 128, 60)
+    active.steps(2)
+    if how == "activated":
+        active.session.activate(active.now_ns)
+    else:
+        active.gripper.stage = 0
+    active.steps(1)
+    assert active.session.force_told_n is None
+    active.gripper.stage = 3
+    active.steps(5)
+    assert (active.session.state, active.session.force_told_n) == ("active", None)
+
+
+def test_a_move_that_was_lost_before_it_was_sent_is_no_goal(active: Bench) -> None:
+    active.gripper.mute = True
+    active.steps(3)
+    active.move(200, 128, 60)
+    active.steps(1)
+    assert (active.commands(), active.session.command_lost, active.session.force_told_n) == ([], True, None)
+    active.gripper.mute = False
+    active.steps(4)
+    active.set_force(90)
+    active.session.halt()
+    active.steps(2)
+    assert active.gripper.output[2] & 0xFF == 90
+
+
+def test_an_end_with_a_command_on_its_way_says_nothing(active: Bench) -> None:
+    active.move(200, 128, 60)
+    assert (active.session.stop(), active.session.next_deadline()) == (b"", None)
+
+
 @pytest.mark.parametrize("value", [-0.001, 0.256, float("nan"), float("inf")])
 def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(active: Bench, value: float) -> None:
     with pytest.raises(ValueError, match=r"a width of .*: 0 to 0\.255 m can"):
@@ -251,7 +365,7 @@ def test_N2_a_force_that_is_no_number_is_refused(active: Bench, value: float) ->
 
 
 def test_the_force_told_is_that_of_the_byte_below_the_one_asked_for(active: Bench) -> None:
-    assert active.session.move(0.1, None, 5.9) == 5.0
+    assert active.session.move(0.1, None, 5.9) == active.session.applied_n(5.9) == 5.0
     assert active.session.set_force(7.999) == 7.0
     assert active.session.set_force(0.2) == 1.0, "the gripper's least"
     assert active.session.set_force(1e9) == 256.0
