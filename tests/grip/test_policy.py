@@ -248,6 +248,19 @@ def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: Grip
     assert policy.check_change(7.0, later) is None, "the next grasp has a budget of its own"
 
 
+def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
+    policy.grip(5.0, T0)
+    policy.grip(15.0, T0, reflex=True)
+    policy.grip(17.0, T0)
+    policy.put_back(15.0)
+    assert (policy.force_n, policy.asked_n, policy.most_n) == (15.0, 15.0, 15.0)
+    policy.let_go()
+    policy.put_back(15.0)
+    assert (policy.asked_n, policy.most_n) == (15.0, 15.0), "it was not let go, so it is the same grasp"
+    policy.put_back(None)
+    assert policy.force_n is policy.asked_n is None
+
+
 def test_what_is_left_of_the_budget_may_be_used_up(policy: GripPolicy) -> None:
     policy.grip(5.0, T0)
     policy.grip(15.5, T0, reflex=True)

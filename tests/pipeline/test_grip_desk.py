@@ -253,6 +253,30 @@ class TestGripper:
         assert run.writes() == []
         assert run.refusal("grip.set", force_n=5.0) == ("no_lease", "")
 
+    @pytest.mark.parametrize("how", ["stall", "sleep"])
+    def test_what_waited_behind_a_poll_is_not_sent_behind_a_stall(self, run: Run, how: str) -> None:
+        run.bring_up()
+        run.tick()
+        run.feel(0.0)
+        run.gripper.silent = True
+        run.serve_gripper(20)
+        run.feel(0.0)
+        assert run.refusal("gripper.open") is None
+        run.let_lease_be()
+        run.gripper.silent = False
+        if how == "stall":
+            run.wait(10_000)
+            run.wrench(0.0)
+        else:
+            run.wait(5)
+            run.tick(suspended_ns=3600 * 10**9)
+            body = run.told("gripper")[-1]
+            assert (body["active"], body["width_m"], body["age_s"]) == (None, None, None)
+        run.serve_gripper(500)
+        assert run.writes() == []
+        assert run.told("gripper")[-1]["latched_fault"] == "command_lost"
+        assert run.told("gripper")[-1]["active"] is True
+
 
 class TestForceOfAHeldObject:
     def test_it_is_set_and_adjusted_where_it_is(self, run: Run) -> None:
@@ -373,6 +397,14 @@ class TestHold:
         assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(5.0)}
         run.serve_gripper(100)
         assert run.writes() == []
+
+    def test_a_force_that_was_just_asked_for_does_not_stop_what_holds(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        assert run.refusal("grip.set", force_n=6.0) is None
+        assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(6.0)}
+        run.serve_gripper(50)
+        assert (run.gripper.told.go, run.gripper.told.force) == (True, 30)
 
     def test_moving_fingers_stop_and_do_not_open(self, run: Run) -> None:
         run.bring_up()

@@ -39,7 +39,7 @@ class Recorded:
         self.speed_range_mps: tuple[float, float] | None = (0.02, 0.15)
         self.force_range_n = (3.0, 28.5)
         self.force_told_n: float | None = None
-        self.drops = False
+        self.has: float | None = None  # of that, what was sent
 
     def start(self, now_ns: int) -> bytes:
         return b""
@@ -64,19 +64,30 @@ class Recorded:
 
     def move(self, width_m: float, speed_mps: float | None, force_n: float) -> float | None:
         self.commands.append(("move", round(width_m, 3), speed_mps, force_n))
-        return math.floor(2.0 * force_n) / 2.0 if self.takes else None
+        return self._take(force_n)
 
     def set_force(self, force_n: float) -> float | None:
         self.commands.append(("force", force_n))
-        return math.floor(2.0 * force_n) / 2.0 if self.takes else None
+        return self._take(force_n)
+
+    def _take(self, force_n: float) -> float | None:
+        if not self.takes:
+            return None
+        self.force_told_n = self.applied_n(force_n)
+        return self.force_told_n
+
+    def send(self) -> None:
+        """What waits is sent."""
+        self.has = self.force_told_n
+
+    def drop(self) -> bool:
+        dropped, self.force_told_n = self.force_told_n != self.has, self.has
+        return dropped
 
     def halt(self) -> bool:
         self.commands.append(("halt",))
+        self.drop()
         return self.takes
-
-    def drop(self) -> bool:
-        self.commands.append(("drop",))
-        return self.drops
 
     def acknowledge(self) -> None:
         self.commands.append(("acknowledge",))
@@ -234,6 +245,7 @@ def test_a_setting_force_changes_nothing_but_the_force(control: GripperControl, 
 
 def test_a_command_that_the_session_does_not_take_is_refused(control: GripperControl, session: Recorded) -> None:
     control.close(6.0, None, None, T0)
+    session.send()
     session.takes = False
     for found in (
         control.close(5.0, None, None, T0),
@@ -343,6 +355,96 @@ def test_a_reading_from_before_the_command_does_not_end_the_grasp(control: Gripp
     assert control.policy.force_n is None
 
 
+def test_what_waited_while_the_daemon_stood_still_is_dropped_and_latched(
+    control: GripperControl, session: Recorded
+) -> None:
+    control.close(5.0, None, None, T0)
+    session.send()
+    control.on_time(T0)
+    control.set_force(6.0, T0)
+    control.look(T0 + 50 * MS)
+    assert (control.policy.force_n, control.policy.fault) == (6.0, "")
+    control.look(T0 + 101 * MS)
+    assert control.policy.fault == "command_lost"
+    assert control.policy.force_n == control.policy.asked_n == control.force_command_n == session.force_told_n == 5.0
+
+
+def test_a_first_grip_that_was_dropped_is_none(control: GripperControl, session: Recorded) -> None:
+    control.on_time(T0)
+    control.close(5.0, None, None, T0)
+    control.on_time(T0 + 60 * MS)
+    assert control.policy.fault == "command_lost"
+    assert control.policy.force_n is control.policy.asked_n is control.force_command_n is None
+
+
+def test_a_sleep_of_the_host_drops_what_waited_and_ends_what_was_known(
+    left: str, gripper: str, parse: Parse, session: Recorded
+) -> None:
+    control = make(left + gripper + 'lease_end = "stop"\n', parse, session)
+    control.policy.acquire(b"ann", 200, T0)
+    control.on_time(T0)
+    control.close(5.0, None, None, T0)
+    session.send()
+    control.open(None, None, T0)
+    control.wake()
+    assert (control.policy.fault, control.policy.force_n, control.sample) == ("command_lost", 5.0, None)
+    assert control.on_time(T0 + MS) is True
+    assert control.policy.holder(T0 + MS) is None
+    assert session.commands[-1] == ("halt",), "they may still be closing"
+
+
+@pytest.mark.parametrize("change", ["force", "open"])
+def test_a_stop_puts_back_the_force_that_it_kept_from_the_gripper(
+    control: GripperControl, session: Recorded, change: str
+) -> None:
+    control.close(5.0, None, None, T0)
+    session.send()
+    if change == "force":
+        control.set_force(6.0, T0)
+    else:
+        control.open(None, None, T0)
+    assert control.halt() == {}
+    assert control.policy.force_n == control.policy.asked_n == control.force_command_n == 5.0
+    session.send()
+    control.halt()
+    assert control.policy.force_n == 5.0
+    control.open(None, None, T0)
+    session.send()
+    control.halt()
+    assert control.policy.force_n is None, "that was sent"
+
+
+def test_a_force_that_was_told_before_the_link_was_lost_is_put_back_too(
+    control: GripperControl, session: Recorded
+) -> None:
+    control.close(5.0, None, None, T0)
+    control.lose()
+    session.force_told_n = None
+    session.send()
+    control.take(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
+    control.acknowledge()
+    control.set_force(6.0, T0 + 5000 * MS)
+    control.set_force(6.5, T0 + 5000 * MS)
+    control.halt()
+    assert control.policy.force_n == control.force_command_n == 5.0
+
+
+@pytest.mark.parametrize("request_behind", ["hold", "lease_end"])
+def test_a_force_alone_is_no_motion_that_would_be_stopped(
+    left: str, gripper: str, parse: Parse, session: Recorded, request_behind: str
+) -> None:
+    control = make(left + gripper + 'lease_end = "stop"\n', parse, session)
+    control.close(5.0, None, None, T0)
+    control.take(reading(0.03, T0 + MS, object="contact_closing"))
+    control.set_force(6.0, T0 + 2 * MS)
+    if request_behind == "hold":
+        assert control.hold() == {"force_n": 6.0}
+    else:
+        control.policy.acquire(b"ann", 200, T0 + 2 * MS)
+        control.on_time(T0 + 203 * MS)
+    assert session.commands == [("move", 0.0, None, 5.0), ("force", 6.0)]
+
+
 def test_a6_a_lost_command_is_latched_once(control: GripperControl, session: Recorded) -> None:
     assert control.on_time(T0) is False
     session.command_lost = True
@@ -357,8 +459,9 @@ def test_a6_a_lost_command_is_latched_once(control: GripperControl, session: Rec
     assert session.commands == [("acknowledge",)]
 
 
-def test_silence_is_judged_by_the_daemons_own_time_awake(control: GripperControl) -> None:
+def test_silence_is_judged_by_the_daemons_own_time_awake(control: GripperControl, session: Recorded) -> None:
     control.close(10.0, None, None, T0)
+    session.send()
     control.on_time(T0)
     control.on_time(T0 + 60_000 * MS)
     assert control.policy.fault == "", "the daemon stood still, and what was said meanwhile waits to be read"
@@ -373,6 +476,7 @@ def test_a_slow_gripper_may_be_silent_for_three_of_its_periods(
 ) -> None:
     control = make(left + gripper.replace("rate_hz = 50.0", "rate_hz = 2.0"), parse, session)
     control.close(10.0, None, None, T0)
+    session.send()
     for k in range(290):
         control.on_time(T0 + 5 * k * MS)
     assert control.policy.fault == ""

@@ -201,7 +201,9 @@ class GripPolicy:
         if not math.isfinite(force_n):
             raise ValueError(f"the gripper was told a force that is not finite: {force_n}")
         now_ns = self._now(t_ns)
-        if self._force_n is not None:
+        if self._force_n is None:
+            self._raised_n = 0.0
+        else:
             change_n = force_n - self._force_n
             self._raised_n += max(change_n, 0.0)
             (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), now_ns)
@@ -209,10 +211,14 @@ class GripPolicy:
         if not reflex:
             self._asked_n = force_n
 
+    def put_back(self, force_n: float | None) -> None:
+        """What was noted last never reached the gripper: this is in force. What it spent stays spent."""
+        self._force_n = force_n
+        self._asked_n = force_n if force_n is None or self._asked_n is None else min(self._asked_n, force_n)
+
     def let_go(self) -> None:
         """The grasp ended: the gripper opened, lost its object or is not active; the next has a budget of its own."""
         self._force_n = self._asked_n = None
-        self._raised_n = 0.0
 
     def _budget_left_n(self) -> float:
         return max(self._limits.budget_n - self._raised_n, 0.0)

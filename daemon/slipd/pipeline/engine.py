@@ -81,6 +81,8 @@ class Engine:
         if self._started_ns is None:
             self._started_ns = t_ns
         self._lateness.note(event, t_ns)
+        if self._gripper is not None:
+            self._gripper.look(t_ns)
         match event:
             case Bytes(name, data):
                 self._receive(self._links[name], data, t_ns, out)
@@ -197,7 +199,8 @@ class Engine:
     def _wake(self, t_ns: int, out: list[Output]) -> None:
         """The host slept, and the monotonic clock with it: what looks fresh is old, and leases are over."""
         if self._gripper is not None:
-            self._gripper.policy.end_lease()
+            self._gripper.wake()
+            out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, self._gripper.body(t_ns)))
         for link in self._links.values():
             link.interrupt()
         for name, finger in self._fingers.items():

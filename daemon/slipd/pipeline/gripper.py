@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.grip.policy import GripLimits, GripPolicy, Refusal
-from slipd.pipeline.gripper_watch import LINK_LOST, NO_ANSWER, GripperWatch
+from slipd.pipeline.gripper_watch import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperWatch
 from slipd.pipeline.report import number
 from slipd.samples import GripperSample
 from slipd_client.messages import Health
@@ -18,8 +19,8 @@ Result = dict[str, Any] | Refusal
 #: A gripper that was not heard for so long, or for three of its periods, does not answer. A session that repeats an
 #: unanswered command twice gives it up first.
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
-#: Of the time from one look at the clock to the next so much counts: beyond it the daemon itself stood still, and what
-#: the gripper said meanwhile waits to be read.
+#: Of the time from one look at the clock to the next so much counts: beyond it the daemon itself stood still, what the
+#: gripper said meanwhile waits to be read, and what it was to be told was meant for another situation.
 LONGEST_LOOK_NS = 50_000_000
 _NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
 _NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
@@ -48,32 +49,47 @@ class GripperControl:
         self.force_command_n: float | None = None
         self._held = False  # in this grasp, the gripper has said that something stopped it
         self._goal_m = math.inf
-        self._commanded_ns = 0
+        self._moves = False  # the fingers, as far as is known
+        self._moved_ns = 0  # when they were sent somewhere
         self._looked_ns = self._silent_ns = 0
+        self._before_n: float | None = None  # the force in force before the session was told any
         self._told_fault = ""
 
     def take(self, sample: GripperSample) -> None:
         """Takes a status reading."""
         self.sample, self._silent_ns = sample, 0
         self._latch(self._watch.take(sample))
+        self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         if not sample.active:
             self._let_go()
             self.force_command_n = None
-        elif sample.t_ns > self._commanded_ns:
+        elif sample.t_ns > self._moved_ns:
             if self._held and sample.object == "none":
                 self._let_go()
             self._held = sample.object.startswith("contact")
 
+    def look(self, t_ns: int) -> None:
+        """Looks at the clock before anything is written: after a stall nothing is sent that was asked for before it."""
+        passed_ns, self._looked_ns = t_ns - self._looked_ns, t_ns
+        self._silent_ns += min(passed_ns, LONGEST_LOOK_NS)
+        if passed_ns > LONGEST_LOOK_NS:
+            self._drop()
+
+    def wake(self) -> None:
+        """The host slept: nothing is sent that was asked for before, leases are over, and what was heard is old."""
+        self._drop()
+        self.policy.end_lease()
+        self.sample = None
+
     def on_time(self, t_ns: int) -> bool:
         """Lets time pass; True where there is news: the latched fault is another, or a lease ended by itself."""
+        self.look(t_ns)
         self._latch(self._watch.take_command(lost=self._session.command_lost))
-        self._silent_ns += min(t_ns - self._looked_ns, LONGEST_LOOK_NS)
-        self._looked_ns = t_ns
         if self.sample is not None and self._silent_ns > self._silence_ns:
             self._forget(NO_ANSWER)
         lapsed = self.policy.lapsed(t_ns)
-        if lapsed and self._config.lease_end == "stop" and self._moves():
-            self._session.halt()
+        if lapsed and self._config.lease_end == "stop" and self._moves:
+            self._undo(self._session.halt)
         told, self._told_fault = self._told_fault, self.policy.fault
         return lapsed or self._told_fault != told
 
@@ -123,11 +139,13 @@ class GripperControl:
         if refusal is not None:
             return refusal
         goal_m = self._session.width_range_m[0] if width_m is None else width_m
+        self._keep_force()
         applied_n = self._session.move(goal_m, speed_mps, force_n)
         if applied_n is not None:
             self._held = self._held and self.policy.force_n is not None
             self.policy.grip(applied_n, t_ns)
-        return self._sent(applied_n, t_ns, goal_m)
+            self._send_off(goal_m, t_ns)
+        return self._sent(applied_n)
 
     def open(self, width_m: float | None, speed_mps: float | None, t_ns: int) -> Result:
         """Opens to a width with the least force that may be asked for; ends the grasp."""
@@ -138,17 +156,20 @@ class GripperControl:
         if refusal is not None:
             return refusal
         least_n = max(self._session.force_range_n[0], self._config.min_force_n or 0.0)
+        self._keep_force()
         applied_n = self._session.move(goal_m, speed_mps, least_n)
         if applied_n is not None:
             self._let_go()
-        return self._sent(applied_n, t_ns, goal_m)
+            self._send_off(goal_m, t_ns)
+        return self._sent(applied_n)
 
     def set_force(self, force_n: float, t_ns: int) -> Result:
         """Sets the force while holding."""
+        self._keep_force()
         applied_n = self._session.set_force(force_n)
         if applied_n is not None:
             self.policy.grip(applied_n, t_ns)
-        return self._sent(applied_n, t_ns, self._goal_m)
+        return self._sent(applied_n)
 
     @property
     def width_m(self) -> float | None:
@@ -159,20 +180,21 @@ class GripperControl:
         """Sets the force for the reflex; False where the gripper cannot take it now."""
         if self.refuse() is not None or self.check_force(force_n) is not None:
             return False
+        self._keep_force()
         applied_n = self._session.set_force(force_n)
         if applied_n is None:
             return False
         self.policy.grip(applied_n, t_ns, reflex=True)
-        self._sent(applied_n, t_ns, self._goal_m)
+        self._sent(applied_n)
         return True
 
     def halt(self) -> Result:
         """Stops the fingers where they are, whatever else is wrong."""
-        return {} if self._session.halt() else (self.may_activate() or _NOT_ACTIVE)
+        return {} if self._undo(self._session.halt) else (self.may_activate() or _NOT_ACTIVE)
 
     def hold(self) -> Result:
         """Keeps what is: moving fingers stop, a force in force stays."""
-        if self._moves() or self.sample is None or not self.sample.active:
+        if self._moves or self.sample is None or not self.sample.active:
             stopped = self.halt()
             if isinstance(stopped, Refusal):
                 return stopped
@@ -227,14 +249,30 @@ class GripperControl:
         self._watch.forget()
         self.sample = None
 
+    def _keep_force(self) -> None:
+        """A session that began anew knows of no force: that of a grip from before is kept here."""
+        if self._session.force_told_n is None:
+            self._before_n = self.policy.force_n
+
+    def _drop(self) -> None:
+        """Forgets what was not sent yet; that it never will be is a fault."""
+        if self._undo(self._session.drop):
+            self.policy.latch(COMMAND_LOST)
+
+    def _undo(self, forget: Callable[[], bool]) -> bool:
+        """Lets the session forget what was not sent yet, and puts back the force that it would have changed."""
+        to_be_n = self._session.force_told_n
+        done = forget()
+        told_n = self._session.force_told_n
+        if told_n != to_be_n:
+            self.force_command_n = self._before_n if told_n is None else told_n
+            self.policy.put_back(self.force_command_n)
+        return done
+
     def _let_go(self) -> None:
         """The grasp ended: its force and its budget with it."""
         self.policy.let_go()
         self._held = False
-
-    def _moves(self) -> bool:
-        """Whether the fingers move, or may have begun to since the newest reading."""
-        return self.sample is not None and (self.sample.moving or self.sample.t_ns <= self._commanded_ns)
 
     def _check_closes(self, width_m: float | None) -> Refusal | None:
         """Refuses a width beyond the present one, and beyond the one that moving fingers are on their way to."""
@@ -243,7 +281,7 @@ class GripperControl:
         now_m = None if self.sample is None else self.sample.width_m
         if now_m is None:
             return Refusal("not_ready", "the present width is not known: leave width_m out", "width_m")
-        most_m = min(now_m, self._goal_m) if self._moves() else now_m
+        most_m = min(now_m, self._goal_m) if self._moves else now_m
         if width_m <= most_m:
             return None
         return Refusal("out_of_range", f"width_m must be at most the present {most_m:.4f} m: it closes", "width_m")
@@ -263,11 +301,15 @@ class GripperControl:
             return Refusal("out_of_range", f"speed_mps must be {allowed}, not {speed_mps:g}", "speed_mps")
         return None
 
-    def _sent(self, applied_n: float | None, t_ns: int, goal_m: float) -> Result:
+    def _send_off(self, goal_m: float, t_ns: int) -> None:
+        """The fingers are sent somewhere: until a later reading says otherwise, they move."""
+        self._goal_m, self._moves, self._moved_ns = goal_m, True, t_ns
+
+    def _sent(self, applied_n: float | None) -> Result:
         """What the gripper is told is told: its settings may be steps, and never exceed what was asked for."""
         if applied_n is None:
             return _NOT_ACTIVE
-        self.force_command_n, self._goal_m, self._commanded_ns = applied_n, goal_m, t_ns
+        self.force_command_n = applied_n
         return {"applied_n": applied_n}
 
 
