@@ -246,6 +246,21 @@ def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active:
     assert active.gripper.output == (0x0100 if forget == "halt" else 0x0900, 200, 0x805A)
 
 
+def test_the_force_told_is_that_of_a_force_that_is_repeated_behind_a_halt(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.gripper.mute = True
+    active.set_force(90)
+    active.steps(1)
+    active.move(0, 255, 0)
+    active.session.halt()
+    active.gripper.mute = False
+    for _ in range(4):
+        assert active.session.force_told_n == 91.0
+        active.steps(1)
+    assert active.gripper.output == (0x0100, 200, 0x805A)
+
+
 def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(active: Bench) -> None:
     active.gripper.mute = True
     active.move(200, 128, 60)
@@ -257,6 +272,12 @@ def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(active: 
     active.steps(5)
     assert (active.commands(), active.session.state) == ([GO], "command lost")
     assert (active.gripper.position, active.session.force_told_n) == (3, 61.0)
+    active.move(200, 128, 60)
+    active.gripper.mute = True
+    active.steps(1)
+    active.gripper.mute = False
+    active.steps(1)
+    assert (active.commands(), active.session.command_lost) == ([GO] * 3, False), "a later one is repeated"
 
 
 def test_a_move_dropped_while_a_poll_was_out_is_not_made_by_a_later_force(active: Bench) -> None:
@@ -309,6 +330,17 @@ def test_half_an_activation_is_taken_back_by_a_halt_though_the_first_half_is_una
     bench.gripper.mute = False
     bench.steps(5)
     assert (bench.commands(), bench.gripper.stage) == ([CLEAR], 0)
+
+
+def test_half_an_activation_that_was_taken_back_leaves_a_gripper_that_takes_nothing(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.session.activate(active.now_ns)
+    active.steps(1)
+    assert active.session.halt()
+    assert (active.session.force_told_n, active.move(1, 2, 3), active.session.halt()) == (None, None, False)
+    active.steps(3)
+    assert (active.commands(), active.session.state) == ([GO, CLEAR], "inactive")
 
 
 @pytest.mark.parametrize("how", ["activated", "power lost"])

@@ -232,10 +232,14 @@ def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: B
     assert bench.session.drop()
     bench.run(ANSWER_NS * 1e-9 + 0.1)
     assert (bench.commands(), bench.session.state) == ([wire.SET_FORCE], "command lost: no answer to force limit")
-    bench.swallow = lambda _: False
+
+
+def test_a_move_that_was_dropped_is_not_taken_up_by_a_later_force(bench: Bench) -> None:
+    bench.session.move(0.0, None, 10.0)
+    assert bench.session.drop()
     bench.session.set_force(12.0)
     bench.run(0.5)
-    assert bench.last.width_m == 0.06, "the move that was dropped is not taken up again"
+    assert bench.commands() == [wire.SET_FORCE, wire.GET_FORCE]
 
 
 def test_a_stop_is_not_dropped(bench: Bench) -> None:

@@ -309,7 +309,7 @@ class Session:
             self._refuse(_ANOTHER, now_ns)
             return
         self.health.restarts += self.identity != ""
-        self._driver, self._refusal = driver, ""
+        self._driver = driver
         self._silent = False
         self.identity = driver.name
         self._silent_at_ns = now_ns + SILENCE_NS

@@ -130,7 +130,7 @@ class Session:
         self.command_lost = False
         self._stage = "waiting"
         self._active = False  # the last status said so, and the gripper still answers
-        self._goal = self._sent = (0, 0, 0)  # position, speed and force bytes; those of the last move, and since
+        self._goal = self._sent = (0, 0, 0)  # position, speed and force bytes; those of the last move that began
         self._requested: int | None = None  # the position last sent
         self._force: int | None = None  # the force last sent while active
         self._pending: list[modbus.Request] = []
@@ -158,7 +158,8 @@ class Session:
         """The force of the byte that was sent last or is to be, N on one pad; None where none was while active."""
         if self._activation in self._pending:
             return None
-        force = self._goal[2] if any(request is not self._halt for request in self._pending) else self._force
+        unsent = [_force_byte(request) for request in self._pending if request is not self._halt]
+        force = unsent[-1] if unsent else self._force
         return None if force is None else self._units.newtons(force)
 
     def applied_n(self, force_n: float) -> float:
@@ -296,10 +297,9 @@ class Session:
         if request is self._clear:
             self._active, self._requested, self._force = False, None, None
         elif request not in (self._activation, self._halt):
+            self._force = _force_byte(request)
             if _goes(request):
-                self._requested = request.registers[1]
-            speed, self._force = divmod(request.registers[-1], 256)
-            self._sent = (self._sent[0] if self._requested is None else self._requested, speed, self._force)
+                self._requested, self._sent = self._goal[0], self._goal
 
     def _write(self, registers: tuple[int, ...], address: int = OUTPUT_ADDRESS) -> modbus.Request:
         return modbus.Request(self._unit, modbus.WRITE, write_address=address, registers=registers)
@@ -373,6 +373,11 @@ class Session:
             self.state = "no reply"
         else:
             self.state = "command lost" if self.command_lost else self._stage
+
+
+def _force_byte(request: modbus.Request) -> int:
+    """Return the force of a write that sets one, which ends with it."""
+    return request.registers[-1] & 0xFF
 
 
 def _goes(request: modbus.Request | None) -> bool:
