@@ -354,6 +354,16 @@ class TestForceOfAHeldObject:
         assert run.refusal("grip.adjust", delta_n=0.5) == ("not_ready", "")
         assert run.refusal("gripper.close", force_n=12.0) is None
 
+    def test_a_finger_that_presses_is_believed_before_the_gripper(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.gripper.found = 3
+        for _ in range(5):
+            run.serve_gripper(20)
+            run.feel(5.0)
+        assert run.told("gripper")[-1]["object"] == "none"
+        assert run.refusal("gripper.close", force_n=12.0) == ("out_of_range", "force_n")
+
     def stale(self, run: Run) -> None:
         run.serve_gripper(150)
         run.wrench(5.0)

@@ -145,6 +145,16 @@ def test_opening_takes_the_least_force_that_may_be_asked_for(
     assert session.commands == [("move", 0.085, None, 4.0)]
 
 
+def test_a_gripper_whose_least_force_is_above_the_limit_is_not_opened(
+    control: GripperControl, session: Recorded
+) -> None:
+    session.force_range_n = (50.0, 200.0)
+    assert refused(control.open(None, None, T0)) == ("out_of_range", "")
+    assert session.commands == []
+    session.force_range_n = (25.0, 200.0)
+    assert isinstance(control.open(None, None, T0), dict)
+
+
 @pytest.mark.parametrize("width_m", [-0.001, 0.086, 1e300])
 def test_g3_a_width_that_the_gripper_does_not_have_is_refused(
     control: GripperControl, session: Recorded, width_m: float
@@ -227,8 +237,36 @@ def test_closing_never_opens_fingers_that_have_moved_on_since_they_were_heard(
     control.take(reading(0.06, T0 + 20 * MS, moving=True))
     assert refused(control.close(5.0, 0.05, None, T0 + 21 * MS)) == ("out_of_range", "width_m")
     assert isinstance(control.close(5.0, 0.02, None, T0 + 21 * MS), dict)
-    control.take(reading(0.055, T0 + 60 * MS, object="contact_closing"))
-    assert isinstance(control.close(5.0, 0.05, None, T0 + 61 * MS), dict), "something stopped them"
+    control.take(reading(0.03, T0 + 60 * MS))
+    assert isinstance(control.open(0.08, None, T0 + 60 * MS), dict)
+    assert refused(control.close(5.0, 0.05, None, T0 + 61 * MS)) == ("out_of_range", "width_m")
+    control.take(reading(0.08, T0 + 80 * MS))
+    assert isinstance(control.close(5.0, 0.05, None, T0 + 81 * MS), dict)
+
+
+def test_a_grip_in_force_is_not_closed_to_less_than_it_was(control: GripperControl, session: Recorded) -> None:
+    """At the present width nothing would press any more, and the gripper would say that it holds nothing."""
+    control.close(5.0, 0.02, None, T0)
+    control.take(reading(0.04, T0 + MS, object="contact_closing"))
+    session.commands.clear()
+    assert refused(control.close(5.0, 0.04, None, T0 + 2 * MS)) == ("out_of_range", "width_m")
+    assert refused(control.close(5.0, 0.021, None, T0 + 2 * MS)) == ("out_of_range", "width_m")
+    assert session.commands == []
+    assert isinstance(control.close(5.0, 0.02, None, T0 + 2 * MS), dict)
+    control.open(0.05, None, T0 + 3 * MS)
+    control.take(reading(0.05, T0 + 4 * MS))
+    assert isinstance(control.close(5.0, 0.05, None, T0 + 5 * MS), dict), "that is another grasp"
+
+
+def test_a_grasp_does_not_end_on_the_word_of_the_gripper_while_a_finger_presses(control: GripperControl) -> None:
+    control.close(5.0, None, None, T0)
+    control.take(reading(0.04, T0 + MS, object="contact_closing"))
+    control.take(reading(0.04, T0 + 2 * MS, object="none"), pressed=True)
+    assert control.policy.force_n == 5.0
+    control.take(reading(0.02, T0 + 3 * MS, object="moving"), pressed=False)
+    assert control.policy.force_n == 5.0
+    control.take(reading(0.0, T0 + 4 * MS, object="none"), pressed=False)
+    assert control.policy.force_n is None
 
 
 def test_a_width_is_not_asked_for_where_the_present_one_is_not_known(control: GripperControl) -> None:

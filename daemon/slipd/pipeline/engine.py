@@ -171,8 +171,9 @@ class Engine:
 
     def _take_gripper(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
         gripper = cast("GripperControl", self._gripper)
+        pressed = any(finger.pressed() for finger in self._fingers.values())
         for sample in samples:
-            gripper.take(sample)
+            gripper.take(sample, pressed=pressed)
             out.append(self._outlet.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, gripper.body(sample.t_ns)))
 
     def _tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:

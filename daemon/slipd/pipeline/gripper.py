@@ -48,15 +48,15 @@ class GripperControl:
         self.sample: GripperSample | None = None
         self.force_command_n: float | None = None
         self._held = False  # in this grasp, the gripper has said that something stopped it
-        self._goal_m = math.inf
+        self._goal_m = self._closing_m = math.inf  # of the last motion, of the last that closed
         self._moves = False  # the fingers, as far as is known
         self._moved_ns = 0  # when they were sent somewhere
         self._looked_ns = self._silent_ns = 0
         self._before_n: float | None = None  # the force in force before the session was told any
         self._told_fault = ""
 
-    def take(self, sample: GripperSample) -> None:
-        """Takes a status reading."""
+    def take(self, sample: GripperSample, *, pressed: bool = False) -> None:
+        """Takes a status reading; while a finger feels that it is ``pressed``, no word of the gripper ends a grasp."""
         self.sample, self._silent_ns = sample, 0
         self._latch(self._watch.take(sample))
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
@@ -64,9 +64,10 @@ class GripperControl:
             self._let_go()
             self.force_command_n = None
         elif sample.t_ns > self._moved_ns:
-            if self._held and sample.object == "none":
+            if sample.object.startswith("contact"):
+                self._held = True
+            elif self._held and sample.object == "none" and not pressed:
                 self._let_go()
-            self._held = sample.object.startswith("contact")
 
     def look(self, t_ns: int) -> None:
         """Looks at the clock before anything is written: after a stall nothing is sent that was asked for before it."""
@@ -144,6 +145,7 @@ class GripperControl:
         if applied_n is not None:
             self._held = self._held and self.policy.force_n is not None
             self.policy.grip(applied_n, t_ns)
+            self._closing_m = goal_m
             self._send_off(goal_m, t_ns)
         return self._sent(applied_n)
 
@@ -153,9 +155,12 @@ class GripperControl:
         goal_m = self._session.width_range_m[1] if width_m is None else width_m
         if refusal is None and math.isinf(goal_m):
             refusal = Refusal("not_ready", "the gripper has not told its widths yet: give width_m", "width_m")
+        least_n = max(self._session.force_range_n[0], self._config.min_force_n or 0.0)
+        if refusal is None and self.policy.check_force(least_n) is not None:
+            above = f"the least force of the gripper, {least_n:g} N, is above max_force_n"
+            refusal = Refusal("out_of_range", f"{above}: it may not be told any")
         if refusal is not None:
             return refusal
-        least_n = max(self._session.force_range_n[0], self._config.min_force_n or 0.0)
         self._keep_force()
         applied_n = self._session.move(goal_m, speed_mps, least_n)
         if applied_n is not None:
@@ -275,16 +280,22 @@ class GripperControl:
         self._held = False
 
     def _check_closes(self, width_m: float | None) -> Refusal | None:
-        """Refuses a width beyond the present one, and beyond the one that moving fingers are on their way to."""
+        """Refuses a width beyond the present one, that of moving fingers' goal, and that of the grip in force.
+
+        Each would open, or take away what presses on the object.
+        """
         if width_m is None:
             return None
-        now_m = None if self.sample is None else self.sample.width_m
-        if now_m is None:
+        most_m = None if self.sample is None else self.sample.width_m
+        if most_m is None:
             return Refusal("not_ready", "the present width is not known: leave width_m out", "width_m")
-        most_m = min(now_m, self._goal_m) if self._moves else now_m
+        if self._moves:
+            most_m = min(most_m, self._goal_m)
+        if self.policy.force_n is not None:
+            most_m = min(most_m, self._closing_m)
         if width_m <= most_m:
             return None
-        return Refusal("out_of_range", f"width_m must be at most the present {most_m:.4f} m: it closes", "width_m")
+        return Refusal("out_of_range", f"width_m must be at most {most_m:.4f} m here: it closes", "width_m")
 
     def _check_goal(self, width_m: float | None, speed_mps: float | None) -> Refusal | None:
         """Refuses a width or speed that the gripper does not have."""
