@@ -294,6 +294,17 @@ def test_a_move_dropped_while_a_poll_was_out_is_not_made_by_a_later_force(active
     assert (active.session.force_told_n, active.session.command_lost) == (91.0, False)
 
 
+def test_a_move_that_is_not_repeated_is_not_made_by_a_later_force(active: Bench) -> None:
+    active.gripper.mute = True
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.session.drop()
+    active.set_force(90)
+    active.gripper.mute = False
+    active.steps(3)
+    assert active.gripper.output == (0x0100, 0, 0x805A)
+
+
 def test_a_halt_is_not_dropped_and_is_repeated(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)

@@ -214,7 +214,8 @@ class Session:
             return None
         position, speed, _ = self._goal
         self._goal = (position, speed, force)
-        latest = self._pending[-1] if self._pending else self._outstanding
+        outstanding = self._outstanding if self._repeats else None
+        latest = self._pending[-1] if self._pending else outstanding
         write = self._go() if _goes(latest) else self._write((speed << 8 | force,), FORCE_ADDRESS)
         self._pending = [*(request for request in self._pending if request is self._halt), write]
         return self._units.newtons(force)
