@@ -280,6 +280,61 @@ async def test_a_subscriber_that_sends_no_subscription_but_a_heap_is_disconnecte
         monitor.close()
 
 
+@pytest.mark.parametrize(
+    "flood",
+    [
+        [b"\x01%d" % number for number in range(5000)],
+        [b"\x01same"] * 5000,
+        [b"\x01come", b"\x00come"] * 2500,
+        [b"\x07hello"] * 5000,
+    ],
+    ids=["different", "same", "back and forth", "none"],
+)
+async def test_who_floods_with_subscriptions_is_disconnected_and_nobody_else(
+    flood: list[bytes],
+    context: Context,
+    endpoint: str,
+    subscribe: Subscribe,
+    peer: Callable[..., Peer],
+    eventually: Eventually,
+) -> None:
+    with Publisher(context, endpoint) as publisher:
+        early = subscribe(b"slip")
+        await hear(publisher, early, "slip.left", eventually)
+        gone = early.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+        rude = peer(zmq.XSUB, endpoint, RECONNECT_IVL=-1, SNDHWM=0)
+        monitor = rude.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+        for message in flood:
+            rude.socket.send(message)
+        await eventually(lambda: monitor.poll(0))
+        assert publisher._socket.getsockopt(zmq.TOPICS_COUNT) <= 1 + publisher_module.MOST_SUBSCRIPTIONS
+        publisher.publish("slip.left", b"still there")
+        await eventually(lambda: early.got)
+        assert not gone.poll(0)
+        for each in (rude, early):
+            each.socket.disable_monitor()
+        monitor.close()
+        gone.close()
+
+
+async def test_as_many_subscriptions_as_one_may_have_are_served_to_each_of_many(
+    context: Context, endpoint: str, subscribe: Subscribe, eventually: Eventually, impatient: None
+) -> None:
+    most = publisher_module.MOST_SUBSCRIPTIONS
+    topics = [f"{number:02d}.{'x' * 60}" for number in range(most)]
+    with Publisher(context, endpoint) as publisher:
+        for _ in range(3):
+            subscribers = [subscribe(*(topic.encode() for topic in topics)) for _ in range(3)]
+            for each in subscribers:
+                each.socket.setsockopt(zmq.UNSUBSCRIBE, topics[0].encode())
+                each.socket.setsockopt(zmq.SUBSCRIBE, b"end")
+                await hear(publisher, each, "end", eventually)
+            publisher.publish(topics[-1], b"heard")
+            await eventually(lambda: all([topics[-1].encode(), b"heard"] in each.got for each in subscribers))  # noqa: B023
+            for each in subscribers:
+                each.socket.close()
+
+
 async def test_Z2_a_storm_of_reconnections_leaks_nothing(
     context: Context, endpoint: str, clients: Context, subscribe: Subscribe, eventually: Eventually
 ) -> None:

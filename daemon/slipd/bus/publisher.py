@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import time
 from types import TracebackType
 
 import zmq
 
+from slipd.bus.rate_limit import RateLimit
 from slipd.zeromq.draining import Drain
 from slipd.zeromq.endpoint import USER_ALONE, Access, serving
+from slipd.zeromq.gate import cut_off
 
 SEND_HWM = 1000
 """Messages kept for one slow subscriber, about a second of everything; beyond it the newest are dropped for it."""
 
-MAX_SUBSCRIPTION_BYTES = 1024
-"""Longest message taken from a subscriber: it sends the beginning of a topic, or some 300 bytes to prove its key."""
+MAX_SUBSCRIPTION_BYTES = 96
+"""Longest message taken from a subscriber, the beginning of a topic: ZeroMQ keeps 50 times as much for each."""
 
-HEARTBEAT_MS = 1000
-"""How often a silent subscriber is asked for a sign of life."""
+MAX_PROOF_BYTES = 512
+"""The same where keys are asked for: some 300 bytes prove one."""
 
-HEARTBEAT_TIMEOUT_MS = 3000
-"""A subscriber that gives none for this long is gone, and what is kept for it is freed."""
+MOST_SUBSCRIPTIONS = 64
+"""Subscriptions of one connection, several times the topics there are; whoever makes more is disconnected."""
+
+SUBSCRIPTIONS_PER_S = 200.0
+"""How often one connection may subscribe or unsubscribe for long; whoever does it more often is disconnected."""
+
+RECEIVE_HWM = 100
+"""Subscriptions of one connection that ZeroMQ takes before the daemon looks; the rest wait at the subscriber. More than
+anybody may have; without a limit ZeroMQ goes on taking them as long as they come, and the loop stands still."""
+
+REST_S = 0.002
+"""A flood of subscriptions is read in gulps with rests between them."""
 
 REPEAT_AFTER_S = 0.5
 """How long a latecomer waits for the next message of a topic before the last one is sent again, to all."""
@@ -62,6 +76,9 @@ class Publisher:
         self._context = context
         self._last: dict[bytes, bytes] = {}  # topic → payload; the topic silent for longest comes first
         self._owed: set[bytes] = set()
+        self._counts: dict[bytes, tuple[bytes, int]] = {}  # descriptor → the connection under it, its subscriptions
+        self._limit = RateLimit(SUBSCRIPTIONS_PER_S)
+        self._cut_off = b""
         self._repeating: asyncio.TimerHandle | None = None
 
     def __enter__(self) -> Publisher:
@@ -69,14 +86,12 @@ class Publisher:
         options: dict[int, int] = {
             zmq.XPUB_MANUAL: 1,
             zmq.SNDHWM: SEND_HWM,
-            zmq.MAXMSGSIZE: MAX_SUBSCRIPTION_BYTES,
-            zmq.RCVHWM: 0,  # an XPUB takes subscriptions in at once and keeps them itself; heartbeats need it
-            zmq.HEARTBEAT_IVL: HEARTBEAT_MS,
-            zmq.HEARTBEAT_TIMEOUT: HEARTBEAT_TIMEOUT_MS,
+            zmq.MAXMSGSIZE: MAX_SUBSCRIPTION_BYTES if self._access.secret is None else MAX_PROOF_BYTES,
+            zmq.RCVHWM: RECEIVE_HWM,
         }
         self._serving = serving(self._context, zmq.XPUB, self.endpoint, options, self._access)
         self._socket, self.endpoint = self._serving.__enter__()
-        self._drain = Drain(self._socket, self._on_subscription, max_frames=1)
+        self._drain = Drain(self._socket, self._on_subscription, max_frames=1, rest_s=REST_S, identify=True)
         self._drain.start()
         return self
 
@@ -105,11 +120,32 @@ class Publisher:
     def _on_subscription(self, frames: list[bytes]) -> None:
         """Apply a subscription to whoever sent it, which ZeroMQ knows only until it hears of anyone leaving."""
         kind, beginning = frames[0][:1], frames[0][1:]
+        if not self._bounded(kind):
+            return
         if kind == _UNSUBSCRIBE:
             self._socket.setsockopt(zmq.UNSUBSCRIBE, beginning)
         elif kind == _SUBSCRIBE and self._sender_is_known():
             self._socket.setsockopt(zmq.SUBSCRIBE, beginning)
             self._welcome([topic for topic in self._last if topic.startswith(beginning)])
+
+    def _bounded(self, kind: bytes) -> bool:
+        """Count what a connection sent, and disconnect it where that is too much."""
+        descriptor = self._drain.told("__fd")
+        if not descriptor:
+            return True  # ZeroMQ's own, for one that left
+        try:
+            connection = b"%d" % os.fstat(int(descriptor)).st_ino  # unlike its descriptor, not used again
+        except OSError:  # it has left since
+            return False
+        before, count = self._counts.get(descriptor, (connection, 0))
+        count = (count if before == connection else 0) + (1 if kind == _SUBSCRIBE else -1)
+        self._counts[descriptor] = connection, max(0, count)
+        if count <= MOST_SUBSCRIPTIONS and self._limit.allows(connection, time.monotonic_ns()):
+            return True
+        if connection != self._cut_off:
+            self._cut_off = connection
+            cut_off(descriptor, self.endpoint)
+        return False
 
     def _welcome(self, topics: list[bytes]) -> None:
         self._socket.getsockopt(zmq.EVENTS)  # hears of those that left, so that the send below need not

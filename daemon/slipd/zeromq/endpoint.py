@@ -3,7 +3,8 @@
 ZeroMQ lets in whoever the umask allows, steals an ipc path that another program serves, deletes a file that lies there,
 keeps a connection that never says a word for half a minute, and takes any key where nobody judges it. Its heartbeats
 abort the process (an assertion in ``stream_engine_base_t::out_event``) when a peer goes while more than RCVHWM of what
-it sent is unread: only sockets without that limit may have them, and the kernel's keepalive serves the others.
+it sent is unread, and a socket without that limit takes in a flood for as long as it lasts: so none has them, and the
+kernel's keepalive serves instead.
 """
 
 from __future__ import annotations
