@@ -647,3 +647,15 @@ def test_the_decoder_reads_status_replies_from_any_split(same_for_every_split: S
 def test_an_address_that_no_gripper_has_is_refused(unit: int) -> None:
     with pytest.raises(ValueError, match="1 to 247"):
         robotiq_2f.Session(unit=unit)
+
+
+def test_A6_a_command_lost_after_an_acknowledgement_is_told_again(active: Bench) -> None:
+    for _ in range(2):
+        active.gripper.mute = True
+        active.move(200, 128, 60)
+        active.steps(8)
+        assert active.session.command_lost
+        active.session.acknowledge()
+        assert not active.session.command_lost
+        active.gripper.mute = False
+        active.steps(8)

@@ -139,7 +139,7 @@ class GripperSession(Session, Protocol):
         ...
 
     def acknowledge(self) -> None:
-        """Tell the gripper that its fault was seen, where it wants to be told; moves nothing."""
+        """Forget that a command was lost, and tell the gripper that its fault was seen; moves nothing."""
         ...
 
 

@@ -248,7 +248,8 @@ class Session:
         return self._commands.drop(("stop",))
 
     def acknowledge(self) -> None:
-        """Tell the driver that the fault it reports was seen."""
+        """Forget that a set-point was lost, and tell the driver that the fault it reports was seen."""
+        self._commands.trouble = ""
         if self._sample is not None and self._sample.fault:
             self._commands.replace([self._command("acknowledge")], keep=self._stops())
 

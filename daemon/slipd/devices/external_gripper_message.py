@@ -256,7 +256,7 @@ def encode_registration(registration: Registration) -> bytes:
     """Return a driver's registration.
 
     Args:
-        registration: Its name (letters, digits, spaces and ``_./-``; another one later is another gripper), and the
+        registration: Its name (letters, digits, spaces and ``_./-``; no other may register behind it), and the
             least and largest width between the pads, m, force on one pad, N, and speed, m/s (None: none can be asked).
 
     Raises:

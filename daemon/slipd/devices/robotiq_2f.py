@@ -243,7 +243,9 @@ class Session:
         return dropped
 
     def acknowledge(self) -> None:
-        """Do nothing: its lesser faults end by themselves, the others with the next activation."""
+        """Forget that a command was lost; its own lesser faults end by themselves, others with the next activation."""
+        self.command_lost = False
+        self._show_state()
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
         """Take bytes received at ``now_ns`` and return the status reading they complete, if any."""

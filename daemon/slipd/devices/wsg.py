@@ -281,7 +281,8 @@ class Session:
         return dropped
 
     def acknowledge(self) -> None:
-        """Acknowledge a fault, where the gripper reports one."""
+        """Forget that a command was lost, and acknowledge a fault where the gripper reports one."""
+        self._commands.trouble = ""
         if self._sample is not None and self._sample.fault:
             self._commands.replace([_ACKNOWLEDGE], keep=(_STOP, _HOME))
 
