@@ -181,3 +181,9 @@ def test_set_points_and_notices_are_as_they_are_written_down() -> None:
     assert msgpack.unpackb(wire.encode_setpoint(4, "stop")) == {"v": 1, "id": 4, "op": "stop"}
     assert msgpack.unpackb(wire.encode_notice(wire.REFUSED, "why")) == {"v": 1, "refused": "why"}
     assert struct.pack(">d", 0.02) in move
+
+
+def test_a_key_that_is_no_text_does_not_lead_backwards() -> None:
+    """Its length, counted from the code of a text, would be negative, and the walk end before it began."""
+    body = b"\x00v\x00\xa7width_m\xc0"
+    assert measure(b"\x82" + body + bytes(161 - 1 - len(body)), 0) == -1

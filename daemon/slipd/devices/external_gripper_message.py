@@ -14,6 +14,8 @@ from typing import Any
 
 import msgpack
 
+from slipd.devices.walking import FIXARRAY, FIXMAP, FIXSTR, STR8, Wrong, byte_at, known_key, length_of, within
+
 VERSION = 1
 
 MAX_MESSAGE = 512
@@ -33,7 +35,6 @@ OBJECTS = ("none", "moving", "contact_opening", "contact_closing")
 
 REGISTERED, REFUSED = "registered", "refused"
 
-_FIXMAP, _FIXSTR, _FIXARRAY, _STR8 = 0x80, 0xA0, 0x90, 0xD9
 _KEYS = {
     b"v",
     b"name",
@@ -101,75 +102,46 @@ class Foreign:
 Message = Registration | Report | Foreign
 
 
-class _Cut(Exception):  # noqa: N818
-    """The buffer ends before the message does."""
-
-
-class _Wrong(Exception):  # noqa: N818
-    """There is no message."""
-
-
 def measure(buffer: bytes, at: int) -> int:
     """Return the length of the message at ``at``; 0 where more bytes are needed to tell, -1 where there is none."""
-    try:
-        length = _map_end(buffer, at) - at
-    except _Wrong:
-        return -1
-    except _Cut:
-        return 0 if len(buffer) - at < MAX_MESSAGE else -1
-    return length if length <= MAX_MESSAGE else -1
+    return length_of(_map_end, buffer, at, MAX_MESSAGE)
 
 
 def _map_end(buffer: bytes, at: int) -> int:
-    fields = buffer[at] - _FIXMAP
+    fields = buffer[at] - FIXMAP
     if not _FEWEST <= fields <= _MOST:
-        raise _Wrong
+        raise Wrong
     at += 1
     seen = set()
     for _ in range(fields):
-        end = at + 1 + _byte_at(buffer, at) - _FIXSTR
-        key = buffer[at + 1 : end]
-        if end > len(buffer) and any(known.startswith(key) and len(known) == end - at - 1 for known in _KEYS):
-            raise _Cut
-        if key not in _KEYS or key in seen:
-            raise _Wrong
+        key, at = known_key(buffer, at, _KEYS)
+        if key in seen:
+            raise Wrong
         seen.add(key)
-        at = _value_end(buffer, end)
+        at = _value_end(buffer, at)
     return at
-
-
-def _byte_at(buffer: bytes, at: int) -> int:
-    if at >= len(buffer):
-        raise _Cut
-    return buffer[at]
 
 
 def _value_end(buffer: bytes, at: int) -> int:
     """Return where a number, a flag, a text, nil or a pair of numbers ends."""
-    head = _byte_at(buffer, at)
-    if head == _FIXARRAY + 2:
+    head = byte_at(buffer, at)
+    if head == FIXARRAY + 2:
         return _number_end(buffer, _number_end(buffer, at + 1))
-    if _FIXSTR <= head < _FIXSTR + 32:
-        return _within(buffer, at + 1 + head - _FIXSTR)
-    if head == _STR8:
-        size = _byte_at(buffer, at + 1)
+    if FIXSTR <= head < FIXSTR + 32:
+        return within(buffer, at + 1 + head - FIXSTR)
+    if head == STR8:
+        size = byte_at(buffer, at + 1)
         if size > MAX_TEXT:
-            raise _Wrong
-        return _within(buffer, at + 2 + size)
+            raise Wrong
+        return within(buffer, at + 2 + size)
     return _number_end(buffer, at)
 
 
 def _number_end(buffer: bytes, at: int) -> int:
-    length = _LENGTHS.get(_byte_at(buffer, at))
+    length = _LENGTHS.get(byte_at(buffer, at))
     if length is None:
-        raise _Wrong
-    return _within(buffer, at + length)
-
-
-def _within(buffer: bytes, end: int) -> int:
-    if end > len(buffer):
-        raise _Cut
-    return end
+        raise Wrong
+    return within(buffer, at + length)
 
 
 def parse(data: bytes) -> Message | None:

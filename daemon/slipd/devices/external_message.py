@@ -1,11 +1,11 @@
 """The shape of a message that another process pushes, told byte by byte before anything is unpacked.
 
-msgpack accepts nests of huge lists, extension types and keys that stand twice, and cannot say early that the bytes at
-hand will never become a message. So the one shape that is accepted is walked first: a map of known keys, each with a
-value of its own kind. What is unpacked afterwards can only be that.
+The one shape that is accepted is walked first (`slipd.devices.walking`). What is unpacked afterwards can only be that.
 """
 
 from __future__ import annotations
+
+from slipd.devices.walking import FIXARRAY, FIXMAP, FIXSTR, STR8, Wrong, byte_at, known_key, length_of, within
 
 MAX_MESSAGE = 1 << 16
 """Bytes. A pad of 64 by 64 taxels fills 37,000."""
@@ -22,8 +22,7 @@ AXES = 3
 FEWEST_FIELDS, MOST_FIELDS = 3, 6
 """``stream``, ``t_ns`` and the values; beside them a torque, ``seq`` and ``status``."""
 
-_FIXMAP, _FIXARRAY, _FIXSTR = 0x80, 0x90, 0xA0
-_STR8, _ARRAY16, _FLOAT64, _NIL = 0xD9, 0xDC, 0xCB, 0xC0
+_ARRAY16, _FLOAT64, _NIL = 0xDC, 0xCB, 0xC0
 _UINT = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
 _NUMBER = [0] * 256  # length of the number that begins with a byte; 0 where none does
 for _byte in (*range(0x80), *range(0xE0, 0x100)):
@@ -31,82 +30,41 @@ for _byte in (*range(0x80), *range(0xE0, 0x100)):
 for _byte, _length in (*_UINT.items(), (0xCA, 5), (_FLOAT64, 9), (0xD0, 2), (0xD1, 3), (0xD2, 5), (0xD3, 9)):
     _NUMBER[_byte] = _length
 
-_LONGEST_KEY = b"torque_nm"
-
-
-class _Cut(Exception):  # noqa: N818
-    """The buffer ends before the message does."""
-
-
-class _Wrong(Exception):  # noqa: N818
-    """There is no message."""
-
 
 def measure(buffer: bytes, at: int) -> int:
     """Return the length of the message at ``at``; 0 where more bytes are needed to tell, -1 where there is none."""
-    try:
-        length = _map_end(buffer, at) - at
-    except _Wrong:
-        return -1
-    except _Cut:
-        return 0 if len(buffer) - at < MAX_MESSAGE else -1
-    return length if length <= MAX_MESSAGE else -1
+    return length_of(_map_end, buffer, at, MAX_MESSAGE)
 
 
 def _map_end(buffer: bytes, at: int) -> int:
-    fields = _byte_at(buffer, at) - _FIXMAP
+    fields = byte_at(buffer, at) - FIXMAP
     if not FEWEST_FIELDS <= fields <= MOST_FIELDS:
-        raise _Wrong
+        raise Wrong
     seen: set[bytes] = set()
     at += 1
     for _ in range(fields):
-        key, at = _key(buffer, at)
+        key, at = known_key(buffer, at, _ENDS)
         if key in seen:
-            raise _Wrong
+            raise Wrong
         seen.add(key)
         at = _ENDS[key](buffer, at)
     if not {b"stream", b"t_ns"} <= seen or (b"force_n" in seen) == (b"values" in seen):
-        raise _Wrong
+        raise Wrong
     if b"torque_nm" in seen and b"values" in seen:
-        raise _Wrong
+        raise Wrong
     return at
 
 
-def _byte_at(buffer: bytes, at: int) -> int:
-    if at >= len(buffer):
-        raise _Cut
-    return buffer[at]
-
-
-def _key(buffer: bytes, at: int) -> tuple[bytes, int]:
-    """Return a key and where it ends; a key that is cut must still be able to become one."""
-    end = at + 1 + _byte_at(buffer, at) - _FIXSTR
-    if not at < end <= at + 1 + len(_LONGEST_KEY):
-        raise _Wrong
-    key = buffer[at + 1 : end]
-    if key in _ENDS and end <= len(buffer):
-        return key, end
-    if end > len(buffer) and any(known.startswith(key) and len(known) == end - at - 1 for known in _ENDS):
-        raise _Cut
-    raise _Wrong
-
-
 def _text_end(buffer: bytes, at: int, most: int) -> int:
-    head = _byte_at(buffer, at)
-    if head == _STR8:
+    head = byte_at(buffer, at)
+    if head == STR8:
         at += 1
-        size = _byte_at(buffer, at)
+        size = byte_at(buffer, at)
     else:
-        size = head - _FIXSTR if head < _FIXSTR + 32 else 0
+        size = head - FIXSTR if head < FIXSTR + 32 else 0
     if not 0 < size <= most:
-        raise _Wrong
-    return _within(buffer, at + 1 + size)
-
-
-def _within(buffer: bytes, end: int) -> int:
-    if end > len(buffer):
-        raise _Cut
-    return end
+        raise Wrong
+    return within(buffer, at + 1 + size)
 
 
 def _stream_end(buffer: bytes, at: int) -> int:
@@ -115,54 +73,54 @@ def _stream_end(buffer: bytes, at: int) -> int:
 
 def _whole_end(buffer: bytes, at: int) -> int:
     """Where an integer of 0 or more ends."""
-    head = _byte_at(buffer, at)
-    size = 1 if head < _FIXMAP else _UINT.get(head)
+    head = byte_at(buffer, at)
+    size = 1 if head < FIXMAP else _UINT.get(head)
     if size is None:
-        raise _Wrong
-    return _within(buffer, at + size)
+        raise Wrong
+    return within(buffer, at + size)
 
 
 def _items(buffer: bytes, at: int, most: int) -> tuple[int, int]:
     """Return how many items a list has and where the first begins."""
-    head = _byte_at(buffer, at)
+    head = byte_at(buffer, at)
     if head == _ARRAY16:
-        begin = _within(buffer, at + 3)
+        begin = within(buffer, at + 3)
         count = int.from_bytes(buffer[at + 1 : begin], "big")
     else:
-        begin, count = at + 1, head - _FIXARRAY
+        begin, count = at + 1, head - FIXARRAY
     if not 0 <= count <= (most if head == _ARRAY16 else min(most, 15)):
-        raise _Wrong
+        raise Wrong
     return count, begin
 
 
 def _numbers_end(buffer: bytes, at: int, count: int) -> int:
     quick = at + 9 * count
     if buffer[at:quick:9] == bytes((_FLOAT64,)) * count:  # the usual case: nothing but doubles
-        return _within(buffer, quick)
+        return within(buffer, quick)
     for _ in range(count):
-        size = _NUMBER[_byte_at(buffer, at)]
+        size = _NUMBER[byte_at(buffer, at)]
         if not size:
-            raise _Wrong
+            raise Wrong
         at += size
-    return _within(buffer, at)
+    return within(buffer, at)
 
 
 def _vector_end(buffer: bytes, at: int) -> int:
     count, begin = _items(buffer, at, AXES)
     if count != AXES:
-        raise _Wrong
+        raise Wrong
     return _numbers_end(buffer, begin, AXES)
 
 
 def _torque_end(buffer: bytes, at: int) -> int:
-    return at + 1 if _byte_at(buffer, at) == _NIL else _vector_end(buffer, at)
+    return at + 1 if byte_at(buffer, at) == _NIL else _vector_end(buffer, at)
 
 
 def _values_end(buffer: bytes, at: int) -> int:
     count, begin = _items(buffer, at, MAX_TAXELS)
     if not count:
-        raise _Wrong
-    if _NUMBER[_byte_at(buffer, begin)]:
+        raise Wrong
+    if _NUMBER[byte_at(buffer, begin)]:
         return _numbers_end(buffer, begin, count)
     for _ in range(count):
         begin = _vector_end(buffer, begin)
