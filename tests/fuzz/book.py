@@ -30,9 +30,6 @@ SILENCE_NS = 400 * MS
 PRESSES_N = 3.0
 """A finger that last felt so much is in contact, beyond all noise."""
 
-GRAIN_N = 0.13
-"""One step of the force byte at most."""
-
 EPS_N = 1e-6
 MOST_TOLD = 50
 
@@ -104,6 +101,7 @@ class Book:
     _until_ns: int = 0
     _ttl_ns: int = 0
     _last: Told | None = None
+    _wire_n: float | None = None
     _slept: bool = False
     _zeros_known: bool = True
     _goal: str = ""
@@ -182,7 +180,7 @@ class Book:
 
     def _let_go(self) -> None:
         """The grasp ended: the first force of the next one meets the absolute limits alone."""
-        self.held, self.grip_n = False, None
+        self.held, self.grip_n, self._wire_n = False, None, None
 
     # -- what the daemon granted
 
@@ -225,11 +223,12 @@ class Book:
             self._let_go()
             return
         said = self.said
-        if said is None or not said.active:
+        stops = op in ("gripper.stop", "grip.hold")
+        if (said is None or not said.active) and not (stops and self._activations > 0):  # it takes that back
             self._blame(t_ns, f"{op} granted on a gripper that is not active, or not there")
-            return
-        if op in ("gripper.stop", "grip.hold"):
+        if stops:
             self._goal = op if op == "gripper.stop" else self._goal
+        if stops or said is None or not said.active:
             return
         if self.fault or said.fault:
             self._blame(t_ns, f"{op} granted although a fault stands that nobody acknowledged")
@@ -248,43 +247,50 @@ class Book:
         self._force(op, body, result, t_ns)
 
     def _force(self, op: str, body: dict[str, Any], result: dict[str, Any], t_ns: int) -> None:
-        applied_n, before_n = result.get("applied_n"), self.grip_n
+        applied_n = result.get("applied_n")
         if not isinstance(applied_n, float) or not math.isfinite(applied_n):
             self._blame(t_ns, f"{op} granted, and applied_n is {applied_n!r}")
             return
         asked_n = body.get("force_n", min(max(applied_n, LEAST_N), MOST_N))
-        if not LEAST_N <= asked_n <= MOST_N or not LEAST_N - GRAIN_N <= applied_n <= asked_n + EPS_N:
+        if not LEAST_N <= asked_n <= MOST_N or not LEAST_N - EPS_N <= applied_n <= asked_n + EPS_N:
             self._blame(t_ns, f"{op}: {asked_n} N asked for, {applied_n} N applied")
-        if before_n is not None:
-            change_n = applied_n - before_n
-            if change_n > EPS_N:
-                self._look_for_blindness(op, change_n, t_ns)
-            if self.held:
-                self._change(op, change_n, t_ns)
+        change_n = self._change_to(applied_n)
+        if change_n > EPS_N:
+            self._look_for_blindness(op, change_n, t_ns)
+        if self.held:
+            self._change(op, change_n, t_ns)
         self.force_n = self.grip_n = self._asked_n = applied_n
 
     def react(self, act: dict[str, Any], applied_n: Any, t_ns: int) -> None:
         """The reflex told that it acted."""
         self.acts += 1
-        before_n, asked_n = self.grip_n, act["force_n"]
+        asked_n = act["force_n"]
         if self.said is None or not self.said.active or self.said.fault or self.fault:
             self._blame(t_ns, f"the reflex acts on a gripper that is not ready: {self.said}, fault {self.fault}")
             return
         if (
             not isinstance(applied_n, float)
-            or not LEAST_N - GRAIN_N <= applied_n <= asked_n + EPS_N <= CEILING_N + 2 * EPS_N
+            or not LEAST_N - EPS_N <= applied_n <= asked_n + EPS_N <= CEILING_N + 2 * EPS_N
         ):
             self._blame(t_ns, f"the reflex asks for {asked_n} N, {applied_n} N applied")
             return
-        change_n = 0.0 if before_n is None else applied_n - before_n
+        change_n = self._change_to(applied_n)
         if change_n > EPS_N:
             self._look_for_blindness("the reflex", change_n, t_ns)
             if not self._reflex.take(change_n, t_ns):
                 self._blame(t_ns, f"the reflex raised by {change_n:.3f} N, faster than {REFLEX_N_PER_S:g} N/s")
             self._spend("the reflex", change_n, t_ns)
-        elif change_n < 0.0 and applied_n < self._asked_n - GRAIN_N:
+        elif change_n < 0.0 and applied_n < min(self._asked_n, self._wire_n or 0.0) - EPS_N:
             self._blame(t_ns, f"the reflex lowered to {applied_n:.3f} N, below the {self._asked_n:.3f} N asked for")
         self.force_n = self.grip_n = applied_n
+
+    def _change_to(self, applied_n: float) -> float:
+        """By how much the force leaves what lies between the one granted last and the one sent last.
+
+        A stop, a stall or a sleep may have dropped what was granted since; where nothing was sent, all of it.
+        """
+        before = [applied_n if force_n is None else force_n for force_n in (self.grip_n, self._wire_n)]
+        return applied_n - min(max(applied_n, min(before)), max(before))
 
     def _spend(self, who: str, change_n: float, t_ns: int) -> None:
         """What all raises of one grasp add up to is bounded."""
@@ -295,13 +301,13 @@ class Book:
 
     def _change(self, op: str, change_n: float, t_ns: int) -> None:
         """The force on a held object changes."""
-        if abs(change_n) > STEP_N + (GRAIN_N if change_n < 0.0 else EPS_N):
+        if abs(change_n) > STEP_N + EPS_N:
             self._blame(t_ns, f"{op} changed the grip by {change_n:.3f} N in one step")
         if change_n > 0.0:
             if not self._up.take(change_n, t_ns):
                 self._blame(t_ns, f"{op} raised faster than {RAISE_N_PER_S:g} N/s")
             self._spend(op, change_n, t_ns)
-        elif change_n < -GRAIN_N and not self._down.take(-change_n - GRAIN_N, t_ns):
+        elif change_n < 0.0 and not self._down.take(-change_n, t_ns):
             self._blame(t_ns, f"{op} lowered faster than {LOWER_N_PER_S:g} N/s")
 
     def _look_for_blindness(self, op: str, change_n: float, t_ns: int) -> None:
@@ -330,7 +336,7 @@ class Book:
         if told.goes or told.forces:
             if force_n > MOST_N + EPS_N:
                 self._blame(t_ns, f"{force_n:.2f} N on the wire, more than {MOST_N:g}")
-            wanted_n = self.force_n
+            wanted_n, self._wire_n = self.force_n, force_n
             if self._goal != "gripper.open" and (wanted_n is None or abs(force_n - wanted_n) > EPS_N):
                 self._blame(t_ns, f"{force_n:.3f} N on the wire, and {wanted_n} N were granted last")
         if told.goes and self._goal not in ("gripper.close", "gripper.open"):

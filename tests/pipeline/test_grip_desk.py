@@ -330,6 +330,33 @@ class TestForceOfAHeldObject:
         run.feel(7.0)
         assert run.refusal("grip.adjust", delta_n=1.0) is None
 
+    def test_a8_it_is_lowered_no_faster_than_the_limit_by_the_steps_of_the_gripper(
+        self, make_run: Callable[[str], Run], rig: str
+    ) -> None:
+        """Each setting is 0.84 N from the next: the least that is asked for is such a step."""
+        run = make_run(rig.replace("[[0, 3.0], [255, 28.5]]", "[[0, 20.0], [255, 235.0]]").replace("25.0", "120.0"))
+        run.up()
+        run.bring_up()
+        run.grip(60.0)
+        run.serve_gripper(1000)
+        first_n = force_n = run.told("gripper")[-1]["force_command_n"]
+        began_ns = run.t_ns
+        assert run.refusal("grip.adjust", delta_n=-1.9) == ("out_of_range", "delta_n"), "it would be 2.5 N"
+        for _ in range(50):
+            run.feel(60.0)
+            assert run.refusal("grip.set", force_n=force_n) is None, "what is in force may be asked for at any time"
+            reply = run.ask("grip.adjust", delta_n=-0.01)
+            if reply["ok"]:
+                force_n = reply["result"]["applied_n"]
+            else:
+                assert reply["error"]["code"] == "too_fast"
+            run.serve_gripper(20)
+        lowered_n = first_n - force_n
+        assert 2.0 < lowered_n <= 2.0 + 2.0 * (run.t_ns - began_ns) * 1e-9
+        run.serve_gripper(1000)
+        run.feel(60.0)
+        assert run.ask("grip.adjust", delta_n=0.1)["result"] == {"applied_n": force_n}, "no setting lies between"
+
     def test_a8_all_raises_of_a_grasp_have_a_budget(self, make_run: Callable[[str], Run], rig: str) -> None:
         run = make_run(rig + "budget_n = 3.0\n")
         run.up()

@@ -131,13 +131,13 @@ class Watcher:
             assert op == "gripper.close", "only a closing begins a grasp"
             self.since_ns, self.raised_n, self.lost = self.run.t_ns, 0.0, False
             return
-        if op == "gripper.close" and abs(applied_n - held_n) > STEP_N + QUANTUM_N:
+        if op == "gripper.close" and abs(applied_n - held_n) > STEP_N + 1e-6:
             assert self.lost, "only what lost its object is closed anew"
             self.since_ns, self.raised_n, self.lost = self.run.t_ns, 0.0, False
             return
-        assert abs(applied_n - held_n) <= STEP_N + QUANTUM_N
+        assert abs(applied_n - held_n) <= STEP_N + 1e-6
         self.raised_n += max(applied_n - held_n, 0.0)
-        assert self.raised_n <= STEP_N + QUANTUM_N + RAISE_N_PER_S * (self.run.t_ns - self.since_ns) * 1e-9
+        assert self.raised_n <= STEP_N + 1e-6 + RAISE_N_PER_S * (self.run.t_ns - self.since_ns) * 1e-9
 
     def look(self) -> None:
         gripper = self.run.gripper

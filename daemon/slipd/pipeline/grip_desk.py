@@ -101,10 +101,17 @@ class GripDesk:
         return self._policy.check_lease(request.client, t_ns) or self._gripper.refuse()
 
     def _check_force(self, force_n: float, t_ns: int) -> Refusal | None:
-        """Refuses a force beyond the limits, a change beyond those of a held object, and a raise that nobody feels."""
-        refusal = self._gripper.check_force(force_n) or self._policy.check_change(force_n, t_ns)
+        """Refuses a force beyond the limits, a change beyond those of a held object, and a raise that nobody feels.
+
+        A change is that of the gripper's settings, which may be steps: the least change asked for may be a whole one.
+        """
+        refusal = self._gripper.check_force(force_n)
+        if refusal is not None:
+            return refusal
+        applied_n = self._gripper.applied_n(force_n)
         held_n = self._policy.force_n
-        if refusal is not None or held_n is None or force_n <= held_n:
+        refusal = self._policy.check_change(applied_n, t_ns)
+        if refusal is not None or held_n is None or applied_n <= held_n:
             return refusal
         blind = [name for name, finger in self._fingers.items() if not finger.feels(t_ns)]
         if not blind:

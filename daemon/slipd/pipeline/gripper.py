@@ -121,10 +121,14 @@ class GripperControl:
         if refusal is None and not least_n <= force_n <= most_n:
             allowed = f"{least_n:g} to {most_n:g} N"
             return Refusal("out_of_range", f"force_n: the gripper has {allowed} on one pad, not {force_n:g}", "force_n")
-        if refusal is None and (applied_n := self._session.applied_n(force_n)) < (self._config.min_force_n or 0.0):
+        if refusal is None and (applied_n := self.applied_n(force_n)) < (self._config.min_force_n or 0.0):
             steps = f"the gripper's settings are steps, and that of {force_n:g} N gives {applied_n:g} N: ask for more"
             return Refusal("out_of_range", f"force_n: {steps}", "force_n")
         return refusal
+
+    def applied_n(self, force_n: float) -> float:
+        """The force that the gripper would be told for ``force_n``."""
+        return self._session.applied_n(force_n)
 
     def activate(self, t_ns: int) -> Result:
         """Activates the gripper, which opens and closes it fully."""
