@@ -356,12 +356,12 @@ def test_the_error_is_one_line_a_fault_with_file_and_line() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["Left", "left_pad", "link\u0073\u00e9", '"left hand"'])
+@pytest.mark.parametrize("name", ["Left", "left_pad", 33 * "x", "link\u0073\u00e9", '"left hand"'])
 def test_a_finger_has_a_plain_name(name: str) -> None:
     quoted = name if name.startswith('"') or name.isascii() else f'"{name}"'
     text = GOOD.replace("finger.left", f"finger.{quoted}")
     found = faults(text)
-    assert [message for _, _, message in found] == ["a finger's name is made of a-z and 0-9"]
+    assert [message for _, _, message in found] == ["a finger's name is made of a-z and 0-9, 32 of them at most"]
     assert found[0][1] in (line("[finger.left]"), None)
 
 

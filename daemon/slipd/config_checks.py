@@ -12,7 +12,7 @@ from slipd.config_model import Bus, Config, Finger, Grasp, Gripper, Pad, Stream,
 from slipd.devices import DEVICES
 
 Fault = tuple[str, str]
-_FINGER_NAME = re.compile(r"[a-z0-9]+")
+_FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
 _ENDPOINT = re.compile(r"ipc:///[^\0]+|tcp://(\d{1,3}(\.\d{1,3}){3}|localhost|\*):(\d{1,5}|\*)")
 _LOCAL = re.compile(r"tcp://(127\.|localhost:)")
 _KINDS = {"wrench": ("wrench",), "tactile": ("tactile",), "gripper": ("gripper",), "any": ("wrench", "tactile")}
@@ -79,7 +79,7 @@ def _endpoint(name: str, endpoint: str | None, keys: str, bus: Bus) -> list[Faul
 
 def _finger_names(config: Config) -> list[Fault]:
     faults = [
-        (f"finger.{name}", "a finger's name is made of a-z and 0-9")
+        (f"finger.{name}", "a finger's name is made of a-z and 0-9, 32 of them at most")
         for name in config.finger
         if not _FINGER_NAME.fullmatch(name)
     ]
