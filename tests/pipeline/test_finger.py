@@ -201,6 +201,43 @@ def test_without_an_image_a_slip_is_told_all_the_same(judge: Judge) -> None:
     assert verdict(state) == ("slipping", ("slip_detected", "rotation_unobserved"))
 
 
+@pytest.mark.parametrize(("pull_n", "level"), [(1.0, "stable"), (3.5, "caution"), (4.5, "warning")])
+def test_time_alone_takes_back_what_rests_on_an_old_image_and_nothing_worse(
+    finger: Finger, judge: Judge, pull_n: float, level: str
+) -> None:
+    judge(10.0, (pull_n, 0.0))
+    state = judge(10.0, (pull_n, 0.0), ms=25.0, counts=None)
+    assert state.verdict.level == level
+    assert finger.on_time(state.t_ns + 5 * MS) is None
+    finger.on_time(state.t_ns + 6 * MS)
+    after = ("unknown", ("rotation_unobserved",)) if level != "warning" else verdict(state)
+    assert verdict(finger.state) == after
+
+
+def test_time_alone_ends_no_disagreement(finger: Finger, judge: Judge) -> None:
+    corner = np.zeros((4, 4))
+    corner[0, 0] = 400
+    for _ in range(100):
+        state = judge(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), counts=corner)
+    state = judge(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), ms=25.0, counts=None)
+    assert state.shares is not None
+    assert not finger.trusted
+    finger.on_time(state.t_ns + 6 * MS)
+    assert not finger.feels(state.t_ns + 6 * MS)
+    assert verdict(finger.state) == verdict(state)
+
+
+def test_a_finger_with_a_pad_that_fell_silent_does_not_feel(finger: Finger, judge: Judge) -> None:
+    t_ns = judge(10.0).t_ns
+    judge(10.0, ms=50.0, counts=None)
+    assert finger.feels(t_ns + 50 * MS)
+    assert not finger.feels(t_ns + 50 * MS + 1)
+    finger.disconnect_image()
+    assert not finger.feels(t_ns + 50 * MS)
+    judge(10.0)
+    assert finger.feels(t_ns + 60 * MS)
+
+
 def test_an_old_image_is_none(finger: Finger, wrench: Wrench, image: Image) -> None:
     finger.take_tactile(image(T0, FULL))
     edge = T0 + 30 * MS  # three periods of 100 Hz

@@ -158,6 +158,7 @@ class TestGripper:
         run.bring_up()
         run.ask("gripper.close", force_n=5.0)
         run.serve_gripper(50)
+        run.image(np.zeros((4, 4), dtype=int))
         run.wrench(0.0)
         run.skin(0.0)
         assert run.ask("gripper.open")["result"] == {"applied_n": pytest.approx(3.0)}
@@ -376,6 +377,7 @@ class TestForceOfAHeldObject:
         run.bring_up()
         run.grip(5.0)
         run.gripper.found = 3
+        run.feel(0.0)
         run.serve_gripper(50)
         assert run.told("gripper")[-1]["object"] == "none"
         assert run.refusal("grip.adjust", delta_n=0.5) == ("not_ready", "")
@@ -407,7 +409,11 @@ class TestForceOfAHeldObject:
     def unplugged(self, run: Run) -> None:
         run.down("left.wrench")
 
-    @pytest.mark.parametrize("state", ["stale", "old", "doubtful", "unplugged"])
+    def without_its_pad(self, run: Run) -> None:
+        run.feel(5.0)
+        run.down("left.pad")
+
+    @pytest.mark.parametrize("state", ["stale", "old", "doubtful", "unplugged", "without_its_pad"])
     def test_f1_it_is_not_raised_on_a_sensor_that_nobody_can_trust(self, run: Run, state: str) -> None:
         run.bring_up()
         run.grip(5.0)

@@ -12,6 +12,7 @@ import numpy as np
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, stale_after_ns
+from slipd.config_model import Stream
 from slipd.fusion import LATE, UNTRUSTED, USABLE, Contact, Doubt, contact_of
 from slipd.fusion.slip import NO_CONTACT
 from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide
@@ -31,6 +32,8 @@ COMPARE_NS = 10_000_000
 LONGEST_TARE_GAP_NS = 500_000_000
 #: Reasons with which nobody knows what the fingers feel.
 DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
+#: Levels that an image alone can reach: without it they are unknown, and what is worse stays as it is.
+RESTS_ON_IMAGE = frozenset({"stable", "caution"})
 #: A grip is raised only on readings acquired no longer ago than this, or so many periods, beside the line's delay.
 OLDEST_S, OLDEST_PERIODS = 0.05, 2.5
 #: Of readings this far apart one is kept for an image of its time; the longest scan is a tenth of a second old.
@@ -56,7 +59,8 @@ class Finger:
         self.name = name
         self.config = config
         self._stale_ns = stale_after_ns(main)
-        self._oldest_ns = round(1e9 * (max(OLDEST_S, OLDEST_PERIODS / main.rate_hz) + main.delay_s))
+        self._oldest_ns = _oldest_ns(main)
+        self._oldest_image_ns = _oldest_ns(config.pad or main)
         self.image: PadImage | None = pad_image(config)
         self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
         self.tare: Tare = cast("ForceSide | PadImage", self.force or self.image).tare
@@ -118,7 +122,10 @@ class Finger:
         return DOUBTS.isdisjoint(self.state.verdict.reasons)
 
     def feels(self, t_ns: int) -> bool:
-        """What it feels is believed, and fresh enough to raise a grip on it."""
+        """What it feels is believed, and fresh enough to raise a grip on it; so is its image, where it has a pad."""
+        image = self.image
+        if image is not None and (image.t_ns is None or t_ns - image.t_ns > self._oldest_image_ns):
+            return False
         return self.trusted and self._received_ns is not None and t_ns - self._acquired_ns <= self._oldest_ns
 
     def age_s(self, t_ns: int) -> float | None:
@@ -185,7 +192,9 @@ class Finger:
             return None
         if self._received_ns is None or silent_ns > self._stale_ns:
             return self.lose(t_ns)
-        if self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
+        verdict = self.state.verdict
+        holds = verdict.level in RESTS_ON_IMAGE and DOUBTS.isdisjoint(verdict.reasons)
+        if holds and self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
             self._newest = replace(
                 self.state, verdict=UNOBSERVED, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
             )
@@ -344,6 +353,11 @@ class Finger:
         self._disagreement = ()
         if self._agreement is not None:
             self._agreement.reset()
+
+
+def _oldest_ns(stream: Stream) -> int:
+    """How old a reading may be to raise a grip on it."""
+    return round(1e9 * (max(OLDEST_S, OLDEST_PERIODS / stream.rate_hz) + stream.delay_s))
 
 
 def _agreement(config: FingerConfig) -> Agreement | None:
