@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from slipd import config
-from slipd.devices import bota, bota_text, pvdf, xela
+from slipd.devices import bota, bota_text, pvdf, wsg_messages, xela
 from slipd.pipeline.engine import Engine
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Request, Tick, Write
 from slipd.pipeline.warm_up import warm_up
@@ -23,6 +23,14 @@ MS = 1_000_000
 FULL = np.full((4, 4), 100)
 EMPTY = np.zeros((4, 4), dtype=int)
 Run = Any
+
+WSG = """
+[gripper]
+device = "wsg"
+port = "tcp://127.0.0.1:1000"
+rate_hz = 50.0
+max_force_n = 25.0
+"""
 
 #: One reading that brings the left finger to each level; "slipping" needs two.
 CONTACTS: dict[str, list[tuple[Any, ...]]] = {
@@ -48,8 +56,14 @@ def test_a_reading_becomes_a_message_in_the_call_that_brings_it(run: Run) -> Non
     assert {message.body["t_ns"] for message in told} == {run.t_ns}
 
 
-def test_the_last_word_goes_to_the_sensors_that_listen_and_never_to_the_gripper(run: Run) -> None:
+def test_the_last_word_goes_to_the_devices_that_listen_and_moves_nothing(
+    run: Run, make_run: Callable[[str], Run], left: str
+) -> None:
+    """To a WSG a connection that merely breaks is a fault, which stops it."""
     assert run.engine.farewell() == [Write("left.wrench", bota_text.CONFIGURE.encode())]
+    wsg = make_run(left + WSG)
+    wsg.up("gripper")
+    assert wsg.engine.farewell() == [Write("gripper", wsg_messages.encode(wsg_messages.DISCONNECT))]
 
 
 @pytest.mark.parametrize("level", CONTACTS)

@@ -366,6 +366,23 @@ def test_the_force_of_a_grip_is_known_beyond_a_lost_link(control: GripperControl
     assert control.policy.force_n == 10.0
 
 
+def test_what_happened_to_a_grip_is_not_acknowledged_before_the_gripper_is_heard(
+    control: GripperControl, session: Recorded
+) -> None:
+    control.close(10.0, None, None, T0)
+    control.lose()
+    assert refused(control.acknowledge()) == ("not_ready", "")
+    assert (control.policy.fault, session.commands[-1][0]) == ("link_lost", "move")
+    control.take(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
+    assert control.acknowledge() == {"fault": "link_lost"}
+
+
+def test_what_happened_without_a_grip_may_be_acknowledged_at_any_time(control: GripperControl) -> None:
+    control.policy.latch("echo_mismatch")
+    control.lose()
+    assert control.acknowledge() == {"fault": "echo_mismatch"}
+
+
 def test_a_gripper_that_lost_its_activation_has_no_force_command(control: GripperControl) -> None:
     control.close(10.0, None, None, T0)
     control.take(reading(active=False))

@@ -105,9 +105,8 @@ class Engine:
         return out
 
     def farewell(self) -> list[Write]:
-        """Ends the run, and returns what the sensors hear last; the gripper hears nothing: it goes on gripping."""
-        sensors = {name: link for name, link in self._links.items() if name != GRIPPER_LINK}
-        return [Write(name, last) for name, link in sensors.items() if (last := link.farewell())]
+        """Ends the run, and returns what the devices hear last; nothing moves: a gripper goes on gripping."""
+        return [Write(name, last) for name, link in self._links.items() if (last := link.farewell())]
 
     def _make_gripper(self) -> GripperControl | None:
         if self._config.gripper is None:

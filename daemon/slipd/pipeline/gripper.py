@@ -210,7 +210,9 @@ class GripperControl:
         return {"force_n": number(self.policy.force_n)}
 
     def acknowledge(self) -> Result:
-        """Clears the latched fault; returns which it was."""
+        """Clears the latched fault; returns which it was. What is held by a gripper that is not heard stays a fault."""
+        if self.sample is None and self.policy.force_n is not None:
+            return Refusal("not_ready", "nothing is heard of the gripper, which had a grip in force: wait until it is")
         fault = self.policy.fault
         self.policy.acknowledge()
         self._watch.acknowledge()
