@@ -181,13 +181,16 @@ class TestGripper:
     def untared(self, run: Run) -> None:
         run.ask("tare.undo", finger="left")
 
-    @pytest.mark.parametrize("state", ["in_contact", "silent", "unplugged", "overloaded", "untared"])
+    def half_blind(self, run: Run) -> None:
+        run.down("left.pad")
+
+    @pytest.mark.parametrize("state", ["in_contact", "silent", "unplugged", "overloaded", "untared", "half_blind"])
     def test_it_drops_nothing_unless_told_to(self, run: Run, state: str) -> None:
         """Unknown is not free."""
         run.bring_up()
         run.ask("gripper.close", force_n=5.0)
         run.serve_gripper(50)
-        run.wait(50)  # the last image is old, so it says nothing
+        run.serve_gripper(50)  # the last image is old, so it says nothing
         run.wrench(0.0)
         run.skin(0.0)
         getattr(self, state)(run)
