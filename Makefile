@@ -11,6 +11,8 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := tests/devices tests/signals tests/pipeline
+# Tests that compute only: two at a time. Those on real lines and sockets have the machine to themselves.
+PURE := $(addprefix tests/,chart fusion fuzz grip simulation)
 
 .PHONY: demo test lint bench chart fuzz soak clean
 
@@ -24,11 +26,13 @@ ifdef TESTS
 	@$(BIN)/pytest $(TESTS)
 else
 	@echo "== tests of devices, signals and pipeline, with coverage"
-	@$(BIN)/pytest --cov --cov-report= $(ROOMS)
+	@$(BIN)/pytest --numprocesses=2 --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
-	@echo "== all other tests"
-	@$(BIN)/pytest $(ROOMS:%=--ignore=%)
+	@echo "== other tests that only compute"
+	@$(BIN)/pytest --numprocesses=2 $(PURE)
+	@echo "== tests on real lines and sockets"
+	@$(BIN)/pytest $(addprefix --ignore=,$(ROOMS) $(PURE))
 endif
 
 lint: $(READY)

@@ -48,6 +48,10 @@ def test_a_lone_record_is_believed_at_the_start_of_a_stream() -> None:
     assert read(record(7)) == ([7], DecoderHealth())
 
 
+def test_an_empty_datagram_is_nothing() -> None:
+    assert read(record(1), record(2), b"", record(3)) == ([1, 2, 3], DecoderHealth())
+
+
 def test_many_records_come_from_one_piece_with_all_their_counts() -> None:
     records = rdt.Records(DecoderHealth(), RESERVED)
     heads, counts = records.receive(record(1) + record(2, status=5))

@@ -91,7 +91,7 @@ class Records:
 
     def _go_on(self, data: bytes) -> tuple[list[Head], Array] | None:
         """Take the usual datagram as a whole: records that go on from the newest; None, and nothing is taken, else."""
-        if len(data) % RECORD_LENGTH or len(data) == RECORD_LENGTH:
+        if len(data) % RECORD_LENGTH or len(data) <= RECORD_LENGTH:
             return None
         if self._handed_on is None or self._frames.begun:  # out of step, something always waits
             return None
