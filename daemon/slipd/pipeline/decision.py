@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 NAMES = ("stable", "caution", "warning")
-STABLE, CAUTION, WARNING = range(len(NAMES))
 
 #: How alarming each level is; "unknown" is worse than any verdict that says the grip holds.
 SEVERITY = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}

@@ -172,12 +172,12 @@ class GripperControl:
             self._send_off(goal_m, t_ns)
         return self._sent(applied_n)
 
-    def set_force(self, force_n: float, t_ns: int) -> Result:
-        """Sets the force while holding."""
+    def set_force(self, force_n: float, t_ns: int, *, reflex: bool = False) -> Result:
+        """Sets the force while holding, for a client or for the reflex."""
         self._keep_force()
         applied_n = self._session.set_force(force_n)
         if applied_n is not None:
-            self.policy.grip(applied_n, t_ns)
+            self.policy.grip(applied_n, t_ns, reflex=reflex)
         return self._sent(applied_n)
 
     @property
@@ -189,13 +189,7 @@ class GripperControl:
         """Sets the force for the reflex; False where the gripper cannot take it now."""
         if self.refuse() is not None or self.check_force(force_n) is not None:
             return False
-        self._keep_force()
-        applied_n = self._session.set_force(force_n)
-        if applied_n is None:
-            return False
-        self.policy.grip(applied_n, t_ns, reflex=True)
-        self._sent(applied_n)
-        return True
+        return not isinstance(self.set_force(force_n, t_ns, reflex=True), Refusal)
 
     def halt(self) -> Result:
         """Stops the fingers where they are, whatever else is wrong."""

@@ -24,8 +24,9 @@ from slipd.fusion import (
     follow_readings,
     utilisation_of,
 )
+from slipd.fusion.slip import UNKNOWN
 from slipd.pipeline.image import Shares
-from slipd.pipeline.state import UNKNOWN, Judged, Read
+from slipd.pipeline.state import Judged, Read
 from slipd.samples import Array
 
 #: A contact that exists is lost only below this share of the least normal force.

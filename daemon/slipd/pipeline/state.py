@@ -20,10 +20,11 @@ from slipd.fusion import (
     contact_told,
     utilisation_told,
 )
-from slipd.pipeline.decision import STABLE, WARNING, Verdict, danger_reasons
+from slipd.fusion.slip import STABLE, UNKNOWN, WARNING
+from slipd.pipeline.decision import Verdict, danger_reasons
 from slipd.pipeline.image import Shares
 from slipd.samples import Array
-from slipd_client.messages import LEVELS, level_code
+from slipd_client.messages import LEVELS
 
 HOLDS = Verdict("stable", ())
 NOTHING = Verdict("no_contact", ())
@@ -33,7 +34,6 @@ HIDDEN = Verdict("unknown", ("weight_unknown",))
 NO_MU = Verdict("unknown", ("no_mu",))
 #: Without an image translation alone can prove a grip unsafe, and never safe.
 UNOBSERVED, PULLED = Verdict("unknown", ("rotation_unobserved",)), Verdict("warning", ("translation",))
-UNKNOWN = level_code("unknown")
 
 
 @dataclass(slots=True)
