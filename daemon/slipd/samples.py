@@ -5,6 +5,7 @@ A leaf module, so that devices, signals and pipeline share the words without imp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,25 +17,59 @@ Array = NDArray[np.float64]
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
 
 
-@dataclass(slots=True, eq=False)
+_NO_TORQUE = (0.0, 0.0, 0.0)
+
+
 class WrenchSample:
     """One reading of a force/torque sensor, in the sensor's own frame and sign.
 
-    Attributes:
+    Args:
         t_ns: CLOCK_MONOTONIC when the last byte of the reading was received.
         device_time_ns: The device's own clock, unwrapped by nobody yet; None where it has none.
         force_n: Force, shape (3,), N.
         torque_nm: Torque about the sensor's origin, shape (3,), N·m; None where the device has none.
         status: Conditions the device reported with this reading, e.g. ``("overload",)``; empty when well.
         source: Which sensor of a port that carries several; "" where there is one.
+
+    Attributes:
+        numbers: Force and torque; the torque is zero where the device has none.
+        has_torque: The device measures the torque.
     """
 
-    t_ns: int
-    device_time_ns: int | None
-    force_n: Array
-    torque_nm: Array | None
-    status: tuple[str, ...] = ()
-    source: str = ""
+    __slots__ = ("t_ns", "device_time_ns", "numbers", "has_torque", "status", "source")  # noqa: RUF023 - as of others
+
+    def __init__(
+        self,
+        t_ns: int,
+        device_time_ns: int | None,
+        force_n: Sequence[float] | Array,
+        torque_nm: Sequence[float] | Array | None,
+        status: tuple[str, ...] = (),
+        source: str = "",
+    ) -> None:
+        self.t_ns = t_ns
+        self.device_time_ns = device_time_ns
+        self.has_torque = torque_nm is not None
+        self.numbers = (*force_n, *(_NO_TORQUE if torque_nm is None else torque_nm))
+        self.status = status
+        self.source = source
+
+    @property
+    def force_n(self) -> Array:
+        """Force, shape (3,), N."""
+        return np.array(self.numbers[:3])
+
+    @property
+    def torque_nm(self) -> Array | None:
+        """Torque about the sensor's origin, shape (3,), N·m; None where the device has none."""
+        return np.array(self.numbers[3:]) if self.has_torque else None
+
+    def __repr__(self) -> str:
+        torque_nm = self.numbers[3:] if self.has_torque else None
+        return (
+            f"WrenchSample({self.t_ns}, {self.device_time_ns}, {self.numbers[:3]}, {torque_nm}, {self.status},"
+            f" {self.source!r})"
+        )
 
 
 @dataclass(slots=True, eq=False)

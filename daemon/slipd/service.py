@@ -179,6 +179,7 @@ class _Run:
 
     def tick(self, tick: Tick) -> None:
         """Lets time enter the engine, behind what became of a recording meanwhile."""
+        self._publisher.look()
         failed = self._requested.failed()
         if failed is not None:
             self.take(failed)

@@ -41,6 +41,7 @@ async def hear(publisher: Publisher, subscriber: Peer, topic: str, eventually: E
 
     def heard() -> bool:
         publisher.publish(topic, b"are you there?")
+        publisher.look()
         return bool(subscriber.got)
 
     await eventually(heard)
@@ -171,6 +172,7 @@ async def test_a_latecomer_whose_wake_up_was_used_by_publishing_is_not_forgotten
         for _ in range(50):
             publisher.publish("grasp", b"")
             time.sleep(0.002)  # noqa: ASYNC251 - the loop must not look meanwhile
+        publisher.look()
         await eventually(lambda: late.got)
     assert late.got == [[b"slip.left", b"last"]]
 

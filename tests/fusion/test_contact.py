@@ -10,18 +10,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.fusion import (
+    AS_IS,
     FREE,
     LATE,
+    TOUCH,
     TOUCHING,
     UNTRUSTED,
     USABLE,
+    Carrier,
     Contact,
     carry,
     contact_from_wrench,
     contact_of,
     contact_told,
     find_contacts,
+    wrench_told,
 )
+from slipd.fusion.contact import CONTACT_TIME
 
 lengths = st.floats(-0.02, 0.02)
 forces = st.floats(-20.0, 20.0)
@@ -102,10 +107,12 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
 ) -> None:
     """A contact begins at 0.5 N and lasts down to 0.4 N; without torque its centroid and spin are not known."""
     nan = (math.nan,) * 3
-    wrench = np.array([(*force, -normal, *(torque or nan)) for _, normal, force, torque in readings])
-    usable = np.array([what for what, *_ in readings], np.int8)
-    rows = find_contacts(wrench, usable, (0.5, 0.4), in_contact, 0.02, torque_std_nm)
-    for row, what, (*force, normal, mx, my, mz), (*_, torque) in zip(rows, usable, wrench, readings, strict=True):
+    given = np.array(
+        [(*force, -normal, *(torque or nan), 0.1 * k, use) for k, (use, normal, force, torque) in enumerate(readings)]
+    )
+    rows = find_contacts(AS_IS, given, (0.5, 0.4), in_contact, 0.02, torque_std_nm)
+    for row, (*wrench, t_s, what), (*_, torque) in zip(rows, carry(AS_IS, given).tolist(), readings, strict=True):
+        *force, normal, mx, my, mz = wrench
         found = contact_told(row.tolist())
         none = (0.0, 0.0, 0.0)
         expected = contact_of(
@@ -118,16 +125,32 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
                 cx_m=math.nan, cy_m=math.nan, cx_std_m=math.nan, cy_std_m=math.nan, spin_nm=math.nan
             )
         touch = what if what != USABLE else TOUCHING if expected.valid else FREE
-        assert row[10] == touch
+        assert row[TOUCH] == touch
+        assert row[CONTACT_TIME] == t_s
+        assert np.array_equal(wrench_told(row.tolist()), wrench, equal_nan=True)
         assert np.array_equal(found, expected, equal_nan=True)
         in_contact = in_contact if touch == UNTRUSTED else found.valid
 
 
 def test_readings_are_carried_alike_whatever_their_number() -> None:
     rng = np.random.default_rng(3)
-    matrix, offset, weight = rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6)
-    readings = rng.normal(size=(50, 6))
-    carried = carry(matrix, offset, weight, readings)
-    assert carried == pytest.approx((readings - offset) @ matrix.T - weight)
-    singly = [carry(matrix, offset, weight, row.reshape(1, 6))[0] for row in readings]
+    carrier = Carrier(rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6))
+    carrier.matrix[:3, 3:] = 0.0
+    readings = np.hstack((rng.normal(size=(50, 6)), np.arange(100.0).reshape(50, 2)))
+    carried = carry(carrier, readings)
+    assert carried[:, :6] == pytest.approx((readings[:, :6] - carrier.offset) @ carrier.matrix.T - carrier.weight)
+    assert np.array_equal(carried[:, 6:], readings[:, 6:])
+    singly = [carry(carrier, row.reshape(1, 8))[0] for row in readings]
     assert np.array_equal(carried, singly), "to the last bit"
+    readings[:, 6:] = 0.0, USABLE
+    found = find_contacts(carrier, readings, (0.5, 0.4), False, 0.0, 0.0)
+    assert np.array_equal([wrench_told(row) for row in found.tolist()], carried[:, :6])
+
+
+def test_a_torque_that_is_not_measured_leaves_the_force_alone() -> None:
+    matrix = np.eye(6)
+    matrix[3:, :3] = 0.02
+    reading = np.array([(1.0, 2.0, -3.0, *[math.nan] * 3, 0.0, USABLE)])
+    (carried,) = carry(Carrier(matrix, np.zeros(6), np.zeros(6)), reading)
+    assert carried[:3].tolist() == [1.0, 2.0, -3.0]
+    assert np.isnan(carried[3:6]).all()

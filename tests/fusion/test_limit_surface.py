@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from slipd.fusion import (
+    AS_IS,
     FREE,
     UNTRUSTED,
     USABLE,
@@ -315,9 +316,10 @@ def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed
     wrench = np.tile((*f / loads.sum(), -1.0, 0.0, 0.0, spin / loads.sum()), (12, 1)) * rng.uniform(0.5, 1.0, (12, 6))
     wrench *= rng.uniform(2.0, 9.0, (12, 1))
     wrench[4, 2] = 1.0
-    usable = np.full(12, USABLE, np.int8)
+    usable = np.full(12, USABLE)
     usable[8] = UNTRUSTED
-    contacts = find_contacts(wrench, usable, (0.5, 0.4), False, 0.0, 0.0)
+    readings = np.column_stack((wrench, np.arange(12), usable))
+    contacts = find_contacts(AS_IS, readings, (0.5, 0.4), False, 0.0, 0.0)
     assert contacts[[4, 8], 10].tolist() == [FREE, UNTRUSTED]
     whole = follow_readings(x, y, shares, MU, contacts, None, 1e-9)
     twist = None

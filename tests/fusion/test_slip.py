@@ -24,11 +24,11 @@ class Watch:
         self.k = 0
 
     def take(self, load_n: float, normal_n: float, used: float, *, touch: int = TOUCHING) -> Found:
-        contact = np.array([(0.0, 0.0, 0.0, 0.0, normal_n, load_n, 0.0, 0.0, load_n / normal_n, 0.0, touch)])
+        forces, torque, t_s = (normal_n, load_n, 0.0, 0.0, load_n / normal_n, 0.0), (0.0, 0.0, 0.0), self.k * 1e-3
+        contact = np.array([(0.0, 0.0, 0.0, 0.0, *forces, touch, *torque, t_s)])
         row = np.array([(0.0, used, used, used, *[math.nan] * 5)])
-        margins, times = np.array((0.01,)), np.array((self.k * 1_000_000,))
         self.k += 1
-        found = self.watch.follow(times, contact, row, margins, MU, Doubt(), 0.0)
+        found = self.watch.follow(contact, row, np.array((0.01,)), MU, Doubt(), 0.0)
         return Found(*found[0].tolist())
 
     def step(self, used: float) -> int:
@@ -148,10 +148,11 @@ def test_a_smaller_fall_is_a_slip_once_the_coefficients_are_known_better() -> No
 def test_a_read_longer_than_the_window_is_followed_as_a_whole() -> None:
     count = 700
     load = np.where(np.arange(count) < 400, 6.0, 4.5)
-    contacts = np.zeros((count, 11))
+    contacts = np.zeros((count, 15))
     contacts[:, 4], contacts[:, 5], contacts[:, 8], contacts[:, 10] = 10.0, load, load / 10.0, TOUCHING
+    contacts[:, 14] = np.arange(count) * 1e-4
     rows = np.full((count, 9), math.nan)
     rows[:, 1:4] = (load / 6.0)[:, None]
     watch = ContactWatch(Thresholds(), SlipSettings(), 0.001, 0.3)
-    found = watch.follow(np.arange(count) * 100_000, contacts, rows, np.full(count, 0.01), MU, Doubt(), 0.0)
+    found = watch.follow(contacts, rows, np.full(count, 0.01), MU, Doubt(), 0.0)
     assert np.flatnonzero(found[:, 2])[0] == 400

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from slipd.config import Config, Levels
+from slipd.fusion import carry
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.force import ForceSide
 from slipd.samples import TactileSample, WrenchSample
@@ -38,8 +39,8 @@ def read(
     force: ForceSide, values: object, t_ns: int = T0, *, untouched: bool | None = None, status: tuple[str, ...] = ()
 ) -> tuple[float, ...]:
     six = np.array(values, dtype=np.float64)
-    wrench, _ = force.take([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], untouched)
-    return tuple(wrench[0].tolist())
+    taken = force.take([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], untouched)
+    return tuple(carry(taken.carrier, taken.rows)[0, :6].tolist())
 
 
 def weigh(gravity: list[float]) -> list[float]:

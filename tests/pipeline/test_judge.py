@@ -149,9 +149,9 @@ def odd_one(sample: WrenchSample, odd: str, before: Sequence[WrenchSample]) -> W
     if odd == "again" and before:
         return before[-1]
     if odd == "no torque":
-        sample.torque_nm = None
-    elif odd in WRONG:
-        sample.force_n[0] = WRONG[odd]
+        return WrenchSample(sample.t_ns, None, sample.force_n, None, sample.status)
+    if odd in WRONG:
+        sample.numbers = (WRONG[odd], *sample.numbers[1:])
     return sample
 
 

@@ -69,7 +69,7 @@ def test_the_protocol_document_lists_the_fields_that_are_sent(finger: Finger, im
     words = set(LEVELS) | {"level_code"}
     listed = fields_of("slip.<finger>`: the verdict") - set(LEVELS)
     assert set(slip_body(finger, finger.state)) <= listed
-    assert fields_of("wrench.<finger>") - words == set(wrench_body(finger, finger.state))
+    assert fields_of("wrench.<finger>") - words == set(wrench_body(finger, finger.state.felt))
     assert fields_of("tactile.<finger>") == set(tactile_body(finger, finger.image))
 
 
@@ -154,7 +154,7 @@ def test_without_mu_there_is_no_source_of_it(left: str, parse: Callable[[str], C
 
 def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench) -> None:
     finger.take_wrench(wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
-    assert wrench_body(finger, finger.state) == {
+    assert wrench_body(finger, finger.state.felt) == {
         "finger": "left",
         "force_n": [3.0, -1.0, -10.0],
         "torque_nm": pytest.approx([0.0, 0.01, -0.001]),
@@ -168,10 +168,10 @@ def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench)
 
 def test_one_component_that_is_no_number_makes_a_vector_nil(finger: Finger) -> None:
     finger.take_wrench(WrenchSample(T0, None, np.array((1.0, math.nan, -10.0)), np.zeros(3)))
-    body = wrench_body(finger, finger.state)
+    body = wrench_body(finger, finger.state.felt)
     assert (body["force_n"], body["tangential_n"]) == (None, None)
     finger.take_wrench(WrenchSample(T0, None, np.array((1.0, 2.0, -10.0)), None))
-    body = wrench_body(finger, finger.state)
+    body = wrench_body(finger, finger.state.felt)
     assert body["force_n"] == [1.0, 2.0, -10.0]
     assert body["torque_nm"] is None
 

@@ -111,6 +111,12 @@ class Publisher:
         self._last[name] = payload
         self._owed.discard(name)
         self.published += 1
+
+    def look(self) -> None:
+        """Hear of subscriptions whose wake-up a message used up; to be called every few milliseconds.
+
+        Looking after each message would cost as much as to send it.
+        """
         self._drain.after_send()
 
     def _send(self, topic: bytes, payload: bytes) -> None:

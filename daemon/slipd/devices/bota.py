@@ -10,8 +10,6 @@ import math
 import struct
 from collections.abc import Sequence
 
-import numpy as np
-
 from slipd.devices import Device, bota_text, crc
 from slipd.devices.conversation import Conversation, Step, TalkingSession
 from slipd.devices.framing import FixedFrames
@@ -66,16 +64,15 @@ class Decoder:
         buffer, found = self._frames.receive(data)
         samples: list[WrenchSample] = []
         for at, in_step in found:
-            _, status, fx, fy, fz, mx, my, mz, time_us, _ = _FRAME.unpack_from(buffer, at)
+            _, status, *values, time_us, _ = _FRAME.unpack_from(buffer, at)
             if status & _RESERVED_STATUS and not in_step:
                 # A 16-bit checksum passes one header byte in 65,536 of a noise. Out of step a frame needs the
                 # reserved bits as well; a device that sets them is believed from its second frame on.
                 self.health.bad += 1
                 continue
             names = _STATUS[status & 0xF]
-            if not math.isfinite(fx + fy + fz + mx + my + mz) and "invalid" not in names:
+            if not math.isfinite(sum(values)) and "invalid" not in names:
                 names = (*names, "invalid")
-            values = np.array((fx, fy, fz, mx, my, mz))
             samples.append(WrenchSample(t_ns, time_us * 1000, values[:3], values[3:], names))
         self.health.good += len(samples)
         return samples
@@ -155,6 +152,8 @@ class Session(TalkingSession[WrenchSample]):
     def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
         """Take bytes received at ``now_ns`` and return the readings they complete."""
         samples = super().receive(data, now_ns)
+        if len(data) == FRAME_LENGTH * len(samples) and self._talk.asked not in (_BOOT, bota_text.RUN.letter):
+            return samples  # whole frames, and they are no answer
         heard = self._heard + data
         self._heard = heard[-_HEARD_LENGTH:]
         if self.next_deadline() is not None:

@@ -117,10 +117,9 @@ def _sample(body: dict[str, Any], t_ns: int) -> WrenchSample | TactileSample:
     if "values" in body:
         values = np.array(body["values"], dtype=np.float64)
         return TactileSample(t_ns, time_ns, values, _judged(status, values), stream)
-    given = body.get("torque_nm")
-    force_n = np.array(body["force_n"], dtype=np.float64)
-    torque_nm = None if given is None else np.array(given, dtype=np.float64)
-    status = _judged(status, force_n if torque_nm is None else np.concatenate((force_n, torque_nm)))
+    force_n, torque_nm = [*map(float, body["force_n"])], body.get("torque_nm")
+    torque_nm = None if torque_nm is None else [*map(float, torque_nm)]
+    status = _judged(status, np.array(force_n if torque_nm is None else force_n + torque_nm))
     return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
 
 

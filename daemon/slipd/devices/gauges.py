@@ -72,7 +72,7 @@ class Decoder:
             status, sequence, time_us, *counts = _BODY.unpack_from(buffer, at + len(_SYNC))
             if not self._numbering.take(sequence):
                 continue
-            values = self._matrix @ (np.array(counts) - self._offset)
+            values = (self._matrix @ (np.array(counts) - self._offset)).tolist()
             words = ("overload",) if status & _SATURATED or not _RAILS.isdisjoint(counts) else ()
             if status & _INVALID:
                 words = (*words, "invalid")

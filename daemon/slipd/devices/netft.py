@@ -97,17 +97,17 @@ class Decoder:
         if self._per_count is None:
             self.health.bad += len(heads)
             return []
-        values = counts * self._per_count
+        values = (counts * self._per_count).tolist()
         tick_ns = 1e9 / self._internal_hz if self._internal_hz else 0.0
         samples = [
             WrenchSample(
                 t_ns,
                 round(ticks * tick_ns) if tick_ns else None,
-                force,
-                torque,
+                row[:3],
+                row[3:],
                 _words(status) if status else (),
             )
-            for (ticks, status), force, torque in zip(heads, values[:, :3], values[:, 3:], strict=True)
+            for (ticks, status), row in zip(heads, values, strict=True)
         ]
         self.health.good += len(samples)
         return samples

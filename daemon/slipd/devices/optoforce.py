@@ -109,7 +109,7 @@ class Decoder:
 
     def _read_records(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         heads, counts = self._records.receive(data)
-        forces, torques = counts[:, :3] / UDP_COUNTS_PER_N, counts[:, 3:] / UDP_COUNTS_PER_NM
+        forces, torques = (counts[:, :3] / UDP_COUNTS_PER_N).tolist(), (counts[:, 3:] / UDP_COUNTS_PER_NM).tolist()
         return [
             WrenchSample(t_ns, ticks * _UDP_TICK_NS, force, torque, _words(status))
             for (ticks, status), force, torque in zip(heads, forces, torques, strict=True)
@@ -134,7 +134,7 @@ class Decoder:
                 counts = _ONE_COUNTS.unpack_from(buffer, at + counts_at)
             if not _RAILS.isdisjoint(counts):
                 status |= rdt.AT_RAIL
-            values = np.array(counts) / self._counts_per_unit[: len(counts)]
+            values = (np.array(counts) / self._counts_per_unit[: len(counts)]).tolist()
             torque = values[3:] if len(values) > 3 else None
             samples.append(WrenchSample(t_ns, None, values[:3], torque, _words(status)))
         return samples

@@ -78,7 +78,7 @@ class Decoder:
                 # a sensor that uses them is believed from its second reading on.
                 self.health.bad += 1
                 continue
-            values = np.array(counts) / self._counts_per_unit
+            values = (np.array(counts) / self._counts_per_unit).tolist()
             well = not overload and _RAILS.isdisjoint(counts)
             samples.append(WrenchSample(t_ns, None, values[:3], values[3:], () if well else ("overload",)))
         self.health.good += len(samples)

@@ -5,17 +5,22 @@ the pad's centre, Z out of the pad towards the object, X along its longer side);
 """
 
 from slipd.fusion.contact import (
+    AS_IS,
     FREE,
     LATE,
+    TOUCH,
     TOUCHING,
     UNTRUSTED,
     USABLE,
+    USE,
+    Carrier,
     Contact,
     carry,
     contact_from_wrench,
     contact_of,
     contact_told,
     find_contacts,
+    wrench_told,
 )
 from slipd.fusion.grasp import (
     ExternalWrench,
@@ -44,11 +49,15 @@ from slipd.fusion.shape import ContactShape, contact_shape
 from slipd.fusion.slip import ContactWatch, Doubt, Found, SlipSettings, Thresholds
 
 __all__ = [
+    "AS_IS",
     "FREE",
     "LATE",
+    "TOUCH",
     "TOUCHING",
     "UNTRUSTED",
     "USABLE",
+    "USE",
+    "Carrier",
     "Contact",
     "ContactShape",
     "ContactWatch",
@@ -89,4 +98,5 @@ __all__ = [
     "utilisation_of",
     "utilisation_told",
     "utilisations",
+    "wrench_told",
 ]

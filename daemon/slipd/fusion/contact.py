@@ -18,26 +18,6 @@ from slipd.fusion.compiled import compiled
 Array = NDArray[np.float64]
 
 
-@compiled
-def carry(matrix: Array, offset: Array, weight: Array, readings: Array) -> Array:
-    """Moves readings into the pad frame: matrix (reading − offset) − weight, in one order whatever their number.
-
-    Args:
-        matrix: Shape (6, 6).
-        offset: In the sensor's frame, shape (6,).
-        weight: In the pad frame, shape (6,).
-        readings: Force, N, and torque, N·m, shape (n, 6).
-    """
-    out = np.empty(readings.shape)
-    for k in range(len(readings)):
-        for i in range(6):
-            total = 0.0
-            for j in range(6):
-                total += matrix[i, j] * (readings[k, j] - offset[j])
-            out[k, i] = total - weight[i]
-    return out
-
-
 #: Below this normal force the centroid's error (torque noise / normal force) exceeds the size of a fingertip.
 DEFAULT_MIN_NORMAL_N = 0.2
 
@@ -139,15 +119,50 @@ def contact_of(
     return Contact(*_contact(fx, fy, normal, mx, my, mz, force_std_n, torque_std_nm), True)
 
 
+class Carrier(NamedTuple):
+    """Moves readings of a force sensor into the pad frame: matrix (reading − offset) − weight.
+
+    Attributes:
+        matrix: Takes (F, M) to (F, M); F does not depend on M. Shape (6, 6).
+        offset: In the sensor's frame, N and N·m, shape (6,).
+        weight: In the pad frame, N and N·m, shape (6,).
+    """
+
+    matrix: Array
+    offset: Array
+    weight: Array
+
+
+#: Of readings that are in the pad frame already.
+AS_IS = Carrier(np.eye(6), np.zeros(6), np.zeros(6))
+AS_IS.matrix.flags.writeable = False  # as of every mounting: kernels are compiled for either kind
+
 #: What a reading is to the contact: late readings end it, untrusted ones say nothing.
 LATE, UNTRUSTED, FREE, TOUCHING = range(-1, 3)
 #: Before it is found out which.
 USABLE = FREE
+#: Columns of readings behind the six numbers of the wrench: time, s, and USABLE, UNTRUSTED or LATE.
+TIME, USE = 6, 7
+#: Columns of contacts behind the ten numbers of a `Contact`: what the reading is, the torque on the pad, the time.
+TOUCH, TORQUE, CONTACT_TIME = 10, 11, 14
+
+
+def carry(carrier: Carrier, readings: Array) -> Array:
+    """Moves readings into the pad frame, in one order of arithmetic whatever their number.
+
+    Args:
+        carrier: How they are moved.
+        readings: As for `find_contacts`, shape (n, 8).
+
+    Returns:
+        The same with the wrench in the pad frame.
+    """
+    return _carry(*carrier, readings)
 
 
 def find_contacts(
-    wrench: Array,
-    usable: NDArray[np.int8],
+    carrier: Carrier,
+    readings: Array,
     contact_n: tuple[float, float],
     in_contact: bool,
     force_std_n: float,
@@ -156,9 +171,10 @@ def find_contacts(
     """`contact_of` of readings that follow each other; a contact lasts down to a lower force than it begins at.
 
     Args:
-        wrench: Force, N, and torque about the pad's origin, N·m, of each reading in the pad frame, shape (n, 6); the
-            torque is NaN where the sensor measures none, and with it the centroid and the spin.
-        usable: USABLE, UNTRUSTED (says nothing: passed over) or LATE (ends the contact) of each, shape (n,), int8.
+        carrier: Moves them into the pad frame.
+        readings: Force, N, and torque, N·m, of each; its time, s; and USABLE, UNTRUSTED (says nothing: passed over) or
+            LATE (ends the contact). Shape (n, 8). The torque is NaN where the sensor measures none, and with it the
+            centroid and the spin.
         contact_n: Normal force at which a contact begins, and down to which it lasts, N.
         in_contact: The reading before touched.
         force_std_n: Standard deviation of each force component, N.
@@ -166,26 +182,47 @@ def find_contacts(
 
     Returns:
         The numbers of the `Contact` of each in their order, NaN but for the forces where it does not touch; in place of
-        ``valid`` LATE, UNTRUSTED, FREE or TOUCHING. Shape (n, 11).
+        ``valid`` LATE, UNTRUSTED, FREE or TOUCHING; behind them the torque about the pad's origin, N·m, and the time,
+        s. Shape (n, 15).
     """
-    return _find(wrench, usable, *contact_n, in_contact, force_std_n, torque_std_nm)
+    rows = np.empty((len(readings), 15))
+    _find(rows, *carrier, readings, *contact_n, in_contact, force_std_n, torque_std_nm)
+    return rows
 
 
 def contact_told(row: Sequence[float]) -> Contact:
     """Makes a `Contact` of the numbers that `find_contacts` gives for it."""
-    cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touch = row
+    cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touch, *_ = row
     return Contact(cx, cy, cx_std, cy_std, normal, fx, fy, spin, ratio, ratio_std, touch == TOUCHING)
+
+
+def wrench_told(row: Sequence[float]) -> tuple[float, ...]:
+    """Force, N, and torque, N·m, on the pad: six of the numbers that `find_contacts` gives."""
+    return (row[5], row[6], -row[4], *row[TORQUE:CONTACT_TIME])
+
+
+@compiled
+def _carry(matrix: Array, offset: Array, weight: Array, readings: Array) -> Array:
+    out = readings.copy()
+    for k in range(len(readings)):
+        for i in range(6):
+            total = 0.0
+            for j in range(3 if i < 3 else 6):  # the force does not depend on a torque that may be none
+                total += matrix[i, j] * (readings[k, j] - offset[j])
+            out[k, i] = total - weight[i]
+    return out
 
 
 @compiled
 def _find(
-    wrench: Array, usable: NDArray[np.int8], begins_n: float, lasts_n: float, in_contact: bool, force_std: float,
-    torque_std: float,
-) -> Array:  # fmt: skip
-    rows = np.empty((len(wrench), 11))
-    for k in range(len(wrench)):
-        fx, fy, fz, mx, my, mz = wrench[k]
-        normal, touch = -fz, usable[k]
+    rows: Array, matrix: Array, offset: Array, weight: Array, readings: Array, begins_n: float, lasts_n: float,
+    in_contact: bool, force_std: float, torque_std: float,
+) -> None:  # fmt: skip
+    """Fills ``rows``: an array that a kernel returns costs more than the work on one reading."""
+    carried = _carry(matrix, offset, weight, readings)
+    for k in range(len(readings)):
+        fx, fy, fz, mx, my, mz, t_s, touch = carried[k]
+        normal = -fz
         if touch == USABLE:
             pressed = normal >= (lasts_n if in_contact else begins_n)
             touch = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
@@ -196,10 +233,9 @@ def _find(
         else:
             rows[k] = math.nan
             rows[k, 4], rows[k, 5], rows[k, 6] = normal, fx, fy
-        rows[k, 10] = touch
+        rows[k, 10], rows[k, 11], rows[k, 12], rows[k, 13], rows[k, 14] = touch, mx, my, mz, t_s
         if touch != UNTRUSTED:
             in_contact = touch == TOUCHING
-    return rows
 
 
 @compiled

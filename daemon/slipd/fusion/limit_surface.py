@@ -197,7 +197,7 @@ def follow_readings(
         y: Likewise, shape (k,), m.
         shares: Load on each for a normal force of 1 N, shape (k,).
         mu: Coefficient of static friction.
-        contacts: As from `find_contacts`, shape (n, 11).
+        contacts: As from `find_contacts`, shape (n, 15).
         start: Twist of the reading before; None where there is none.
         gap: Relative gap of the bounds at which to stop.
 

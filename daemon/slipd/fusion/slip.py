@@ -122,7 +122,6 @@ class ContactWatch:
 
     def follow(
         self,
-        times_ns: NDArray[np.int64],
         contacts: Array,
         used: Array,
         margins_m: Array,
@@ -133,8 +132,7 @@ class ContactWatch:
         """Takes the readings of one read.
 
         Args:
-            times_ns: Time of each, ns, rising, shape (n,).
-            contacts: As from `find_contacts`, shape (n, 11).
+            contacts: As from `find_contacts`, shape (n, 15); the times rise.
             used: As from `follow_readings`, shape (n, 9); shape (0, 9) where no image tells of the rotation.
             margins_m: Tipping margin of each, shape (n,), m; shape (0,) where no image tells it.
             mu: Coefficient of static friction; NaN: not known.
@@ -147,12 +145,14 @@ class ContactWatch:
         if self._told != (mu, doubt, turn):
             self._told = mu, doubt, turn
             self._settings[TOLD:] = (mu, *doubt, turn)
-        self._most_kept += len(times_ns)
+        self._most_kept += len(contacts)
         while self._most_kept > self._rings.shape[1]:
-            self._most_kept = int(self._windows[:, 1].max()) + len(times_ns)
+            self._most_kept = int(self._windows[:, 1].max()) + len(contacts)
             if self._most_kept > self._rings.shape[1]:
                 self._grow()
-        return _follow(self._memory, self._rings, self._windows, times_ns, contacts, used, margins_m, self._settings)
+        out = np.zeros((len(contacts), 6))
+        _follow(out, self._memory, self._rings, self._windows, contacts, used, margins_m, self._settings)
+        return out
 
     def _grow(self) -> None:
         """Doubles the rings, each begun anew at its first place."""
@@ -165,18 +165,17 @@ class ContactWatch:
 
 @compiled
 def _follow(
-    memory: Array, rings: Array, windows: NDArray[np.int64], times_ns: NDArray[np.int64], contacts: Array,
-    used: Array, margins: Array, settings: Array,
-) -> Array:  # fmt: skip
+    out: Array, memory: Array, rings: Array, windows: NDArray[np.int64], contacts: Array, used: Array, margins: Array,
+    settings: Array,
+) -> None:  # fmt: skip
     """The work of `ContactWatch.follow`."""
     (caution, warning, hysteresis, kept, window_s, armed_at, hold_s, half_pitch, least, mu, force_std, torque_std,
      doubt_n, doubt_nm, turn) = (
         settings[0], settings[1], settings[2], settings[3], settings[4], settings[5], settings[6], settings[7],
         settings[8], settings[9], settings[10], settings[11], settings[12], settings[13], settings[14],
     )  # fmt: skip
-    out = np.zeros((len(times_ns), 6))
-    for k in range(len(times_ns)):
-        normal, touch, t_s = contacts[k, 4], contacts[k, 10], times_ns[k] * 1e-9
+    for k in range(len(contacts)):
+        normal, touch, t_s = contacts[k, 4], contacts[k, 10], contacts[k, 14]
         out[k, 0], out[k, 5] = UNKNOWN, math.nan
         if touch == 0:  # UNTRUSTED
             continue
@@ -219,7 +218,6 @@ def _follow(
             out[k, 0] = SLIPPING if slips else max(step, tipping) + 1
         elif slips or step == WARNING:  # translation alone can only prove a grip unsafe, never safe
             out[k, 0] = SLIPPING if slips else WARNING + 1
-    return out
 
 
 @compiled

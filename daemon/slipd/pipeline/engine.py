@@ -116,10 +116,13 @@ class Engine:
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
         for stream, samples, times_ns in link.receive(data, t_ns, self._lateness.late_ns):
             self._take(stream, samples, times_ns, t_ns, out)
-        out += [Write(link.spec.name, piece) for piece in link.due(t_ns)]
+        if pieces := link.due(t_ns):
+            out += [Write(link.spec.name, piece) for piece in pieces]
+        if self._gripper is None:
+            return
         if link.spec.name == GRIPPER_LINK:
             self._watch_gripper(t_ns, out)
-        elif self._gripper is not None:  # a command may wait for no more than the gripper's own pause
+        else:  # a command may wait for no more than the gripper's own pause
             out += [Write(GRIPPER_LINK, piece) for piece in self._links[GRIPPER_LINK].due(t_ns)]
 
     def _answer(self, request: Request, t_ns: int, out: list[Output]) -> None:

@@ -7,7 +7,7 @@ same sequence to the same engine.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from slipd.devices import Inquiry
 
@@ -32,8 +32,7 @@ class LinkSpec:
     inquiry: Inquiry | None = None
 
 
-@dataclass(slots=True, frozen=True)
-class Bytes:
+class Bytes(NamedTuple):
     """Bytes that arrived on a link, in the split in which they were read."""
 
     link: str
@@ -82,8 +81,7 @@ class RecordingFailed:
 Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingFailed
 
 
-@dataclass(slots=True, frozen=True)
-class Publish:
+class Publish(NamedTuple):
     """A message for every subscriber of ``topic``."""
 
     topic: str

@@ -13,14 +13,14 @@ import numpy as np
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, stale_after_ns
 from slipd.config_model import Stream
-from slipd.fusion import LATE, UNTRUSTED, USABLE, Contact, Doubt, contact_of
+from slipd.fusion import AS_IS, LATE, UNTRUSTED, USABLE, USE, Contact, Doubt, contact_of, wrench_told
 from slipd.fusion.slip import NO_CONTACT
-from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide
+from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide, Read
 from slipd.pipeline.image import UNFELT, Felt, PadImage, pad_image
 from slipd.pipeline.judge import Judge
-from slipd.pipeline.state import HIDDEN, LOST, UNOBSERVED, Judged, Read, State
+from slipd.pipeline.state import HIDDEN, LOST, UNOBSERVED, Judged, State
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
-from slipd.samples import Array, TactileSample, WrenchSample
+from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.agreement import CLEAR, STDS, Agreement
 from slipd.signals.tare import Tare
 
@@ -71,7 +71,7 @@ class Finger:
         self._disagreement: tuple[str, ...] = ()
         self._compared_ns = 0
         self._low_n, self._high_n = math.inf, -math.inf
-        self._past: deque[tuple[int, Array]] = deque(maxlen=PASTS)
+        self._past: deque[tuple[int, tuple[float, ...]]] = deque(maxlen=PASTS)
         self._image_stale_ns = stale_after_ns(config.pad) if config.pad is not None else 0
         self._free = False
         self._received_ns: int | None = None
@@ -163,9 +163,7 @@ class Finger:
             yield self._take_some(self.force, samples[at : at + step], times_ns[at : at + step])
 
     def _take_some(self, force: ForceSide, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Judged:
-        wrench, untrusted = force.take(samples, times_ns, self._untouched() if force.drifts else None)
-        statuses = [sample.status for sample in samples]
-        return self._decide(samples[-1].t_ns, times_ns, wrench, untrusted, statuses)
+        return self._decide(force.take(samples, times_ns, self._untouched() if force.drifts else None))
 
     def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> Judged | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
@@ -180,8 +178,9 @@ class Finger:
         wrench = self.image.wrench()
         if wrench is None:
             words = words or ("not_finite",)
-        rows = np.array([(math.nan,) * 6 if wrench is None else wrench])
-        return self._decide(sample.t_ns, (t_ns,), rows, {0: words} if words else {}, (sample.status,))
+        use = UNTRUSTED if words else USABLE
+        rows = np.array([(*((math.nan,) * 6 if wrench is None else wrench), t_ns * 1e-9, use)])
+        return self._decide(Read((t_ns,), sample.t_ns, rows, AS_IS, {0: words} if words else {}, (sample.status,)))
 
     def on_time(self, t_ns: int) -> State | None:
         """Notices that a stream which the verdict stands on fell silent; None where nothing changed."""
@@ -219,25 +218,16 @@ class Finger:
         self._newest = State(t_ns, LOST, age_s=self.age_s(t_ns))
         return self._newest
 
-    def _decide(
-        self,
-        received_ns: int,
-        times_ns: Sequence[int],
-        wrench: Array,
-        untrusted: dict[int, tuple[str, ...]],
-        statuses: Sequence[tuple[str, ...]],
-    ) -> Judged:
+    def _decide(self, read: Read) -> Judged:
         """Decides on the readings of one read."""
+        times_ns, received_ns = read.times_ns, read.received_ns
         self._received_ns, self._acquired_ns = received_ns, times_ns[-1]
-        usable = np.array([USABLE] * len(times_ns), np.int8)
-        for at in untrusted:
-            usable[at] = UNTRUSTED
         if received_ns - min(times_ns) > self._stale_ns:
-            usable[received_ns - np.array(times_ns) > self._stale_ns] = LATE
+            read.rows[received_ns - np.array(times_ns) > self._stale_ns, USE] = LATE
         image = self.image
         shares_of = image.shares if image is not None and self._is_fresh(image, received_ns) else None
         judged = self._judge.judge(
-            Read(times_ns, received_ns, wrench, usable, untrusted, statuses),
+            read,
             self._doubt(times_ns[-1]),
             shares_of,
             self._disagreement,
@@ -277,7 +267,7 @@ class Finger:
         told = agreement.update(t_ns, contact, doubt.force_std_n + doubt.force_n, image.x, image.y, image.pressure)
         self._disagreement = tuple(f"disagreement_{what}" for what in told)
 
-    def _felt_at(self, t_ns: int) -> Array:
+    def _felt_at(self, t_ns: int) -> tuple[float, ...]:
         """The reading of the force sensor that was nearest in time."""
         nearest = self._past[-1]
         for past in reversed(self._past):
@@ -286,11 +276,11 @@ class Finger:
             nearest = past
         return nearest[1]
 
-    def _contact(self, wrench: Array, doubt: Doubt) -> Contact:
+    def _contact(self, wrench: tuple[float, ...], doubt: Doubt) -> Contact:
         """The contact as the force sensor sees it; without torque, its centroid and spin are unknown."""
         least_n = self._judge.least_normal_n
         force_std_n, torque_std_nm = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
-        fx, fy, fz, *torque = wrench.tolist()
+        fx, fy, fz, *torque = wrench
         if math.isnan(torque[0]):
             found = contact_of((fx, fy, fz, 0.0, 0.0, 0.0), least_n, force_std_n, torque_std_nm)
             nan = math.nan
@@ -337,7 +327,7 @@ class Finger:
             if judged.touch[at] <= UNTRUSTED:
                 continue
             if t_ns - last_ns >= PAST_NS:
-                self._past.append((t_ns, judged.read.wrench[at]))
+                self._past.append((t_ns, wrench_told(row)))
                 last_ns = t_ns
             if normal_n < self._low_n:
                 self._low_n = normal_n

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slipd.config import Wrench
-from slipd.fusion import Doubt, carry
-from slipd.samples import UNTRUSTED, Array, WrenchSample
+from slipd.fusion import AS_IS, UNTRUSTED, USABLE, USE, Carrier, Doubt, carry
+from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.samples import Array, WrenchSample
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
@@ -29,21 +30,27 @@ _FAULTS = {
     "intermittent": (Health.WARN, "it failed several times within 10 s"),
 }
 NO_WEIGHT = np.zeros(6)
-_NO_TORQUE = np.zeros(3)
 NO_DOUBT = Doubt()
 
 
-class Readings(NamedTuple):
-    """The readings of one read, on the pad.
+class Read(NamedTuple):
+    """The readings of one read of a finger's force, conditioned.
 
     Attributes:
-        wrench: Force on the finger in the pad frame, N, and torque about the pad's origin, N·m, shape (n, 6); the
-            torque is NaN where the sensor measures none.
-        untrusted: What speaks against a reading, by its place.
+        times_ns: When each was acquired, CLOCK_MONOTONIC.
+        received_ns: When they were received.
+        rows: As `find_contacts` takes them, shape (n, 8).
+        carrier: Moves them onto the pad.
+        untrusted: What speaks against the untrusted ones, by their place.
+        statuses: What the device reported with each.
     """
 
-    wrench: Array
+    times_ns: Sequence[int]
+    received_ns: int
+    rows: Array
+    carrier: Carrier
     untrusted: dict[int, tuple[str, ...]]
+    statuses: Sequence[tuple[str, ...]]
 
 
 class ForceSide:
@@ -66,7 +73,9 @@ class ForceSide:
         self._noise_alone = Doubt(*self._noise)
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
         pose = wrench.pad_from_sensor
-        self._to_pad: Array = Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix
+        self._carrier = Carrier(
+            Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix, self.tare.current.value, NO_WEIGHT
+        )
         self._drift = None
         if wrench.drift_tau_s is not None:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
@@ -88,7 +97,7 @@ class ForceSide:
         """Its zero is followed."""
         return self._drift is not None
 
-    def take(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: bool | None) -> Readings:
+    def take(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: bool | None) -> Read:
         """Takes the readings of one read; while a tare is being measured, one at a time.
 
         Args:
@@ -96,42 +105,57 @@ class ForceSide:
             times_ns: When each was acquired.
             untouched: Nothing touches the finger; None where that is not known.
         """
-        rows = np.concatenate(
-            [part for one in samples for part in (one.force_n, _NO_TORQUE if one.torque_nm is None else one.torque_nm)]
-        ).reshape(-1, 6)
-        untrusted = self._check(samples, rows, times_ns)
+        rows = np.array([(*one.numbers, t_ns * 1e-9, USABLE) for one, t_ns in zip(samples, times_ns, strict=True)])
+        untrusted = self._check(samples, times_ns)
+        for at in untrusted:
+            rows[at, USE] = UNTRUSTED
         if self.tare.busy and 0 not in untrusted:
-            self.tare.apply(rows[0], times_ns[0])
+            self.tare.apply(rows[0, :6], times_ns[0])
         if self.tare.current is not self._offset:
             self._take_offset()
-        weight = self.gravity.correction
-        wrench = carry(self._to_pad, self._offset.value, NO_WEIGHT if weight is None else weight, rows)
+        carrier = self._carries()
         if self._drift is not None:
-            for at, (row, t_ns) in enumerate(zip(wrench, times_ns, strict=True)):
-                learns = at not in untrusted and self._may_learn(t_ns)
-                self._drift.update(row, t_ns, untouched if learns else None)
-                row -= self._drift.value
+            rows = self._less_drift(self._drift, carry(carrier, rows), times_ns, untouched)
+            carrier = AS_IS
         for at, sample in enumerate(samples):
-            if sample.torque_nm is None:
-                wrench[at, 3:] = math.nan
-        return Readings(wrench, untrusted)
+            if not sample.has_torque:
+                rows[at, 3:6] = math.nan
+        return Read(times_ns, samples[-1].t_ns, rows, carrier, untrusted, [sample.status for sample in samples])
 
-    def _check(
-        self, samples: Sequence[WrenchSample], rows: Array, times_ns: Sequence[int]
-    ) -> dict[int, tuple[str, ...]]:
+    def _carries(self) -> Carrier:
+        """What moves readings onto the pad, with the offset and the weight in force."""
+        weight = self.gravity.correction
+        if weight is None:
+            weight = NO_WEIGHT
+        if weight is not self._carrier.weight or self._offset.value is not self._carrier.offset:
+            self._carrier = Carrier(self._carrier.matrix, self._offset.value, weight)
+        return self._carrier
+
+    def _less_drift(
+        self, drift: DriftCompensation, rows: Array, times_ns: Sequence[int], untouched: bool | None
+    ) -> Array:
+        """Takes the drift from readings on the pad, and learns it from them."""
+        for row, t_ns in zip(rows, times_ns, strict=True):
+            learns = row[USE] == USABLE and self._may_learn(t_ns)
+            drift.update(row[:6], t_ns, untouched if learns else None)
+            row[:6] -= drift.value
+        return rows
+
+    def _check(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> dict[int, tuple[str, ...]]:
         """What speaks against each reading, by its place."""
         untrusted: dict[int, tuple[str, ...]] = {}
         self._status = samples[-1].status
         for at, sample in enumerate(samples):
-            if sample.status and not UNTRUSTED.isdisjoint(sample.status):
-                untrusted[at] = tuple(sorted(UNTRUSTED.intersection(sample.status)))
-        for at, fault in self._watch.update(rows, times_ns).items():
+            if sample.status and not UNTRUSTED_WORDS.isdisjoint(sample.status):
+                untrusted[at] = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
+        for at, fault in self._watch.update([sample.numbers for sample in samples], times_ns).items():
             if fault in UNTRUSTED_FAULTS:
                 untrusted[at] = (*untrusted.get(at, ()), fault)
         self.fault = self._watch.fault
         if not self._watch.lively:
-            for at in np.flatnonzero(~np.isfinite(rows).all(axis=1)).tolist():
-                untrusted.setdefault(at, ("not_finite",))
+            for at, sample in enumerate(samples):
+                if not all(map(math.isfinite, sample.numbers)):
+                    untrusted.setdefault(at, ("not_finite",))
         return untrusted
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
@@ -165,7 +189,7 @@ class ForceSide:
         """What people should know of the sensor's readings."""
         found = [_FAULTS[self.fault]] if self.fault else []
         if self._status:
-            level = Health.WARN if UNTRUSTED.isdisjoint(self._status) else Health.ERROR
+            level = Health.WARN if UNTRUSTED_WORDS.isdisjoint(self._status) else Health.ERROR
             found.append((level, f"the device reports: {', '.join(self._status)}"))
         if self.gravity.state(t_ns) == "unknown_orientation":
             force_n = self.gravity.uncertainty(t_ns)[0]

@@ -12,6 +12,7 @@ from slipd.config import Levels
 from slipd.fusion import (
     FREE,
     LATE,
+    TOUCH,
     TOUCHING,
     UNTRUSTED,
     Contact,
@@ -25,8 +26,9 @@ from slipd.fusion import (
     utilisation_of,
 )
 from slipd.fusion.slip import UNKNOWN
+from slipd.pipeline.force import Read
 from slipd.pipeline.image import Shares
-from slipd.pipeline.state import Judged, Read
+from slipd.pipeline.state import Judged
 from slipd.samples import Array
 
 #: A contact that exists is lost only below this share of the least normal force.
@@ -103,9 +105,9 @@ class Judge:
             image_hangs: The image cannot be used because it repeats.
         """
         noise = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
-        contacts = find_contacts(read.wrench, read.usable, self._contact_n, self.in_contact, *noise)
+        contacts = find_contacts(read.carrier, read.rows, self._contact_n, self.in_contact, *noise)
         rows = contacts.tolist()
-        touch = [int(row[-1]) for row in rows]
+        touch = [int(row[TOUCH]) for row in rows]
         shares, used, margins_m, turn = None, _NOT_USED, _NO_MARGINS, 0.0
         if shares_of is not None and TOUCHING in touch:
             shares = shares_of(contact_told(rows[touch.index(TOUCHING)]))
@@ -117,7 +119,7 @@ class Judge:
             if doubt.force_n > 0.0:
                 turn = utilisation_of(x, y, loads, self.mu, (0.0, 0.0), doubt.torque_nm, (0.0, 0.0)).upper
         mu = math.nan if self.mu is None else self.mu
-        found = self._watch.follow(np.array(read.times_ns), contacts, used, margins_m, mu, doubt, turn).tolist()
+        found = self._watch.follow(contacts, used, margins_m, mu, doubt, turn).tolist()
         levels = [int(row[0]) for row in found]
         ends_at = _contact_end(touch, self.in_contact)
         if disagreement:

@@ -128,14 +128,15 @@ class Link:
 
     def due(self, t_ns: int) -> list[bytes]:
         """What the session wants written at ``t_ns``, piece by piece: some devices take one request a datagram."""
+        session = self.session
+        if session is None or not self.up:
+            return []
         pieces: list[bytes] = []
-        if self.session is None or not self.up:
-            return pieces
-        while (deadline := self.session.next_deadline()) is not None and deadline <= t_ns:
-            piece = self.session.on_time(t_ns)
+        while (deadline := session.next_deadline()) is not None and deadline <= t_ns:
+            piece = session.on_time(t_ns)
             if piece:
                 pieces.append(piece)
-            elif self.session.next_deadline() == deadline:
+            elif session.next_deadline() == deadline:
                 break
         return pieces
 

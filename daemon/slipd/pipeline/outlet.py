@@ -32,7 +32,7 @@ class Outlet:
         seq = self._seq.get(topic, 0)
         self._seq[topic] = seq + 1
         self.published += 1
-        head = {
+        head: dict[str, Any] = {
             "v": PROTOCOL_VERSION,
             "seq": seq,
             "boot": self.boot,
@@ -41,7 +41,8 @@ class Outlet:
             "frame": frame,
             "config_id": self._config_id,
         }
-        return Publish(topic, head | body)
+        head.update(body)
+        return Publish(topic, head)
 
 
 class Pace:

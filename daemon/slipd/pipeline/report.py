@@ -9,7 +9,7 @@ from typing import Any
 from slipd.fusion import grip_needed_n, torque_limit
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.image import PadImage
-from slipd.pipeline.state import State
+from slipd.pipeline.state import ForceReading, State
 from slipd.samples import Array
 from slipd_client.messages import level_code
 
@@ -113,18 +113,19 @@ def _limits(state: State, finger: Finger) -> Body:
     return {"torque_limit_nm": number(limit.torque_nm), "grip_needed_n": needed_n(state, finger)}
 
 
-def wrench_body(finger: Finger, state: State) -> Body:
+def wrench_body(finger: Finger, felt: ForceReading) -> Body:
     """``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
-    wrench = state.wrench
+    wrench = felt.wrench
+    force_n = None if wrench is None else finite(wrench[:3])
     return {
         "finger": finger.name,
-        "force_n": None if wrench is None else finite(wrench[:3]),
+        "force_n": force_n,
         "torque_nm": None if wrench is None else finite(wrench[3:]),
         "normal_n": None if wrench is None else number(-wrench[2]),
-        "tangential_n": None if wrench is None else finite(wrench[:2]),
-        "status": list(state.status),
+        "tangential_n": None if wrench is None else force_n[:2] if force_n else finite(wrench[:2]),
+        "status": list(felt.status),
         "tare_id": finger.tare.current.id,
-        "age_s": state.age_s,
+        "age_s": felt.age_s,
     }
 
 

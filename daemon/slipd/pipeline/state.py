@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from slipd.fusion import (
     FREE,
@@ -19,9 +17,11 @@ from slipd.fusion import (
     Utilisation,
     contact_told,
     utilisation_told,
+    wrench_told,
 )
 from slipd.fusion.slip import STABLE, UNKNOWN, WARNING
 from slipd.pipeline.decision import Verdict, danger_reasons
+from slipd.pipeline.force import Read
 from slipd.pipeline.image import Shares
 from slipd.samples import Array
 from slipd_client.messages import LEVELS
@@ -34,6 +34,21 @@ HIDDEN = Verdict("unknown", ("weight_unknown",))
 NO_MU = Verdict("unknown", ("no_mu",))
 #: Without an image translation alone can prove a grip unsafe, and never safe.
 UNOBSERVED, PULLED = Verdict("unknown", ("rotation_unobserved",)), Verdict("warning", ("translation",))
+
+
+class ForceReading(NamedTuple):
+    """What a reading says of the force alone.
+
+    Attributes:
+        wrench: Force on the finger in the pad frame, N, and torque about the pad's origin, N·m: six numbers, NaN where
+            unknown; None where nothing is known.
+        status: Conditions that the device reported with it.
+        age_s: Its age when it was received, s; None before the first.
+    """
+
+    wrench: tuple[float, ...] | None
+    status: tuple[str, ...]
+    age_s: float | None
 
 
 @dataclass(slots=True)
@@ -65,33 +80,17 @@ class State:
     age_s: float | None = None
 
     @property
+    def felt(self) -> ForceReading:
+        """What the reading says of the force alone."""
+        return ForceReading(self.wrench, self.status, self.age_s)
+
+    @property
     def loads(self) -> Loads | None:
         """Normal forces on the active taxels, N."""
         if self.shares is None or self.contact is None:
             return None
         shares = self.shares.loads
         return Loads(shares.loads * self.contact.normal_n, shares.centroid_residual_m, shares.status)
-
-
-@dataclass(slots=True, eq=False)
-class Read:
-    """The readings of one read of a finger's force, as they are judged.
-
-    Attributes:
-        times_ns: When each was acquired, CLOCK_MONOTONIC.
-        received_ns: When they were received.
-        wrench: Force, N, and torque, N·m, in the pad frame, shape (n, 6); the torque is NaN where none is measured.
-        usable: USABLE, UNTRUSTED or LATE of each, shape (n,), int8.
-        untrusted: What speaks against the untrusted ones, by their place.
-        statuses: What the device reported with each.
-    """
-
-    times_ns: Sequence[int]
-    received_ns: int
-    wrench: Array
-    usable: NDArray[np.int8]
-    untrusted: dict[int, tuple[str, ...]]
-    statuses: Sequence[tuple[str, ...]]
 
 
 @dataclass(slots=True, eq=False)
@@ -142,15 +141,22 @@ class Judged:
             state = self._made[at] = self._make(at)
         return state
 
+    def felt(self, at: int) -> ForceReading:
+        """What one reading says of the force alone."""
+        read, row = self.read, self.contacts[at]
+        age_s = (read.received_ns - read.times_ns[at]) * 1e-9
+        if self.touch[at] == LATE:
+            return ForceReading(None, (), age_s)
+        known = self.touch[at] != UNTRUSTED or not math.isnan(row[4])
+        return ForceReading(wrench_told(row) if known else None, read.statuses[at], age_s)
+
     def _make(self, at: int) -> State:
-        read, touch, t_ns = self.read, self.touch[at], self.read.times_ns[at]
-        age_s = (read.received_ns - t_ns) * 1e-9
+        touch, t_ns = self.touch[at], self.read.times_ns[at]
+        wrench, status, age_s = self.felt(at)
         if touch == LATE:
             return State(t_ns, LOST, age_s=age_s)
-        wrench, status = tuple(read.wrench[at].tolist()), read.statuses[at]
         if touch == UNTRUSTED:
-            verdict = Verdict("unknown", read.untrusted[at])
-            return State(t_ns, verdict, None if math.isnan(wrench[2]) else wrench, status=status, age_s=age_s)
+            return State(t_ns, Verdict("unknown", self.read.untrusted[at]), wrench, status=status, age_s=age_s)
         contact = contact_told(self.contacts[at])
         if touch == FREE:
             verdict = HIDDEN if self.levels[at] == UNKNOWN else NOTHING

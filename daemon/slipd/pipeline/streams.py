@@ -61,12 +61,11 @@ class Stream:
             samples: The readings, at least one.
             late_ns: How long they may have waited for the daemon; nothing else tells where the device has no clock.
         """
-        misfits = [self._misfit(sample) for sample in samples]
-        self.misfit = misfits[-1]
-        if any(misfits):
-            samples = [sample for sample, misfit in zip(samples, misfits, strict=True) if not misfit]
-            if not samples:
-                return samples, []
+        fitting = [sample for sample in samples if not self._misfit(sample)]
+        self.misfit = "" if fitting and fitting[-1] is samples[-1] else self._misfit(samples[-1])
+        if not fitting:
+            return fitting, []
+        samples = fitting
         self.last_ns = samples[-1].t_ns
         self.count += len(samples)
         times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)

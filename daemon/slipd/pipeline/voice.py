@@ -10,7 +10,7 @@ from slipd.pipeline.events import Output
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.outlet import Outlet, Pace
 from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
-from slipd.pipeline.state import Judged, State
+from slipd.pipeline.state import ForceReading, Judged, State
 from slipd_client.messages import LEVELS, WARNING_TOPIC, Level, slip_topic, tactile_topic, wrench_topic
 
 
@@ -18,7 +18,7 @@ class Voice:
     """Tells a change of level at once, the rest as often as is configured.
 
     Args:
-        finger: The finger.
+        finger: Whose words these are.
         outlet: Numbers and dates the messages.
         rates: ``[rates]``.
     """
@@ -40,15 +40,17 @@ class Voice:
         if self._slip.passes(t_ns, now=changed):
             out.append(self._outlet.message(slip_topic(topic), t_ns, self._frame, slip_body(self._finger, state)))
         if self._wrench.passes(t_ns, now=changed):
-            out.append(self._outlet.message(wrench_topic(topic), t_ns, self._frame, wrench_body(self._finger, state)))
+            self._tell_wrench(t_ns, state.felt, out)
 
     def tell_read(self, judged: Judged, out: list[Output]) -> None:
         """Adds what is to be said of the readings of one read."""
         slip, wrench, times_ns = self._slip, self._wrench, judged.read.times_ns
         for at, level in enumerate(judged.levels):
             t_ns = times_ns[at]
-            if t_ns >= slip.due_ns or t_ns >= wrench.due_ns or LEVELS[level] != self._told:
+            if t_ns >= slip.due_ns or LEVELS[level] != self._told:
                 self.tell(judged[at], out)
+            elif wrench.passes(t_ns):
+                self._tell_wrench(t_ns, judged.felt(at), out)
 
     def tell_image(self, t_ns: int, out: list[Output]) -> None:
         """Adds what is to be said of a new image."""
@@ -56,6 +58,10 @@ class Voice:
         if finger.image is not None and self._tactile.passes(t_ns):
             body = tactile_body(finger, finger.image)
             out.append(self._outlet.message(tactile_topic(finger.name), t_ns, self._frame, body))
+
+    def _tell_wrench(self, t_ns: int, felt: ForceReading, out: list[Output]) -> None:
+        body = wrench_body(self._finger, felt)
+        out.append(self._outlet.message(wrench_topic(self._finger.name), t_ns, self._frame, body))
 
     def _warn(self, state: State, out: list[Output]) -> None:
         level, told = cast("Level", state.verdict.level), self._told

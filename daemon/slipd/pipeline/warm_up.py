@@ -7,6 +7,8 @@ import numpy as np
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Wrench
 from slipd.fusion import (
+    AS_IS,
+    carry,
     contact_of,
     contact_shape,
     grip_needed_n,
@@ -29,6 +31,7 @@ def warm_up() -> None:
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
     tipping_margin(x, y, centre)
     contact_of((0.1, 0.0, -1.0, 0.0, 0.0, 0.001), 0.5)
+    carry(AS_IS, np.zeros((1, 8)))
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     _hold()
 

@@ -151,7 +151,7 @@ class DeviceClock:
                     self._fail(receipt_ns)
             else:
                 self._device_ns += step
-                if fresh:
+                if fresh and not 0 < self._grid_ns <= FINEST_GRID_NS:
                     self._note_step(step)
         if fresh:
             self._first_ns = self._device_ns
@@ -159,9 +159,8 @@ class DeviceClock:
 
     def _note_step(self, step: int) -> None:
         """Find the grid that the device's times lie on; where nearly each step is one, it counts readings."""
-        if not 0 < self._grid_ns <= FINEST_GRID_NS:
-            self._grid_ns = math.gcd(self._grid_ns, step)
-            self._uneven += READ_SHARE * ((step != self._grid_ns) - self._uneven)
+        self._grid_ns = math.gcd(self._grid_ns, step)
+        self._uneven += READ_SHARE * ((step != self._grid_ns) - self._uneven)
 
     def _commit(self, step: int) -> None:
         """Take the last reading of the read before this: of that read it was late the least.
@@ -172,12 +171,13 @@ class DeviceClock:
         device_ns, receipt_ns = self._device_ns, self._receipt_ns
         lag = receipt_ns - device_ns
         late = lag - self._lag_ns - int(self._slope * (device_ns - self._at_ns))
-        early = EARLY_NS + 3.0 * self._bound_at(device_ns) if self._locked else EARLY_SETTLING_NS
-        if late < -early:  # the clock jumped ahead, or all before was late
-            self._begin(device_ns, receipt_ns)
-        elif late < 0:
-            self._lag_ns += late
-            self._base_ns += late
+        if late < 0:
+            early = EARLY_NS + 3.0 * self._bound_at(device_ns) if self._locked else EARLY_SETTLING_NS
+            if late < -early:  # the clock jumped ahead, or all before was late
+                self._begin(device_ns, receipt_ns)
+            else:
+                self._lag_ns += late
+                self._base_ns += late
         self._receipts += 1
         self._shared += READ_SHARE * ((device_ns != self._first_ns) - self._shared)
         if 0 <= step - late < self._open[0]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,68 +131,73 @@ class WrenchWatch:
     ) -> None:
         if not 0.0 < range_n < math.inf:
             raise ValueError(f"range_n must be positive and finite, not {range_n}")
-        self._range2 = range_n**2
-        self._jump2 = (0.25 * range_n if jump_n is None else jump_n) ** 2
+        self._range_n = range_n
+        self._jump_n = 0.25 * range_n if jump_n is None else jump_n
         self._repeats, self._gap_ns = repeats, gap_ns
-        self._row = np.full(6, math.nan)
+        self._row: Sequence[float] = (math.nan,) * 6
         self._equal = 0
         self._since_ns = self._last_ns = _NEVER_NS
-        self._step: tuple[float, float, float] | None = None  # the last change, where it was a jump
+        self._step: list[float] | None = None  # the last change, where it was a jump
         self._impossible = 0.0
         self._garbage = self._failing = self._alert = False
         self._failed_ns: list[int] = []
         self.fault = ""
         self.lively = False
 
-    def update(self, rows: Array, times_ns: Sequence[int]) -> dict[int, str]:
+    def update(self, readings: Sequence[Sequence[float]], times_ns: Sequence[int]) -> dict[int, str]:
         """Takes readings as the sensor sent them, before tare and mounting.
 
         Args:
-            rows: Force, N, and torque, N·m (zeros where the device has none), shape (n, 6), n ≥ 1; not to be changed
-                afterwards.
+            readings: Force, N, and torque, N·m (zeros where the device has none) of each: six numbers; at least one.
             times_ns: Time of each.
 
         Returns:
             "stuck", "garbage" or "intermittent" of each reading that something speaks against, by its place.
         """
-        before = self._row
-        self._row = rows[-1]
         in_time = times_ns[-1] - self._last_ns <= self._gap_ns
-        self.lively = in_time and not self._alert and _is_lively(before, rows, self._range2, self._jump2)
-        if self.lively:
-            self._last_ns, self._equal, self._step, self.fault = times_ns[-1], 0, None, ""
-            return {}
+        if len(readings) > 1 and in_time and not self._alert:
+            self.lively = _is_lively(np.array((self._row, *readings)), self._range_n**2, self._jump_n**2)
+            if self.lively:
+                self._row, self._last_ns, self._equal, self._step, self.fault = readings[-1], times_ns[-1], 0, None, ""
+                return {}
         found = {}
-        for at, t_ns in enumerate(times_ns):
-            self.fault = self._take(before, rows[at], t_ns)
-            before = rows[at]
-            if self.fault:
+        self.lively = True
+        for at, row in enumerate(readings):
+            if self._take(row, times_ns[at]):
                 found[at] = self.fault
         return found
 
-    def _take(self, before: Array, row: Array, t_ns: int) -> str:
+    def _take(self, row: Sequence[float], t_ns: int) -> str:
+        """Takes one reading; returns the fault."""
+        before, self._row = self._row, row
+        force_n, last_n = row[:3], before[:3]
         gap = t_ns - self._last_ns > self._gap_ns
-        if not gap and row.tobytes() == before.tobytes():
-            if self._equal == 0:
-                self._since_ns = self._last_ns
-            self._equal += 1
+        jumps = not (math.dist(force_n, last_n) < self._jump_n and math.hypot(*force_n) <= self._range_n)
+        if gap or jumps or self._alert or row == before or not math.isfinite(sum(row)):
+            self.lively = False
+            self._count(alike=row == before and not gap)
+            if jumps:
+                self._suspect(force_n, last_n)
+            else:
+                self._step = None
+            told = gap or self._alert or self._equal >= self._repeats
+            self.fault = self._told(gap, t_ns) if told else ""
         else:
-            self._equal = 0
+            self._equal, self._step, self.fault = 0, None, ""
         self._last_ns = t_ns
-        x, y, z, *_ = row.tolist()
-        last_x, last_y, last_z, *_ = before.tolist()
-        dx, dy, dz = x - last_x, y - last_y, z - last_z
-        if dx * dx + dy * dy + dz * dz < self._jump2 and x * x + y * y + z * z <= self._range2:
-            self._step = None
-        else:
-            self._suspect(x * x + y * y + z * z, (dx, dy, dz))
-        return self._told(gap, t_ns) if gap or self._alert or self._equal >= self._repeats else ""
+        return self.fault
 
-    def _suspect(self, square: float, step: tuple[float, float, float]) -> None:
+    def _count(self, *, alike: bool) -> None:
+        """Counts readings that repeat the one before."""
+        if alike and self._equal == 0:
+            self._since_ns = self._last_ns
+        self._equal = self._equal + 1 if alike else 0
+
+    def _suspect(self, force_n: Sequence[float], last_n: Sequence[float]) -> None:
         """Takes a reading out of range, or a jump; a single jump may be a blow."""
-        last, self._step = self._step, step
-        back = last is not None and last[0] * step[0] + last[1] * step[1] + last[2] * step[2] < 0.0
-        if back or not square <= self._range2:
+        before, self._step = self._step, [now - last for now, last in zip(force_n, last_n, strict=True)]
+        back = before is not None and sum(map(mul, before, self._step)) < 0.0
+        if back or not math.hypot(*force_n) <= self._range_n:
             self._impossible = min(self._impossible + 1.0, JUMPS) + FORGET
             self._alert = True
 
@@ -211,16 +217,15 @@ class WrenchWatch:
 
 
 @compiled
-def _is_lively(before: Array, rows: Array, range2: float, jump2: float) -> bool:
-    """Each reading is finite, differs from the one before, by less than a jump, and is in range."""
-    for k in range(len(rows)):
-        last = before if k == 0 else rows[k - 1]
+def _is_lively(rows: Array, range2: float, jump2: float) -> bool:
+    """Each reading but the first is finite, differs from the one before, by less than a jump, and is in range."""
+    for k in range(1, len(rows)):
         jump = size = 0.0
         alike = True
         for i in range(6):
-            alike = alike and rows[k, i] == last[i]
+            alike = alike and rows[k, i] == rows[k - 1, i]
             if i < 3:
-                jump += (rows[k, i] - last[i]) ** 2
+                jump += (rows[k, i] - rows[k - 1, i]) ** 2
                 size += rows[k, i] ** 2
         if alike or not (jump < jump2 and size <= range2 and math.isfinite(rows[k].sum())):
             return False
