@@ -33,6 +33,7 @@ _HEARD_LENGTH = 32  # longer than any text that is waited for
 _BANNER_LENGTH = 512  # a banner has under 100 bytes
 
 _BOOT = "boot text"
+_ANSWERED_BY_FRAMES = (_BOOT, bota_text.RUN.letter)
 
 _HEADER = b"\xaa"
 _FRAME = struct.Struct("<BH6fIf")  # header, status, force, torque, device time µs, temperature; CRC
@@ -53,15 +54,20 @@ class Decoder:
     Status names: "skipped" (the sensor drops samples: its sinc length is too short), "overload" (out of
     range), "invalid" (the sensor says so, or a value is not finite), "raw" (gauge values: the sensor's
     calibration is off).
+
+    Attributes:
+        text_passed: Between or behind the frames of the last bytes there may have been text.
     """
 
     def __init__(self) -> None:
         self.health = DecoderHealth()
+        self.text_passed = False
         self._frames = FixedFrames(_HEADER, FRAME_LENGTH, _checksum_holds, self.health, text=_TEXT)
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
         """Take bytes received at ``t_ns`` and return the readings they complete, in the sensor's frame."""
         buffer, found = self._frames.receive(data)
+        self.text_passed = len(found) * FRAME_LENGTH != len(buffer)
         samples: list[WrenchSample] = []
         for at, in_step in found:
             _, status, *values, time_us, _ = _FRAME.unpack_from(buffer, at)
@@ -126,6 +132,8 @@ class Session(TalkingSession[WrenchSample]):
         ValueError: The sinc length is out of range, or no integer.
     """
 
+    decoder: Decoder
+
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
         shortest, longest = SINC_LENGTHS
         if not (isinstance(sinc_length, int) and shortest <= sinc_length <= longest):
@@ -152,8 +160,8 @@ class Session(TalkingSession[WrenchSample]):
     def receive(self, data: bytes, now_ns: int) -> list[WrenchSample]:
         """Take bytes received at ``now_ns`` and return the readings they complete."""
         samples = super().receive(data, now_ns)
-        if len(data) == FRAME_LENGTH * len(samples) and self._talk.asked not in (_BOOT, bota_text.RUN.letter):
-            return samples  # whole frames, and they are no answer
+        if not self.decoder.text_passed and self._talk.asked not in _ANSWERED_BY_FRAMES:
+            return samples
         heard = self._heard + data
         self._heard = heard[-_HEARD_LENGTH:]
         if self.next_deadline() is not None:
@@ -181,7 +189,7 @@ class Session(TalkingSession[WrenchSample]):
             self._read_identity(data)
         asked = self._talk.asked
         code = bota_text.find_ack(heard, asked)
-        if code is None and frames_flow and asked in (_BOOT, bota_text.RUN.letter):
+        if code is None and frames_flow and asked in _ANSWERED_BY_FRAMES:
             code = 0
         if code is not None:
             self._talk.answered(now_ns, f"refused {asked} with code {code}" if code else "")

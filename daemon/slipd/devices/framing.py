@@ -68,6 +68,9 @@ class Frames:
             else:
                 at += 1
             at = buffer.find(sync, at)
+        if done == len(buffer):
+            self._tail = b""
+            return buffer, found
         keep = at if at >= 0 else self._begun_sync(buffer, done)
         if keep > done:
             self._skip(buffer[done:keep])

@@ -156,14 +156,12 @@ class Finger:
             samples: The readings, received together.
             times_ns: When each was acquired, CLOCK_MONOTONIC.
         """
-        if self.force is None:
+        force = self.force
+        if force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
         step = 1 if self.tare.busy else len(samples)
         for at in range(0, len(samples), step):
-            yield self._take_some(self.force, samples[at : at + step], times_ns[at : at + step])
-
-    def _take_some(self, force: ForceSide, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Judged:
-        return self._decide(force.take(samples, times_ns, self._untouched() if force.drifts else None))
+            yield self._decide(force.take(samples[at : at + step], times_ns[at : at + step], self._untouched))
 
     def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> Judged | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
@@ -226,13 +224,8 @@ class Finger:
             read.rows[received_ns - np.array(times_ns) > self._stale_ns, USE] = LATE
         image = self.image
         shares_of = image.shares if image is not None and self._is_fresh(image, received_ns) else None
-        judged = self._judge.judge(
-            read,
-            self._doubt(times_ns[-1]),
-            shares_of,
-            self._disagreement,
-            image_hangs=image is not None and image.hangs,
-        )
+        doubt, hangs = self._doubt(times_ns[-1]), image is not None and image.hangs
+        judged = self._judge.judge(read, doubt, shares_of, self._disagreement, image_hangs=hangs)
         if judged.ends_at < len(judged):
             self._forget_comparison()
         self._newest = judged

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,21 +92,19 @@ class ForceSide:
         """Standard deviation of a force component, N."""
         return self._noise[0]
 
-    @property
-    def drifts(self) -> bool:
-        """Its zero is followed."""
-        return self._drift is not None
-
-    def take(self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: bool | None) -> Read:
+    def take(
+        self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: Callable[[], bool | None]
+    ) -> Read:
         """Takes the readings of one read; while a tare is being measured, one at a time.
 
         Args:
             samples: The readings.
             times_ns: When each was acquired.
-            untouched: Nothing touches the finger; None where that is not known.
+            untouched: Says whether nothing touches the finger; None where that is not known.
         """
-        rows = np.array([(*one.numbers, t_ns * 1e-9, USABLE) for one, t_ns in zip(samples, times_ns, strict=True)])
-        untrusted = self._check(samples, times_ns)
+        readings, statuses = [sample.numbers for sample in samples], [sample.status for sample in samples]
+        untrusted = self._check(readings, statuses, times_ns)
+        rows = np.array([(*six, t_ns * 1e-9, USABLE) for six, t_ns in zip(readings, times_ns, strict=True)])
         for at in untrusted:
             rows[at, USE] = UNTRUSTED
         if self.tare.busy and 0 not in untrusted:
@@ -115,12 +113,12 @@ class ForceSide:
             self._take_offset()
         carrier = self._carries()
         if self._drift is not None:
-            rows = self._less_drift(self._drift, carry(carrier, rows), times_ns, untouched)
+            rows = self._less_drift(self._drift, carry(carrier, rows), times_ns, untouched())
             carrier = AS_IS
         for at, sample in enumerate(samples):
             if not sample.has_torque:
                 rows[at, 3:6] = math.nan
-        return Read(times_ns, samples[-1].t_ns, rows, carrier, untrusted, [sample.status for sample in samples])
+        return Read(times_ns, samples[-1].t_ns, rows, carrier, untrusted, statuses)
 
     def _carries(self) -> Carrier:
         """What moves readings onto the pad, with the offset and the weight in force."""
@@ -141,20 +139,22 @@ class ForceSide:
             row[:6] -= drift.value
         return rows
 
-    def _check(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> dict[int, tuple[str, ...]]:
+    def _check(
+        self, readings: Sequence[Sequence[float]], statuses: Sequence[tuple[str, ...]], times_ns: Sequence[int]
+    ) -> dict[int, tuple[str, ...]]:
         """What speaks against each reading, by its place."""
         untrusted: dict[int, tuple[str, ...]] = {}
-        self._status = samples[-1].status
-        for at, sample in enumerate(samples):
-            if sample.status and not UNTRUSTED_WORDS.isdisjoint(sample.status):
-                untrusted[at] = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
-        for at, fault in self._watch.update([sample.numbers for sample in samples], times_ns).items():
+        self._status = statuses[-1]
+        if any(statuses):
+            words = (UNTRUSTED_WORDS.intersection(status) for status in statuses)
+            untrusted = {at: tuple(sorted(found)) for at, found in enumerate(words) if found}
+        for at, fault in self._watch.update(readings, times_ns).items():
             if fault in UNTRUSTED_FAULTS:
                 untrusted[at] = (*untrusted.get(at, ()), fault)
         self.fault = self._watch.fault
         if not self._watch.lively:
-            for at, sample in enumerate(samples):
-                if not all(map(math.isfinite, sample.numbers)):
+            for at, reading in enumerate(readings):
+                if not all(map(math.isfinite, reading)):
                     untrusted.setdefault(at, ("not_finite",))
         return untrusted
 

@@ -135,19 +135,22 @@ class Judge:
 
     def _keep(self, touch: list[int], used: Array) -> None:
         """Remembers what the next read goes on from: the newest reading that says something."""
-        for at in range(len(touch) - 1, -1, -1):
-            if touch[at] != UNTRUSTED:
-                self.in_contact, self._twist = touch[at] == TOUCHING, None
-                if self.in_contact and len(used):
-                    vx, vy, om = used[at, 6:].tolist()
-                    self._twist = vx, vy, om
-                return
+        at = len(touch) - 1
+        while at >= 0 and touch[at] == UNTRUSTED:
+            at -= 1
+        if at < 0:
+            return
+        self.in_contact, self._twist = touch[at] == TOUCHING, None
+        if self.in_contact and len(used):
+            vx, vy, om = used[at, 6:].tolist()
+            self._twist = vx, vy, om
 
 
 def _contact_end(touch: list[int], in_contact: bool) -> int:
     """Place of the first reading with which a contact ends; that behind the last where none does."""
-    for at, now in enumerate(touch):
-        if in_contact and now in (FREE, LATE):
-            return at
-        in_contact = in_contact or now == TOUCHING
+    if FREE in touch or LATE in touch:
+        for at, now in enumerate(touch):
+            if in_contact and now in (FREE, LATE):
+                return at
+            in_contact = in_contact or now == TOUCHING
     return len(touch)

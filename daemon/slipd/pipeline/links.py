@@ -101,7 +101,7 @@ class Link:
         """Ends the conversation; returns what the device hears last, if anything."""
         return self.session.stop() if self.session is not None and self.up else b""
 
-    def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, list[Sample], list[int]]]:
+    def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, Sequence[Sample], list[int]]]:
         """Decodes bytes into runs of samples of one stream: its name, and when each was acquired, CLOCK_MONOTONIC.
 
         Args:
@@ -118,7 +118,7 @@ class Link:
             samples = self._within_rate(samples, t_ns)
         self._allowed -= len(samples)
         found = []
-        for run in _runs(samples):
+        for run in [samples] if len(samples) == 1 else _runs(samples):
             stream = self.streams.get(run[0].source)
             if stream is not None:
                 kept, times_ns = stream.take(run, late_ns)
@@ -208,8 +208,6 @@ class Link:
 
 def _runs(samples: Sequence[Sample]) -> list[list[Sample]]:
     """Samples of one source each."""
-    if len(samples) == 1:
-        return [list(samples)]
     return [list(run) for _, run in groupby(samples, key=attrgetter("source"))]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Any, cast
@@ -54,18 +55,18 @@ class Stream:
     _counted: int = field(default=0, repr=False)
     _bad_bytes: int = field(default=0, repr=False)
 
-    def take(self, samples: list[Sample], late_ns: int) -> tuple[list[Sample], list[int]]:
+    def take(self, samples: Sequence[Sample], late_ns: int) -> tuple[Sequence[Sample], list[int]]:
         """Counts the readings of one read; returns those that fit, and when each was acquired, CLOCK_MONOTONIC.
 
         Args:
             samples: The readings, at least one.
             late_ns: How long they may have waited for the daemon; nothing else tells where the device has no clock.
         """
-        fitting = [sample for sample in samples if not self._misfit(sample)]
-        self.misfit = "" if fitting and fitting[-1] is samples[-1] else self._misfit(samples[-1])
-        if not fitting:
-            return fitting, []
-        samples = fitting
+        self.misfit = self._misfit(samples[-1])
+        if self.misfit or len(samples) > 1:
+            samples = [sample for sample in samples if not self._misfit(sample)]
+            if not samples:
+                return samples, []
         self.last_ns = samples[-1].t_ns
         self.count += len(samples)
         times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
@@ -74,7 +75,7 @@ class Stream:
         self._acquired_ns = times_ns[-1]
         return samples, times_ns
 
-    def _host_times(self, samples: list[Sample]) -> list[int]:
+    def _host_times(self, samples: Sequence[Sample]) -> list[int]:
         times_ns = []
         for sample in samples:
             acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)
@@ -83,7 +84,7 @@ class Stream:
             times_ns.append(acquired_ns)
         return times_ns
 
-    def _device_times(self, samples: list[Sample], late_ns: int) -> list[int]:
+    def _device_times(self, samples: Sequence[Sample], late_ns: int) -> list[int]:
         map_time = self.clock.map
         if self.kind is TactileSample:
             times_ns = [map_time(_scanned_ns(cast("TactileSample", sample)), sample.t_ns) for sample in samples]

@@ -27,6 +27,7 @@ class Voice:
         self._finger = finger
         self._outlet = outlet
         self._frame = f"{finger.name}_pad"
+        self._wrench_topic = wrench_topic(finger.name)
         self._told: Level = "unknown"
         self._slip, self._wrench = Pace(rates.slip_hz), Pace(rates.wrench_hz)
         self._tactile = Pace(rates.tactile_hz)
@@ -61,7 +62,7 @@ class Voice:
 
     def _tell_wrench(self, t_ns: int, felt: ForceReading, out: list[Output]) -> None:
         body = wrench_body(self._finger, felt)
-        out.append(self._outlet.message(wrench_topic(self._finger.name), t_ns, self._frame, body))
+        out.append(self._outlet.message(self._wrench_topic, t_ns, self._frame, body))
 
     def _warn(self, state: State, out: list[Output]) -> None:
         level, told = cast("Level", state.verdict.level), self._told

@@ -154,18 +154,23 @@ class WrenchWatch:
         Returns:
             "stuck", "garbage" or "intermittent" of each reading that something speaks against, by its place.
         """
-        in_time = times_ns[-1] - self._last_ns <= self._gap_ns
-        if len(readings) > 1 and in_time and not self._alert:
-            self.lively = _is_lively(np.array((self._row, *readings)), self._range_n**2, self._jump_n**2)
-            if self.lively:
-                self._row, self._last_ns, self._equal, self._step, self.fault = readings[-1], times_ns[-1], 0, None, ""
-                return {}
+        if len(readings) > 1 and self._take_lively(readings, times_ns[-1]):
+            return {}
         found = {}
         self.lively = True
-        for at, row in enumerate(readings):
-            if self._take(row, times_ns[at]):
+        for at, reading in enumerate(readings):
+            if self._take(reading, times_ns[at]):
                 found[at] = self.fault
         return found
+
+    def _take_lively(self, readings: Sequence[Sequence[float]], last_ns: int) -> bool:
+        """Takes readings that are well, all at once; False where one of them is to be looked at."""
+        if self._alert or last_ns - self._last_ns > self._gap_ns:
+            return False
+        self.lively = _is_lively(np.array((self._row, *readings)), self._range_n**2, self._jump_n**2)
+        if self.lively:
+            self._row, self._last_ns, self._equal, self._step, self.fault = readings[-1], last_ns, 0, None, ""
+        return self.lively
 
     def _take(self, row: Sequence[float], t_ns: int) -> str:
         """Takes one reading; returns the fault."""
