@@ -35,7 +35,7 @@ def run(folder: Path, *, seconds: float, warm_up_s: float) -> list[Table]:
             topics=topics,
             subscription="",
             warm_up_s=warm_up_s,
-            real_time=True,
+            watched=True,
         )
         taken = processes.status(served.requests)["streams"]
     return [_streams(measured, streams, taken, seconds), _latencies(measured, seconds), _messages(measured)]

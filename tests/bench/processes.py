@@ -179,7 +179,7 @@ def measure(
     topics: dict[str, str],
     subscription: str,
     warm_up_s: float,
-    real_time: bool = False,
+    watched: bool = False,
 ) -> Measured:
     """Write all streams to a running publisher, and hear it.
 
@@ -191,15 +191,15 @@ def measure(
         topics: Topic → stream of the force readings that it tells of.
         subscription: Beginning of the topics to hear.
         warm_up_s: How much of the beginning does not count.
-        real_time: Late readings do not put off those after them, and at every write it is looked how much is unread.
+        watched: At every write it is looked how much is unread.
     """
     first = round(warm_up_s * traffic.WRENCH_HZ)
     count = max(len(stream.frames) for stream in streams)
     arrivals = _zeros(folder / "arrivals.npy", (len(topics), count))
-    plans = [_plan(stream, lines, folder, watched=real_time) for stream in streams]
+    plans = [_plan(stream, lines, folder, watched=watched) for stream in streams]
     hearing = listener.Plan(served.endpoint, subscription, list(topics), str(arrivals), traffic.index_weights(), first)
     listening = _python("listener.py", json.dumps(asdict(hearing)))
-    writing = _python("writer.py", writer.encode_plan(plans, round(warm_up_s * 1e9), catch_up=real_time))
+    writing = _python("writer.py", writer.encode_plan(plans, round(warm_up_s * 1e9)))
     fds = (*lines.fd.values(), *lines.other_fd.values())
     with child.Child(listening, folder) as ear, child.Child(writing, folder, pass_fds=fds) as hand:
         ear.told("listening")

@@ -29,9 +29,6 @@ from slipd.devices import bota_text
 START_S = 0.05
 """From loading the plan to the first frame."""
 
-SLACK_NS = 200_000
-"""Lateness that is no more than the jitter of waking up."""
-
 ANSWER_EVERY_NS = 20_000_000
 """How often the ports are asked for commands: a sensor may take some milliseconds to answer."""
 
@@ -99,8 +96,8 @@ class _Port:
         self._heard = b""
         self._unread = array.array("i", [0])
 
-    def write(self, index: int, due_ns: int) -> int:
-        """Write one frame, and tell how late."""
+    def write(self, index: int, due_ns: int) -> None:
+        """Write one frame."""
         outcome, frame = self.outcome, self.frames[index]
         if self.plan.other_fd >= 0:
             fcntl.ioctl(self.plan.other_fd, termios.FIONREAD, self._unread)
@@ -116,7 +113,6 @@ class _Port:
         else:
             outcome.refused += 1
         outcome.late_ns.append(now_ns - due_ns)
-        return now_ns - due_ns
 
     def answer(self) -> None:
         with contextlib.suppress(BlockingIOError):
@@ -134,7 +130,8 @@ def _schedule(ports: list[_Port]) -> list[tuple[int, int, int]]:
     )
 
 
-def _run(ports: list[_Port], warm_up_ns: int, *, catch_up: bool) -> None:
+def _run(ports: list[_Port], warm_up_ns: int) -> None:
+    """Write all; what is late at once, one frame after another, as devices do that wait for nobody."""
     schedule = _schedule(ports)
     begin_ns = time.monotonic_ns() + round(START_S * 1e9)
     answer_ns, warm = begin_ns, False
@@ -145,9 +142,7 @@ def _run(ports: list[_Port], warm_up_ns: int, *, catch_up: bool) -> None:
         wait_ns = begin_ns + due_ns - time.monotonic_ns()
         if wait_ns > 0:
             time.sleep(wait_ns * 1e-9)
-        late_ns = ports[number].write(index, begin_ns + due_ns)
-        if late_ns > SLACK_NS and not catch_up:
-            begin_ns += late_ns
+        ports[number].write(index, begin_ns + due_ns)
         if begin_ns + due_ns >= answer_ns:
             answer_ns += ANSWER_EVERY_NS
             for port in ports:
@@ -159,21 +154,19 @@ def main() -> None:
     plan: dict[str, Any] = json.loads(sys.argv[1])
     ports = [_Port(Plan(**stream)) for stream in plan["streams"]]
     gc.disable()
-    _run(ports, plan["warm_up_ns"], catch_up=plan["catch_up"])
+    _run(ports, plan["warm_up_ns"])
     print(json.dumps({port.plan.name: port.outcome.summary() for port in ports}), flush=True)
 
 
-def encode_plan(streams: list[Plan], warm_up_ns: int, *, catch_up: bool) -> str:
+def encode_plan(streams: list[Plan], warm_up_ns: int) -> str:
     """The argument that says what to write.
 
     Args:
         streams: All streams.
         warm_up_ns: How much of the beginning does not count.
-        catch_up: Write what is late at once, one frame after another, as devices do that wait for nobody; else all
-            that follows is put off, so that no two frames come together because this process had to wait.
     """
     plans = [asdict(stream) for stream in streams]
-    return json.dumps({"streams": plans, "warm_up_ns": warm_up_ns, "catch_up": catch_up})
+    return json.dumps({"streams": plans, "warm_up_ns": warm_up_ns})
 
 
 if __name__ == "__main__":

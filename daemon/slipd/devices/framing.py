@@ -82,6 +82,11 @@ class Frames:
         """The stream ends with bytes that may begin a frame."""
         return bool(self._tail)
 
+    @property
+    def in_step(self) -> bool:
+        """The stream ends with a whole frame: what comes next begins one."""
+        return not self._tail and self._damage == 0
+
     def forget(self) -> None:
         """Drop a begun frame: the line was closed, or has been silent too long for the rest of it to come.
 

@@ -67,6 +67,36 @@ class Decoder:
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Take bytes received at ``t_ns`` and return the scans they complete."""
+        samples = self._go_on(data, t_ns)
+        if samples is None:
+            samples = self._find(data, t_ns)
+        self.health.good += len(samples)
+        return samples
+
+    def _go_on(self, data: bytes, t_ns: int) -> list[TactileSample] | None:
+        """Take the usual read as a whole: scans that go on from the newest; None, and nothing is taken, else."""
+        if len(data) % (self._rows * self._length) or self._open or self._scan is None or not self._frames.in_step:
+            return None
+        heads: list[tuple[int, int, int, int]] = []
+        for number, at in enumerate(range(0, len(data), self._length)):
+            head = _HEAD.unpack_from(data, at + len(_SYNC))
+            later, row = divmod(number, self._rows)
+            follows = head[0] == row and head[1] == (self._scan + 1 + later) % _SCAN_SPAN
+            if not (follows and data.startswith(_SYNC, at) and self._checksum_holds(data, at)):
+                return None
+            heads.append(head)
+        samples: list[TactileSample] = []
+        for first in range(0, len(heads), self._rows):
+            _, self._scan, self._scan_time_us, dwell = heads[first]
+            self._dwell_ns = dwell * _DWELL_UNIT_NS
+            begin = first * self._length + _COUNTS_AT
+            ends = range(begin, begin + self._rows * self._length, self._length)
+            self._counts = [data[at : at + self._row_bytes] for at in ends]
+            samples.append(self._complete(t_ns))
+        return samples
+
+    def _find(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Take bytes of any kind."""
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
         for at, _ in found:
@@ -78,7 +108,6 @@ class Decoder:
                 self._counts.append(buffer[counts_at : counts_at + self._row_bytes])
                 if row == self._rows - 1:
                     samples.append(self._complete(t_ns))
-        self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:

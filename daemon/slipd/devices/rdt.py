@@ -100,9 +100,9 @@ class Records:
             return None
         words = np.frombuffer(data, ">u4").reshape(-1, RECORD_LENGTH // 4)
         sequence, ticks, status = words[:, :3].astype(np.int64).T
-        steps = np.diff(ticks, prepend=self._newest_ticks)
+        steps = ticks - np.concatenate(((self._newest_ticks,), ticks[:-1]))
         if not (
-            (np.diff(sequence) == 1).all()
+            (sequence[1:] - sequence[:-1] == 1).all()
             and 0 <= steps.min() <= steps.max() < _TICKS_WITHIN
             and (status & self._reserved == self._steady).all()
             and self._numbering.go_on(int(sequence[0]), len(words))

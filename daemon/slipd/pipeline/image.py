@@ -131,7 +131,7 @@ class PadImage:
         readings = -values[:, 2] if self.three_axis else values
         pressure = None
         if self._charge is not None:
-            anchored = felt.agrees and not doubtful and not self._health.masked.any()
+            anchored = felt.agrees and not doubtful and not self._health.masks
             if self._calibrated and anchored and felt.normal_n is not None:
                 self._charge.anchor(felt.normal_n)
             values = pressure = self._charge.update(values, t_ns * 1e-9, felt.free)
@@ -143,7 +143,7 @@ class PadImage:
 
     def _believe(self, values: Array, *, doubtful: bool) -> None:
         """Makes pressures of forces, with the masked taxels mended."""
-        mend = self._health.repair if self._health.masked.any() else None
+        mend = self._health.repair if self._health.masks else None
         if self.three_axis:
             if mend is not None:
                 values = np.column_stack([mend(component) for component in values.T])
@@ -152,7 +152,7 @@ class PadImage:
         elif mend is not None:
             values = mend(values)
         usable = self._health.usable and not self.hangs and not doubtful
-        self._known = usable and bool(np.isfinite(values).all())
+        self._known = usable and math.isfinite(float(np.dot(values, values)))
         self.pressure = np.where(values > self._threshold, values, 0.0) if self._known else np.zeros_like(values)
         self._shared = False
 

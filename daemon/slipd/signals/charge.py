@@ -81,7 +81,7 @@ class ChargeReconstruction:
             Force on each taxel, shape (taxels,), in the unit of the readings; zeros where free; NaN where a contact
             cannot be known because none of its beginning was seen, or a reading is no number.
         """
-        if not np.isfinite(readings).all():
+        if not math.isfinite(float(np.dot(readings, readings))):
             self.forget()
             return np.full_like(readings, math.nan)
         if known_free:

@@ -41,6 +41,7 @@ class TaxelHealth:
 
     Attributes:
         masked: Taxels that are not to be believed, shape (taxels,); a new array whenever it changes.
+        masks: One or more are masked.
 
     Raises:
         ValueError: A pad without taxels, or a full scale that is not positive.
@@ -60,6 +61,7 @@ class TaxelHealth:
         full = math.inf if full_scale is None else full_scale
         self._faults = TaxelFaults(self._blocks, rows, cols, full, threshold, light_touch)
         self.masked: Mask = np.zeros(taxels, dtype=bool)
+        self.masks = False
         self._bad = np.zeros((len(Kind), taxels), dtype=bool)
         self._well = np.zeros((len(Kind), taxels), dtype=np.int64)
 
@@ -100,6 +102,7 @@ class TaxelHealth:
             self._well = np.where(bad, 0, self._well + well)
             self._bad = (self._bad | bad) & (self._well < RECOVERY)
             self.masked = np.logical_or.reduce(self._bad, axis=0)
+            self.masks = bool(self.masked.any())
 
     def report(self) -> dict[str, list[int]]:
         """Tells what is masked: indices of taxels by kind, and of rows and columns that are lost as a whole."""
