@@ -106,6 +106,7 @@ class ContactWatch:
         self._settings = np.array((*fixed, *[math.nan] * 6))  # and what `follow` is told beside the readings
         self._told: tuple[float, Doubt, float] | None = None
         self._most_kept = 0  # in a ring; no more than so many
+        self._capacity = FIRST_CAPACITY
         self._rings = np.empty((2, FIRST_CAPACITY, 4))  # of force and of spin: time s, load, ratio, utilisation
         self._windows = np.zeros((2, 2), np.int64)  # of each ring: first reading, how many
         self._memory = np.zeros(3)  # step; until when a slip of force, of spin, is told
@@ -145,12 +146,13 @@ class ContactWatch:
         if self._told != (mu, doubt, turn):
             self._told = mu, doubt, turn
             self._settings[TOLD:] = (mu, *doubt, turn)
-        self._most_kept += len(contacts)
-        while self._most_kept > self._rings.shape[1]:
-            self._most_kept = int(self._windows[:, 1].max()) + len(contacts)
-            if self._most_kept > self._rings.shape[1]:
+        count = len(contacts)
+        self._most_kept += count
+        while self._most_kept > self._capacity:
+            self._most_kept = int(self._windows[:, 1].max()) + count
+            if self._most_kept > self._capacity:
                 self._grow()
-        out = np.zeros((len(contacts), 6))
+        out = np.zeros((count, 6))
         _follow(out, self._memory, self._rings, self._windows, contacts, used, margins_m, self._settings)
         return out
 
@@ -160,7 +162,7 @@ class ContactWatch:
         grown = np.empty((2, 2 * size, 4))
         for ring in range(2):
             grown[ring, :size] = np.roll(self._rings[ring], -self._windows[ring, 0], axis=0)
-        self._rings, self._windows[:, 0] = grown, 0
+        self._rings, self._capacity, self._windows[:, 0] = grown, 2 * size, 0
 
 
 @compiled

@@ -110,7 +110,8 @@ class Link:
             late_ns: How long the bytes may have waited for the daemon.
         """
         samples = self._decoder.receive(data, t_ns)
-        if self.session is not None and (self._stranger or self.session.identity != self._first_said):
+        session = self.session
+        if session is not None and (self._stranger or session.identity != self._first_said):
             self._recognise()
         if not samples or self._stranger:
             return []
