@@ -254,6 +254,18 @@ def test_answers_are_found_in_any_split_and_between_frames(size: int) -> None:
     assert session.health.good == 9
 
 
+def test_an_answer_behind_the_rest_of_a_frame_is_found() -> None:
+    """The read is as long as a frame, and completes one."""
+    session = bota.Session()
+    frame, answer = bota.encode_frame((0, 0, 1), (0, 0, 0), 0), b"r,0,C,0"
+    session.start(0)
+    session.receive(frame, 0)
+    assert session.on_time(0) == b"C"
+    assert session.receive(frame[: len(answer)], MS) == []
+    assert len(session.receive(frame[len(answer) :] + answer, MS)) == 1
+    assert session.on_time(MS).startswith(b"c,")
+
+
 def test_stop_sends_configure_and_ends_the_deadlines() -> None:
     session = bota.Session()
     assert session.next_deadline() is None

@@ -44,6 +44,22 @@ def decode(*frames: bytes) -> tuple[list[int], pvdf.Decoder]:
     return numbers, decoder
 
 
+def told(decoder: pvdf.Decoder, reads: list[bytes]) -> tuple[list[tuple[int | None, int, bytes]], str]:
+    """What a decoder makes of reads, and what it counts."""
+    samples = [sample for read in reads for sample in decoder.receive(read, 0)]
+    return [(one.device_time_ns, one.dwell_ns, one.values.tobytes()) for one in samples], repr(decoder.health)
+
+
+@given(first=st.sampled_from((1, 2, 9)), at=st.integers(0, 2 * 8 * FRAME - 1), flip=st.integers(0, 255))
+def test_a_read_of_whole_scans_is_what_its_frames_are_one_by_one(first: int, at: int, flip: int) -> None:
+    """Whole and in order, damaged at any place, or leaping; what follows is read alike, too."""
+    spoilt = bytearray(b"".join(rows_of(first) + rows_of(first + 1)))
+    spoilt[at] ^= flip
+    reads = [b"".join(rows_of(0)), bytes(spoilt), b"".join(rows_of(first + 2))]
+    frames = [read[k : k + FRAME] for read in reads for k in range(0, len(read), FRAME)]
+    assert told(pvdf.Decoder(), reads) == told(pvdf.Decoder(), frames)
+
+
 def test_a_scan_comes_out_in_scan_order_with_its_times() -> None:
     decoder = pvdf.Decoder(rows=2, cols=3)
     stream = pvdf.encode_scan(np.array([[1, -2, 3], [-32768, 32767, 0]]), 9, 1000, 39.06)

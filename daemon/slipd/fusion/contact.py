@@ -141,8 +141,8 @@ AS_IS.matrix.flags.writeable = False  # as of every mounting: kernels are compil
 LATE, UNTRUSTED, FREE, TOUCHING = range(-1, 3)
 #: Before it is found out which.
 USABLE = FREE
-#: Columns of readings behind the six numbers of the wrench: time, s, and USABLE, UNTRUSTED or LATE.
-TIME, USE = 6, 7
+#: Column of readings that says USABLE, UNTRUSTED or LATE, behind the six numbers of the wrench and the time, s.
+USE = 7
 #: Columns of contacts behind the ten numbers of a `Contact`: what the reading is, the torque on the pad, the time.
 TOUCH, TORQUE, CONTACT_TIME = 10, 11, 14
 
