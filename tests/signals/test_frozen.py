@@ -95,7 +95,8 @@ def test_a_noise_too_small_to_tell_anything_is_refused(std: float) -> None:
 
 def take(watch: WrenchWatch, force: Array, torque: Array, t_ns: int) -> str:
     """What is said of a reading that comes alone."""
-    said = watch.update([(*force.tolist(), *torque.tolist())], [t_ns])
+    six = (*force.tolist(), *torque.tolist())
+    said = watch.update([six], [t_ns], np.array([six]))
     assert said == ({0: watch.fault} if watch.fault else {})
     return watch.fault
 
@@ -272,9 +273,9 @@ def test_readings_that_come_together_are_told_of_as_if_they_came_singly(
         times_ns = (t_ns + MS * np.cumsum([ms for _, ms in read])).tolist()
         found = {}
         for at, (row, row_ns) in enumerate(zip(rows, times_ns, strict=True)):
-            if singly.update([tuple(row.tolist())], [row_ns]):
+            if singly.update([tuple(row.tolist())], [row_ns], row.reshape(1, 6)):
                 found[at] = singly.fault
-        assert together.update([*map(tuple, rows.tolist())], times_ns) == found
+        assert together.update([*map(tuple, rows.tolist())], times_ns, rows) == found
         assert together.fault == singly.fault
         t_ns, last = times_ns[-1], rows[-1]
 
@@ -282,8 +283,8 @@ def test_readings_that_come_together_are_told_of_as_if_they_came_singly(
 @given(kinds=st.lists(ROWS, min_size=1, max_size=5), seed=st.integers(0, 99))
 def test_the_kernel_does_what_it_does_without_compilation(kinds: list[str], seed: int) -> None:
     before = np.full(6, 5.0)
-    rows = np.array((before, *rows_of(kinds, np.random.default_rng(seed), before)))
-    lively = frozen._is_lively(rows, 1e4, 625.0)
+    rows = rows_of(kinds, np.random.default_rng(seed), before)
+    lively = frozen._is_lively(before, rows, 1e4, 625.0)
     plain = getattr(frozen._is_lively, "py_func", frozen._is_lively)
     with np.errstate(invalid="ignore"):
-        assert plain(rows, 1e4, 625.0) == lively == (set(kinds) == {"well"})
+        assert plain(before, rows, 1e4, 625.0) == lively == (set(kinds) == {"well"})

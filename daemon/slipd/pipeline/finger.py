@@ -315,12 +315,12 @@ class Finger:
         if self.image is None:
             return
         last_ns = self._past[-1][0] if self._past else -PAST_NS
-        for at, (t_ns, row) in enumerate(zip(judged.read.times_ns, judged.contacts, strict=True)):
-            normal_n = row[4]
+        for at, normal_n in enumerate(judged.contacts[:, 4].tolist()):
             if judged.touch[at] <= UNTRUSTED:
                 continue
+            t_ns = judged.read.times_ns[at]
             if t_ns - last_ns >= PAST_NS:
-                self._past.append((t_ns, wrench_told(row)))
+                self._past.append((t_ns, wrench_told(judged.contacts[at].tolist())))
                 last_ns = t_ns
             if normal_n < self._low_n:
                 self._low_n = normal_n

@@ -103,8 +103,8 @@ class ForceSide:
             untouched: Says whether nothing touches the finger; None where that is not known.
         """
         readings, statuses = [sample.numbers for sample in samples], [sample.status for sample in samples]
-        untrusted = self._check(readings, statuses, times_ns)
         rows = np.array([(*six, t_ns * 1e-9, USABLE) for six, t_ns in zip(readings, times_ns, strict=True)])
+        untrusted = self._check(readings, rows, statuses, times_ns)
         for at in untrusted:
             rows[at, USE] = UNTRUSTED
         if self.tare.busy and 0 not in untrusted:
@@ -140,7 +140,11 @@ class ForceSide:
         return rows
 
     def _check(
-        self, readings: Sequence[Sequence[float]], statuses: Sequence[tuple[str, ...]], times_ns: Sequence[int]
+        self,
+        readings: Sequence[Sequence[float]],
+        rows: Array,
+        statuses: Sequence[tuple[str, ...]],
+        times_ns: Sequence[int],
     ) -> dict[int, tuple[str, ...]]:
         """What speaks against each reading, by its place."""
         untrusted: dict[int, tuple[str, ...]] = {}
@@ -148,7 +152,7 @@ class ForceSide:
         if any(statuses):
             words = (UNTRUSTED_WORDS.intersection(status) for status in statuses)
             untrusted = {at: tuple(sorted(found)) for at, found in enumerate(words) if found}
-        for at, fault in self._watch.update(readings, times_ns).items():
+        for at, fault in self._watch.update(readings, times_ns, rows).items():
             if fault in UNTRUSTED_FAULTS:
                 untrusted[at] = (*untrusted.get(at, ()), fault)
         self.fault = self._watch.fault

@@ -106,11 +106,10 @@ class Judge:
         """
         noise = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
         contacts = find_contacts(read.carrier, read.rows, self._contact_n, self.in_contact, *noise)
-        rows = contacts.tolist()
-        touch = [int(row[TOUCH]) for row in rows]
+        touch = [int(touch) for touch in contacts[:, TOUCH].tolist()]
         shares, used, margins_m, turn = None, _NOT_USED, _NO_MARGINS, 0.0
         if shares_of is not None and TOUCHING in touch:
-            shares = shares_of(contact_told(rows[touch.index(TOUCHING)]))
+            shares = shares_of(contact_told(contacts[touch.index(TOUCHING)].tolist()))
         if shares is not None:
             margins_m = shares.outline.margins_m(contacts)
         if shares is not None and self.mu is not None:
@@ -119,8 +118,8 @@ class Judge:
             if doubt.force_n > 0.0:
                 turn = utilisation_of(x, y, loads, self.mu, (0.0, 0.0), doubt.torque_nm, (0.0, 0.0)).upper
         mu = math.nan if self.mu is None else self.mu
-        found = self._watch.follow(contacts, used, margins_m, mu, doubt, turn).tolist()
-        levels = [int(row[0]) for row in found]
+        found = self._watch.follow(contacts, used, margins_m, mu, doubt, turn)
+        levels = [int(level) for level in found[:, 0].tolist()]
         ends_at = _contact_end(touch, self.in_contact)
         if disagreement:
             levels = [
@@ -129,8 +128,8 @@ class Judge:
             ]
         self._keep(touch, used)
         return Judged(
-            read, touch, rows, shares, used, margins_m, found, mu, self._caution, image_hangs, disagreement, ends_at,
-            levels,
+            read, touch, contacts, shares, used, margins_m, found, mu, self._caution, image_hangs, disagreement,
+            ends_at, levels,
         )  # fmt: skip
 
     def _keep(self, touch: list[int], used: Array) -> None:

@@ -100,11 +100,11 @@ class Judged:
     Attributes:
         read: The readings.
         touch: What each is to the contact.
-        contacts: Numbers of the `Contact` of each.
+        contacts: As from `find_contacts`, shape (n, 15).
         shares: How the image shares the force of those that touch.
         used: Numbers of the `Utilisation` of each, shape (n, 9), or (0, 9).
         margins_m: Tipping margin of each, m, shape (n,), or (0,).
-        found: Numbers of the `Found` of each.
+        found: Numbers of the `Found` of each, shape (n, 6).
         mu: Coefficient of static friction; NaN: not known.
         caution: Utilisation that counts as danger.
         image_hangs: The image cannot be used because it repeats.
@@ -115,11 +115,11 @@ class Judged:
 
     read: Read
     touch: list[int]
-    contacts: list[list[float]]
+    contacts: Array
     shares: Shares | None
     used: Array
     margins_m: Array
-    found: list[list[float]]
+    found: Array
     mu: float
     caution: float
     image_hangs: bool
@@ -143,7 +143,7 @@ class Judged:
 
     def felt(self, at: int) -> ForceReading:
         """What one reading says of the force alone."""
-        read, row = self.read, self.contacts[at]
+        read, row = self.read, self.contacts[at].tolist()
         age_s = (read.received_ns - read.times_ns[at]) * 1e-9
         if self.touch[at] == LATE:
             return ForceReading(None, (), age_s)
@@ -157,7 +157,7 @@ class Judged:
             return State(t_ns, LOST, age_s=age_s)
         if touch == UNTRUSTED:
             return State(t_ns, Verdict("unknown", self.read.untrusted[at]), wrench, status=status, age_s=age_s)
-        contact = contact_told(self.contacts[at])
+        contact = contact_told(self.contacts[at].tolist())
         if touch == FREE:
             verdict = HIDDEN if self.levels[at] == UNKNOWN else NOTHING
             return State(t_ns, verdict, wrench, contact, status=status, age_s=age_s)
@@ -171,7 +171,7 @@ class Judged:
         return State(t_ns, verdict, wrench, contact, self.shares, used, margin_m, model, status, age_s)
 
     def _exact(self, at: int) -> bool:
-        return len(self.used) > 0 and not math.isnan(self.contacts[at][7])
+        return len(self.used) > 0 and not math.isnan(self.contacts[at, 7])
 
     def _verdict(self, at: int) -> Verdict:
         """Of a reading that touches."""
@@ -185,14 +185,14 @@ class Judged:
     def _of_contact(self, at: int) -> Verdict:
         if math.isnan(self.mu):
             return NO_MU
-        found, level = Found(*self.found[at]), LEVELS[self.levels[at]]
+        found, level = Found(*self.found[at].tolist()), LEVELS[self.levels[at]]
         if not self._exact(at):
             if not found.slips:
                 return UNOBSERVED if found.step < WARNING else PULLED
             return Verdict(level, ("slip_detected", *(UNOBSERVED if found.step < WARNING else PULLED).reasons))
         if found.step == found.tipping == STABLE and not found.slips:
             return HOLDS
-        translation = self.contacts[at][8] / self.mu
+        translation = float(self.contacts[at, 8]) / self.mu
         value, upper = float(self.used[at, 1]), float(self.used[at, 3])
         reasons = danger_reasons(value, translation, self.caution) if found.step > STABLE else ()
         if found.step > STABLE and upper < self.caution and not found.weighed and found.upper > upper:

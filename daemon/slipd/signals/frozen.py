@@ -144,17 +144,18 @@ class WrenchWatch:
         self.fault = ""
         self.lively = False
 
-    def update(self, readings: Sequence[Sequence[float]], times_ns: Sequence[int]) -> dict[int, str]:
+    def update(self, readings: Sequence[Sequence[float]], times_ns: Sequence[int], rows: Array) -> dict[int, str]:
         """Takes readings as the sensor sent them, before tare and mounting.
 
         Args:
             readings: Force, N, and torque, N·m (zeros where the device has none) of each: six numbers; at least one.
             times_ns: Time of each.
+            rows: The same as an array, whose rows may be longer.
 
         Returns:
             "stuck", "garbage" or "intermittent" of each reading that something speaks against, by its place.
         """
-        if len(readings) > 1 and self._take_lively(readings, times_ns[-1]):
+        if len(readings) > 1 and self._take_lively(readings, times_ns[-1], rows):
             return {}
         found = {}
         self.lively = True
@@ -163,11 +164,11 @@ class WrenchWatch:
                 found[at] = self.fault
         return found
 
-    def _take_lively(self, readings: Sequence[Sequence[float]], last_ns: int) -> bool:
+    def _take_lively(self, readings: Sequence[Sequence[float]], last_ns: int, rows: Array) -> bool:
         """Takes readings that are well, all at once; False where one of them is to be looked at."""
         if self._alert or last_ns - self._last_ns > self._gap_ns:
             return False
-        self.lively = _is_lively(np.array((self._row, *readings)), self._range_n**2, self._jump_n**2)
+        self.lively = _is_lively(np.array(self._row), rows, self._range_n**2, self._jump_n**2)
         if self.lively:
             self._row, self._last_ns, self._equal, self._step, self.fault = readings[-1], last_ns, 0, None, ""
         return self.lively
@@ -222,16 +223,18 @@ class WrenchWatch:
 
 
 @compiled
-def _is_lively(rows: Array, range2: float, jump2: float) -> bool:
-    """Each reading but the first is finite, differs from the one before, by less than a jump, and is in range."""
-    for k in range(1, len(rows)):
-        jump = size = 0.0
+def _is_lively(before: Array, rows: Array, range2: float, jump2: float) -> bool:
+    """Each reading is finite, differs from the one before, by less than a jump, and is in range."""
+    for k in range(len(rows)):
+        last = before if k == 0 else rows[k - 1]
+        jump = size = total = 0.0
         alike = True
         for i in range(6):
-            alike = alike and rows[k, i] == rows[k - 1, i]
+            alike = alike and rows[k, i] == last[i]
+            total += rows[k, i]
             if i < 3:
-                jump += (rows[k, i] - rows[k - 1, i]) ** 2
+                jump += (rows[k, i] - last[i]) ** 2
                 size += rows[k, i] ** 2
-        if alike or not (jump < jump2 and size <= range2 and math.isfinite(rows[k].sum())):
+        if alike or not (jump < jump2 and size <= range2 and math.isfinite(total)):
             return False
     return True
