@@ -25,7 +25,9 @@ from slipd_client.grip import GripClient
 from slipd_client.subscriber import Subscriber
 
 QUICK_SECONDS = 10.0
-SILENT_SECONDS = 30.0
+CPU_SECONDS, CPU_ROUNDS = 15.0, 4
+"""Of each way to run, in turn: the machine's speed changes from minute to minute."""
+
 SILENT = "".join(["[rates]\n", *(f"{topic}_hz = 0.001\n" for topic in ("slip", "wrench", "tactile", "status"))])
 WARM_UP_S = 3.0
 OPEN_S = 60.0
@@ -45,14 +47,58 @@ def run(folder: Path, seconds: float, *, quick: bool) -> list[Table]:
         BenchError: A process failed.
     """
     seconds = QUICK_SECONDS if quick else seconds
-    silent_s = QUICK_SECONDS if quick else SILENT_SECONDS
-    first, last, took_s, cpu_s, _, _ = _load(folder / "silent", silent_s, SILENT)
-    silent = 100.0 * cpu_s / took_s
-    first, last, took_s, cpu_s, rows, ear = _load(folder / "default", seconds, "")
+    cpu = _processor_time(folder, quick=quick)
+    first, last, took_s, cpu_s, rows, ear = _load(folder / "long", seconds, "")
     return [
-        _streams(first, last, took_s, 100.0 * cpu_s / took_s, silent),
+        cpu,
+        _streams(first, last, took_s, 100.0 * cpu_s / took_s),
         _growth(rows, ear, seconds),
     ]
+
+
+def _processor_time(folder: Path, *, quick: bool) -> Table:
+    """The daemon, publishing next to nothing and at the default rates, beside a program that reads alone."""
+    seconds, rounds = (QUICK_SECONDS, 1) if quick else (CPU_SECONDS, CPU_ROUNDS)
+    head = ("round", "reading alone", "publishing next to nothing", "at the default rates")
+    table = Table(f"Two fingers: processor time, % of a core, {rounds} x {seconds:g} s each", head)
+    shares = []
+    for number in range(rounds):
+        alone = _read_alone(folder / f"alone-{number}", seconds)
+        _, _, silent_took_s, silent_s, _, _ = _load(folder / f"silent-{number}", seconds, SILENT)
+        _, _, took_s, cpu_s, _, _ = _load(folder / f"default-{number}", seconds, "")
+        shares.append((alone, 100.0 * silent_s / silent_took_s, 100.0 * cpu_s / took_s))
+        table.rows.append((str(number + 1), *shares[-1]))
+    table.rows.append(("median", *np.median(shares, axis=0).tolist()))
+    table.notes += [
+        "Wanted: at most 25 % publishing next to nothing and 40 % at the default rates, on a machine on which reading"
+        " alone takes 3 to 4 %.",
+        "Reading alone: an event loop of Python that takes the bytes of all four lines and does nothing with them.",
+    ]
+    return table
+
+
+def _read_alone(folder: Path, seconds: float) -> float:
+    folder.mkdir()
+    plan, pads = _plan(folder)
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    with Child([sys.executable, "-m", "soak.devices", plan], folder, env=environment) as hand:
+        hand.told(pads[FINGERS[-1]])
+        with Child([sys.executable, "-m", "soak.reading", plan], folder, env=environment) as process:
+            process.told("reading")
+            time.sleep(WARM_UP_S)
+            begin_s, cpu_s = time.monotonic(), _cpu_s(process.pid)
+            time.sleep(seconds)
+            return 100.0 * (_cpu_s(process.pid) - cpu_s) / (time.monotonic() - begin_s)
+
+
+def _plan(folder: Path) -> tuple[str, dict[str, str]]:
+    """Where the sensors are, as `soak.devices` takes it, and the pads by finger."""
+    pads = {finger: str(folder / f"{finger}-pad") for finger in FINGERS}
+    return json.dumps([(_force(finger), pads[finger]) for finger in FINGERS]), pads
+
+
+def _force(finger: str) -> str:
+    return f"udp://{HOSTS[finger]}:{PORTS[finger]}"
 
 
 def _load(
@@ -60,11 +106,9 @@ def _load(
 ) -> tuple[dict[str, Any], dict[str, Any], float, float, list[tuple[int, int]], _Ear]:
     """Status before and after, time and processor time taken, what was watched, what was heard."""
     folder.mkdir()
-    force = {finger: f"udp://{HOSTS[finger]}:{PORTS[finger]}" for finger in FINGERS}
-    pads = {finger: str(folder / f"{finger}-pad") for finger in FINGERS}
+    plan, pads = _plan(folder)
     config = folder / "load.toml"
-    config.write_text(rates + "".join(_finger(finger, force[finger], pads[finger]) for finger in FINGERS))
-    plan = json.dumps([(force[finger], pads[finger]) for finger in FINGERS])
+    config.write_text(rates + "".join(_finger(finger, _force(finger), pads[finger]) for finger in FINGERS))
     emulate = [sys.executable, "-m", "soak.devices", plan]
     daemon = [sys.executable, "-m", "slipd", "run", "--config", str(config)]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
@@ -175,7 +219,7 @@ def _cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _streams(first: dict[str, Any], last: dict[str, Any], took_s: float, cpu: float, silent: float) -> Table:
+def _streams(first: dict[str, Any], last: dict[str, Any], took_s: float, cpu: float) -> Table:
     table = Table(f"Two fingers, {took_s:.0f} s: readings", ("stream", "taken/s", "lost", "spoilt", "dropped"))
     for name, told in last["streams"].items():
         before = first["streams"][name]
@@ -183,8 +227,7 @@ def _streams(first: dict[str, Any], last: dict[str, Any], took_s: float, cpu: fl
         table.rows.append((name, (told["samples"] - before["samples"]) / took_s, *counts))
     levels = ", ".join(f"{name} {finger['level']}" for name, finger in last["fingers"].items())
     table.notes += [
-        f"The daemon took {cpu:.1f} % of a core, publishing at the default rates; wanted: at most 40 %.",
-        f"Publishing next to nothing it took {silent:.1f} %; wanted: at most 25 %.",
+        f"The daemon took {cpu:.1f} % of a core, publishing at the default rates.",
         f"Levels at the end: {levels}.",
     ]
     return table
