@@ -19,6 +19,7 @@ from slipd.fusion import (
 )
 from slipd.pipeline.finger import Finger
 from slipd.samples import TactileSample, WrenchSample
+from slipd.signals.charge import ChargeReconstruction
 
 
 def warm_up() -> None:
@@ -33,6 +34,9 @@ def warm_up() -> None:
     contact_of((0.1, 0.0, -1.0, 0.0, 0.0, 0.001), 0.5)
     carry(AS_IS, np.zeros((1, 8)))
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
+    charge = ChargeReconstruction(4, 1.0)
+    charge.update(np.zeros(4), 0.0, True)
+    charge.update(np.ones(4), 0.01, False)
     _hold()
 
 

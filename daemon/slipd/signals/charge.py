@@ -20,6 +20,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.fusion.compiled import compiled
+
 Array = NDArray[np.float64]
 
 #: Time constant of learning the offset without contact, s: long against the noise, short against warming.
@@ -91,34 +93,19 @@ class ChargeReconstruction:
         if self._offset is None or t_s - self._last_s > LONGEST_GAP_TAUS * self._tau_s:
             self._last_s = _NEVER_S
             return np.full_like(readings, math.nan)
-        charge = readings - self._offset
-        elapsed_s = t_s - self._last_s
-        self._integral += 0.5 * (charge + self._last) * (elapsed_s / self._tau_s)
-        self._last, self._last_s = charge, t_s
-        return self._without_drift(charge + self._integral, elapsed_s)
+        elapsed_s, self._last_s = t_s - self._last_s, t_s
+        told = np.empty_like(readings)
+        anchor = math.nan if self._anchor is None else self._anchor
+        self._common = _go_on(
+            told, self._integral, self._last, readings, self._offset, elapsed_s, self._tau_s, self._common, anchor
+        )
+        self._anchor = None
+        return told
 
     def forget(self) -> None:
         """Gives up the charge: time passed that was not seen. The offset stays."""
         self._resting = False
         self._last_s = _NEVER_S
-
-    def _without_drift(self, force: Array, elapsed_s: float) -> Array:
-        level = force - self._common
-        rank = min(PEAK_RANK, level.size)
-        highest = max(float(np.partition(level, -rank)[-rank]), 0.0)
-        loaded = level > LOADED_SHARE * highest
-        unloaded = ~loaded
-        rest = force[unloaded]
-        if rest.size >= max(UNLOADED_TAXELS, UNLOADED_SHARE * force.size):
-            middle = float(np.partition(rest, rest.size // 2)[rest.size // 2])
-            self._common -= math.expm1(-elapsed_s / COMMON_TAU_S) * (middle - self._common)
-            self._integral[unloaded] += math.expm1(-elapsed_s / UNLOADED_TAU_S) * (rest - self._common)
-        level = force - self._common
-        if self._anchor is not None and rest.size < force.size:
-            surplus = (float(level[loaded].sum()) - self._anchor) / (force.size - rest.size)
-            self._integral[loaded] += math.expm1(-elapsed_s / ANCHOR_TAU_S) * surplus
-        self._anchor = None
-        return level
 
     def _rest(self, readings: Array, t_s: float) -> None:
         if self._offset is None:
@@ -133,3 +120,54 @@ class ChargeReconstruction:
         self._resting = True
         self._common, self._anchor = 0.0, None
         self._last, self._last_s = readings - self._offset, t_s
+
+
+@compiled
+def _go_on(
+    told: Array, integral: Array, last: Array, readings: Array, offset: Array, elapsed_s: float, tau_s: float,
+    common: float, anchor: float,
+) -> float:  # fmt: skip
+    """Integrates one scan and takes the drift out of it.
+
+    Args:
+        told: Filled with the force on each taxel.
+        integral: What leaked away, carried on.
+        last: Charge of the scan before; filled with this one's.
+        readings: The scan.
+        offset: Of the readings.
+        elapsed_s: Since the scan before, s.
+        tau_s: Leak time constant, s.
+        common: Charge that all taxels share.
+        anchor: Normal force on the whole pad; NaN: not known.
+
+    Returns:
+        The common charge now.
+    """
+    count = len(readings)
+    force, unloaded, rest = np.empty(count), np.empty(count, np.bool_), 0
+    for k in range(count):
+        charge = readings[k] - offset[k]
+        integral[k] += 0.5 * (charge + last[k]) * (elapsed_s / tau_s)
+        last[k] = charge
+        force[k] = charge + integral[k]
+    peak = max(np.partition(force, count - min(PEAK_RANK, count))[count - min(PEAK_RANK, count)] - common, 0.0)
+    for k in range(count):
+        unloaded[k] = not force[k] - common > LOADED_SHARE * peak
+        rest += int(unloaded[k])
+    if rest >= max(UNLOADED_TAXELS, UNLOADED_SHARE * count):
+        middle = np.partition(force[unloaded], rest // 2)[rest // 2]
+        common -= math.expm1(-elapsed_s / COMMON_TAU_S) * (middle - common)
+        for k in range(count):
+            if unloaded[k]:
+                integral[k] += math.expm1(-elapsed_s / UNLOADED_TAU_S) * (force[k] - common)
+    total = 0.0
+    for k in range(count):
+        told[k] = force[k] - common
+        if not unloaded[k]:
+            total += told[k]
+    if not math.isnan(anchor) and rest < count:
+        surplus = (total - anchor) / (count - rest)
+        for k in range(count):
+            if not unloaded[k]:
+                integral[k] += math.expm1(-elapsed_s / ANCHOR_TAU_S) * surplus
+    return common
