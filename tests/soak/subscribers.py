@@ -141,7 +141,7 @@ def _round(
     plan = writer.Plan(
         STREAM, fds[0], -1, str(_frames(folder, count)), str(stamps), 1_000_000_000 // traffic.WRENCH_HZ, 0
     )
-    writing = _module("bench.writer", writer.encode_plan([plan], round(warm_up_s * 1e9), catch_up=False))
+    writing = _module("bench.writer", writer.encode_plan([plan], round(warm_up_s * 1e9)))
     arrivals = folder / "arrivals.npy"
     with ExitStack() as stack:
         ear = stack.enter_context(
