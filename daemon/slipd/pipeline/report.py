@@ -116,13 +116,12 @@ def _limits(state: State, finger: Finger) -> Body:
 def wrench_body(finger: Finger, felt: ForceReading) -> Body:
     """``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
     wrench = felt.wrench
-    force_n = None if wrench is None else finite(wrench[:3])
     return {
         "finger": finger.name,
-        "force_n": force_n,
+        "force_n": None if wrench is None else finite(wrench[:3]),
         "torque_nm": None if wrench is None else finite(wrench[3:]),
         "normal_n": None if wrench is None else number(-wrench[2]),
-        "tangential_n": None if wrench is None else force_n[:2] if force_n else finite(wrench[:2]),
+        "tangential_n": None if wrench is None else finite(wrench[:2]),
         "status": list(felt.status),
         "tare_id": finger.tare.current.id,
         "age_s": felt.age_s,
