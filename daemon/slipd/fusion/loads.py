@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 #: would spread the loads over more than six decades, which no image supports.
 ON_HULL = 1e-6
 MAX_NEWTON_STEPS = 100  # both problems are convex and take 4–10
+#: A step of the tilt that changes some share's exponent by more than this may not overshoot: beyond the minimum one
+#: taxel carries all, the curvature vanishes, and no step leads back.
+LONGEST_OVERSHOOT = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,7 +198,7 @@ def tilt(x: Array, y: Array, p: Array) -> Array:
     """Shares p exp(b·r) / Σ with Σ share r = 0, by Newton on the convex log Σ p exp(b·r).
 
     Args:
-        x: Positions from the centroid in units of the contact's extent, shape (n,).
+        x: Positions from the centroid in units of the contact's extent, shape (n,): max x − min x ≤ 1.
         y: Likewise, shape (n,).
         p: Pressures, all positive, shape (n,).
     """
@@ -203,12 +206,8 @@ def tilt(x: Array, y: Array, p: Array) -> Array:
     logs = np.log(p / p.max())
     share, trial = np.empty(n), np.empty(n)
     bx, by = 0.0, 0.0
-    value = _tilt_to(x, y, logs, bx, by, share)
+    value, mx, my = _tilt_to(x, y, logs, bx, by, share)
     for _step in range(MAX_NEWTON_STEPS):
-        mx, my = 0.0, 0.0
-        for i in range(n):
-            mx += share[i] * x[i]
-            my += share[i] * y[i]
         if max(abs(mx), abs(my)) <= 1e-13:
             break
         cxx, cxy, cyy = 0.0, 0.0, 0.0
@@ -222,20 +221,22 @@ def tilt(x: Array, y: Array, p: Array) -> Array:
         cyy += floor
         det = cxx * cyy - cxy * cxy
         sx, sy = (cyy * mx - cxy * my) / det, (cxx * my - cxy * mx) / det
+        slope, reach = mx * sx + my * sy, abs(sx) + abs(sy)
         size = 1.0
         while size > 1e-12:
-            next_value = _tilt_to(x, y, logs, bx - size * sx, by - size * sy, trial)
-            if next_value <= value - 1e-4 * size * (mx * sx + my * sy) + 1e-15:
+            next_value, next_mx, next_my = _tilt_to(x, y, logs, bx - size * sx, by - size * sy, trial)
+            falls = next_value <= value - 1e-4 * size * slope + 1e-15
+            if falls and (size * reach <= LONGEST_OVERSHOOT or next_mx * sx + next_my * sy >= 0.0):
                 break
             size *= 0.5
-        bx, by, value = bx - size * sx, by - size * sy, next_value
+        bx, by, value, mx, my = bx - size * sx, by - size * sy, next_value, next_mx, next_my
         share, trial = trial, share
     return share
 
 
 @compiled
-def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array) -> float:
-    """Fills in the shares of a tilt and returns log Σ p exp(b·r)."""
+def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array) -> tuple[float, float, float]:
+    """Fills in the shares of a tilt; returns log Σ p exp(b·r) and its gradient, Σ share r."""
     top = -np.inf
     for i in range(logs.size):
         share[i] = logs[i] + bx * x[i] + by * y[i]
@@ -244,9 +245,12 @@ def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array
     for i in range(logs.size):
         share[i] = math.exp(share[i] - top)
         total += share[i]
+    mx, my = 0.0, 0.0
     for i in range(logs.size):
         share[i] /= total
-    return top + math.log(total)
+        mx += share[i] * x[i]
+        my += share[i] * y[i]
+    return top + math.log(total), mx, my
 
 
 def _check_normal(normal_n: float) -> None:
