@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
-from chart.scenes import MU, PITCH_M, Scene
+from chart.scenes import MU, PITCH_M, Array, Scene
 from numpy.typing import ArrayLike
 
 MM = 1e-3
@@ -44,8 +45,21 @@ def contact(x: ArrayLike, y: ArrayLike, loads: ArrayLike, force: ArrayLike, abou
     xs, ys, fs = (np.asarray(values, dtype=np.float64) for values in (x, y, loads))
     point = np.asarray(about, dtype=np.float64)
     if np.isnan(point).any():
-        point = np.array((fs @ xs, fs @ ys)) / fs.sum()
+        point = load_centroid(xs, ys, fs)
     return Scene("failure", xs, ys, fs, MU, np.asarray(force, dtype=np.float64), point)
+
+
+def load_centroid(x: Array, y: Array, loads: Array) -> Array:
+    """Σ F r / Σ F, correctly rounded.
+
+    A row's limit is stored, so its inputs must be the same doubles on every processor. A sum in floating point is not:
+    its order depends on the width of the vector instructions.
+    """
+    weights = [Fraction(load) for load in loads.tolist()]
+    total = sum(weights)
+    return np.array(
+        [float(sum(w * Fraction(p) for w, p in zip(weights, at.tolist(), strict=True)) / total) for at in (x, y)]
+    )
 
 
 def phi(scene: Scene, pole: Sequence[float]) -> float:
