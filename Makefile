@@ -14,7 +14,7 @@ ROOMS := tests/devices tests/signals tests/pipeline
 # Tests that compute only: two at a time. Those on real lines and sockets have the machine to themselves.
 PURE := $(addprefix tests/,chart fusion fuzz grip simulation)
 
-.PHONY: demo test lint bench chart fuzz soak clean
+.PHONY: demo test lint portable bench chart fuzz soak clean
 
 demo: $(READY)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -31,6 +31,8 @@ else
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== other tests that only compute"
 	@$(BIN)/pytest --numprocesses=2 $(PURE)
+	@echo "== a share of the numeric tests, as on a processor without vector instructions"
+	@PYTHONPATH=tests $(BIN)/python -m portable --quick
 	@echo "== tests on real lines and sockets"
 	@$(BIN)/pytest $(addprefix --ignore=,$(ROOMS) $(PURE))
 endif
@@ -41,6 +43,10 @@ lint: $(READY)
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+
+portable: $(READY)
+	@echo "== numeric tests as on older processors (about 10 minutes)"
+	@PYTHONPATH=tests $(BIN)/python -m portable --report docs/portability.md $(PORTABLE)
 
 bench: $(MEASURES)
 	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 16 minutes)"

@@ -7,9 +7,6 @@ the same minutes, such as a C program. ``--report FILE`` writes the same as mark
 from __future__ import annotations
 
 import argparse
-import datetime
-import os
-import platform
 import signal
 import sys
 import tempfile
@@ -28,7 +25,7 @@ from tables import Table
 sys.path.append(str(Path(__file__).parents[1]))  # the scenes of the chart are measured, too
 
 from bench import first_call, million, ratios, units
-from bench.commit import measured_commit
+from bench.commit import measured_on
 
 SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 1.0
 QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
@@ -51,7 +48,7 @@ def main() -> int:
     rounds = options.rounds or (QUICK_ROUNDS if options.quick else ROUNDS)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))  # what is open is closed on the way out
-    header = _header()
+    header = measured_on(f"libzmq {zmq.zmq_version()}")
     print(f"slipd bench: {header}", flush=True)
     pages = [f"# Measurements\n\n{header}."]
     try:
@@ -89,16 +86,6 @@ def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool)
         yield units.run(quick=quick)
     if "million" in parts:
         yield from million.run(*((million.QUICK_SCENES, million.QUICK_CHECKED) if quick else ()))
-
-
-def _header() -> str:
-    load = " ".join(f"{value:.2f}" for value in os.getloadavg())
-    today = datetime.datetime.now(datetime.UTC).date()
-    return (
-        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
-        f"libzmq {zmq.zmq_version()}, {os.cpu_count()} cores, "
-        f"load average {load}, {today}"
-    )
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import datetime
-import os
-import platform
 import sys
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from bench.commit import measured_commit
+from bench.commit import measured_on
 
 SCENES, QUICK_SCENES = 1500, 45
 SOLVER_SCENES = 200
@@ -34,7 +31,7 @@ def main() -> int:
         print(f"chart: needs {' and '.join(missing)}: pip install -e '.[chart,dev]'", file=sys.stderr)
         return 1
     parts = options.only or PARTS
-    header = _header()
+    header = measured_on(*(f"{name} {version(name)}" for name in PACKAGES))
     _say(f"slipd chart: {header}")
     if "speed" in parts:
         count = options.scenes or (QUICK_SCENES if options.quick else SCENES)
@@ -90,15 +87,6 @@ def _write_time(folder: Path, header: str, *, quick: bool) -> None:
         pages.append(table.markdown())
     (folder / "time.md").write_text("\n\n".join(pages) + "\n", encoding="utf-8")
     skew_picture.save(folder / "time.png", runs, skewed)
-
-
-def _header() -> str:
-    load = " ".join(f"{value:.2f}" for value in os.getloadavg())
-    told = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    return (
-        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
-        f"{told}, {os.cpu_count()} cores, load average {load}, {datetime.datetime.now(datetime.UTC).date()}"
-    )
 
 
 def _is_installed(name: str) -> bool:

@@ -10,16 +10,14 @@ of what else it does meanwhile.
 from __future__ import annotations
 
 import argparse
-import datetime
 import os
-import platform
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from bench.child import BenchError
-from bench.commit import measured_commit
+from bench.commit import measured_on
 from bench.tables import Table
 from soak import backlog, flood, subscribers, unplug
 
@@ -40,7 +38,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
     options = parser.parse_args()
-    header = _header()
+    header = measured_on()
     print(f"slipd soak: {header}", flush=True)
     pages = [f"# Long runs\n\n{header}."]
     try:
@@ -67,15 +65,6 @@ def _sections(parts: tuple[str, ...], long_s: float, *, quick: bool) -> Iterator
             yield from backlog.run(folder, long_s, quick=quick)
         if "subscribers" in parts:
             yield subscribers.run(folder, long_s, quick=quick)
-
-
-def _header() -> str:
-    load = " ".join(f"{value:.2f}" for value in os.getloadavg())
-    today = datetime.datetime.now(datetime.UTC).date()
-    return (
-        f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, "
-        f"{os.cpu_count()} cores, load average {load}, {today}"
-    )
 
 
 if __name__ == "__main__":
