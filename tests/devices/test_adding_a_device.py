@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "adding_a_device.md").read_text(encoding="utf-8")
 FILE = re.compile(r"<!-- file: (\S+) -->\n```python\n(.*?)```", re.DOTALL)
@@ -22,6 +24,7 @@ def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.process
 def test_what_the_page_says_works(tmp_path: Path) -> None:
     caches = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "daemon", tmp_path / "daemon", ignore=caches)

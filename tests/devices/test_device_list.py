@@ -135,6 +135,7 @@ def test_L5_a_frame_that_an_unplug_tore_is_not_completed_by_what_comes_after(dev
     assert (listener.health.lost, listener.health.duplicates, listener.health.restarts) == before
 
 
+@pytest.mark.process
 def test_asking_for_a_device_loads_that_one_alone() -> None:
     code = (
         "import sys; from slipd.devices import DEVICES; DEVICES['xela'];"

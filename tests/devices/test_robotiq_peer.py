@@ -86,6 +86,7 @@ async def line() -> AsyncIterator[Line]:
         os.close(ours)
 
 
+@pytest.mark.process
 async def test_a_foreign_server_is_activated_closed_and_told_another_force(line: Line) -> None:
     session = line.session
     await line.until(lambda sample: not sample.active)

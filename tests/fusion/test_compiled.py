@@ -36,6 +36,7 @@ def test_a_kernel_calls_only_kernels_of_its_own_file() -> None:
 
 
 @pytest.mark.process
+@pytest.mark.process
 def test_a_cache_that_cannot_be_written_is_a_warning_and_no_crash() -> None:
     """Numba looks for a place when it decorates; no permission stops a test that runs as root, so none is offered."""
     code = (
@@ -52,6 +53,7 @@ def test_a_cache_that_cannot_be_written_is_a_warning_and_no_crash() -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.process
 @pytest.mark.process
 def test_kernels_give_the_same_without_compilation() -> None:
     """The plain run is also what lets coverage see the kernels' lines."""
