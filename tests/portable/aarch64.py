@@ -14,6 +14,8 @@ from pathlib import Path
 PROJECT = Path(__file__).resolve().parents[2]
 QEMU = "qemu-aarch64-static"
 PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
+#: What the wheels of NumPy, SciPy and Numba expect of the system.
+LIBRARIES = ("libstdc++6", "libatomic1", "libgomp1")
 #: Kinds of wheel that run on Debian 12 and newer.
 PLATFORMS = ("manylinux_2_28_aarch64", "manylinux_2_27_aarch64", "manylinux_2_17_aarch64", "manylinux2014_aarch64")
 
@@ -57,7 +59,9 @@ def _unpack_python(folder: Path, root: Path) -> None:
     options = [word for name, value in settings.items() for word in ("-o", f"{name}={value}")]
     _run("apt-get", *options, "update", "-qq")
     kinds = ("recommends", "suggests", "conflicts", "breaks", "replaces", "enhances")
-    listed = _run("apt-cache", *options, "depends", "--recurse", *(f"--no-{kind}" for kind in kinds), PYTHON)
+    listed = _run(
+        "apt-cache", *options, "depends", "--recurse", *(f"--no-{kind}" for kind in kinds), PYTHON, *LIBRARIES
+    )
     names = {line for line in listed.splitlines() if line[:1].isalnum()}
     _run("apt-get", *options, "download", "-qq", *sorted(names), cwd=debs)
     for package in debs.glob("*.deb"):
