@@ -147,7 +147,9 @@ def _told(location: tuple[int | str, ...], fault: Any) -> tuple[tuple[str, ...],
         return path, f"unknown key; {hint}"
     if fault["type"] == "missing":
         return path, "is missing"
-    message = str(fault["msg"]).removeprefix("Value error, ")
+    if fault["type"] == "value_error":  # one of our own, which says what was found
+        return path, str(fault["ctx"]["error"])
+    message = str(fault["msg"])
     return path, f"{message[0].lower()}{message[1:]} (got {fault['input']!r})"
 
 
