@@ -30,16 +30,14 @@ class Bounds:
         least: Smallest value.
         most: Largest value.
         unit: Unit of both; "" for plain numbers.
-        mistaken: Unit in which people state this quantity too; "" where there is none.
-        factor: What one of that unit is worth.
+        thousandth: Unit a thousand times smaller, in which people state this quantity too; "" where there is none.
         zero: 0 is good too, and means "none".
     """
 
     least: float
     most: float
     unit: str
-    mistaken: str = ""
-    factor: float = 1e-3
+    thousandth: str = ""
     zero: bool = False
 
     def fault(self, value: float) -> str:
@@ -48,10 +46,10 @@ class Bounds:
             return ""
         unit = f" {self.unit}" if self.unit else ""
         rule = f"must be from {self.least:g} to {self.most:g}{unit}, got {value:g}"
-        meant = value * self.factor
-        if not self.mistaken or abs(value) <= self.most or not self._holds(meant):
+        meant = value * 1e-3
+        if not self.thousandth or abs(value) <= self.most or not self._holds(meant):
             return rule
-        return f"{rule}: did you mean {value:g} {self.mistaken}? write {meant:g}"
+        return f"{rule}: did you mean {value:g} {self.thousandth}? write {meant:g}"
 
     def __call__(self, value: Any) -> Any:
         """Refuse a number, or a list of numbers, that is out of bounds.
@@ -111,7 +109,7 @@ Place = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator
 #: What hangs on a force sensor is a fingertip of grams, or a whole gripper at the wrist.
 Mass = Annotated[float, AfterValidator(Bounds(1e-5, 10.0, "kg", "g", zero=True))]
 #: Rubber on dry, rough glass reaches 2. More is a mistaken unit, and makes every grip look safe.
-Friction = Annotated[float, AfterValidator(Bounds(0.01, 2.0, "", "%", 0.01))]
+Friction = Annotated[float, AfterValidator(Bounds(0.01, 2.0, ""))]
 #: A noise of 10 N hides every contact that fingers have.
 ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
 TorqueNoise = Annotated[float, AfterValidator(Bounds(0.0, 1.0, "N·m", "mN·m"))]
