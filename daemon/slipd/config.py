@@ -34,6 +34,7 @@ from slipd.config_model import (
     Wrench,
 )
 from slipd.errors import ConfigError, ConfigFault
+from slipd.path_trust import trust_faults
 from slipd.toml_lines import key_lines, line_of
 
 __all__ = [
@@ -73,16 +74,19 @@ _TABLES: dict[str, type[BaseModel]] = {
 
 
 def load(path: Path) -> Config:
-    """Reads a config file.
+    """Read a config file that nobody else may change (`slipd.path_trust`).
 
     Raises:
-        ConfigError: The file cannot be read, or has faults; all of them are told.
+        ConfigError: The file cannot be read, other users may change it, or it has faults; each is named.
     """
     try:
         text = path.read_text(encoding="utf-8")
+        untrusted = trust_faults(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {reason}")]) from None
+    if untrusted:
+        raise ConfigError(str(path), [ConfigFault("", None, fault) for fault in untrusted])
     return parse(text, str(path))
 
 
