@@ -29,6 +29,7 @@ from slipd.config_model import (
     Pose,
     Rates,
     Reflex,
+    Requests,
     Slip,
     Stream,
     Wrench,
@@ -47,6 +48,7 @@ __all__ = [
     "Pad",
     "Rates",
     "Reflex",
+    "Requests",
     "Stream",
     "Wrench",
     "axes_of",
@@ -70,6 +72,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "levels": Levels,
     "rates": Rates,
     "bus": Bus,
+    "requests": Requests,
 }
 
 

@@ -16,6 +16,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 MARGIN = 1.25
 #: A quaternion written with four digits is still a unit quaternion.
 QUATERNION_TOLERANCE = 1e-3
+#: Rubber on dry, rough glass reaches 2. More is a mistaken unit, and makes every grip look safe.
+MOST_FRICTION = 2.0
 #: The longer side of the largest pad that fits between the jaws of a gripper, m.
 LONGEST_PAD_M = 0.5
 #: A threshold of contact above this hides a grip, N; only where a force sensor measures newtons.
@@ -108,8 +110,7 @@ Electrode = Annotated[float, AfterValidator(Bounds(1e-5, 0.05, "m", "mm"))]
 Place = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(PLACE)]
 #: What hangs on a force sensor is a fingertip of grams, or a whole gripper at the wrist.
 Mass = Annotated[float, AfterValidator(Bounds(1e-5, 10.0, "kg", "g", zero=True))]
-#: Rubber on dry, rough glass reaches 2. More is a mistaken unit, and makes every grip look safe.
-Friction = Annotated[float, AfterValidator(Bounds(0.01, 2.0, ""))]
+Friction = Annotated[float, AfterValidator(Bounds(0.01, MOST_FRICTION, ""))]
 #: A noise of 10 N hides every contact that fingers have.
 ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
 TorqueNoise = Annotated[float, AfterValidator(Bounds(0.0, 1.0, "N·m", "mN·m"))]

@@ -65,6 +65,8 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
     if finger.wrench is None and finger.pad is None:
         return [(path, "has neither [wrench] nor [pad]: nothing to read")]
     faults = []
+    if finger.mu_max is not None and finger.mu is not None and finger.mu_max < finger.mu:
+        faults.append((f"{path}.mu_max", f"must be at least mu, {finger.mu:g}, got {finger.mu_max:g}"))
     if finger.wrench is not None:
         faults += _stream(f"{path}.wrench", finger.wrench, "wrench") + _threshold(path, finger, finger.wrench)
     pad = finger.pad

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PrivateAttr, Strict
 
 from slipd.config_bounds import (
+    MOST_FRICTION,
     DriftForce,
     DriftTime,
     DriftTorque,
@@ -41,11 +42,15 @@ __all__ = [
     "Pose",
     "Rates",
     "Reflex",
+    "Requests",
     "Slip",
     "Stream",
     "Table",
     "Wrench",
 ]
+
+#: `friction.set` may state this many times the configured μ, where ``mu_max`` does not say otherwise.
+MU_RAISE = 2.0
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
@@ -169,6 +174,7 @@ class Finger(StrictModel):
 
     Attributes:
         mu: Safe estimate of the coefficient of static friction; None: every level is "unknown".
+        mu_max: Most that `friction.set` may state; None: twice ``mu``, and never more than 2.
         min_normal_n: Below this normal force there is no contact, N.
         load_rule: How the normal force is shared among the taxels.
         contact_growth: Exponent of the contact's size over the normal force: 0 rigid, 1/3 Hertz.
@@ -176,6 +182,7 @@ class Finger(StrictModel):
     """
 
     mu: Friction | None = None
+    mu_max: Friction | None = None
     min_normal_n: Positive = 0.3
     load_rule: Literal["matched", "grey", "binary"] = "matched"
     contact_growth: float = Field(default=0.0, ge=0.0, le=1.0)
@@ -183,6 +190,13 @@ class Finger(StrictModel):
     wrench: Wrench | None = None
     pad: Pad | None = None
     slip: Slip = Slip()
+
+    @property
+    def most_mu(self) -> float:
+        """Most that `friction.set` may state: an object is rarely twice as rough as the safe estimate for all."""
+        if self.mu_max is not None:
+            return self.mu_max
+        return MOST_FRICTION if self.mu is None else min(MU_RAISE * self.mu, MOST_FRICTION)
 
 
 class Gripper(Stream):
@@ -258,10 +272,22 @@ class Bus(StrictModel):
     requests_hz: float = Field(default=50.0, ge=1.0, le=10_000.0)
 
 
+class Requests(StrictModel):
+    """``[requests]``: what clients may ask for.
+
+    Attributes:
+        friction_without_lease: Any client may raise a finger's μ, which makes its verdicts more lenient; false: only
+            the client that holds the lease.
+    """
+
+    friction_without_lease: bool = False
+
+
 class Config(StrictModel):
     """A whole file."""
 
     bus: Bus = Bus()
+    requests: Requests = Requests()
     levels: Levels = Levels()
     rates: Rates = Rates()
     finger: dict[str, Finger] = Field(min_length=1)

@@ -61,7 +61,8 @@ class TestTare:
         run.image(EMPTY)
         run.wrench(0.2, (0.1, 0.0))
         reply = run.ask("tare", finger="left", seconds=0.01)
-        assert reply["result"] == {"finger": "left", "seconds": 0.01, "verified": True, "tare_id": 0}
+        begun = {"finger": "left", "seconds": 0.01, "verified": True, "tare_id": 0, "tare_ids": {"wrench": 0}}
+        assert reply["result"] == begun
         assert run.ask("tare.get", finger="left")["result"]["busy"] is True
         for _ in range(12):
             run.wrench(0.2, (0.1, 0.0))
@@ -195,8 +196,10 @@ class TestAtMostOnce:
 
 class TestFriction:
     def test_it_is_set_for_a_finger_and_told(self, run: Run) -> None:
+        run.lease()
         reply = run.ask("friction.set", finger="left", mu_s=0.8, mu_d=0.6)
-        assert reply["result"] == {"finger": "left", "mu": 0.8, "mu_source": "request"}
+        stated = {"mu": 0.8, "mu_source": "request", "mu_by": "ann", "mu_t_ns": run.t_ns}
+        assert reply["result"] == {"finger": "left", **stated}
         run.image()
         run.wrench(10.0, (1.0, 0.0))
         told = run.told("slip.left")[-1]
@@ -208,7 +211,8 @@ class TestFriction:
         [
             ({"finger": "middle"}, ("unknown_finger", "finger")),
             ({"mu_s": 0.0}, ("out_of_range", "mu_s")),
-            ({"mu_s": 10.1}, ("out_of_range", "mu_s")),
+            ({"mu_s": 1.01}, ("out_of_range", "mu_s")),
+            ({"mu_s": 10.0}, ("out_of_range", "mu_s")),
             ({"mu_s": -0.5}, ("out_of_range", "mu_s")),
             ({"mu_d": 0.51}, ("out_of_range", "mu_d")),
             ({"mu_d": 0.0}, ("out_of_range", "mu_d")),
