@@ -274,7 +274,7 @@ class Engine:
             conditions += cast("GripperControl", self._gripper).conditions()
         else:
             conditions += side.conditions(t_ns)
-            body |= side.told(t_ns)
+            body |= {"tare_id": side.tare.current.id, "tare_busy": side.tare.busy} | side.told(t_ns)
         worst = max(health for health, _ in conditions)
         message = "; ".join(text for _, text in sorted(conditions, key=lambda told: -told[0]) if text)
         return {"health": int(worst), "message": message, **body}

@@ -210,8 +210,6 @@ class ForceSide:
         """What ``status.streams.<name>`` says of the conditioning."""
         drift = self._drift
         return {
-            "tare_id": self.tare.current.id,
-            "tare_busy": self.tare.busy,
             "gravity": self.gravity.state(t_ns),
             "drift": None if drift is None else drift.value.tolist(),
             "drift_frozen": None if drift is None else drift.frozen,

@@ -247,8 +247,6 @@ class PadImage:
         """What ``status.streams.<name>`` says of the conditioning."""
         del t_ns
         return {
-            "tare_id": self.tare.current.id,
-            "tare_busy": self.tare.busy,
             "masked": np.flatnonzero(self._health.masked).tolist(),
             "taxel_faults": {kind: at for kind, at in self._health.report().items() if at},
         }

@@ -57,7 +57,7 @@ class UntaredWatch:
         Args:
             forces: Force on each taxel, shape (taxels, 3), finite.
         """
-        force = math.hypot(*forces.sum(axis=0).tolist())
+        force = len(forces) * math.hypot(*np.median(forces, axis=0).tolist())  # a hot taxel is no offset
         if not self._decided:
             self.missing, self._decided = force > self._far, True
         elif force < self._near:
