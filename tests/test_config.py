@@ -361,6 +361,27 @@ def test_what_no_rig_can_be_is_refused_with_what_is_likely_meant(old: str, new: 
     assert key in line_text or path.rpartition(".")[0].rpartition(".")[2] in line_text
 
 
+def test_places_of_pads_in_millimetres_are_refused() -> None:
+    text = (
+        config.shipped("demo.toml").read_text(encoding="utf-8").replace("[0.085, 0.0, 0.0425, 0.0]", "[85, 0, 42, 0]")
+    )
+    [(path, at, message)] = faults(text)
+    assert path == "grasp.pads.left.positions"
+    assert message == "must be from 0 to 1 m, got 85: did you mean 85 mm? write 0.085"
+    assert at is not None
+    assert "85, 0, 42, 0" in text.splitlines()[at - 1]
+
+
+@pytest.mark.parametrize(("mu_max", "good"), [("0.5", True), ("2.0", True), ("0.4", False), ("2.1", False)])
+def test_the_most_friction_is_at_least_the_safe_one(mu_max: str, good: bool) -> None:
+    text = GOOD.replace("mu = 0.5", f"mu = 0.5\nmu_max = {mu_max}")
+    if good:
+        assert config.parse(text, "rig.toml").finger["left"].most_mu == float(mu_max)
+    else:
+        [(path, at, _)] = faults(text)
+        assert (path, at) == ("finger.left.mu_max", line("mu = 0.5") + 1)
+
+
 def test_a_rate_a_little_beyond_the_data_sheet_is_good() -> None:
     """A clock is a little fast, and some sensors send more than their makers promise."""
     assert config.parse(broken("rate_hz = 800", "rate_hz = 1000"), "rig.toml").finger["left"].wrench

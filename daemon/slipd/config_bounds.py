@@ -119,7 +119,7 @@ Range = Annotated[float, AfterValidator(Bounds(0.1, 1e5, "N"))]
 #: A zero that drifts further belongs to a broken sensor.
 DriftForce = Annotated[float, AfterValidator(Bounds(1e-4, 100.0, "N", "mN"))]
 DriftTorque = Annotated[float, AfterValidator(Bounds(1e-6, 10.0, "N·m", "mN·m"))]
-#: Zeros creep over fractions of a second, where a test wants it, to days.
+#: Zeros creep within seconds at the fastest, and over days.
 DriftTime = Annotated[float, AfterValidator(Bounds(1e-2, 1e6, "s"))]
 #: Charge amplifiers leak within milliseconds to an hour.
 Leak = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]

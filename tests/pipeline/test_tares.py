@@ -175,6 +175,25 @@ class TestTareOfAPad:
             assert (got["tare_id"], got["given_up"]) == (1, None)
             assert got["offset"] == pytest.approx(offset, abs=1e-9)
 
+    def test_a_pad_that_measures_the_force_takes_no_invalid_reading_either(
+        self, make_run: Callable[[str], Run]
+    ) -> None:
+        alone = EXTERNAL.replace("axis_scale = [1.0]", "axis_scale = [1.0, 1.0, -1.0]")
+        run = make_run(alone.partition("[finger.left.wrench]")[0] + alone[alone.index("[finger.left.pad]") :])
+        run.up()
+        for k in range(40):
+            run.wait(10.0)
+            invalid = k % 3 > 0
+            counts = [[0.0, 0.0, 90.0 if invalid else 0.04]] * 4
+            status = ["invalid"] if invalid else []
+            image = encode_reading("pad", run.t_ns, values=counts, seq=k, status=status)
+            run.feed(Bytes(next(iter(run.engine.links)), image))
+            if k == 3:
+                assert run.refusal("tare", finger="left", seconds=0.2) is None
+        got = run.ask("tare.get", finger="left")["result"]
+        assert (got["tare_id"], got["given_up"]) == (1, None)
+        assert got["offset"] == pytest.approx([0.0, 0.0, 0.04] * 4, abs=1e-9)
+
 
 class TestNeverTared:
     """Raw counts begin anywhere: without a tare they are no load, and nothing is concluded from them."""
