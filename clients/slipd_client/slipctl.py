@@ -73,18 +73,18 @@ def _asked(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
         return client.tare(chosen.finger, chosen.seconds, chosen.stream)
     if command == "tare get":
         return client.tare_get(chosen.finger, chosen.stream)
-    if command == "tare undo":
-        return client.tare_undo(chosen.finger, chosen.stream)
-    if command == "friction":
-        return _friction(client, chosen)
+    if command in ("tare undo", "friction"):
+        return _asked_best(client, chosen)
     return client.record_start() if command == "record start" else client.record_stop()
 
 
-def _friction(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
-    """Set the friction, with the lease where nobody else holds it: a stricter value needs none."""
+def _asked_best(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
+    """The result of a command that sometimes needs the lease: with it where nobody else holds it."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(RequestRefused):
             stack.enter_context(client.lease())
+        if chosen.command == "tare undo":
+            return client.tare_undo(chosen.finger, chosen.stream)
         return client.friction_set(chosen.finger, chosen.mu_s, chosen.mu_d)
 
 

@@ -186,7 +186,7 @@ def test_each_command_sends_its_op_and_prints_the_result(
     asked = next(request for request in daemon.requests if request["op"] == op)
     assert {name: asked[name] for name in asked if name not in ENVELOPE} == fields
     assert capsys.readouterr().out == "done: true\n"
-    leased = op.startswith(("grip", "fault", "friction"))
+    leased = op.startswith(("grip", "fault", "friction", "tare.undo"))
     assert [each for each in daemon.ops if each.startswith("lease") and each != "lease.renew"] == (
         ["lease.acquire", "lease.release"] if leased else []
     )

@@ -73,10 +73,12 @@ class TestTareOfAPad:
         self.show(run, self.offset(4, press=100))
         assert run.told("tactile.left")[-1]["tare_id"] == 1
         assert run.told("tactile.left")[-1]["loads_n"] == pytest.approx([1.0] * 16)
+        run.lease()  # something presses
         undone = run.ask("tare.undo", finger="left", stream="pad")["result"]
         assert (undone["stream"], undone["tare_id"], undone["by"]) == ("pad", 0, "config")
         self.show(run, self.offset(4, press=100))
         assert run.told("tactile.left")[-1]["loads_n"] == pytest.approx([1.04] * 16)
+        run.lease()
         assert run.refusal("tare.undo", finger="left", stream="pad") == ("not_ready", "finger")
         assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
 

@@ -131,6 +131,15 @@ class TestTheReadingsOfWhoeverSteers:
         run.feel(0.0)
         assert run.refusal("tare", client=b"ben", finger="left") is None, "nobody steers"
 
+    def test_a_tare_is_taken_back_under_a_load_by_the_holder_alone(self, run: Run) -> None:
+        run.bring_up()
+        run.ask("lease.release")
+        run.feel(5.0)
+        assert run.refusal("tare.undo", finger="left") == ("no_lease", "")
+        assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
+        run.lease()
+        assert run.refusal("tare.undo", finger="left") is None
+
     def test_a_rig_without_gripper_is_tared_without_a_lease(self, make_run: Callable[[str], Run], left: str) -> None:
         run = make_run(left)
         run.up()

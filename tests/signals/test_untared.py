@@ -87,3 +87,10 @@ def test_a_contact_neither_finds_nor_ends_it() -> None:
     assert watch.missing, "what presses says nothing of the zero"
     watch.look_beside(np.zeros(16), 1320 * MS, free=True)
     assert not watch.missing
+
+
+def test_an_image_with_a_reading_that_is_no_number_decides_nothing() -> None:
+    watch = UntaredWatch(0.3, 0.0)
+    watch.look_alone(np.full((4, 3), np.nan))
+    watch.look_alone(forces(50.0))
+    assert watch.missing

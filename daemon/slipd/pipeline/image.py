@@ -135,8 +135,7 @@ class PadImage:
         self.hangs = self._frozen.update(sample.values, t_ns, felt.normal_n)
         before = self.tare.current
         values = self.tare.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.hangs)
-        if self.tare.current is not before:
-            self._take_offset(before)
+        self._take_offset(before)
         if self.three_axis and self.geometry.swap_xy:
             values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
         values = self._scale * values
@@ -198,15 +197,15 @@ class PadImage:
         return self._untared.missing and not self.zero_known
 
     def _take_offset(self, before: Offset) -> None:
-        """Another offset is in force: what was learned of the readings under the old one is moved, or forgotten."""
+        """What was learned of the readings is moved with their zero, or forgotten, where another is in force."""
+        if self.tare.current is before:
+            return
         self._untared.forget()
         if self._charge is not None:
             self._charge.shift(self._scale * (self.tare.current.value - before.value))
 
     def _look(self, values: Array, readings: Array, t_ns: int, felt: Felt) -> None:
         """Look whether the pad reads a load that is none."""
-        if not math.isfinite(float(np.dot(values.ravel(), values.ravel()))):
-            return
         if self._alone and self.three_axis:
             self._untared.look_alone(values)
         else:

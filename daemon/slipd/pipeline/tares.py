@@ -52,6 +52,11 @@ class Tares:
             return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
         return None
 
+    @property
+    def busy(self) -> bool:
+        """One of them is being measured."""
+        return any(side.tare.busy for side in self.sides.values())
+
     def begin(self, t_ns: int, seconds: float, by: str) -> dict[str, Any]:
         """Start to average, and return the reply."""
         verified = self.finger.pressed_beside(self.sides) is False

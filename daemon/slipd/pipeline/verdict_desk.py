@@ -83,7 +83,10 @@ class VerdictDesk:
         tares = self._tares(request, STREAMS)
         if isinstance(tares, Refusal):
             return tares
-        return self._check_others_lease(request, t_ns, "changed") or tares.undo()
+        refusal = self._check_others_lease(request, t_ns, "changed")
+        if refusal is None and not tares.busy and tares.finger.pressed() is True:
+            refusal = self._policy.check_lease(request.client, t_ns)
+        return refusal or tares.undo()
 
     def _gravity_set(self, request: Request, t_ns: int) -> Result:
         finger = self._finger(request)
@@ -95,7 +98,8 @@ class VerdictDesk:
         if fault is not None:
             return Refusal("out_of_range", fault, "gravity_mps2")
         teller, told_ns = self._told_gravity.get(finger.name, (request.client, t_ns))
-        if teller == self._policy.holder(t_ns) != request.client and t_ns - told_ns <= FRESH_NS:
+        held = self._policy.holder(t_ns) not in (None, request.client)
+        if held and teller == self._policy.holder(t_ns) and t_ns - told_ns <= FRESH_NS:
             message = f"the client that holds the lease states the gravity of finger {finger.name}: nobody else may"
             return Refusal("lease_held", message, "gravity_mps2")
         self._told_gravity[finger.name] = request.client, t_ns

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 #: A pad that reads more than this many times the least normal force of a contact, and more than so many newtons, does
 #: not count from zero: the noise and the drift of a pad that does stay far below, and so do most held objects.
 FAR, FAR_N = 20.0, 10.0
-#: With nothing on the pad, its middle taxel reads less than this many times the threshold of an active one.
+#: With nothing on the pad, half of its taxels read less than this many times the threshold of an active one.
 MANY_THRESHOLDS = 10.0
 #: What the pad shows of a touch before the force sensor beside it feels it, ns.
 AHEAD_NS = 200_000_000
@@ -55,9 +55,13 @@ class UntaredWatch:
         nothing.
 
         Args:
-            forces: Force on each taxel, shape (taxels, 3), finite.
+            forces: Force on each taxel, shape (taxels, 3); one that is not finite says nothing.
         """
+        if self._decided and not self.missing:
+            return
         force = len(forces) * math.hypot(*np.median(forces, axis=0).tolist())  # a hot taxel is no offset
+        if not math.isfinite(force):
+            return
         if not self._decided:
             self.missing, self._decided = force > self._far, True
         elif force < self._near:
@@ -67,16 +71,20 @@ class UntaredWatch:
         """Take an image of a pad beside a force sensor.
 
         Args:
-            readings: Normal reading of each taxel, shape (taxels,), finite.
+            readings: Normal reading of each taxel, shape (taxels,).
             t_ns: Time of the image.
             free: The force sensor feels nothing; anything else says nothing of the pad's zero.
         """
-        high = self._threshold > 0.0 and float(np.median(readings)) > MANY_THRESHOLDS * self._threshold
-        high = high or (self._calibrated and float(readings.sum()) > self._far)
-        if not (free and high):
+        if not (free and self._reads_much(readings)):
             self._high_ns = None
             self.missing = self.missing and not free
             return
         if self._high_ns is None:
             self._high_ns = t_ns
         self.missing = self.missing or t_ns - self._high_ns > AHEAD_NS
+
+    def _reads_much(self, readings: Array) -> bool:
+        if self._calibrated and float(readings.sum()) > self._far:
+            return True
+        much = readings > MANY_THRESHOLDS * self._threshold
+        return self._threshold > 0.0 and 2 * int(np.count_nonzero(much)) > readings.size
