@@ -98,6 +98,24 @@ class TestTareOfAPad:
         again = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
         assert again["verified"] is True, "now each is a witness"
 
+    def test_what_a_charge_pad_has_learned_moves_with_its_zero(self, make_run: Callable[[str], Run], left: str) -> None:
+        loads = []
+        for tares in (False, True):
+            run = make_run(left + "charge_tau_s = 2.0\n")
+            run.up()
+            for k in range(60):
+                run.wait(5)
+                run.tick()
+                run.image(self.offset(40, press=100 if k > 40 else 0))
+                run.wrench(16.0 if k >= 40 else 0.0, ms=5.0)
+                if tares and k == 10:
+                    assert run.refusal("tare", finger="left", stream="pad", seconds=0.1) is None
+            got = run.ask("tare.get", finger="left", stream="pad")["result"]
+            assert got["offset"] == pytest.approx([40.0 if tares else 0.0] * 16)
+            loads.append(run.told("tactile.left")[-1]["loads_n"])
+        assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
+        assert loads[1] == pytest.approx(loads[0], abs=1e-9)
+
     def test_an_image_whose_zero_is_known_forbids_to_tare_both(self, run: Run) -> None:
         self.test_both_are_taken_at_once(run)
         for stream in ("wrench", "pad", "wrench"):  # the ones that are being measured, and the one that was taken
