@@ -154,7 +154,8 @@ class Finger:
             t_ns: When.
         """
         self._judge.set_friction(mu_s, mu_d)
-        self._mu_source, self._mu_by, self._mu_t_ns = "request", by, t_ns
+        self._mu_source = "request"
+        self._mu_by, self._mu_t_ns = by, t_ns
 
     def loosens(self, mu_s: float, mu_d: float | None) -> bool:
         """Whether `set_friction` makes a verdict more lenient (see `Judge.loosens`)."""
