@@ -137,6 +137,54 @@ def test_check_warns_of_what_is_good_but_weak(tmp_path: Path, capsys: pytest.Cap
     assert "gripper: no max_force_n: nothing will be moved" in out
 
 
+def test_check_asks_about_a_quaternion_that_looks_like_another_order(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (CONFIGS / "external.toml").read_text(encoding="utf-8")
+    rig = tmp_path / "rig.toml"
+    for quaternion, asks in (("[1.0, 0.0, 0.0, 0.0]", True), ("[0.0, 0.0, 0.0, 1.0]", False)):
+        rig.write_text(text.replace("[0.0, 0.0, 0.0, 1.0]", quaternion), encoding="utf-8")
+        assert main(["check", str(rig)]) == 0
+        told = "finger.left.wrench.pad_from_sensor: quat_xyzw turns the sensor by 180 degrees about X"
+        assert (told in capsys.readouterr().out) == asks
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("command", [["check"], ["run", "--config"]])
+def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    text = (CONFIGS / "demo.toml").read_text(encoding="utf-8")
+    rig.write_text(
+        text.replace("pitch_m = 0.0032", "pitch_m = 3.2", 1)
+        .replace("xyz_m = [0.004, -0.002, -0.025]", "xyz_m = [4, -2, -25]", 1)
+        .replace("mu = 0.55", "mu = 5.5", 1)
+        .replace("rate_hz = 800.0", "rate_hz = 8000.0", 1),
+        encoding="utf-8",
+    )
+    done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 2, done.stderr
+    rows = text.splitlines()
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == [
+        f"{rig}:{rows.index(row) + 1}: finger.left.{fault}"
+        for row, fault in (
+            (next(row for row in rows if row.startswith("mu = 0.55")), "mu: must be from 0.01 to 2, got 5.5"),
+            (
+                next(row for row in rows if row.startswith("pad_from_sensor")),
+                "wrench.pad_from_sensor.xyz_m: must be from -1 to 1 m, got 4: did you mean 4 mm? write 0.004",
+            ),
+            (
+                "pitch_m = 0.0032",
+                "pad.pitch_m: must be from 0.0001 to 0.05 m, got 3.2: did you mean 3.2 mm? write 0.0032",
+            ),
+        )
+    ], "a fault of form hides none of its own kind"
+    rig.write_text(text.replace("rate_hz = 800.0", "rate_hz = 8000.0", 1), encoding="utf-8")
+    done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
+    told = f"{rig}:{rows.index('rate_hz = 800.0') + 1}: finger.left.wrench.rate_hz: must be from 50 to 800 Hz"
+    assert done.stderr.startswith(told)
+
+
 @pytest.mark.parametrize(("budget", "gain_n"), [("", 16), ("budget_n = 10.0", 10), ("budget_n = 20.0", 16)])
 def test_check_tells_how_far_the_reflex_gets_within_the_budget(
     budget: str, gain_n: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]

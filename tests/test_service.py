@@ -277,7 +277,7 @@ async def test_requests_are_answered(rig: Rig) -> None:
         assert hello["ok"]
         assert hello["result"]["fingers"] == ["left"]
         envelope = {"boot": hello["result"]["boot"], "deadline_ns": hello["result"]["t_ns"] + 400_000_000}
-        client.ask(op="lease.acquire", ttl_ms=100, **envelope)
+        client.ask(op="grip.hold", **envelope)
         assert (await until(client.answer))["error"]["code"] in ("no_gripper", "deadline_passed")
         client.ask(op="lease.acquire", ttl_ms=100, **envelope | {"boot": "another"})
         assert (await until(client.answer))["error"]["code"] == "wrong_boot"

@@ -110,20 +110,33 @@ class Asking:
                 self.clock.forget()
             raise
 
-    def tare(self, finger: str, seconds: float, timeout_s: float) -> Steps:
-        """Begin a tare and wait until it is taken."""
+    def tare(self, finger: str, seconds: float, timeout_s: float, stream: str | None = None) -> Steps:
+        """Begin a tare of one stream, or of "all", and wait until it is taken."""
         if not 0 < seconds < math.inf:
             raise ValueError(f"seconds is {seconds}; a tare takes the mean over a positive time, e.g. {TARE_S}")
-        begun = yield from self.request("tare", {"finger": finger, "seconds": seconds})
+        named = {} if stream is None else {"stream": stream}
+        begun = yield from self.request("tare", {"finger": finger, "seconds": seconds} | named)
         until_ns = self._now_ns() + int((seconds + timeout_s) * 1e9)
-        while (taken := (yield from self.request("tare.get", {"finger": finger}))).get("busy"):
+        verified = {"verified": begun.get("verified")}
+        ids = begun.get("tare_ids")
+        if stream != "all" or not isinstance(ids, dict):
+            return (yield from self._tare_taken({"finger": finger} | named, begun.get("tare_id"), until_ns)) | verified
+        streams = {}
+        for kind, before in ids.items():
+            streams[kind] = yield from self._tare_taken({"finger": finger, "stream": kind}, before, until_ns)
+        return {"finger": finger, "streams": streams} | verified
+
+    def _tare_taken(self, fields: dict[str, Any], before: Any, until_ns: int) -> Steps:
+        """Wait until the tare after ``before`` is taken."""
+        what = " ".join(fields.values())
+        while (taken := (yield from self.request("tare.get", fields))).get("busy"):
             if self._now_ns() > until_ns:
-                raise NoAnswer(f"the tare of {finger} is not taken after {seconds} s: too few readings come in")
+                raise NoAnswer(f"the tare of {what} is not taken in time: too few readings come in")
             yield Pause(TARE_LOOK_S)
-        if taken.get("tare_id") == begun.get("tare_id"):
+        if taken.get("tare_id") == before:
             why = taken.get("given_up") or "something pressed meanwhile, or its stream ended"
-            raise RequestRefused("in_contact", f"the tare of {finger} was given up: {why}", "finger")
-        return taken | {"verified": begun.get("verified")}
+            raise RequestRefused("in_contact", f"the tare of {what} was given up: {why}", "finger")
+        return taken
 
     def pack(self, ask: Ask) -> Envelope:
         """A request as it leaves now.

@@ -134,31 +134,41 @@ class Ops(Generic[R]):
         """Say that the latched fault was seen; until then nothing moves."""
         return self.request("fault.ack")
 
-    def tare(self, finger: str, seconds: float = TARE_S) -> R:
-        """Take the mean wrench of the next ``seconds`` as zero, and wait until it is taken.
+    def tare(self, finger: str, seconds: float = TARE_S, stream: str | None = None) -> R:
+        """Take the mean of the next ``seconds`` as zero, and wait until it is taken.
+
+        Args:
+            finger: Which finger.
+            seconds: How long to average, s.
+            stream: "wrench", "pad", or "all"; None: what measures the force.
 
         The result is that of `tare_get`, with ``verified``: whether the daemon knew that nothing touched the finger.
+        With "all" it holds ``verified`` and ``streams``, the result of each by its name.
 
         Raises:
             RequestRefused: Beside the daemon's own refusals: the tare was given up meanwhile.
             ValueError: ``seconds`` is no positive time.
         """
-        return self._run(self._asking.tare(finger, seconds, self.timeout_s))
+        return self._run(self._asking.tare(finger, seconds, self.timeout_s, stream))
 
-    def tare_get(self, finger: str) -> R:
-        """The tare in use."""
-        return self.request("tare.get", finger=finger)
+    def tare_get(self, finger: str, stream: str | None = None) -> R:
+        """The tare in use, of the stream "wrench" or "pad"; None: of what measures the force."""
+        return self.request("tare.get", finger=finger, stream=stream)
 
-    def tare_undo(self, finger: str) -> R:
-        """Return to the tare before the last one."""
-        return self.request("tare.undo", finger=finger)
+    def tare_undo(self, finger: str, stream: str | None = None) -> R:
+        """Return to the tare before the last one, of a stream as in `tare_get`."""
+        return self.request("tare.undo", finger=finger, stream=stream)
 
     def gravity_set(self, finger: str, gravity_mps2: Sequence[float]) -> R:
         """Tell gravity less the finger's acceleration, m/s², in the frame of its pad; at 10 Hz or more."""
         return self.request("gravity.set", finger=finger, gravity_mps2=list(gravity_mps2))
 
     def friction_set(self, finger: str, mu_s: float, mu_d: float | None = None) -> R:
-        """Tell the static and the dynamic coefficient of friction between a finger's pad and what it holds."""
+        """State the static and the dynamic coefficient of friction between a finger's pad and what it holds.
+
+        What makes verdicts more lenient, such as a larger ``mu_s``, needs the lease, unless the daemon's config says
+        otherwise.
+        """
         return self.request("friction.set", finger=finger, mu_s=mu_s, mu_d=mu_d)
 
     def record_start(self) -> R:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import sys
@@ -10,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from slipd_client import keys, keys_command, slipctl_parser
-from slipd_client.errors import ClientError
+from slipd_client.errors import ClientError, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.view import View
@@ -66,17 +67,25 @@ def _run(chosen: argparse.Namespace) -> None:
 
 
 def _asked(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
-    """The result of a command that needs no lease."""
+    """The result of a command that needs no lease, or not always."""
     command = chosen.command
     if command == "tare take":
-        return client.tare(chosen.finger, chosen.seconds)
+        return client.tare(chosen.finger, chosen.seconds, chosen.stream)
     if command == "tare get":
-        return client.tare_get(chosen.finger)
-    if command == "tare undo":
-        return client.tare_undo(chosen.finger)
-    if command == "friction":
-        return client.friction_set(chosen.finger, chosen.mu_s, chosen.mu_d)
+        return client.tare_get(chosen.finger, chosen.stream)
+    if command in ("tare undo", "friction"):
+        return _asked_best(client, chosen)
     return client.record_start() if command == "record start" else client.record_stop()
+
+
+def _asked_best(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
+    """The result of a command that sometimes needs the lease: with it where nobody else holds it."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(RequestRefused):
+            stack.enter_context(client.lease())
+        if chosen.command == "tare undo":
+            return client.tare_undo(chosen.finger, chosen.stream)
+        return client.friction_set(chosen.finger, chosen.mu_s, chosen.mu_d)
 
 
 def _grip(client: GripClient, chosen: argparse.Namespace) -> None:

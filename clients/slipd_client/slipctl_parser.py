@@ -29,9 +29,11 @@ def parser() -> argparse.ArgumentParser:
     status.add_argument("--json", action="store_true", help="the whole map")
 
     _grip(_commands(add("grip", "move the gripper, or its force; takes the lease for it"), "grip "))
-    _tare(_commands(add("tare", "what counts as zero of a finger's force"), "tare "))
+    _tare(_commands(add("tare", "what counts as zero of a finger's force, or of its pad"), "tare "))
 
-    friction = add("friction", "tell the friction between a finger's pad and what it holds")
+    friction = add(
+        "friction", "state the friction between a finger's pad and what it holds; a larger one takes the lease"
+    )
     friction.add_argument("finger", metavar="FINGER")
     friction.add_argument("mu_s", type=_positive, metavar="MU_S", help="static coefficient")
     friction.add_argument("mu_d", type=_positive, metavar="MU_D", nargs="?", help="dynamic coefficient")
@@ -67,10 +69,12 @@ def _grip(add: Add) -> None:
 
 
 def _tare(add: Add) -> None:
-    take = add("take", "take a finger's present wrench as zero; nothing may touch it")
+    take = add("take", "take a finger's present readings as zero; nothing may touch it")
     take.add_argument("--seconds", type=_positive, default=TARE_S, metavar="S", help="mean over so long (%(default)s)")
     for each in (take, add("get", "show the tare in use"), add("undo", "go back to the tare before the last one")):
         each.add_argument("finger", metavar="FINGER")
+        streams = ("wrench", "pad", "all") if each is take else ("wrench", "pad")
+        each.add_argument("--stream", choices=streams, help="whose zero; left out: what measures the force")
 
 
 def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:

@@ -125,17 +125,13 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> int:
     from slipd import config
+    from slipd.config_hints import hints
 
     rig = config.load(arguments.file)
     for name, stream in rig.streams().items():
         print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
-    for name, finger in rig.finger.items():
-        if finger.mu is None:
-            print(f'finger.{name}: no mu: its level will be "unknown"')
-        if finger.pad is None:
-            print(f'finger.{name}: no pad: rotation is not observed, its level will never be "stable"')
-    if rig.gripper is not None and rig.gripper.max_force_n is None:
-        print("gripper: no max_force_n: nothing will be moved")
+    for hint in hints(rig):
+        print(hint)
     if rig.reflex.enabled:
         print(_reach(rig))
     print(f"{arguments.file}: good, config_id {rig.config_id}")

@@ -29,11 +29,13 @@ from slipd.config_model import (
     Pose,
     Rates,
     Reflex,
+    Requests,
     Slip,
     Stream,
     Wrench,
 )
 from slipd.errors import ConfigError, ConfigFault
+from slipd.path_trust import trust_faults
 from slipd.toml_lines import key_lines, line_of
 
 __all__ = [
@@ -46,6 +48,7 @@ __all__ = [
     "Pad",
     "Rates",
     "Reflex",
+    "Requests",
     "Stream",
     "Wrench",
     "axes_of",
@@ -69,20 +72,24 @@ _TABLES: dict[str, type[BaseModel]] = {
     "levels": Levels,
     "rates": Rates,
     "bus": Bus,
+    "requests": Requests,
 }
 
 
 def load(path: Path) -> Config:
-    """Reads a config file.
+    """Read a config file that nobody else may change (`slipd.path_trust`).
 
     Raises:
-        ConfigError: The file cannot be read, or has faults; all of them are told.
+        ConfigError: The file cannot be read, other users may change it, or it has faults; each is named.
     """
     try:
         text = path.read_text(encoding="utf-8")
+        untrusted = trust_faults(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {reason}")]) from None
+    if untrusted:
+        raise ConfigError(str(path), [ConfigFault("", None, fault) for fault in untrusted])
     return parse(text, str(path))
 
 
@@ -147,7 +154,9 @@ def _told(location: tuple[int | str, ...], fault: Any) -> tuple[tuple[str, ...],
         return path, f"unknown key; {hint}"
     if fault["type"] == "missing":
         return path, "is missing"
-    message = str(fault["msg"]).removeprefix("Value error, ")
+    if fault["type"] == "value_error":  # one of our own, which says what was found
+        return path, str(fault["ctx"]["error"])
+    message = str(fault["msg"])
     return path, f"{message[0].lower()}{message[1:]} (got {fault['input']!r})"
 
 

@@ -5,25 +5,64 @@ from __future__ import annotations
 import hashlib
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, Strict
+from pydantic import Field, PrivateAttr, Strict
+
+from slipd.config_bounds import (
+    MOST_FRICTION,
+    DriftForce,
+    DriftTime,
+    DriftTorque,
+    Electrode,
+    ForceNoise,
+    Friction,
+    Grip,
+    Leak,
+    Mass,
+    Pitch,
+    Place,
+    Quaternion,
+    Range,
+    Slew,
+    SlipHold,
+    SlipWindow,
+    StrictModel,
+    TorqueNoise,
+)
+from slipd.config_grasp_model import Grasp, PadPlace, Reflex
+
+__all__ = [
+    "Bus",
+    "Config",
+    "Finger",
+    "Grasp",
+    "Gripper",
+    "Levels",
+    "Pad",
+    "PadPlace",
+    "Pose",
+    "Rates",
+    "Reflex",
+    "Requests",
+    "Slip",
+    "Stream",
+    "Table",
+    "Wrench",
+]
+
+#: `friction.set` may state this many times the configured μ, where ``mu_max`` does not say otherwise.
+MU_RAISE = 2.0
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 #: Nothing here comes once in an hour or a million times a second, and periods stay countable in nanoseconds.
 Hertz = Annotated[float, Field(ge=1e-3, le=1e6)]
-Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
-Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 Point = Annotated[tuple[float, float], Strict(False)]  # TOML has no tuples
 File = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]+$")]
 Option = bool | int | float | str | list[float] | list[list[float]]
 Table = Annotated[list[Point], Field(min_length=2)]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class Stream(_Model):
+class Stream(StrictModel):
     """What every device stream has.
 
     Attributes:
@@ -49,14 +88,14 @@ class Stream(_Model):
     rate_hz: Hertz
     delay_s: float = Field(default=0.0, ge=0.0, le=1.0)
     poll_s: float = Field(default=0.0, ge=0.0, le=1.0)
-    options: dict[str, Option] = {}
+    options: dict[str, Option] = Field(default={})
 
 
-class Pose(_Model):
+class Pose(StrictModel):
     """``pad_from_sensor``: takes coordinates of the sensor frame to the pad frame."""
 
-    xyz_m: Vector3 = [0.0, 0.0, 0.0]
-    quat_xyzw: Quaternion = [0.0, 0.0, 0.0, 1.0]
+    xyz_m: Place = Field(default=[0.0, 0.0, 0.0])
+    quat_xyzw: Quaternion = Field(default=[0.0, 0.0, 0.0, 1.0])
 
 
 class Wrench(Stream):
@@ -79,15 +118,15 @@ class Wrench(Stream):
 
     sign: Literal[1, -1] = 1
     pad_from_sensor: Pose = Pose()
-    mass_kg: NotNegative = 0.0
-    com_m: Vector3 = [0.0, 0.0, 0.0]
-    force_std_n: NotNegative = 0.02
-    torque_std_nm: NotNegative = 0.0005
-    range_n: float | None = Field(default=None, gt=0.0, le=1e6)
+    mass_kg: Mass = 0.0
+    com_m: Place = Field(default=[0.0, 0.0, 0.0])
+    force_std_n: ForceNoise = 0.02
+    torque_std_nm: TorqueNoise = 0.0005
+    range_n: Range | None = None
     stuck_after: int = Field(default=50, ge=0)
-    drift_tau_s: Positive | None = None
-    drift_limit_n: Positive = 1.0
-    drift_limit_nm: Positive = 0.02
+    drift_tau_s: DriftTime | None = None
+    drift_limit_n: DriftForce = 1.0
+    drift_limit_nm: DriftTorque = 0.02
 
 
 class Pad(Stream):
@@ -108,40 +147,42 @@ class Pad(Stream):
 
     rows: int = Field(gt=0, le=64)
     cols: int = Field(gt=0, le=64)
-    pitch_m: Positive
-    electrode_m: Positive
+    pitch_m: Pitch
+    electrode_m: Electrode
     swap_xy: bool = False
     flip_x: bool = False
     flip_y: bool = False
     axis_scale: list[float] = Field(default=[1.0], min_length=1, max_length=3)
     threshold: NotNegative = 0.0
-    tare: list[float] = []
+    tare: list[float] = Field(default=[])
     full_scale: Positive | None = None
     gain_error: float | None = Field(default=None, gt=0.0, lt=1.0)
-    charge_tau_s: Positive | None = None
+    charge_tau_s: Leak | None = None
 
 
-class Slip(_Model):
+class Slip(StrictModel):
     """``[finger.X.slip]``: when a drop of R is a slip (see `slipd.fusion.slip.SlipSettings`)."""
 
     drop: float = Field(default=0.12, gt=0.0, lt=1.0)
-    window_s: Positive = 0.04
+    window_s: SlipWindow = 0.04
     armed_at: Positive = 0.7
-    hold_s: Positive = 0.25
+    hold_s: SlipHold = 0.25
 
 
-class Finger(_Model):
+class Finger(StrictModel):
     """``[finger.X]``.
 
     Attributes:
         mu: Safe estimate of the coefficient of static friction; None: every level is "unknown".
+        mu_max: Most that `friction.set` may state; None: twice ``mu``, and never more than 2.
         min_normal_n: Below this normal force there is no contact, N.
         load_rule: How the normal force is shared among the taxels.
         contact_growth: Exponent of the contact's size over the normal force: 0 rigid, 1/3 Hertz.
         grip_safety: Factor on the load for which ``grip_needed_n`` is told.
     """
 
-    mu: Positive | None = None
+    mu: Friction | None = None
+    mu_max: Friction | None = None
     min_normal_n: Positive = 0.3
     load_rule: Literal["matched", "grey", "binary"] = "matched"
     contact_growth: float = Field(default=0.0, ge=0.0, le=1.0)
@@ -149,6 +190,13 @@ class Finger(_Model):
     wrench: Wrench | None = None
     pad: Pad | None = None
     slip: Slip = Slip()
+
+    @property
+    def most_mu(self) -> float:
+        """Most that `friction.set` may state: an object is rarely twice as rough as the safe estimate for all."""
+        if self.mu_max is not None:
+            return self.mu_max
+        return MOST_FRICTION if self.mu is None else min(MU_RAISE * self.mu, MOST_FRICTION)
 
 
 class Gripper(Stream):
@@ -173,59 +221,17 @@ class Gripper(Stream):
     force_table: Table | None = None
     width_table: Table | None = None
     speed_table: Table | None = None
-    max_force_n: Positive | None = None
+    max_force_n: Grip | None = None
     min_force_n: NotNegative | None = None
-    step_n: Positive = 2.0
-    raise_n_per_s: Positive = 10.0
-    lower_n_per_s: Positive = 2.0
-    budget_n: Positive | None = None
+    step_n: Grip = 2.0
+    raise_n_per_s: Slew = 10.0
+    lower_n_per_s: Slew = 2.0
+    budget_n: Grip | None = None
     max_lease_ms: int = Field(default=200, gt=0, le=200)
     lease_end: Literal["hold", "stop"] = "hold"
 
 
-class PadPlace(_Model):
-    """``[grasp.pads.X]``: where the pad of a finger is in the gripper frame.
-
-    Attributes:
-        positions: Rows of (width m, x m, y m, z m): the origin of the pad frame at some widths between the pads, width
-            rising; linear between the rows, and not known beyond them.
-        quat_xyzw: Takes pad coordinates to gripper coordinates.
-    """
-
-    positions: list[Annotated[tuple[float, float, float, float], Strict(False)]] = Field(min_length=2)
-    quat_xyzw: Quaternion
-
-
-class Grasp(_Model):
-    """``[grasp]``: two fingers as one grasp; ``pads`` names both."""
-
-    pads: dict[str, PadPlace] = Field(min_length=2, max_length=2)
-
-
-class Reflex(_Model):
-    """``[reflex]``: raises the grip by itself on a warning, where ``enabled``; needs ``[grasp]`` and ``[gripper]``.
-
-    Attributes:
-        enabled: It acts.
-        raise_n_per_s: How fast it raises the force on one pad, N/s.
-        ceiling_n: Most that it asks for, N on one pad; None: ``gripper.max_force_n``.
-        slip_gain: Where a finger slips although the grip should hold, μ was believed too high: it then asks for so many
-            times the present force.
-        lead_time_s: How long before the drop a warning comes, s; `slipd check` tells what can be gained in it.
-        calm_s: It lowers again only after so long without need, s.
-        lower_n_per_s: How fast it lowers to what is needed, N/s; 0: never.
-    """
-
-    enabled: bool = False
-    raise_n_per_s: Positive = 50.0
-    ceiling_n: Positive | None = None
-    slip_gain: float = Field(default=1.2, ge=1.0, le=3.0)
-    lead_time_s: Positive = 0.1
-    calm_s: Positive = 2.0
-    lower_n_per_s: NotNegative = 0.0
-
-
-class Levels(_Model):
+class Levels(StrictModel):
     """``[levels]``: utilisation (upper bound) at which a level is reached; it is left ``hysteresis`` below."""
 
     caution: float = Field(default=0.70, gt=0.0, lt=1.0)
@@ -233,7 +239,7 @@ class Levels(_Model):
     hysteresis: float = Field(default=0.05, ge=0.0, lt=0.5)
 
 
-class Rates(_Model):
+class Rates(StrictModel):
     """``[rates]``: how often at most a topic is published, Hz of data time; every change of level is, besides."""
 
     slip_hz: Hertz = 250.0
@@ -243,7 +249,7 @@ class Rates(_Model):
     status_hz: Hertz = 1.0
 
 
-class Bus(_Model):
+class Bus(StrictModel):
     """``[bus]``: where clients come, and who may.
 
     Attributes:
@@ -266,10 +272,22 @@ class Bus(_Model):
     requests_hz: float = Field(default=50.0, ge=1.0, le=10_000.0)
 
 
-class Config(_Model):
+class Requests(StrictModel):
+    """``[requests]``: what clients may ask for.
+
+    Attributes:
+        friction_without_lease: Any client may raise a finger's μ, which makes its verdicts more lenient; false: only
+            the client that holds the lease.
+    """
+
+    friction_without_lease: bool = False
+
+
+class Config(StrictModel):
     """A whole file."""
 
     bus: Bus = Bus()
+    requests: Requests = Requests()
     levels: Levels = Levels()
     rates: Rates = Rates()
     finger: dict[str, Finger] = Field(min_length=1)

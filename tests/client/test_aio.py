@@ -197,6 +197,11 @@ async def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
     daemon.handlers["tare.get"] = lambda _: next(looks)
     async with AsyncGripClient(daemon.endpoint) as client:
         assert await client.tare("left", 0.1) == {"busy": False, "tare_id": 2, "verified": True}
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 1, "pad": 1}}
+    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": 2, "stream": request["stream"]}
+    async with AsyncGripClient(daemon.endpoint) as client:
+        assert list((await client.tare("left", 0.1, "all"))["streams"]) == ["wrench", "pad"]
+        assert (await client.tare_get("left", "pad"))["stream"] == "pad"
 
 
 async def test_a_lease_renews_itself_and_is_given_back(daemon: Daemon, often: int) -> None:

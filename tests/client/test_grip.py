@@ -215,6 +215,8 @@ def test_threads_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) ->
         (lambda c: c.fault_ack(), "fault.ack", {}),
         (lambda c: c.tare_get("left"), "tare.get", {"finger": "left"}),
         (lambda c: c.tare_undo("left"), "tare.undo", {"finger": "left"}),
+        (lambda c: c.tare_get("left", "pad"), "tare.get", {"finger": "left", "stream": "pad"}),
+        (lambda c: c.tare_undo("left", "pad"), "tare.undo", {"finger": "left", "stream": "pad"}),
         (
             lambda c: c.gravity_set("left", (0.0, 0.0, -9.81)),
             "gravity.set",
@@ -246,6 +248,33 @@ def test_a_tare_is_waited_for_until_it_is_taken(daemon: Daemon) -> None:
         assert client.tare("left", 0.4) == {"busy": False, "tare_id": 2, "verified": True}
     assert daemon.ops == ["hello", "tare", *["tare.get"] * 3]
     assert daemon.requests[1]["seconds"] == 0.4
+
+
+def test_a_tare_of_one_stream_is_waited_for_by_its_name(daemon: Daemon) -> None:
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_id": 0, "tare_ids": {"pad": 0}}
+    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": 1, "stream": request["stream"]}
+    with GripClient(daemon.endpoint) as client:
+        assert client.tare("left", 0.1, "pad")["stream"] == "pad"
+    assert [request.get("stream") for request in daemon.requests] == [None, "pad", "pad"]
+
+
+def test_a_tare_of_all_streams_is_waited_for_in_each(daemon: Daemon) -> None:
+    ids = iter([4, 2])
+    daemon.handlers["tare"] = lambda _: {"verified": False, "tare_id": 3, "tare_ids": {"wrench": 3, "pad": 1}}
+    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": next(ids), "stream": request["stream"]}
+    with GripClient(daemon.endpoint) as client:
+        taken = client.tare("left", 0.1, "all")
+    assert taken == {
+        "finger": "left",
+        "verified": False,
+        "streams": {
+            "wrench": {"busy": False, "tare_id": 4, "stream": "wrench"},
+            "pad": {"busy": False, "tare_id": 2, "stream": "pad"},
+        },
+    }
+    daemon.handlers["tare.get"] = lambda request: {"busy": False, "tare_id": {"wrench": 4, "pad": 1}[request["stream"]]}
+    with GripClient(daemon.endpoint) as client, pytest.raises(RequestRefused, match="tare of left pad was given up"):
+        client.tare("left", 0.1, "all")
 
 
 def test_a_tare_that_was_given_up_is_told(daemon: Daemon) -> None:

@@ -117,6 +117,29 @@ def test_tare_prints_what_was_taken(daemon: Daemon, capsys: pytest.CaptureFixtur
     assert daemon.requests[1]["seconds"] == 0.5
 
 
+def test_tare_takes_the_stream_that_is_named(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
+    daemon.handlers["tare"] = lambda _: {"verified": True, "tare_ids": {"wrench": 0, "pad": 0}}
+    daemon.handlers["tare.get"] = lambda _: {"tare_id": 1, "busy": False}
+    assert main(["--requests", daemon.endpoint, "tare", "take", "left", "--stream", "all"]) == 0
+    assert '"pad": {"tare_id": 1, "busy": false}' in capsys.readouterr().out
+    assert [request.get("stream") for request in daemon.requests[1:]] == ["all", "wrench", "pad"]
+
+
+def test_friction_is_asked_for_without_the_lease_where_another_client_holds_it(
+    daemon: Daemon, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A stricter value needs none; a more lenient one is refused by the daemon."""
+    held = {"error": {"code": "lease_held", "message": "another client holds the lease"}}
+    daemon.handlers["lease.acquire"] = lambda _: held
+    daemon.handlers["friction.set"] = lambda _: {"mu": 0.3}
+    assert main(["--requests", daemon.endpoint, "friction", "left", "0.3"]) == 0
+    assert capsys.readouterr().out == "mu: 0.3\n"
+    assert daemon.ops == ["hello", "lease.acquire", "friction.set"]
+    daemon.handlers["friction.set"] = lambda _: {"error": {"code": "no_lease", "message": "acquire the lease first"}}
+    assert main(["--requests", daemon.endpoint, "friction", "left", "0.9"]) == 1
+    assert capsys.readouterr().err == "slipctl: no_lease: acquire the lease first\n"
+
+
 def test_a_result_without_fields_is_done(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--requests", daemon.endpoint, "grip", "stop"]) == 0
     assert capsys.readouterr().out == "done\n"
@@ -147,6 +170,8 @@ def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:
         (["grip", "ack"], "fault.ack", {}),
         (["tare", "get", "left"], "tare.get", {"finger": "left"}),
         (["tare", "undo", "left"], "tare.undo", {"finger": "left"}),
+        (["tare", "get", "left", "--stream", "wrench"], "tare.get", {"finger": "left", "stream": "wrench"}),
+        (["tare", "undo", "left", "--stream", "pad"], "tare.undo", {"finger": "left", "stream": "pad"}),
         (["friction", "left", "0.5"], "friction.set", {"finger": "left", "mu_s": 0.5}),
         (["friction", "left", "0.5", "0.4"], "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
         (["record", "start"], "record.start", {}),
@@ -161,7 +186,7 @@ def test_each_command_sends_its_op_and_prints_the_result(
     asked = next(request for request in daemon.requests if request["op"] == op)
     assert {name: asked[name] for name in asked if name not in ENVELOPE} == fields
     assert capsys.readouterr().out == "done: true\n"
-    leased = op.startswith(("grip", "fault"))
+    leased = op.startswith(("grip", "fault", "friction", "tare.undo"))
     assert [each for each in daemon.ops if each.startswith("lease") and each != "lease.renew"] == (
         ["lease.acquire", "lease.release"] if leased else []
     )

@@ -44,6 +44,16 @@ def test_the_list_names_each_device_once_with_its_kind_and_transports() -> None:
     assert len(DEVICES) == 15
 
 
+@devices
+def test_a_device_names_rates_that_its_emulator_and_its_line_have(device: Device) -> None:
+    low_hz, high_hz = device.rates_hz
+    assert 0.0 < low_hz < high_hz
+    assert low_hz <= make_emulator(device.name).rate_hz <= high_hz
+    if device.frame_bytes and device.baud is not None:
+        assert make_emulator(device.name).rate_hz * device.frame_bytes * 10 <= device.baud
+    assert (device.grip is not None) == (device.kind == "gripper" and device.name != "external_gripper")
+
+
 def test_a_file_that_devices_share_is_no_device() -> None:
     for name in ("framing", "crc", "health", "no_such_device", "", "bota.py", "../errors"):
         assert name not in DEVICES

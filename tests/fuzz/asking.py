@@ -27,9 +27,9 @@ READY_NS = 150 * MS
 FIELDS: dict[str, tuple[str, ...]] = {
     "hello": (),
     "status": (),
-    "tare": ("finger", "seconds"),
-    "tare.get": ("finger",),
-    "tare.undo": ("finger",),
+    "tare": ("finger", "seconds", "stream"),
+    "tare.get": ("finger", "stream"),
+    "tare.undo": ("finger", "stream"),
     "gravity.set": ("finger", "gravity_mps2"),
     "friction.set": ("finger", "mu_s", "mu_d"),
     "lease.acquire": ("ttl_ms",),

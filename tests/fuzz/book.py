@@ -30,6 +30,9 @@ SILENCE_NS = 400 * MS
 PRESSES_N = 3.0
 """A finger that last felt so much is in contact, beyond all noise."""
 
+MU, MOST_MU = 0.5, 1.0
+"""Friction of the rig's config, and the most that may be set without another word of it: twice as much."""
+
 EPS_N = 1e-6
 MOST_TOLD = 50
 
@@ -114,6 +117,7 @@ class Book:
     _up: Allowance = field(default_factory=lambda: Allowance(RAISE_N_PER_S))
     _down: Allowance = field(default_factory=lambda: Allowance(LOWER_N_PER_S))
     _felt: dict[str, tuple[int, float, bool]] = field(default_factory=dict)
+    _mu: dict[str, float] = field(default_factory=dict)
 
     def holder_at(self, t_ns: int) -> bytes | None:
         """Who holds the lease."""
@@ -132,6 +136,7 @@ class Book:
         self.said, self.fault, self._slept = None, False, False
         self._fault_seen = 0
         self._felt.clear()
+        self._mu.clear()
         self._zeros_known = True  # until a finger is tared of which nobody knows what presses on it
         self._let_go()
         self._goal, self.force_n = "", None
@@ -201,12 +206,24 @@ class Book:
             self._until_ns = t_ns + self._ttl_ns
         elif op == "lease.release":
             self.end_lease()
-        elif op == "tare" and not result.get("verified"):
-            self._zeros_known = False
+        elif op in ("tare", "tare.undo"):
+            if self.holder not in (None, client) and t_ns < self._until_ns:
+                self._blame(t_ns, f"{op} granted to {client!r} while {self.holder!r} steers")
+            if op == "tare" and not result.get("verified"):
+                self._zeros_known = False
+        elif op == "friction.set":
+            self._rub(client, body, t_ns)
         elif op == "fault.ack":
             self.fault = False
         elif op in FORCING or op.startswith("gripper.") or op == "grip.hold":
             self._command(op, body, result, t_ns)
+
+    def _rub(self, client: bytes, body: dict[str, Any], t_ns: int) -> None:
+        finger, mu = body["finger"], float(body["mu_s"])
+        held = client == self.holder and t_ns < self._until_ns
+        if mu > MOST_MU or (mu > self._mu.get(finger, MU) and not held):
+            self._blame(t_ns, f"mu_s {mu} of {finger} granted to {client!r}, over {self._mu.get(finger, MU)}")
+        self._mu[finger] = mu
 
     def _acquire(self, client: bytes, ttl_ms: int, t_ns: int) -> None:
         if self.holder not in (None, client) and t_ns < self._until_ns:

@@ -61,7 +61,8 @@ class TestTare:
         run.image(EMPTY)
         run.wrench(0.2, (0.1, 0.0))
         reply = run.ask("tare", finger="left", seconds=0.01)
-        assert reply["result"] == {"finger": "left", "seconds": 0.01, "verified": True, "tare_id": 0}
+        begun = {"finger": "left", "seconds": 0.01, "verified": True, "tare_id": 0, "tare_ids": {"wrench": 0}}
+        assert reply["result"] == begun
         assert run.ask("tare.get", finger="left")["result"]["busy"] is True
         for _ in range(12):
             run.wrench(0.2, (0.1, 0.0))
@@ -191,32 +192,3 @@ class TestAtMostOnce:
 
     def test_a1_what_was_captured_in_another_run_is_refused(self, run: Run) -> None:
         assert run.refusal("record.start", boot="before") == ("wrong_boot", "boot")
-
-
-class TestFriction:
-    def test_it_is_set_for_a_finger_and_told(self, run: Run) -> None:
-        reply = run.ask("friction.set", finger="left", mu_s=0.8, mu_d=0.6)
-        assert reply["result"] == {"finger": "left", "mu": 0.8, "mu_source": "request"}
-        run.image()
-        run.wrench(10.0, (1.0, 0.0))
-        told = run.told("slip.left")[-1]
-        assert (told["mu"], told["mu_source"]) == (0.8, "request")
-        assert run.ask("friction.set", finger="left", mu_s=1)["result"]["mu"] == 1.0
-
-    @pytest.mark.parametrize(
-        ("fields", "refusal"),
-        [
-            ({"finger": "middle"}, ("unknown_finger", "finger")),
-            ({"mu_s": 0.0}, ("out_of_range", "mu_s")),
-            ({"mu_s": 10.1}, ("out_of_range", "mu_s")),
-            ({"mu_s": -0.5}, ("out_of_range", "mu_s")),
-            ({"mu_d": 0.51}, ("out_of_range", "mu_d")),
-            ({"mu_d": 0.0}, ("out_of_range", "mu_d")),
-            ({"mu_s": "0.5"}, ("bad_type", "mu_s")),
-            ({"mu_s": ...}, ("missing_field", "mu_s")),
-            ({"mu": 0.5}, ("unknown_field", "mu")),
-        ],
-    )
-    def test_anything_else_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
-        given = {"finger": "left", "mu_s": 0.5} | fields
-        assert run.refusal("friction.set", **given) == refusal

@@ -196,7 +196,9 @@ def test_status_comes_once_a_second_and_when_a_link_changes(run: Run) -> None:
     body = run.told("status")[-1]
     assert set(body["streams"]) == {"left.wrench", "left.pad", "right.pad", "gripper"}
     assert body["uptime_s"] == pytest.approx(5.0)
-    assert body["fingers"]["left"] == {"level": "unknown", "reasons": ["stale"], "tare_id": 0, "tare_busy": False}
+    state = {"level": "unknown", "reasons": ["stale"], "tare_id": 0, "tare_busy": False}
+    friction = {"mu": 0.5, "mu_source": "config", "mu_by": None, "mu_t_ns": None}
+    assert body["fingers"]["left"] == state | friction
 
 
 def test_a_lost_force_sensor_makes_its_finger_unknown_at_once(run: Run) -> None:

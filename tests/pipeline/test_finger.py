@@ -251,7 +251,8 @@ def test_an_old_image_is_none(finger: Finger, wrench: Wrench, image: Image) -> N
 def test_a_stream_is_stale_after_three_periods_and_never_within_20_ms(
     left: str, parse: Parse, wrench: Wrench, rate_hz: float, stale_ns: int
 ) -> None:
-    config = parse(left.replace("rate_hz = 1000.0", f"rate_hz = {rate_hz}")).finger["left"]
+    robotous = left.replace('"bota"', '"robotous"').replace("rate_hz = 1000.0", f"rate_hz = {rate_hz}\nbaud = 921600")
+    config = parse(robotous).finger["left"]
     assert stale_after_ns(config.wrench) == stale_ns
     finger = Finger("left", config, LevelsConfig())
     finger.take_wrench(wrench(T0, 10.0))

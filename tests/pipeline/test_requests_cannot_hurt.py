@@ -36,6 +36,7 @@ RIGHT: dict[str, tuple[Any, ...]] = {
     "mu_s": (0.2, 0.5, 11.0),
     "mu_d": (0.2, 0.5),
     "seconds": (0.01, 0.5),
+    "stream": ("wrench", "pad", "all"),
     "gravity_mps2": ([0.0, 0.0, -9.8],),
 }
 ENVELOPE = ("id", "boot", "deadline_ns", "v", "zz")

@@ -33,7 +33,10 @@ def eventful(trial: Recording) -> Iterator[tuple[int, Event]]:
         else:
             yield t_ns, event
         if index == 100:
-            yield t_ns, request(t_ns, "tare", finger="left", seconds=0.2)
+            yield t_ns, request(t_ns, "tare", finger="left", stream="pad", seconds=0.2)
+        if index == 150:
+            yield t_ns, request(t_ns, "lease.acquire", ttl_ms=100, id=8)
+            yield t_ns, request(t_ns, "friction.set", finger="right", mu_s=0.9, id=9)
         if index == 200:
             yield t_ns, request(t_ns, "tare.undo", finger="left")
             yield t_ns, request(t_ns, "grip.set", force_n=2.0)
@@ -78,6 +81,8 @@ def test_a_replay_publishes_byte_for_byte_what_the_live_run_published(live: Reco
     assert replayed == recorded
     assert live.complete
     assert len(recorded) > 500
+    mus = {body["mu"] for topic, body in replay(live) if topic == "slip.right"}
+    assert mus == {0.5, 0.9}, "a raise of μ under the lease is part of the run"
     assert {topic for topic, _ in recorded} >= {"slip.left", "slip.right", "tactile.left", "warning", "status"}
 
 

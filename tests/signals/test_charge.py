@@ -344,3 +344,22 @@ def test_the_kernel_does_what_it_does_without_compilation(loaded: int, anchor: f
         made.append((told, integral, last, common))
     for compiled, plain in zip(*made, strict=True):
         np.testing.assert_allclose(compiled, plain, rtol=1e-14, atol=1e-15)
+
+
+def test_a_moved_zero_of_the_readings_moves_no_force() -> None:
+    """A tare under way changes what is subtracted before the charge is rebuilt, also while something presses."""
+    force = press(100.0, 1.0)
+    told = {}
+    for shift_at in (len(force), len(force) // 4, len(force) // 2):
+        charge = ChargeReconstruction(1, TAU_S)
+        charge.shift(np.array((5.0,)))
+        forces, by = [], 0.0
+        for k, (reading, f) in enumerate(zip(amplifier(force), force, strict=True)):
+            if k == shift_at:
+                by = 30.0
+                charge.shift(np.array((by,)))
+            forces.append(charge.update(np.array((reading - by,)), k * STEP_S, bool(f <= 1e-9))[0])
+        told[shift_at] = forces
+    for forces in told.values():
+        assert_allclose(forces, told[len(force)], atol=1e-9)
+    assert told[len(force)][-1] == pytest.approx(100.0, rel=0.01)

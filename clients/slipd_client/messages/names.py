@@ -28,6 +28,7 @@ REASONS = {
     "weight_unknown": "the pull of the finger's own weight is not known, and may use up the margin or hide a contact",
     "stuck": "the sensor repeats itself while it should not",
     "garbage": "the sensor's readings are beyond its range, or jump to and fro as no force does",
+    "not_tared": "the pad was never tared, and reads a load that may be none",
     "disagreement": "force sensor and pad image contradict each other",
     "disagreement_contact": "about the contact: the sensor feels a clear force, and the image shows none",
     "disagreement_centroid": "about where the contact is",

@@ -150,6 +150,7 @@ class Tactile(Message):
     rows: int
     cols: int
     pitch_m: float | None = None
+    tare_id: int | None = None
     image_ok: bool = False
     loads_n: tuple[float, ...] | None = None
     active: int | None = None
@@ -229,6 +230,10 @@ class FingerStatus:
     reasons: tuple[str, ...] = ()
     tare_id: int | None = None
     tare_busy: bool | None = None
+    mu: float | None = None
+    mu_source: str | None = None
+    mu_by: str | None = None
+    mu_t_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,6 +250,8 @@ class StreamStatus:
     bad: int | None = None
     lost: int | None = None
     reconnects: int | None = None
+    tare_id: int | None = None
+    tare_busy: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)

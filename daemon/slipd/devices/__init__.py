@@ -158,6 +158,21 @@ class Inquiry:
     reply_bytes: int
 
 
+@dataclass(frozen=True, slots=True)
+class GripRange:
+    """The most that the grippers behind one device can do, from the data sheets of the largest models.
+
+    Attributes:
+        force_n: Force, N on one pad.
+        stroke_m: Change of the width between the pads, m.
+        speed_mps: Speed of the jaws, m/s.
+    """
+
+    force_n: float
+    stroke_m: float
+    speed_mps: float
+
+
 @dataclass(frozen=True)
 class Device:
     """A supported device, as its module's ``DEVICE`` says.
@@ -168,7 +183,9 @@ class Device:
         transports: How its bytes may travel: "serial", "tcp", "udp", "websocket", "external" or "local".
         decoder: Makes a decoder from the device's options.
         session: Makes a session from the device's options; None where the device speaks unasked.
+        rates_hz: Lowest and highest rate of its readings, or of its images, 1/s.
         baud: Default line speed of a serial port, bit/s; None for devices that have none. All lines are 8N1.
+        frame_bytes: Bytes of one reading on a UART, where ``baud`` limits the rate; 0: it does not, as over USB.
         axes: Components a taxel measures: 1 or 3; 0 for devices without taxels.
         sized: The decoder must be told the pad's ``rows`` and ``cols``.
         wired: The decoder must be told how its bytes travel (option ``wiring``): they differ.
@@ -179,6 +196,7 @@ class Device:
             ``speed_table`` (None where there is none).
         clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
         host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
+        grip: The most that a gripper of this kind can do; None for other devices, and where it tells by itself.
         inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
             nothing is ever asked.
     """
@@ -188,7 +206,9 @@ class Device:
     transports: tuple[str, ...]
     decoder: Callable[..., Decoder]
     session: Callable[..., Session] | None = None
+    rates_hz: tuple[float, float] = (1e-3, 1e6)
     baud: int | None = None
+    frame_bytes: int = 0
     axes: int = 0
     sized: bool = False
     wired: bool = False
@@ -198,6 +218,7 @@ class Device:
     tabled: bool = False
     clock_span_ns: int | None = None
     host_clock: bool = False
+    grip: GripRange | None = None
     inquiry: Callable[..., Inquiry | None] | None = None
 
 

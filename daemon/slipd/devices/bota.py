@@ -18,6 +18,8 @@ from slipd.samples import Array, WrenchSample
 
 FRAME_LENGTH = 37
 
+SAMPLES_HZ = 51_200
+"""What the filter averages over its length."""
 SINC_LENGTHS = (64, 1024)
 """From the fastest rate the sensor knows, 51200 / 64 = 800 Hz, to the slowest documented, 50 Hz."""
 
@@ -205,4 +207,14 @@ class Session(TalkingSession[WrenchSample]):
             self._banner = b""
 
 
-DEVICE = Device("bota", "wrench", ("serial",), Decoder, Session, baud=460_800, clock_span_ns=_US_SPAN * 1_000)
+DEVICE = Device(
+    "bota",
+    "wrench",
+    ("serial",),
+    Decoder,
+    Session,
+    rates_hz=(SAMPLES_HZ / SINC_LENGTHS[1], SAMPLES_HZ / SINC_LENGTHS[0]),
+    baud=460_800,
+    frame_bytes=FRAME_LENGTH,
+    clock_span_ns=_US_SPAN * 1_000,
+)

@@ -185,6 +185,7 @@ DEVICE = Device(
     ("serial", "tcp"),
     Decoder,
     Session,
+    rates_hz=(1.0, MAX_RATE_HZ),
     baud=115_200,
     axes=1,
     shared=True,

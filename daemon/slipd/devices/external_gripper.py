@@ -367,4 +367,4 @@ def _check(name: str, value: float, bounds: tuple[float, float]) -> None:
         raise ValueError(f"a {name} of {value} cannot be asked for: {low:g} to {high:g} can")
 
 
-DEVICE = Device("external_gripper", "gripper", ("local",), Decoder, Session)
+DEVICE = Device("external_gripper", "gripper", ("local",), Decoder, Session, rates_hz=(1.0, 1000.0))

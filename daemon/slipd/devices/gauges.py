@@ -130,4 +130,13 @@ def encode_frame(counts: Sequence[int], sequence: int, device_time_us: int, stat
     return body + crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")
 
 
-DEVICE = Device("gauges", "wrench", ("serial",), Decoder, baud=921_600, clock_span_ns=(1 << 32) * 1_000)
+DEVICE = Device(
+    "gauges",
+    "wrench",
+    ("serial",),
+    Decoder,
+    rates_hz=(1.0, 10_000.0),
+    baud=921_600,
+    frame_bytes=FRAME_LENGTH,
+    clock_span_ns=(1 << 32) * 1_000,
+)

@@ -244,4 +244,7 @@ def inquiry(calibration: str = "tcp", **_others: Any) -> Inquiry | None:
     return _INQUIRIES[calibration]
 
 
-DEVICE = Device("netft", "wrench", ("udp",), Decoder, Session, inquiry=inquiry)
+FASTEST_HZ = 7912.0
+"""The fastest output that the manual names."""
+
+DEVICE = Device("netft", "wrench", ("udp",), Decoder, Session, rates_hz=(1.0, FASTEST_HZ), inquiry=inquiry)

@@ -222,4 +222,13 @@ def _identity(body: bytes) -> str:
     return f"S/N {serial}" if serial.isascii() and serial.isprintable() and serial else ""
 
 
-DEVICE = Device("optoforce", "wrench", ("serial", "udp"), Decoder, Session, baud=1_000_000, wired=True)
+DEVICE = Device(
+    "optoforce",
+    "wrench",
+    ("serial", "udp"),
+    Decoder,
+    Session,
+    rates_hz=(1000.0 / LONGEST_UDP_PERIOD_MS, 1000.0),
+    baud=1_000_000,
+    wired=True,
+)

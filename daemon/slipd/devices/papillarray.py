@@ -100,6 +100,7 @@ DEVICE = Device(
     ("serial",),
     Decoder,
     Session,
+    rates_hz=(RATES_HZ[0], RATES_HZ[-1]),
     baud=115_200,
     axes=3,
     taxels=frames.PILLARS,

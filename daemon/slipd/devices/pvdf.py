@@ -186,6 +186,17 @@ def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_
     return b"".join(frames)
 
 
+FASTEST_HZ = 2_000.0
+"""A scan of eight rows takes 5 ms; electronics of your own may be some times faster."""
+
 DEVICE = Device(
-    "pvdf", "tactile", ("serial",), Decoder, baud=921_600, axes=1, sized=True, clock_span_ns=_US_SPAN * 1_000
+    "pvdf",
+    "tactile",
+    ("serial",),
+    Decoder,
+    rates_hz=(1.0, FASTEST_HZ),
+    baud=921_600,
+    axes=1,
+    sized=True,
+    clock_span_ns=_US_SPAN * 1_000,
 )

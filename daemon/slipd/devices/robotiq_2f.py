@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 
-from slipd.devices import Device, crc, modbus
+from slipd.devices import Device, GripRange, crc, modbus
 from slipd.devices.framing import FixedFrames
 from slipd.devices.health import DecoderHealth
 from slipd.devices.robotiq_registers import (
@@ -388,4 +388,17 @@ def _goes(request: modbus.Request | None) -> bool:
     return request is not None and len(request.registers) == REGISTERS and bool(request.registers[0] >> 8 & GO)
 
 
-DEVICE = Device("robotiq_2f", "gripper", ("serial",), Decoder, Session, baud=115_200, tabled=True)
+GRIP = GripRange(force_n=235.0, stroke_m=0.140, speed_mps=0.250)
+"""Force of a 2F-85, stroke and speed of a 2F-140."""
+
+DEVICE = Device(
+    "robotiq_2f",
+    "gripper",
+    ("serial",),
+    Decoder,
+    Session,
+    rates_hz=(1.0, 1e9 / COMMAND_PAUSE_NS),
+    baud=115_200,
+    tabled=True,
+    grip=GRIP,
+)

@@ -156,4 +156,13 @@ def _answer(name: str) -> str:
     return "required" if name in (_RATE, _FILTER) else "optional"
 
 
-DEVICE = Device("robotous", "wrench", ("serial",), Decoder, Session, baud=115_200)
+DEVICE = Device(
+    "robotous",
+    "wrench",
+    ("serial",),
+    Decoder,
+    Session,
+    rates_hz=(min(RATES_HZ), max(RATES_HZ)),
+    baud=115_200,
+    frame_bytes=packets.RESPONSE_LENGTH,
+)

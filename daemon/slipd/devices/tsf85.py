@@ -19,6 +19,8 @@ FINGERS = 2
 TAXELS = 28
 LONGEST_PERIOD_MS = 255
 """The period is sent in one byte."""
+IMAGES_HZ = 60.0
+"""Packets come faster, but so often one brings an image."""
 
 STATIC, DYNAMIC, ACCELEROMETER, GYROSCOPE, MAGNETOMETER, TEMPERATURE, TIMESTAMP = range(0x10, 0x80, 0x10)
 """Types of a tag."""
@@ -212,6 +214,7 @@ DEVICE = Device(
     ("serial",),
     Decoder,
     Session,
+    rates_hz=(1000.0 / LONGEST_PERIOD_MS, IMAGES_HZ),
     baud=115_200,
     axes=1,
     taxels=TAXELS,

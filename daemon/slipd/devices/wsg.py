@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from slipd.devices import Device, weiss
+from slipd.devices import Device, GripRange, weiss
 from slipd.devices import wsg_messages as wire
 from slipd.devices.commands import Command, Commands
 from slipd.devices.conversation import Conversation, Step
@@ -419,4 +419,15 @@ def _within(value: float, bounds: tuple[float, float] | None, name: str) -> floa
     return value * 1000
 
 
-DEVICE = Device("wsg", "gripper", ("tcp",), Decoder, Session)
+GRIP = GripRange(force_n=60.0, stroke_m=0.210, speed_mps=0.420)
+"""Half of the 120 N that a WSG 50 grips with in overdrive, which is what one pad feels; stroke of a WSG 50-210."""
+
+DEVICE = Device(
+    "wsg",
+    "gripper",
+    ("tcp",),
+    Decoder,
+    Session,
+    rates_hz=(1000.0 / LONGEST_MS, 1000.0 / SHORTEST_MS),
+    grip=GRIP,
+)

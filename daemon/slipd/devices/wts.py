@@ -159,5 +159,13 @@ class Session(TactileSession):
 
 
 DEVICE = Device(
-    "wts", "tactile", ("serial",), Decoder, Session, baud=115_200, axes=1, clock_span_ns=(1 << 32) * 1_000_000
+    "wts",
+    "tactile",
+    ("serial",),
+    Decoder,
+    Session,
+    rates_hz=(1000.0 / MAX_INTERVAL_MS, 1000.0),
+    baud=115_200,
+    axes=1,
+    clock_span_ns=(1 << 32) * 1_000_000,
 )

@@ -29,6 +29,7 @@ from slipd.pipeline.finger import Finger
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.holding import make_holding
 from slipd.pipeline.lateness import Lateness
+from slipd.pipeline.lease_desk import lease_body, policy_without_gripper
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import NO_FRAME, Outlet, Pace
 from slipd.pipeline.recordings import Recordings
@@ -43,7 +44,6 @@ from slipd_client.messages import (
 #: Sleep of the host that ends what was known of the present: streams are stale, leases over.
 SUSPENSION_NS = 50_000_000
 GRIPPER_LINK = "gripper"
-NO_LEASE: dict[str, Any] = {"held": False, "expires_in_s": None}
 
 
 class Engine:
@@ -64,7 +64,10 @@ class Engine:
         self._gripper = self._make_gripper()
         self._holding = make_holding(config, self._fingers, self._gripper, self._outlet)
         self._recordings = Recordings(boot, wall_minus_monotonic_ns)
-        self._desk = Desk(boot, self._fingers, self._gripper, self._recordings, self._status)
+        self._policy = policy_without_gripper() if self._gripper is None else self._gripper.policy
+        self._desk = Desk(
+            boot, self._fingers, self._gripper, self._policy, config.requests, self._recordings, self._status
+        )
         self._status_pace = Pace(config.rates.status_hz)
         self._started_ns: int | None = None
         self._suspended_ns: int | None = None
@@ -201,6 +204,7 @@ class Engine:
 
     def _wake(self, t_ns: int, out: list[Output]) -> None:
         """The host slept, and the monotonic clock with it: what looks fresh is old, and leases are over."""
+        self._policy.end_lease()
         if self._gripper is not None:
             self._gripper.wake()
             out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, self._gripper.body(t_ns)))
@@ -240,6 +244,7 @@ class Engine:
                 "reasons": list(finger.state.verdict.reasons),
                 "tare_id": finger.tare.current.id,
                 "tare_busy": finger.tare.busy,
+                **finger.friction_body(),
             }
             for name, finger in self._fingers.items()
         }
@@ -255,7 +260,7 @@ class Engine:
             "streams": streams,
             "publisher": {"messages": self._outlet.published},
             "late_s": self._lateness.worst_ns(t_ns) * 1e-9,
-            "lease": NO_LEASE if gripper is None else gripper["lease"],
+            "lease": lease_body(self._policy, t_ns),
             "gripper": gripper,
             "recording": self._recordings.body(),
         }
@@ -269,7 +274,7 @@ class Engine:
             conditions += cast("GripperControl", self._gripper).conditions()
         else:
             conditions += side.conditions(t_ns)
-            body |= side.told(t_ns)
+            body |= {"tare_id": side.tare.current.id, "tare_busy": side.tare.busy} | side.told(t_ns)
         worst = max(health for health, _ in conditions)
         message = "; ".join(text for _, text in sorted(conditions, key=lambda told: -told[0]) if text)
         return {"health": int(worst), "message": message, **body}

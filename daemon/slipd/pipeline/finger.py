@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -31,7 +31,7 @@ COMPARE_NS = 10_000_000
 #: A tare bears a moment's silence; over a longer one nobody knows what touched the finger.
 LONGEST_TARE_GAP_NS = 500_000_000
 #: Reasons with which nobody knows what the fingers feel.
-DOUBTS = frozenset({"stale", "not_finite", "disagreement"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
+DOUBTS = frozenset({"stale", "not_finite", "disagreement", "not_tared"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
 #: Levels that an image alone can reach: without it they are unknown, and what is worse stays as it is.
 RESTS_ON_IMAGE = frozenset({"stable", "caution"})
 #: A grip is raised only on readings acquired no longer ago than this, or so many periods, beside the line's delay.
@@ -63,10 +63,12 @@ class Finger:
         self._oldest_image_ns = _oldest_ns(config.pad or main)
         self.image: PadImage | None = pad_image(config)
         self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
-        self.tare: Tare = cast("ForceSide | PadImage", self.force or self.image).tare
+        self.tare: Tare = self._part(None).tare
         self._newest: State | Judged = State(0, LOST)
         self._judge = Judge(config, levels)
         self._mu_source = "config"
+        self._mu_by: str | None = None
+        self._mu_t_ns: int | None = None
         self._agreement = _agreement(config)
         self._disagreement: tuple[str, ...] = ()
         self._compared_ns = 0
@@ -95,6 +97,37 @@ class Finger:
             return None
         return False if tared else shown
 
+    def force_pressed(self) -> bool | None:
+        """Whether the force sensor feels something press on the pad; None where that is not known.
+
+        This is the witness while the pad beside it is tared, whose own image has no zero yet.
+        """
+        if self.force is None or self.state.contact is None or self.state.verdict is HIDDEN:
+            return None
+        return self._judge.in_contact if self.tare.current.id > 0 else None
+
+    def pressed_beside(self, streams: Collection[str]) -> bool | None:
+        """Whether something presses, by all but the zeros that these streams are about to get; None: not known.
+
+        Args:
+            streams: "wrench", "pad", or both.
+        """
+        if self.force is None or "pad" not in streams:
+            return self.pressed()
+        felt = self.force_pressed()
+        if "wrench" not in streams:
+            return felt
+        shown = self._shows_contact() if self.image is not None and self.image.zero_known else None
+        if felt or shown:
+            return True
+        return None if felt is None and shown is None else False
+
+    def is_fresh(self, stream: str, t_ns: int) -> bool:
+        """Whether its stream "wrench" or "pad" has sent readings lately."""
+        if stream == "wrench" or self.force is None:
+            return self.state.verdict is not LOST
+        return self.image is not None and self._is_fresh(self.image, t_ns)
+
     @property
     def state(self) -> State:
         """What is known after the newest force reading."""
@@ -111,10 +144,26 @@ class Finger:
         """Where it comes from: "config" or "request"; None: not known."""
         return None if self.mu is None else self._mu_source
 
-    def set_friction(self, mu_s: float, mu_d: float | None) -> None:
-        """Takes the friction of the object that is held, static and, where known, dynamic; for this run."""
+    def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
+        """Take the friction of the object that is held, static and, where known, dynamic; for this run.
+
+        Args:
+            mu_s: Coefficient of static friction.
+            mu_d: Of dynamic friction; None: the fall that counts as a slip stays as it is.
+            by: Who states it.
+            t_ns: When.
+        """
         self._judge.set_friction(mu_s, mu_d)
         self._mu_source = "request"
+        self._mu_by, self._mu_t_ns = by, t_ns
+
+    def loosens(self, mu_s: float, mu_d: float | None) -> bool:
+        """Whether `set_friction` makes a verdict more lenient (see `Judge.loosens`)."""
+        return self._judge.loosens(mu_s, mu_d)
+
+    def friction_body(self) -> dict[str, Any]:
+        """Return the friction in use, and who stated it, as ``status`` and replies have it."""
+        return {"mu": self.mu, "mu_source": self.mu_source, "mu_by": self._mu_by, "mu_t_ns": self._mu_t_ns}
 
     @property
     def trusted(self) -> bool:
@@ -132,16 +181,16 @@ class Finger:
         """Age of the newest force reading, s; None before the first."""
         return None if self._received_ns is None else (t_ns - self._acquired_ns) * 1e-9
 
-    def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
-        """Starts to average the unloaded readings of the force stream."""
-        if self.force is not None:
-            self.force.begin_tare(t_ns, seconds, by)
-        else:
-            self.tare.begin(t_ns, seconds, by)
+    def begin_tare(self, t_ns: int, seconds: float, by: str, stream: str | None = None) -> None:
+        """Start to average the unloaded readings of its stream "wrench" or "pad"; None: of what measures the force."""
+        self._part(stream).begin_tare(t_ns, seconds, by)
 
-    def undo_tare(self) -> bool:
-        """Puts the offset before the last tare back in force; False where there is none."""
-        return self.force.undo_tare() if self.force is not None else self.tare.undo()
+    def undo_tare(self, stream: str | None = None) -> bool:
+        """Put the offset before the last tare of a stream back in force; False where there is none."""
+        return self._part(stream).undo_tare()
+
+    def _part(self, stream: str | None) -> ForceSide | PadImage:
+        return cast("ForceSide | PadImage", self.force or self.image if stream is None else self.side(stream))
 
     def take_wrench(self, sample: WrenchSample, acquired_ns: int | None = None) -> State:
         """Decides on a reading of the force sensor, acquired when it was received unless ``acquired_ns`` says when."""
@@ -173,6 +222,8 @@ class Finger:
         if self.force is not None or not self.image.three_axis:
             return None
         words = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
+        if self.image.untared:
+            words = ("not_tared", *words)
         wrench = self.image.wrench()
         if wrench is None:
             words = words or ("not_finite",)
@@ -185,6 +236,9 @@ class Finger:
         silent_ns = 0 if self._received_ns is None else t_ns - self._received_ns
         if self.tare.busy and silent_ns > LONGEST_TARE_GAP_NS:
             self.tare.abort("the stream fell silent")
+        image = self.image
+        if image is not None and image.tare.busy and t_ns - image.received_ns > LONGEST_TARE_GAP_NS:
+            image.tare.abort("the stream fell silent")
         if self.state.verdict is LOST:
             return None
         if self._received_ns is None or silent_ns > self._stale_ns:
@@ -207,6 +261,7 @@ class Finger:
         """The image stream ended."""
         self._forget_comparison()
         if self.image is not None:
+            self.image.tare.abort("the stream ended")
             self.image.forget()
 
     def lose(self, t_ns: int) -> State:
@@ -224,8 +279,8 @@ class Finger:
             read.rows[received_ns - np.array(times_ns) > self._stale_ns, USE] = LATE
         image = self.image
         shares_of = image.shares if image is not None and self._is_fresh(image, received_ns) else None
-        doubt, hangs = self._doubt(times_ns[-1]), image is not None and image.hangs
-        judged = self._judge.judge(read, doubt, shares_of, self._disagreement, image_hangs=hangs)
+        doubt, fault = self._doubt(times_ns[-1]), "" if image is None else image.fault
+        judged = self._judge.judge(read, doubt, shares_of, self._disagreement, fault)
         if judged.ends_at < len(judged):
             self._forget_comparison()
         self._newest = judged
@@ -233,6 +288,8 @@ class Finger:
         self._note(judged)
         if self.tare.busy and self.pressed():
             self.tare.abort("a contact began")
+        if image is not None and image.tare.busy and self.force_pressed():
+            image.tare.abort("a contact began")
         return judged
 
     def _felt(self) -> Felt:
@@ -300,7 +357,9 @@ class Finger:
     def _shows_contact(self) -> bool | None:
         """What a fresh image says beside the force sensor; taxels that are the force sensor say nothing beside it."""
         image = self.image
-        if image is None or self.force is None or not self._is_fresh(image, self._received_ns or 0):
+        if image is None or self.force is None or image.tare.busy:
+            return None
+        if not self._is_fresh(image, self._received_ns or 0):
             return None
         return image.shows_contact()
 

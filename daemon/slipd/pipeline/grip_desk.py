@@ -32,9 +32,6 @@ class GripDesk:
         self._gripper = gripper
         self._policy = gripper.policy
         self.ops: dict[str, Handler] = {
-            "lease.acquire": self._lease_acquire,
-            "lease.renew": self._lease_renew,
-            "lease.release": self._lease_release,
             "grip.set": self._grip_set,
             "grip.adjust": self._grip_adjust,
             "grip.hold": self._hold,
@@ -44,16 +41,6 @@ class GripDesk:
             "gripper.stop": self._stop,
             "fault.ack": self._acknowledge,
         }
-
-    def _lease_acquire(self, request: Request, t_ns: int) -> Result:
-        ttl_ms = request.body["ttl_ms"]
-        return self._policy.acquire(request.client, ttl_ms, t_ns) or {"ttl_ms": ttl_ms}
-
-    def _lease_renew(self, request: Request, t_ns: int) -> Result:
-        return self._policy.renew(request.client, t_ns) or {}
-
-    def _lease_release(self, request: Request, t_ns: int) -> Result:
-        return self._policy.release(request.client, t_ns) or {}
 
     def _hold(self, request: Request, t_ns: int) -> Result:
         return self._policy.check_lease(request.client, t_ns) or self._gripper.hold()

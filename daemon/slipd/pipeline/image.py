@@ -14,12 +14,18 @@ from slipd.samples import UNTRUSTED, Array, TactileSample
 from slipd.signals.charge import ChargeReconstruction
 from slipd.signals.frozen import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
-from slipd.signals.tare import Tare
+from slipd.signals.tare import Offset, Tare
 from slipd.signals.taxel_health import TaxelHealth
+from slipd.signals.untared import UntaredWatch
 from slipd_client.messages import Health
 
 #: Movement of the force that an image must show, over the force sensor's noise.
 FROZEN_STDS = 6.0
+#: What people should do where a pad was never tared.
+UNTARED = (
+    "it was never tared and reads a load that may be none: with nothing touching it, say `slipctl tare take FINGER "
+    "--stream pad`, or put its unloaded counts into the config as tare"
+)
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -103,6 +109,9 @@ class PadImage:
         noise_n = 0.0 if finger.wrench is None else finger.wrench.force_std_n
         self._frozen = FrozenImage(max(FROZEN_STDS * noise_n, finger.min_normal_n))
         self.hangs = False
+        self._stated = bool(pad.tare)
+        self._untared = UntaredWatch(finger.min_normal_n, pad.threshold, calibrated=self._calibrated)
+        self._alone = finger.wrench is None
         self.pressure = np.zeros(taxels)
         self.t_ns: int | None = None
         self.received_ns = 0
@@ -124,7 +133,9 @@ class PadImage:
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
         doubtful = not UNTRUSTED.isdisjoint(sample.status)
         self.hangs = self._frozen.update(sample.values, t_ns, felt.normal_n)
-        values = self.tare.apply(sample.values, sample.t_ns)
+        before = self.tare.current
+        values = self.tare.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.hangs)
+        self._take_offset(before)
         if self.three_axis and self.geometry.swap_xy:
             values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
         values = self._scale * values
@@ -137,6 +148,8 @@ class PadImage:
             values = pressure = self._charge.update(values, t_ns * 1e-9, felt.free)
         free = felt.free if felt.normal_n is not None else None
         self._health.update(readings, t_ns, free, felt.moving, pressure)
+        if not doubtful and not self.zero_known:
+            self._look(values, readings, t_ns, felt)
         self._believe(values, doubtful=doubtful)
         self.t_ns, self.received_ns, self.status = t_ns, sample.t_ns, sample.status
         self._assumed_free = self._charge is not None and felt.free
@@ -151,10 +164,52 @@ class PadImage:
             values = -values[:, 2]
         elif mend is not None:
             values = mend(values)
-        usable = self._health.usable and not self.hangs and not doubtful
+        usable = self._health.usable and not self.hangs and not doubtful and not self.untared
         self._known = usable and math.isfinite(float(np.dot(values, values)))
         self.pressure = np.where(values > self._threshold, values, 0.0) if self._known else np.zeros_like(values)
         self._shared = False
+
+    def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
+        """Start to average images; those that the device marks as invalid stay out."""
+        self.tare.begin(t_ns, seconds, by)
+
+    def undo_tare(self) -> bool:
+        """Put the offset before the last tare back in force; False where there is none."""
+        before = self.tare.current
+        if not self.tare.undo():
+            return False
+        self._take_offset(before)
+        return True
+
+    @property
+    def zero_known(self) -> bool:
+        """The config states the pad's unloaded counts, or a tare took them; a charge pad learns them by itself."""
+        return self._stated or self.tare.current.id > 0 or self._charge is not None
+
+    @property
+    def fault(self) -> str:
+        """Reason for which no image can be used now: "stuck", "not_tared", or "" where it is none of these."""
+        return "stuck" if self.hangs else "not_tared" if self.untared else ""
+
+    @property
+    def untared(self) -> bool:
+        """Without a tare the pad reads tens of newtons, so that its images say nothing."""
+        return self._untared.missing and not self.zero_known
+
+    def _take_offset(self, before: Offset) -> None:
+        """What was learned of the readings is moved with their zero, or forgotten, where another is in force."""
+        if self.tare.current is before:
+            return
+        self._untared.forget()
+        if self._charge is not None:
+            self._charge.shift(self._scale * (self.tare.current.value - before.value))
+
+    def _look(self, values: Array, readings: Array, t_ns: int, felt: Felt) -> None:
+        """Look whether the pad reads a load that is none."""
+        if self._alone and self.three_axis:
+            self._untared.look_alone(values)
+        else:
+            self._untared.look_beside(readings, t_ns, free=felt.free)
 
     def forget(self) -> None:
         """Gives up the newest image: time passed, or the pad was away, and nobody saw what happened."""
@@ -174,6 +229,8 @@ class PadImage:
         if self.status:
             level = Health.WARN if UNTRUSTED.isdisjoint(self.status) else Health.ERROR
             found.append((level, f"the device reports: {', '.join(self.status)}"))
+        if self.untared:
+            found.append((Health.ERROR, UNTARED))
         if self.hangs:
             found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))
         masked = "; ".join(f"{kind} {', '.join(map(str, at))}" for kind, at in self._health.report().items() if at)

@@ -59,6 +59,7 @@ class Judge:
         thresholds = Thresholds(levels.caution, levels.warning, levels.hysteresis)
         self.mu = config.mu
         self.in_contact = False
+        self._drop = config.slip.drop
         self._caution = levels.caution
         self._contact_n = (least, CONTACT_HYSTERESIS * least)
         self._watch = ContactWatch(thresholds, SlipSettings(**config.slip.model_dump()), half_pitch_m, least)
@@ -79,7 +80,14 @@ class Judge:
         self.mu = mu_s
         self._twist = None
         if mu_d is not None:
-            self._watch.set_drop(max(SEEN_SHARE * (1.0 - mu_d / mu_s), LEAST_DROP))
+            self._drop = _drop(mu_s, mu_d)
+            self._watch.set_drop(self._drop)
+
+    def loosens(self, mu_s: float, mu_d: float | None) -> bool:
+        """Whether `set_friction` would make a verdict more lenient: by a larger μ, or a larger fall that is a slip."""
+        if self.mu is None or mu_s > self.mu:
+            return True
+        return mu_d is not None and _drop(mu_s, mu_d) > self._drop
 
     def end_contact(self) -> None:
         """The contact ended, or is not known any more."""
@@ -92,8 +100,7 @@ class Judge:
         doubt: Doubt,
         shares_of: Callable[[Contact], Shares | None] | None,
         disagreement: tuple[str, ...],
-        *,
-        image_hangs: bool,
+        image_fault: str,
     ) -> Judged:
         """Judges the readings of one read.
 
@@ -102,7 +109,7 @@ class Judge:
             doubt: What they may hold beside the contact's load.
             shares_of: How the image shares the force of a contact, and None where it cannot; None without a fresh one.
             disagreement: What force sensor and image contradict each other about.
-            image_hangs: The image cannot be used because it repeats.
+            image_fault: Reason for which no image can be used: "stuck", "not_tared", or "".
         """
         noise = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
         contacts = find_contacts(read.carrier, read.rows, self._contact_n, self.in_contact, *noise)
@@ -128,7 +135,7 @@ class Judge:
             ]
         self._keep(touch, used)
         return Judged(
-            read, touch, contacts, shares, used, margins_m, found, mu, self._caution, image_hangs, disagreement,
+            read, touch, contacts, shares, used, margins_m, found, mu, self._caution, image_fault, disagreement,
             ends_at, levels,
         )  # fmt: skip
 
@@ -143,6 +150,11 @@ class Judge:
         if self.in_contact and len(used):
             vx, vy, om = used[at, 6:].tolist()
             self._twist = vx, vy, om
+
+
+def _drop(mu_s: float, mu_d: float) -> float:
+    """Share by which the friction ratio falls when a contact of these coefficients slips, as far as it must be seen."""
+    return max(SEEN_SHARE * (1.0 - mu_d / mu_s), LEAST_DROP)
 
 
 def _contact_end(touch: list[int], in_contact: bool) -> int:

@@ -138,6 +138,7 @@ def tactile_body(finger: Finger, image: PadImage) -> Body:
         "rows": geometry.rows,
         "cols": geometry.cols,
         "pitch_m": geometry.pitch_m,
+        "tare_id": image.tare.current.id,
         "image_ok": known,
         "loads_n": image.pressure.tolist() if known else None,
         "active": None if shape is None else shape.active,

@@ -26,9 +26,13 @@ class Field:
 OPS: dict[str, dict[str, Field]] = {
     "hello": {},
     "status": {},
-    "tare": {"finger": Field("text"), "seconds": Field("number", required=False)},
-    "tare.get": {"finger": Field("text")},
-    "tare.undo": {"finger": Field("text")},
+    "tare": {
+        "finger": Field("text"),
+        "seconds": Field("number", required=False),
+        "stream": Field("text", required=False),
+    },
+    "tare.get": {"finger": Field("text"), "stream": Field("text", required=False)},
+    "tare.undo": {"finger": Field("text"), "stream": Field("text", required=False)},
     "gravity.set": {"finger": Field("text"), "gravity_mps2": Field("vector")},
     "lease.acquire": {"ttl_ms": Field("integer")},
     "lease.renew": {},

@@ -107,7 +107,7 @@ class Judged:
         found: Numbers of the `Found` of each, shape (n, 6).
         mu: Coefficient of static friction; NaN: not known.
         caution: Utilisation that counts as danger.
-        image_hangs: The image cannot be used because it repeats.
+        image_fault: Reason for which no image can be used: "stuck", "not_tared", or "".
         disagreement: What force sensor and image contradict each other about, until the contact ends.
         ends_at: Place of the first reading with which a contact ended; that of the last and one where none did.
         levels: ``level_code`` of each.
@@ -122,7 +122,7 @@ class Judged:
     found: Array
     mu: float
     caution: float
-    image_hangs: bool
+    image_fault: str
     disagreement: tuple[str, ...]
     ends_at: int
     levels: list[int]
@@ -178,8 +178,8 @@ class Judged:
         if self.disagreement and at < self.ends_at:
             return Verdict("unknown", ("disagreement", *self.disagreement))
         verdict = self._of_contact(at)
-        if self.shares is None and self.image_hangs:
-            return Verdict(verdict.level, ("stuck", *verdict.reasons))
+        if self.shares is None and self.image_fault:
+            return Verdict(verdict.level, (self.image_fault, *verdict.reasons))
         return verdict
 
     def _of_contact(self, at: int) -> Verdict:

@@ -102,6 +102,11 @@ class ChargeReconstruction:
         self._anchor = None
         return told
 
+    def shift(self, by: Array) -> None:
+        """Take readings that are lower from now on by ``by``, shape (taxels,): their zero was moved."""
+        if self._offset is not None:
+            self._offset = self._offset - by
+
     def forget(self) -> None:
         """Gives up the charge: time passed that was not seen. The offset stays."""
         self._resting = False

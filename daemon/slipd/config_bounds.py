@@ -1,0 +1,135 @@
+"""Bounds on what a config may state: what lies beyond them is a mistaken unit or a slip of the keyboard.
+
+The bounds are wide. They refuse what no rig can be, not what is unusual.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+#: A value that was measured, or rounded, may lie beyond what a data sheet states by this factor.
+MARGIN = 1.25
+#: A quaternion written with four digits is still a unit quaternion.
+QUATERNION_TOLERANCE = 1e-3
+#: Rubber on dry, rough glass reaches 2. More is a mistaken unit, and makes every grip look safe.
+MOST_FRICTION = 2.0
+#: The longer side of the largest pad that fits between the jaws of a gripper, m.
+LONGEST_PAD_M = 0.5
+#: A threshold of contact above this hides a grip, N; only where a force sensor measures newtons.
+MOST_MIN_NORMAL_N = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The values that a quantity can have; as a call, a validator of pydantic.
+
+    Attributes:
+        least: Smallest value.
+        most: Largest value.
+        unit: Unit of both; "" for plain numbers.
+        thousandth: Unit a thousand times smaller, in which people state this quantity too; "" where there is none.
+        zero: 0 is good too, and means "none".
+    """
+
+    least: float
+    most: float
+    unit: str
+    thousandth: str = ""
+    zero: bool = False
+
+    def fault(self, value: float) -> str:
+        """Say what is wrong with a value, and what is likely meant; "" where it is good."""
+        if self._holds(value):
+            return ""
+        unit = f" {self.unit}" if self.unit else ""
+        rule = f"must be from {self.least:g} to {self.most:g}{unit}, got {value:g}"
+        meant = value * 1e-3
+        if not self.thousandth or abs(value) <= self.most or not self._holds(meant):
+            return rule
+        return f"{rule}: did you mean {value:g} {self.thousandth}? write {meant:g}"
+
+    def __call__(self, value: Any) -> Any:
+        """Refuse a number, or a list of numbers, that is out of bounds.
+
+        Raises:
+            ValueError: It is, or one of them.
+        """
+        for number in value if isinstance(value, list) else (value,):
+            if fault := self.fault(number):
+                raise ValueError(fault)
+        return value
+
+    def _holds(self, value: float) -> bool:
+        return self.least <= value <= self.most or (self.zero and value == 0.0)
+
+
+class StrictModel(BaseModel):
+    """A table of a config: no unknown key, no other type, no NaN and nothing infinite."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def table_fault(rows: Iterable[Iterable[float]], *columns: Bounds | None) -> str:
+    """Say what is wrong with the first value of a table that is out of its column's bounds; "" where none is."""
+    for row in rows:
+        for value, bounds in zip(row, columns, strict=True):
+            if bounds is not None and (fault := bounds.fault(value)):
+                return fault
+    return ""
+
+
+def unit_quaternion(quat_xyzw: list[float]) -> list[float]:
+    """Refuse a quaternion that is no rotation.
+
+    Raises:
+        ValueError: Its length is not 1.
+    """
+    length = math.hypot(*quat_xyzw)
+    if abs(length - 1.0) > QUATERNION_TOLERANCE:
+        raise ValueError(f"must be a unit quaternion x, y, z, w; this one has length {length:.4g}")
+    return quat_xyzw
+
+
+#: A sensor at the wrist sits within a metre of the fingertip, and so does the mass between them.
+PLACE = Bounds(-1.0, 1.0, "m", "mm")
+#: Large parallel grippers open by some decimetres.
+WIDTH = Bounds(0.0, 1.0, "m", "mm")
+#: The strongest electric parallel grippers press with some kilonewtons.
+GRIP = Bounds(0.0, 5e3, "N", "mN")
+#: A jaw that closes at 2 m/s breaks what it grips.
+SPEED = Bounds(0.0, 2.0, "m/s", "mm/s")
+
+#: The finest tactile arrays have a pitch of some tenths of a millimetre, the coarsest skins one of some centimetres.
+Pitch = Annotated[float, AfterValidator(Bounds(1e-4, 0.05, "m", "mm"))]
+Electrode = Annotated[float, AfterValidator(Bounds(1e-5, 0.05, "m", "mm"))]
+Place = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(PLACE)]
+#: What hangs on a force sensor is a fingertip of grams, or a whole gripper at the wrist.
+Mass = Annotated[float, AfterValidator(Bounds(1e-5, 10.0, "kg", "g", zero=True))]
+Friction = Annotated[float, AfterValidator(Bounds(0.01, MOST_FRICTION, ""))]
+#: A noise of 10 N hides every contact that fingers have.
+ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
+TorqueNoise = Annotated[float, AfterValidator(Bounds(0.0, 1.0, "N·m", "mN·m"))]
+#: From gram-force sensors for fingertips to the largest six-axis sensors of industrial robots.
+Range = Annotated[float, AfterValidator(Bounds(0.1, 1e5, "N"))]
+#: A zero that drifts further belongs to a broken sensor.
+DriftForce = Annotated[float, AfterValidator(Bounds(1e-4, 100.0, "N", "mN"))]
+DriftTorque = Annotated[float, AfterValidator(Bounds(1e-6, 10.0, "N·m", "mN·m"))]
+#: Zeros creep within seconds at the fastest, and over days.
+DriftTime = Annotated[float, AfterValidator(Bounds(1e-2, 1e6, "s"))]
+#: Charge amplifiers leak within milliseconds to an hour.
+Leak = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
+Grip = Annotated[float, Field(gt=0.0), AfterValidator(GRIP)]
+#: From creeping to the full force of the strongest gripper within a tenth of a second.
+Slew = Annotated[float, AfterValidator(Bounds(1e-3, 5e4, "N/s", "mN/s"))]
+#: A contact breaks loose within milliseconds to a second, and nobody waits longer than a minute for a slip to end.
+SlipWindow = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "s", "ms"))]
+SlipHold = Annotated[float, AfterValidator(Bounds(1e-3, 60.0, "s", "ms"))]
+#: A warning comes some seconds before a drop at most.
+LeadTime = Annotated[float, AfterValidator(Bounds(1e-3, 10.0, "s", "ms"))]
+Calm = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
+Quaternion = Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(unit_quaternion)]

@@ -1,0 +1,90 @@
+"""Who else may change a file: whoever writes the config decides what moves.
+
+The rule is that of OpenSSH's ``StrictModes``, as Debian ships it: the file and every folder on its path belong to root
+or to the user who runs slipd, and nobody else may write to them; a group that holds nobody else is nobody else. It
+departs from it in two things. Links are followed here one by one, so that the folder of a link counts too. And a folder
+with the sticky bit, such as ``/tmp``, is good where root or that user owns it: others may add files there, but neither
+replace nor rename those of its owner.
+"""
+
+from __future__ import annotations
+
+import errno
+import grp
+import os
+import pwd
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT_UID = 0
+#: As many as the kernel follows.
+MOST_LINKS = 40
+
+
+def trust_faults(path: Path) -> list[str]:
+    """Find what lets another user change a file: its owner or mode, or those of a folder or link on its path.
+
+    Raises:
+        OSError: The file is not there, or a folder cannot be entered.
+    """
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):  # such as the pipe of a shell: it has no folder
+        return _faults(path, found)
+    return [fault for here, entry in _walk(path) for fault in _faults(here, entry)]
+
+
+def _walk(path: Path) -> Iterator[tuple[Path, os.stat_result]]:
+    """Every folder, link and file that the kernel passes on its way to a file, without those that links leave again."""
+    here, links = Path("/"), 0
+    pending = [*reversed((Path.cwd() / path).parts[1:])]
+    yield here, here.lstat()
+    while pending:
+        name = pending.pop()
+        if name == "..":
+            here = here.parent
+            continue
+        entry = (here / name).lstat()
+        yield here / name, entry
+        if not stat.S_ISLNK(entry.st_mode):
+            here = here / name
+            continue
+        links += 1
+        if links > MOST_LINKS:
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+        target = (here / name).readlink()
+        if target.is_absolute():
+            here = Path("/")
+        pending += [part for part in reversed(target.parts) if part != "/"]
+
+
+def _faults(path: Path, entry: os.stat_result) -> list[str]:
+    is_folder = stat.S_ISDIR(entry.st_mode)
+    what = f"the folder {path} on its path" if is_folder else str(path)
+    if entry.st_uid not in (ROOT_UID, os.geteuid()):
+        mend = f"chown {_name(os.geteuid())} {path}"
+        return [f"{what} must belong to root or to {_name(os.geteuid())}, not to {_name(entry.st_uid)}: {mend}"]
+    if stat.S_ISLNK(entry.st_mode) or (is_folder and entry.st_mode & stat.S_ISVTX):
+        return []
+    by_group = entry.st_mode & stat.S_IWGRP and not _is_own_group(entry.st_gid)
+    if not (by_group or entry.st_mode & stat.S_IWOTH):
+        return []
+    mode = stat.S_IMODE(entry.st_mode)
+    return [f"{what} must not be writable by other users (mode {mode:04o}): chmod go-w {path}"]
+
+
+def _is_own_group(gid: int) -> bool:
+    """Nobody is in the group but root and the user who runs this, as in the group of the same name that many have."""
+    mine = {ROOT_UID, os.geteuid()}
+    try:
+        members = {pwd.getpwnam(name).pw_uid for name in grp.getgrgid(gid).gr_mem}
+    except KeyError:  # a group, or a member, that this machine does not know
+        return False
+    return members | {user.pw_uid for user in pwd.getpwall() if user.pw_gid == gid} <= mine
+
+
+def _name(uid: int) -> str:
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return str(uid)

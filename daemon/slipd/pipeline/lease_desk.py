@@ -1,0 +1,53 @@
+"""Answers the requests about the lease, which every rig has: with a gripper it moves, without one it still decides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slipd.grip.policy import GripLimits, GripPolicy
+from slipd.pipeline.events import Request
+from slipd.pipeline.grip_desk import Handler
+from slipd.pipeline.gripper import Result
+
+#: Longest life of a lease without renewal on a rig without gripper; with one, ``gripper.max_lease_ms`` says it.
+LONGEST_LEASE_MS = 200
+
+
+class LeaseDesk:
+    """Gives the lease to one client at a time.
+
+    Args:
+        policy: Keeps the lease.
+
+    Attributes:
+        ops: What answers each op.
+    """
+
+    def __init__(self, policy: GripPolicy) -> None:
+        self._policy = policy
+        self.ops: dict[str, Handler] = {
+            "lease.acquire": self._acquire,
+            "lease.renew": self._renew,
+            "lease.release": self._release,
+        }
+
+    def _acquire(self, request: Request, t_ns: int) -> Result:
+        ttl_ms = request.body["ttl_ms"]
+        return self._policy.acquire(request.client, ttl_ms, t_ns) or {"ttl_ms": ttl_ms}
+
+    def _renew(self, request: Request, t_ns: int) -> Result:
+        return self._policy.renew(request.client, t_ns) or {}
+
+    def _release(self, request: Request, t_ns: int) -> Result:
+        return self._policy.release(request.client, t_ns) or {}
+
+
+def lease_body(policy: GripPolicy, t_ns: int) -> dict[str, Any]:
+    """Return ``lease`` of the messages."""
+    expires_in_s = policy.expires_in_s(t_ns)
+    return {"held": expires_in_s is not None, "expires_in_s": expires_in_s}
+
+
+def policy_without_gripper() -> GripPolicy:
+    """Return what keeps the lease of a rig without gripper: it grants no force."""
+    return GripPolicy(GripLimits(0.0, None, 0.0, 0.0, 0.0, 0.0), LONGEST_LEASE_MS)

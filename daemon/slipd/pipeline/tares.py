@@ -1,0 +1,98 @@
+"""The tares of one finger: its force sensor's and its pad's, each asked for, read and taken back by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from slipd.grip.policy import Refusal
+from slipd.pipeline.finger import Finger
+from slipd.pipeline.force import ForceSide
+from slipd.pipeline.image import PadImage
+
+STREAMS = ("wrench", "pad")
+
+
+@dataclass(frozen=True)
+class Tares:
+    """The streams of a finger that one request is about.
+
+    Attributes:
+        finger: The finger.
+        sides: What stands behind each, by its kind, "wrench" or "pad"; ``tare_id`` of a reply is that of the first.
+    """
+
+    finger: Finger
+    sides: dict[str, ForceSide | PadImage]
+
+    @classmethod
+    def of(cls, finger: Finger, stream: str | None) -> Tares | Refusal:
+        """Find the streams that a request names.
+
+        Args:
+            finger: The finger.
+            stream: "wrench", "pad", or "all"; None: what measures the force, which is the pad where there is no force
+                sensor.
+        """
+        has = {kind: side for kind in STREAMS if (side := finger.side(kind)) is not None}
+        if stream == "all":
+            return cls(finger, has)
+        kind = next(iter(has)) if stream is None else stream
+        if kind not in has:
+            return Refusal("not_ready", f"finger {finger.name} has no {kind}, only a {next(iter(has))}", "stream")
+        return cls(finger, {kind: has[kind]})
+
+    def refuse(self, t_ns: int) -> Refusal | None:
+        """Say why these streams cannot be tared now."""
+        name = self.finger.name
+        for kind in self.sides:
+            if not self.finger.is_fresh(kind, t_ns):
+                return Refusal("not_ready", f"finger {name} has no fresh {kind} readings to average", "finger")
+        if self.finger.pressed_beside(self.sides) is True:
+            return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
+        return None
+
+    @property
+    def busy(self) -> bool:
+        """One of them is being measured."""
+        return any(side.tare.busy for side in self.sides.values())
+
+    def begin(self, t_ns: int, seconds: float, by: str) -> dict[str, Any]:
+        """Start to average, and return the reply."""
+        verified = self.finger.pressed_beside(self.sides) is False
+        for kind in self.sides:
+            self.finger.begin_tare(t_ns, seconds, by, kind)
+        ids = {kind: side.tare.current.id for kind, side in self.sides.items()}
+        return {
+            "finger": self.finger.name,
+            "seconds": seconds,
+            "verified": verified,
+            "tare_id": next(iter(ids.values())),
+            "tare_ids": ids,
+        }
+
+    def undo(self) -> dict[str, Any] | Refusal:
+        """Put the offset before the last tare back in force, and return what holds then."""
+        [kind] = self.sides
+        if not self.finger.undo_tare(kind):
+            message = f"the {kind} of finger {self.finger.name} has no earlier tare to go back to"
+            return Refusal("not_ready", message, "finger")
+        return self.body()
+
+    def body(self) -> dict[str, Any]:
+        """Return the tare in use, and whether another is being measured."""
+        [(kind, side)] = self.sides.items()
+        tare, offset = side.tare, side.tare.current
+        return {
+            "finger": self.finger.name,
+            "stream": kind,
+            "tare_id": offset.id,
+            "taken_t_ns": offset.t_ns,
+            "readings": offset.readings,
+            "offset": offset.value.ravel().tolist(),
+            "by": offset.by,
+            "gravity_mps2": None if offset.gravity_mps2 is None else offset.gravity_mps2.tolist(),
+            "std": None if offset.std is None else offset.std.ravel().tolist(),
+            "busy": tare.busy,
+            "given_up": tare.aborted_reason or None,
+        }

@@ -1,0 +1,144 @@
+"""Answers the requests that change what the verdicts rest on: tares, gravity and friction.
+
+Whoever holds the lease moves the gripper on these verdicts. So while a client holds it, nobody else makes them more
+lenient: a tare and its undo move every force, and a larger μ lets a slipping grip pass for a stable one.
+"""
+
+from __future__ import annotations
+
+from slipd.config_model import Requests
+from slipd.grip.policy import GripPolicy, Refusal
+from slipd.pipeline.events import Request
+from slipd.pipeline.finger import Finger
+from slipd.pipeline.grip_desk import Handler
+from slipd.pipeline.gripper import Result
+from slipd.pipeline.tares import STREAMS, Tares
+from slipd.signals.gravity import FRESH_NS, gravity_fault
+
+DEFAULT_TARE_S = 0.5
+#: A longer average waits for drift, not for noise.
+LONGEST_TARE_S = 10.0
+
+
+class VerdictDesk:
+    """Judges these requests and carries them out.
+
+    Args:
+        fingers: The fingers by name.
+        policy: Keeps the lease.
+        config: ``[requests]``.
+
+    Attributes:
+        ops: What answers each op.
+    """
+
+    def __init__(self, fingers: dict[str, Finger], policy: GripPolicy, config: Requests) -> None:
+        self._fingers = fingers
+        self._policy = policy
+        self._config = config
+        self._told_gravity: dict[str, tuple[bytes, int]] = {}
+        self.ops: dict[str, Handler] = {
+            "tare": self._tare,
+            "tare.get": self._tare_get,
+            "tare.undo": self._tare_undo,
+            "gravity.set": self._gravity_set,
+            "friction.set": self._friction_set,
+        }
+
+    def _finger(self, request: Request) -> Finger | Refusal:
+        name = request.body["finger"]
+        finger = self._fingers.get(name)
+        if finger is None:
+            known = ", ".join(self._fingers)
+            return Refusal("unknown_finger", f"there is no finger {name!r:.40}; known: {known}", "finger")
+        return finger
+
+    def _tares(self, request: Request, known: tuple[str, ...]) -> Tares | Refusal:
+        """The streams of a finger that a request is about."""
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
+        stream = request.body.get("stream")
+        if stream not in (None, *known):
+            return Refusal("out_of_range", f"stream must be one of {', '.join(known)}, not {stream!r:.40}", "stream")
+        return Tares.of(finger, stream)
+
+    def _tare(self, request: Request, t_ns: int) -> Result:
+        tares = self._tares(request, (*STREAMS, "all"))
+        if isinstance(tares, Refusal):
+            return tares
+        seconds = request.body.get("seconds", DEFAULT_TARE_S)
+        if not 0.0 < seconds <= LONGEST_TARE_S:
+            return Refusal("out_of_range", f"seconds must be above 0 and at most {LONGEST_TARE_S:g}", "seconds")
+        refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns)
+        if refusal is not None:
+            return refusal
+        return tares.begin(t_ns, seconds, named(request.client))
+
+    def _tare_get(self, request: Request, _: int) -> Result:
+        tares = self._tares(request, STREAMS)
+        return tares if isinstance(tares, Refusal) else tares.body()
+
+    def _tare_undo(self, request: Request, t_ns: int) -> Result:
+        tares = self._tares(request, STREAMS)
+        if isinstance(tares, Refusal):
+            return tares
+        refusal = self._check_others_lease(request, t_ns, "changed")
+        if refusal is None and not tares.busy and tares.finger.pressed() is True:
+            refusal = self._policy.check_lease(request.client, t_ns)
+        return refusal or tares.undo()
+
+    def _gravity_set(self, request: Request, t_ns: int) -> Result:
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
+        if finger.force is None:
+            return Refusal("not_ready", f"finger {finger.name} has no force sensor that weighs it", "finger")
+        fault = gravity_fault(request.body["gravity_mps2"])
+        if fault is not None:
+            return Refusal("out_of_range", fault, "gravity_mps2")
+        teller, told_ns = self._told_gravity.get(finger.name, (request.client, t_ns))
+        held = self._policy.holder(t_ns) not in (None, request.client)
+        if held and teller == self._policy.holder(t_ns) and t_ns - told_ns <= FRESH_NS:
+            message = f"the client that holds the lease states the gravity of finger {finger.name}: nobody else may"
+            return Refusal("lease_held", message, "gravity_mps2")
+        self._told_gravity[finger.name] = request.client, t_ns
+        finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
+        return {"gravity": finger.force.gravity.state(t_ns)}
+
+    def _friction_set(self, request: Request, t_ns: int) -> Result:
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
+        body, most = request.body, finger.config.most_mu
+        mu_s = float(body["mu_s"])
+        mu_d = float(body["mu_d"]) if "mu_d" in body else None
+        if not 0.0 < mu_s <= most:
+            limit = f"mu_s must be above 0 and at most {most:g}, the mu_max of finger {finger.name}, not {mu_s:g}"
+            return Refusal("out_of_range", limit, "mu_s")
+        if mu_d is not None and not 0.0 < mu_d <= mu_s:
+            return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, not {mu_d:g}", "mu_d")
+        if finger.loosens(mu_s, mu_d) and not self._config.friction_without_lease:
+            refusal = self._policy.check_lease(request.client, t_ns)
+            if refusal is not None:
+                why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
+                return Refusal(refusal.code, f"{why}: acquire the lease first (lease.acquire)", "")
+        finger.set_friction(mu_s, mu_d, named(request.client), t_ns)
+        return {"finger": finger.name, **finger.friction_body()}
+
+    def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
+        """Refuses to move forces on which another client steers."""
+        if self._policy.holder(t_ns) in (None, request.client):
+            return None
+        return Refusal("lease_held", f"another client holds the lease: only it may have its sensors {done} now")
+
+
+def _change(finger: Finger, mu_s: float) -> str:
+    if finger.mu is None:
+        return f"mu_s {mu_s:g}, where none was known,"
+    return f"mu_s {mu_s:g} over {finger.mu:g}" if mu_s > finger.mu else "a lower mu_d"
+
+
+def named(client: bytes) -> str:
+    """Return who a client is, for people: its key, or its process as the kernel names it; not the route it chose."""
+    return client.partition(b"\0")[0].decode(errors="replace")

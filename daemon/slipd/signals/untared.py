@@ -1,0 +1,90 @@
+"""Whether a pad that was never tared reads tens of newtons with nothing on it.
+
+Raw counts begin anywhere. Without a tare they would pass for a load, so until somebody tares the pad, or it is seen
+near zero, its readings count for nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: A pad that reads more than this many times the least normal force of a contact, and more than so many newtons, does
+#: not count from zero: the noise and the drift of a pad that does stay far below, and so do most held objects.
+FAR, FAR_N = 20.0, 10.0
+#: With nothing on the pad, half of its taxels read less than this many times the threshold of an active one.
+MANY_THRESHOLDS = 10.0
+#: What the pad shows of a touch before the force sensor beside it feels it, ns.
+AHEAD_NS = 200_000_000
+
+
+class UntaredWatch:
+    """Watches the images of a pad whose zero nobody stated.
+
+    Args:
+        min_normal: Least normal force of a contact, in the unit of the readings where they state forces.
+        threshold: Reading from which a taxel is active.
+        calibrated: The readings of a pad beside a force sensor are newtons.
+
+    Attributes:
+        missing: The pad needs a tare: it reads a load that cannot be one, or that nobody can tell from its offset.
+    """
+
+    def __init__(self, min_normal: float, threshold: float, *, calibrated: bool = False) -> None:
+        self._near = min_normal
+        self._far = max(FAR * min_normal, FAR_N)
+        self._threshold = threshold
+        self._calibrated = calibrated
+        self.missing = False
+        self._decided = False
+        self._high_ns: int | None = None
+
+    def forget(self) -> None:
+        """Begin anew: another zero is in force."""
+        self.missing = self._decided = False
+        self._high_ns = None
+
+    def look_alone(self, forces: Array) -> None:
+        """Take an image of a pad that measures the force by itself.
+
+        The first one decides: a load that grows later is one. What was missing is found where the pad reads next to
+        nothing.
+
+        Args:
+            forces: Force on each taxel, shape (taxels, 3); one that is not finite says nothing.
+        """
+        if self._decided and not self.missing:
+            return
+        force = len(forces) * math.hypot(*np.median(forces, axis=0).tolist())  # a hot taxel is no offset
+        if not math.isfinite(force):
+            return
+        if not self._decided:
+            self.missing, self._decided = force > self._far, True
+        elif force < self._near:
+            self.missing = False
+
+    def look_beside(self, readings: Array, t_ns: int, *, free: bool) -> None:
+        """Take an image of a pad beside a force sensor.
+
+        Args:
+            readings: Normal reading of each taxel, shape (taxels,).
+            t_ns: Time of the image.
+            free: The force sensor feels nothing; anything else says nothing of the pad's zero.
+        """
+        if not (free and self._reads_much(readings)):
+            self._high_ns = None
+            self.missing = self.missing and not free
+            return
+        if self._high_ns is None:
+            self._high_ns = t_ns
+        self.missing = self.missing or t_ns - self._high_ns > AHEAD_NS
+
+    def _reads_much(self, readings: Array) -> bool:
+        if self._calibrated and float(readings.sum()) > self._far:
+            return True
+        much = readings > MANY_THRESHOLDS * self._threshold
+        return self._threshold > 0.0 and 2 * int(np.count_nonzero(much)) > readings.size

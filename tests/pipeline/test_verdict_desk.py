@@ -1,0 +1,163 @@
+"""What makes verdicts more lenient is for the client that steers, within limits, and shown with who did it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+Run = Any
+
+
+class TestFriction:
+    def test_it_is_set_for_a_finger_and_told(self, run: Run) -> None:
+        run.lease()
+        reply = run.ask("friction.set", finger="left", mu_s=0.8, mu_d=0.6)
+        stated = {"mu": 0.8, "mu_source": "request", "mu_by": "ann", "mu_t_ns": run.t_ns}
+        assert reply["result"] == {"finger": "left", **stated}
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        told = run.told("slip.left")[-1]
+        assert (told["mu"], told["mu_source"]) == (0.8, "request")
+        assert run.ask("friction.set", finger="left", mu_s=1)["result"]["mu"] == 1.0
+
+    @pytest.mark.parametrize(
+        ("fields", "refusal"),
+        [
+            ({"finger": "middle"}, ("unknown_finger", "finger")),
+            ({"mu_s": 0.0}, ("out_of_range", "mu_s")),
+            ({"mu_s": 1.01}, ("out_of_range", "mu_s")),
+            ({"mu_s": 10.0}, ("out_of_range", "mu_s")),
+            ({"mu_s": -0.5}, ("out_of_range", "mu_s")),
+            ({"mu_d": 0.51}, ("out_of_range", "mu_d")),
+            ({"mu_d": 0.0}, ("out_of_range", "mu_d")),
+            ({"mu_s": "0.5"}, ("bad_type", "mu_s")),
+            ({"mu_s": ...}, ("missing_field", "mu_s")),
+            ({"mu": 0.5}, ("unknown_field", "mu")),
+        ],
+    )
+    def test_anything_else_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
+        given = {"finger": "left", "mu_s": 0.5} | fields
+        assert run.refusal("friction.set", **given) == refusal
+
+    def test_a_larger_one_is_for_the_holder_of_the_lease_alone(self, run: Run) -> None:
+        run.bring_up()
+        run.image()
+        run.wrench(10.0, (4.6, 0.0))
+        assert run.level()[0] == "warning"
+        raised = {"finger": "left", "mu_s": 0.8}
+        assert run.refusal("friction.set", client=b"ben", **raised) == ("no_lease", "")
+        run.wrench(10.0, (4.6, 0.0))
+        assert run.level()[0] == "warning", "what was refused has changed nothing"
+        assert run.told("slip.left")[-1]["mu"] == 0.5
+        assert run.refusal("friction.set", client=b"ann", **raised) is None
+        run.wrench(10.0, (4.6, 0.0))
+        assert run.level()[0] == "stable"
+        state = run.ask("status")["result"]["fingers"]["left"]
+        set_ns = run.t_ns - 1_000_000
+        assert {k: state[k] for k in state if k.startswith("mu")} == {
+            "mu": 0.8, "mu_source": "request", "mu_by": "ann", "mu_t_ns": set_ns,
+        }  # fmt: skip
+
+    def test_nobody_raises_it_while_nobody_holds_the_lease(self, run: Run) -> None:
+        assert run.refusal("friction.set", finger="left", mu_s=0.6) == ("no_lease", "")
+        run.lease()
+        run.wait(200)
+        assert run.refusal("friction.set", finger="left", mu_s=0.6) == ("no_lease", ""), "it ran out"
+
+    def test_what_is_stricter_is_for_everybody(self, run: Run) -> None:
+        run.lease()
+        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.3) is None
+        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.3) is None, "the same is no change"
+        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.4) == ("no_lease", "")
+        assert run.ask("status")["result"]["fingers"]["left"]["mu_by"] == "ben"
+        assert run.refusal("friction.set", finger="left", mu_s=0.5) is None, "its holder puts it back"
+
+    def test_a_lower_dynamic_one_makes_slips_harder_to_see(self, run: Run) -> None:
+        assert run.refusal("friction.set", finger="left", mu_s=0.5, mu_d=0.45) is None, "a smaller fall is a slip"
+        assert run.refusal("friction.set", finger="left", mu_s=0.5, mu_d=0.2) == ("no_lease", "")
+        assert "a lower mu_d" in run.ask("friction.set", finger="left", mu_s=0.5, mu_d=0.2)["error"]["message"]
+
+    def test_where_none_is_known_any_is_more_lenient(self, make_run: Callable[[str], Run], left: str) -> None:
+        run = make_run(left.replace("mu = 0.5\n", ""))
+        run.up()
+        message = run.ask("friction.set", finger="left", mu_s=0.2)["error"]["message"]
+        assert message.startswith("mu_s 0.2, where none was known, makes the verdicts on finger left more lenient")
+        run.lease()
+        assert run.refusal("friction.set", finger="left", mu_s=2.01) == ("out_of_range", "mu_s")
+        assert run.refusal("friction.set", finger="left", mu_s=2.0) is None
+
+    def test_a_config_may_let_everybody_raise_it_and_say_how_far(
+        self, make_run: Callable[[str], Run], left: str
+    ) -> None:
+        free = "\n[requests]\nfriction_without_lease = true\n"
+        run = make_run(left.replace("mu = 0.5", "mu = 0.5\nmu_max = 1.5") + free)
+        run.up()
+        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=1.5) is None
+        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=1.51) == ("out_of_range", "mu_s")
+
+    def test_a_rig_without_gripper_has_a_lease_for_it(self, make_run: Callable[[str], Run], left: str) -> None:
+        run = make_run(left)
+        run.up()
+        assert run.refusal("lease.renew") == ("no_lease", "")
+        run.lease()
+        assert run.refusal("lease.acquire", client=b"ben", ttl_ms=100) == ("lease_held", "")
+        assert run.refusal("lease.acquire", client=b"ben", ttl_ms=201) == ("out_of_range", "ttl_ms")
+        status = run.ask("status")["result"]
+        assert status["lease"] == {"held": True, "expires_in_s": pytest.approx(0.2)}
+        assert status["gripper"] is None
+        assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.6) == ("no_lease", "")
+        assert run.refusal("friction.set", finger="left", mu_s=0.6) is None
+        assert run.refusal("lease.renew") is None
+        run.tick()
+        run.tick(100_000_000)
+        assert run.refusal("lease.renew") == ("no_lease", ""), "the host slept"
+        run.lease()
+        assert run.refusal("lease.release") is None
+        assert run.ask("status")["result"]["lease"] == {"held": False, "expires_in_s": None}
+
+
+class TestTheReadingsOfWhoeverSteers:
+    def test_nobody_else_tares_them(self, run: Run) -> None:
+        run.bring_up()
+        for op in ("tare", "tare.undo"):
+            for stream in ("wrench", "pad"):
+                asked = {"finger": "left", "stream": stream}
+                assert run.refusal(op, client=b"ben", **asked) == ("lease_held", "")
+        assert run.ask("tare.get", client=b"ben", finger="left")["result"]["tare_id"] == 1
+        assert run.refusal("tare.undo", finger="left") is None, "the holder may"
+        run.ask("lease.release")
+        run.feel(0.0)
+        assert run.refusal("tare", client=b"ben", finger="left") is None, "nobody steers"
+
+    def test_a_tare_is_taken_back_under_a_load_by_the_holder_alone(self, run: Run) -> None:
+        run.bring_up()
+        run.ask("lease.release")
+        run.feel(5.0)
+        assert run.refusal("tare.undo", finger="left") == ("no_lease", "")
+        assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
+        run.lease()
+        assert run.refusal("tare.undo", finger="left") is None
+
+    def test_a_rig_without_gripper_is_tared_without_a_lease(self, make_run: Callable[[str], Run], left: str) -> None:
+        run = make_run(left)
+        run.up()
+        run.wrench(0.0)
+        assert run.refusal("tare", finger="left") is None
+
+    def test_nobody_else_states_the_gravity_that_the_holder_states(self, run: Run) -> None:
+        down, up = [0.0, 0.0, -9.8], [0.0, 0.0, 9.8]
+        assert run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down) is None
+        run.lease()
+        assert run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down) is None, "the arm's own"
+        assert run.refusal("gravity.set", finger="left", gravity_mps2=down) is None
+        assert run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=up) == (
+            "lease_held",
+            "gravity_mps2",
+        )
+        run.wait(150)
+        assert run.refusal("lease.renew") is None
+        run.wait(150)
+        told = run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down)
+        assert told is None, "the holder's grew old"
