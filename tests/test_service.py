@@ -21,7 +21,8 @@ import zmq
 
 from slipd import config, service
 from slipd.bus.publisher import Publisher
-from slipd.devices import bota, modbus, pvdf, robotiq_registers
+from slipd.devices import bota, modbus, pvdf
+from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.errors import LinkError, RecordingError
 from slipd.pipeline.engine import Engine
 from slipd.pipeline.events import LinkSpec

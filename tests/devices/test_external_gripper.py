@@ -14,11 +14,18 @@ from typing import Any
 
 import msgpack
 import pytest
+from permits import activate, forget, halt, move, set_force
 
-from slipd.devices import external_gripper_message as wire
 from slipd.devices.commands import ATTEMPTS
-from slipd.devices.external_gripper import ANSWER_MS, SILENCE_NS, Decoder, Session
-from slipd.devices.external_gripper_message import Registration, Report, encode_registration, encode_report
+from slipd.devices.external_gripper import Decoder, Session
+from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper.external_gripper_message import (
+    Registration,
+    Report,
+    encode_registration,
+    encode_report,
+)
+from slipd.devices.external_gripper.external_gripper_session import ANSWER_MS, SILENCE_NS
 from slipd.samples import GripperSample
 from slipd.sim.emulated_external_gripper import DRIVER, Driver
 
@@ -82,7 +89,7 @@ def bench() -> Bench:
 
 @pytest.fixture
 def holding(bench: Bench) -> Bench:
-    assert bench.session.move(0.0, 0.2, 10.0) == 10.0
+    assert move(bench.session, 0.0, 0.2, 10.0) == 10.0
     bench.run(0.4)
     assert (bench.last.object, bench.last.width_m) == ("contact_closing", 0.04)
     bench.sent.clear()
@@ -107,7 +114,7 @@ def test_a_driver_registers_and_reports_and_nothing_is_asked_of_it() -> None:
 
 def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Bench) -> None:
     assert (holding.last.force_n, holding.last.echo_ok) == (10.0, True)
-    assert holding.session.set_force(12.0) == 12.0
+    assert set_force(holding.session, 12.0) == 12.0
     holding.run(0.1)
     assert holding.sent == [{"v": 1, "id": 2, "op": "force", "force_n": 12.0}]
     assert (holding.last.force_n, holding.last.width_m, holding.session.command_lost) == (12.0, 0.04, False)
@@ -115,26 +122,26 @@ def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Ben
 
 @pytest.mark.parametrize(("asked", "told"), [(0.5, 2.0), (59.5, 59.5), (500.0, 60.0)])
 def test_no_more_is_told_than_was_asked_but_for_the_least(bench: Bench, asked: float, told: float) -> None:
-    assert bench.session.move(0.02, None, asked) == told
+    assert move(bench.session, 0.02, None, asked) == told
     bench.run(0.1)
     assert bench.sent == [{"v": 1, "id": 1, "op": "move", "width_m": 0.02, "speed_mps": None, "force_n": told}]
 
 
 def test_a_force_behind_a_move_that_waits_goes_with_the_move(bench: Bench) -> None:
-    bench.session.move(0.02, 0.1, 40.0)
-    bench.session.set_force(5.0)
+    move(bench.session, 0.02, 0.1, 40.0)
+    set_force(bench.session, 5.0)
     bench.run(0.1)
     assert [(body["op"], body["width_m"], body["force_n"]) for body in bench.sent] == [("move", 0.02, 5.0)]
 
 
 def test_stop_goes_before_all_else(bench: Bench) -> None:
-    bench.session.move(0.02, 0.01, 10.0)
+    move(bench.session, 0.02, 0.01, 10.0)
     bench.run(0.1)
     bench.driver.mute = True
-    bench.session.set_force(11.0)
+    set_force(bench.session, 11.0)
     bench.run(0.01)
-    assert bench.session.halt()
-    bench.session.set_force(12.0)
+    assert halt(bench.session)
+    set_force(bench.session, 12.0)
     bench.driver.mute = False
     bench.run(0.2)
     assert bench.told() == ["move", "force", "stop", "force"]
@@ -144,8 +151,8 @@ def test_stop_goes_before_all_else(bench: Bench) -> None:
 def test_activation_is_the_drivers_own(bench: Bench) -> None:
     bench.driver.report = Report(0.08, active=False)
     bench.run(0.1)
-    assert (bench.session.state, bench.session.halt(), bench.session.set_force(5.0)) == ("inactive", False, None)
-    bench.session.activate(bench.now_ns)
+    assert (bench.session.state, halt(bench.session), set_force(bench.session, 5.0)) == ("inactive", False, None)
+    activate(bench.session, bench.now_ns)
     bench.run(0.1)
     assert (bench.told(), bench.session.state) == (["activate"], "active")
 
@@ -155,8 +162,8 @@ def test_D4_a_fault_is_shown_and_only_its_acknowledgement_is_sent(holding: Bench
     holding.driver._goal_m = None
     holding.run(0.1)
     assert (holding.session.state, holding.last.fault) == ("no_power", "no_power")
-    assert (holding.session.move(0.0, None, 5.0), holding.session.set_force(5.0)) == (None, None)
-    holding.session.halt()
+    assert (move(holding.session, 0.0, None, 5.0), set_force(holding.session, 5.0)) == (None, None)
+    halt(holding.session)
     holding.session.acknowledge()
     holding.run(0.1)
     assert (holding.told(), holding.last.fault) == (["stop", "acknowledge"], "")
@@ -167,7 +174,7 @@ def test_D4_a_fault_is_shown_and_only_its_acknowledgement_is_sent(holding: Bench
 
 def test_D4_a_set_point_that_meets_a_fault_is_dropped(bench: Bench) -> None:
     bench.driver.mute = True
-    bench.session.set_force(5.0)
+    set_force(bench.session, 5.0)
     bench.run(0.01)
     bench.driver.report = Report(0.08, fault="no_power")
     bench.run(1.0)
@@ -176,11 +183,11 @@ def test_D4_a_set_point_that_meets_a_fault_is_dropped(bench: Bench) -> None:
 
 def test_D5_a_force_above_the_one_told_shows_while_it_lasts(bench: Bench) -> None:
     bench.driver.excess = 0.01
-    bench.session.move(0.02, None, 10.0)
+    move(bench.session, 0.02, None, 10.0)
     bench.run(0.5)
     assert {sample.echo_ok for sample in bench.samples[-20:]} == {False}
     bench.driver.excess = -0.01
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(0.1)
     assert bench.last.echo_ok is True
 
@@ -189,7 +196,7 @@ def test_D5_a_force_where_none_was_asked_for_is_above_it() -> None:
     bench = Bench()
     bench.session.start(0)
     bench.hear([encode_registration(Registration("x", (0.0, 0.1), (0.0, 50.0))), encode_report(Report(0.05))])
-    assert bench.session.set_force(0.0) == 0.0
+    assert set_force(bench.session, 0.0) == 0.0
     bench.session.on_time(0)
     bench.hear([encode_report(Report(0.05, id=1, applied_n=50.0))])
     assert bench.last.echo_ok is False
@@ -197,21 +204,21 @@ def test_D5_a_force_where_none_was_asked_for_is_above_it() -> None:
 
 def test_A6_an_unanswered_set_point_is_sent_again_with_its_id_and_then_given_up(bench: Bench) -> None:
     bench.driver.mute = True
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
     assert [(body["op"], body["id"]) for body in bench.sent] == [("force", 1)] * ATTEMPTS
     assert bench.session.command_lost
     assert bench.session.state == "command lost: no answer to force"
     assert bench.session.health.lost == ATTEMPTS
     bench.driver.mute = False
-    bench.session.set_force(11.0)
+    set_force(bench.session, 11.0)
     bench.run(0.1)
     assert not bench.session.command_lost
 
 
 def test_A6_a_driver_that_refuses_is_not_asked_again(bench: Bench) -> None:
     bench.driver.mute = True
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(0.01)
     bench.hear([encode_report(Report(0.05, id=1, error="finger guard is open"))])
     bench.run(0.3)
@@ -222,7 +229,7 @@ def test_an_answer_to_nothing_is_a_report_and_a_duplicate(bench: Bench) -> None:
     bench.hear([encode_report(Report(0.07, id=99, applied_n=50.0))])
     assert (bench.last.width_m, bench.last.echo_ok, bench.session.health.duplicates) == (0.07, None, 1)
     bench.driver.mute = True
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(0.01)
     bench.hear([encode_report(Report(0.07, id=99, applied_n=50.0))])
     assert (bench.last.echo_ok, bench.session.health.duplicates) == (None, 2)
@@ -231,30 +238,30 @@ def test_an_answer_to_nothing_is_a_report_and_a_duplicate(bench: Bench) -> None:
 @pytest.mark.parametrize("lie", [Report(0.2), Report(0.05, id=1)])
 def test_a_report_that_lies_is_counted_and_not_believed(bench: Bench, lie: Report) -> None:
     bench.driver.mute = True
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(0.01)
     seen = len(bench.samples)
     bench.hear([encode_report(lie)])
     assert (len(bench.samples), bench.session.health.bad) == (seen, 1)
-    assert bench.session._commands.outstanding is not None
+    assert bench.session._setpoints.outstanding is not None
 
 
 def test_a_driver_that_falls_silent_is_told_nothing_more(bench: Bench) -> None:
     bench.deaf = True
     bench.driver.mute = True
     bench.run(0.45)
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(SILENCE_NS * 1e-9)
     assert (bench.session.state, bench.session.command_lost) == ("no reply", True)
-    assert (bench.session.set_force(10.0), bench.session.halt()) == (None, False)
-    bench.session.activate(bench.now_ns)
+    assert (set_force(bench.session, 10.0), halt(bench.session)) == (None, False)
+    activate(bench.session, bench.now_ns)
     bench.session.acknowledge()
     bench.sent.clear()
     bench.run(1.0)
     assert bench.told() == []
     bench.deaf = bench.driver.mute = False
     bench.run(0.1)
-    assert bench.session.set_force(10.0) == 10.0
+    assert set_force(bench.session, 10.0) == 10.0
 
 
 def test_a_driver_that_does_not_register_is_told_to(bench: Bench) -> None:
@@ -265,7 +272,7 @@ def test_a_driver_that_does_not_register_is_told_to(bench: Bench) -> None:
     assert session.next_deadline() == 0
     assert msgpack.unpackb(session.on_time(0)) == {"v": 1, "refused": "a driver registers before all else"}
     assert (session.state, session.health.bad) == ("refused: a driver registers before all else", 1)
-    assert session.move(0.05, None, 5.0) is None
+    assert move(session, 0.05, None, 5.0) is None
     assert session.on_time(SILENCE_NS - 1) == b""
     assert session.on_time(SILENCE_NS) != b""
 
@@ -292,74 +299,74 @@ def test_a_driver_that_registers_again_begins_anew(holding: Bench) -> None:
 @pytest.mark.parametrize("sent", [False, True])
 def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again(bench: Bench, sent: bool) -> None:
     bench.driver.mute = True
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(0.01 * sent)
     bench.hear([encode_registration(DRIVER)])
     assert bench.session.command_lost
     bench.run(1.0)
     assert (bench.told(), bench.session.state) == (["force"] * sent, "command lost: the driver registered anew")
     bench.driver.mute = False
-    bench.session.set_force(11.0)
+    set_force(bench.session, 11.0)
     bench.run(0.1)
     assert bench.session.state == "active"
 
 
 def test_another_driver_on_the_same_connection_is_told_nothing_until_the_first_registers_again(bench: Bench) -> None:
     session, reason = bench.session, "another driver registered here: connect anew"
-    session.set_force(10.0)
+    set_force(session, 10.0)
     bench.samples.clear()
     bench.hear([encode_registration(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
     for _ in range(2):
         assert msgpack.unpackb(session.on_time(bench.now_ns)) == {"v": 1, "refused": reason}
         bench.hear([encode_report(Report(0.05))])
     assert (session.identity, session.state) == (DRIVER.name, f"refused: {reason}")
-    assert (session.move(0.0, None, 5.0), session.set_force(5.0), session.halt()) == (None, None, False)
+    assert (move(session, 0.0, None, 5.0), set_force(session, 5.0), halt(session)) == (None, None, False)
     assert (bench.samples, session.command_lost) == ([], True)
     bench.hear([encode_registration(DRIVER), encode_report(Report(0.05))])
-    assert session.set_force(5.0) == 5.0
+    assert set_force(session, 5.0) == 5.0
 
 
-@pytest.mark.parametrize("forget", ["halt", "drop"])
-def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, forget: str) -> None:
+@pytest.mark.parametrize("how", ["halt", "drop"])
+def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, how: str) -> None:
     holding.driver.mute = True
-    holding.session.set_force(12.0)
+    set_force(holding.session, 12.0)
     holding.run(0.01)
-    holding.session.set_force(15.0)
-    assert (holding.session.force_told_n, getattr(holding.session, forget)()) == (15.0, True)
+    set_force(holding.session, 15.0)
+    assert (holding.session.force_told_n, forget(holding.session, how)) == (15.0, True)
     assert holding.session.force_told_n == 12.0
     assert holding.session.drop() is False
 
 
 def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: Bench) -> None:
     bench.driver.mute = True
-    bench.session.set_force(10.0)
+    set_force(bench.session, 10.0)
     bench.run(0.01)
-    bench.session.move(0.0, None, 10.0)
+    move(bench.session, 0.0, None, 10.0)
     assert bench.session.drop()
     bench.run(1.0)
     assert (bench.told(), bench.session.state) == (["force"], "command lost: no answer to force")
 
 
 def test_a_stop_is_not_dropped(bench: Bench) -> None:
-    bench.session.halt()
+    halt(bench.session)
     assert bench.session.drop() is False
     bench.run(0.1)
     assert bench.told() == ["stop"]
 
 
 @pytest.mark.parametrize("active", [False, True])
-@pytest.mark.parametrize("forget", ["halt", "drop"])
-def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, forget: str, active: bool) -> None:
+@pytest.mark.parametrize("how", ["halt", "drop"])
+def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str, active: bool) -> None:
     bench.driver.report = Report(0.08, active=active)
     bench.run(0.1)
-    bench.session.activate(bench.now_ns)
-    assert getattr(bench.session, forget)()
+    activate(bench.session, bench.now_ns)
+    assert forget(bench.session, how)
     bench.run(0.1)
-    assert bench.told() == ["stop"] * (active and forget == "halt")
+    assert bench.told() == ["stop"] * (active and how == "halt")
 
 
 def test_a_gripper_that_is_not_active_any_more_or_is_activated_was_told_no_force(holding: Bench) -> None:
-    holding.session.activate(holding.now_ns)
+    activate(holding.session, holding.now_ns)
     assert (holding.session.force_told_n, holding.session.drop()) == (None, True)
     assert holding.session.force_told_n == 10.0
     holding.driver.report = Report(0.04, active=False)
@@ -369,23 +376,23 @@ def test_a_gripper_that_is_not_active_any_more_or_is_activated_was_told_no_force
 
 
 def test_an_end_with_a_set_point_on_its_way_says_nothing(holding: Bench) -> None:
-    holding.session.set_force(12.0)
+    set_force(holding.session, 12.0)
     assert (holding.session.stop(), holding.session.next_deadline()) == (b"", None)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_N2_a_force_that_is_no_number_is_refused(bench: Bench, value: float) -> None:
-    for ask in (lambda: bench.session.move(0.0, None, value), lambda: bench.session.set_force(value)):
-        with pytest.raises(ValueError, match="a finite one"):
+    for ask in (lambda: move(bench.session, 0.0, None, value), lambda: set_force(bench.session, value)):
+        with pytest.raises(ValueError, match="must be finite"):
             ask()
 
 
 @pytest.mark.parametrize("value", [-0.001, 0.5, math.nan])
 def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(bench: Bench, value: float) -> None:
     with pytest.raises(ValueError, match=r"a width of .* 0 to 0\.1 can"):
-        bench.session.move(value, None, 5.0)
+        move(bench.session, value, None, 5.0)
     with pytest.raises(ValueError, match=r"a speed of .* 0\.01 to 0\.2 can"):
-        bench.session.move(0.05, value, 5.0)
+        move(bench.session, 0.05, value, 5.0)
 
 
 @pytest.mark.parametrize("answer_ms", [4, 1001, 100.0])
@@ -455,12 +462,12 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
                         continue
 
             go_on(lambda: session.state == "active")
-            assert session.move(0.0, None, 100.0) == 60.0
-            go_on(lambda: session._commands.due_ns is None)
-            assert session.set_force(7.0) == 7.0
-            go_on(lambda: session._commands.due_ns is None)
-            assert session.halt()
-            go_on(lambda: session._commands.due_ns is None)
+            assert move(session, 0.0, None, 100.0) == 60.0
+            go_on(lambda: session._setpoints.due_ns is None)
+            assert set_force(session, 7.0) == 7.0
+            go_on(lambda: session._setpoints.due_ns is None)
+            assert halt(session)
+            go_on(lambda: session._setpoints.due_ns is None)
     driver.join(PATIENCE_S)
     assert not driver.is_alive()
     assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in told] == [
@@ -468,7 +475,7 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
         ("force", 7.0),
         ("stop", None),
     ]
-    assert (session.identity, session.command_lost, session._echo_ok) == ("my gripper", False, True)
+    assert (session.identity, session.command_lost, session._setpoints.echo_ok) == ("my gripper", False, True)
     assert (session.health.bad, session.health.lost) == (0, 0)
 
 

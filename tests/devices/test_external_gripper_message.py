@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.devices import external_gripper_message as wire
-from slipd.devices.external_gripper_message import Foreign, Registration, Report, measure, parse
+from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report, measure, parse
 
 DRIVER = Registration("lab driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
 REGISTRATION: dict[str, Any] = {"v": 1, "name": "lab driver", "width_range_m": [0, 0.1], "force_range_n": [2, 60]}

@@ -8,8 +8,10 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from permits import activate, forget, halt, move, set_force
 
-from slipd.devices import modbus, robotiq_2f, robotiq_registers
+from slipd.devices import modbus, robotiq_2f
+from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.samples import GripperSample
 
 ILLEGAL_FUNCTION = 1  # of Modbus exceptions
@@ -113,10 +115,10 @@ class Bench:
             self.transact(self.session.on_time(self.now_ns))
 
     def move(self, position: int, speed: int, force: int) -> float | None:
-        return self.session.move((255 - position) / 1000, speed / 1000, force + 1.0)
+        return move(self.session, (255 - position) / 1000, speed / 1000, force + 1.0)
 
     def set_force(self, force: int) -> float | None:
-        return self.session.set_force(force + 1.0)
+        return set_force(self.session, force + 1.0)
 
     def commands(self) -> list[bytes]:
         return [data for _, data in self.sent if data not in (POLL, OLD_POLL)]
@@ -143,7 +145,7 @@ def test_starting_only_polls_and_never_moves_anything() -> None:
 
 def test_activation_clears_then_activates_and_waits_until_the_gripper_says_so() -> None:
     bench = Bench().start()
-    bench.session.activate(bench.now_ns)
+    activate(bench.session, bench.now_ns)
     assert bench.move(1, 2, 3) is None
     bench.steps(3)
     assert bench.commands() == [CLEAR, ACTIVATE]
@@ -155,7 +157,7 @@ def test_activation_clears_then_activates_and_waits_until_the_gripper_says_so() 
 def test_activation_asked_for_while_a_poll_is_out_is_not_undone_by_its_reply(active: Bench) -> None:
     active.now_ns += 20 * MS
     reply = active.gripper.hear(active.session.on_time(active.now_ns))
-    active.session.activate(active.now_ns)
+    activate(active.session, active.now_ns)
     active.session.receive(reply, active.now_ns)
     assert active.move(1, 2, 3) is None
     active.steps(2)
@@ -205,7 +207,7 @@ def test_force_without_a_move_keeps_the_position_register_alone(active: Bench) -
 def test_halt_clears_go_and_keeps_the_gripper_active(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
-    active.session.halt()
+    halt(active.session)
     active.set_force(90)
     active.steps(3)
     assert active.gripper.output == (0x0100, 200, 0x805A)
@@ -217,7 +219,7 @@ def test_halt_leaves_a_force_on_its_way(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     active.set_force(90)
-    active.session.halt()
+    halt(active.session)
     active.steps(3)
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
@@ -226,13 +228,13 @@ def test_halt_takes_back_a_move_that_never_began_with_its_force(active: Bench) -
     active.move(200, 128, 60)
     active.steps(1)
     active.move(0, 255, 0)
-    active.session.halt()
+    halt(active.session)
     active.steps(2)
     assert active.gripper.output == (0x0100, 200, 0x803C)
 
 
-@pytest.mark.parametrize("forget", ["halt", "drop"])
-def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active: Bench, forget: str) -> None:
+@pytest.mark.parametrize("how", ["halt", "drop"])
+def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active: Bench, how: str) -> None:
     assert active.session.force_told_n is None, "the gripper was active before"
     active.move(200, 128, 60)
     assert active.session.force_told_n == 61.0
@@ -240,10 +242,10 @@ def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active:
     active.set_force(90)
     active.steps(1)
     active.move(0, 255, 0)
-    assert (active.session.force_told_n, getattr(active.session, forget)()) == (1.0, True)
+    assert (active.session.force_told_n, forget(active.session, how)) == (1.0, True)
     assert active.session.force_told_n == 91.0
     active.steps(3)
-    assert active.gripper.output == (0x0100 if forget == "halt" else 0x0900, 200, 0x805A)
+    assert active.gripper.output == (0x0100 if how == "halt" else 0x0900, 200, 0x805A)
 
 
 def test_the_force_told_is_that_of_a_force_that_is_repeated_behind_a_halt(active: Bench) -> None:
@@ -253,7 +255,7 @@ def test_the_force_told_is_that_of_a_force_that_is_repeated_behind_a_halt(active
     active.set_force(90)
     active.steps(1)
     active.move(0, 255, 0)
-    active.session.halt()
+    halt(active.session)
     active.gripper.mute = False
     for _ in range(4):
         assert active.session.force_told_n == 91.0
@@ -287,7 +289,7 @@ def test_a_move_dropped_while_a_poll_was_out_is_not_made_by_a_later_force(active
     assert active.session.drop()
     active.gripper.mute = False
     active.set_force(90)
-    active.session.halt()
+    halt(active.session)
     active.steps(3)
     assert active.gripper.output[1] == 0
     assert active.gripper.output[2] & 0xFF == 90
@@ -308,7 +310,7 @@ def test_a_move_that_is_not_repeated_is_not_made_by_a_later_force(active: Bench)
 def test_a_halt_is_not_dropped_and_is_repeated(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
-    active.session.halt()
+    halt(active.session)
     assert active.session.drop() is False
     active.gripper.mute = True
     active.steps(1)
@@ -318,26 +320,26 @@ def test_a_halt_is_not_dropped_and_is_repeated(active: Bench) -> None:
     assert (active.gripper.output[0], active.session.command_lost) == (0x0100, False)
 
 
-@pytest.mark.parametrize("forget", ["halt", "drop"])
-def test_an_activation_that_was_not_sent_is_taken_back(active: Bench, forget: str) -> None:
+@pytest.mark.parametrize("how", ["halt", "drop"])
+def test_an_activation_that_was_not_sent_is_taken_back(active: Bench, how: str) -> None:
     active.move(200, 128, 60)
     active.steps(1)
-    active.session.activate(active.now_ns)
+    activate(active.session, active.now_ns)
     assert (active.session.force_told_n, active.set_force(90)) == (None, None)
-    assert getattr(active.session, forget)()
+    assert forget(active.session, how)
     active.steps(4)
     assert CLEAR not in active.commands()
-    assert active.gripper.output[0] == (0x0100 if forget == "halt" else 0x0900), "what it did before is stopped"
+    assert active.gripper.output[0] == (0x0100 if how == "halt" else 0x0900), "what it did before is stopped"
     assert (active.session.state, active.session.force_told_n) == ("active", 61.0)
 
 
 def test_half_an_activation_is_taken_back_by_a_halt_though_the_first_half_is_unanswered() -> None:
     bench = Bench().start()
-    bench.session.activate(bench.now_ns)
+    activate(bench.session, bench.now_ns)
     bench.gripper.mute = True
     bench.steps(1)
-    assert bench.session.halt()
-    assert bench.session.halt() is False
+    assert halt(bench.session)
+    assert halt(bench.session) is False
     bench.gripper.mute = False
     bench.steps(5)
     assert (bench.commands(), bench.gripper.stage) == ([CLEAR], 0)
@@ -346,10 +348,10 @@ def test_half_an_activation_is_taken_back_by_a_halt_though_the_first_half_is_una
 def test_half_an_activation_that_was_taken_back_leaves_a_gripper_that_takes_nothing(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
-    active.session.activate(active.now_ns)
+    activate(active.session, active.now_ns)
     active.steps(1)
-    assert active.session.halt()
-    assert (active.session.force_told_n, active.move(1, 2, 3), active.session.halt()) == (None, None, False)
+    assert halt(active.session)
+    assert (active.session.force_told_n, active.move(1, 2, 3), halt(active.session)) == (None, None, False)
     active.steps(3)
     assert (active.commands(), active.session.state) == ([GO, CLEAR], "inactive")
 
@@ -359,7 +361,7 @@ def test_a_gripper_that_was_not_active_since_was_told_no_force(active: Bench, ho
     active.move(200, 128, 60)
     active.steps(2)
     if how == "activated":
-        active.session.activate(active.now_ns)
+        activate(active.session, active.now_ns)
     else:
         active.gripper.stage = 0
     active.steps(1)
@@ -378,7 +380,7 @@ def test_a_move_that_was_lost_before_it_was_sent_is_no_goal(active: Bench) -> No
     active.gripper.mute = False
     active.steps(4)
     active.set_force(90)
-    active.session.halt()
+    halt(active.session)
     active.steps(2)
     assert active.gripper.output[2] & 0xFF == 90
 
@@ -391,27 +393,27 @@ def test_an_end_with_a_command_on_its_way_says_nothing(active: Bench) -> None:
 @pytest.mark.parametrize("value", [-0.001, 0.256, float("nan"), float("inf")])
 def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(active: Bench, value: float) -> None:
     with pytest.raises(ValueError, match=r"a width of .*: 0 to 0\.255 m can"):
-        active.session.move(value, 0.1, 5.0)
+        move(active.session, value, 0.1, 5.0)
     with pytest.raises(ValueError, match=r"a speed of .*: 0 to 0\.255 m/s can"):
-        active.session.move(0.1, value, 5.0)
+        move(active.session, 0.1, value, 5.0)
     active.steps(5)
     assert active.commands() == []
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 def test_N2_a_force_that_is_no_number_is_refused(active: Bench, value: float) -> None:
-    for ask in (lambda: active.session.move(0.1, None, value), lambda: active.session.set_force(value)):
-        with pytest.raises(ValueError, match="a finite one"):
+    for ask in (lambda: move(active.session, 0.1, None, value), lambda: set_force(active.session, value)):
+        with pytest.raises(ValueError, match="must be finite"):
             ask()
     active.steps(5)
     assert active.commands() == []
 
 
 def test_the_force_told_is_that_of_the_byte_below_the_one_asked_for(active: Bench) -> None:
-    assert active.session.move(0.1, None, 5.9) == active.session.applied_n(5.9) == 5.0
-    assert active.session.set_force(7.999) == 7.0
-    assert active.session.set_force(0.2) == 1.0, "the gripper's least"
-    assert active.session.set_force(1e9) == 256.0
+    assert move(active.session, 0.1, None, 5.9) == active.session.applied_n(5.9) == 5.0
+    assert set_force(active.session, 7.999) == 7.0
+    assert set_force(active.session, 0.2) == 1.0, "the gripper's least"
+    assert set_force(active.session, 1e9) == 256.0
     active.steps(1)
     told = robotiq_registers.parse_output(active.gripper.output)
     assert (told.position, told.speed, told.force) == (155, 128, 255)
@@ -423,7 +425,7 @@ def test_the_ranges_are_those_of_the_tables(active: Bench) -> None:
     without = robotiq_2f.Session(speed_table=None)
     assert without.speed_range_mps is None
     with pytest.raises(ValueError, match="leave the speed out"):
-        without.move(0.0, 0.1, 30.0)
+        move(without, 0.0, 0.1, 30.0)
 
 
 def test_the_width_is_read_by_the_table(active: Bench) -> None:
@@ -434,7 +436,7 @@ def test_the_width_is_read_by_the_table(active: Bench) -> None:
 
 def test_nothing_is_commanded_to_a_gripper_that_is_not_active() -> None:
     bench = Bench().start()
-    assert (bench.move(1, 2, 3), bench.set_force(1), bench.session.halt()) == (None, None, False)
+    assert (bench.move(1, 2, 3), bench.set_force(1), halt(bench.session)) == (None, None, False)
     bench.steps(5)
     assert bench.commands() == []
 
@@ -496,7 +498,7 @@ def test_an_unanswered_force_is_not_repeated_after_a_newer_one(active: Bench) ->
     active.gripper.mute = True
     active.set_force(1)
     active.steps(1)
-    active.session.halt()
+    halt(active.session)
     active.set_force(90)
     active.gripper.mute = False
     active.steps(4)
@@ -516,7 +518,7 @@ def test_an_unanswered_force_is_not_repeated_after_a_newer_move(active: Bench) -
 def test_a_lost_clear_never_leads_to_a_bare_activation() -> None:
     bench = Bench().start()
     bench.gripper.mute = True
-    bench.session.activate(bench.now_ns)
+    activate(bench.session, bench.now_ns)
     bench.steps(5)
     assert bench.commands() == [CLEAR] * 3
     bench.gripper.mute = False
@@ -557,7 +559,7 @@ def test_the_echo_is_judged_against_the_position_last_sent(active: Bench) -> Non
     active.gripper.echo = 199
     active.steps(1)
     assert active.samples[-1].echo_ok is False
-    active.session.activate(active.now_ns)
+    activate(active.session, active.now_ns)
     active.steps(3)
     assert active.samples[-1].echo_ok is None
 
@@ -615,7 +617,7 @@ def test_endless_garbage_is_neither_kept_nor_taken_for_a_reply(active: Bench) ->
     active.session.on_time(active.now_ns)
     for _ in range(100):
         assert active.session.receive(b"\x09\x04\x06" * 1000, active.now_ns) == []
-        assert len(active.session._heard) <= modbus.MAX_FRAME
+        assert len(active.session._line.heard) <= modbus.MAX_FRAME
     assert active.session.receive(active.gripper.hear(POLL), active.now_ns) != []
 
 

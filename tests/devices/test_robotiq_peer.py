@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 import pytest_asyncio
+from permits import activate, halt, move, set_force
 from pymodbus.server import ModbusSerialServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
@@ -90,17 +91,17 @@ async def line() -> AsyncIterator[Line]:
 async def test_a_foreign_server_is_activated_closed_and_told_another_force(line: Line) -> None:
     session = line.session
     await line.until(lambda sample: not sample.active)
-    session.activate(time.monotonic_ns())
+    activate(session, time.monotonic_ns())
     await line.until(lambda sample: sample.active)
-    assert session.move(0.0, None, 10.1) == pytest.approx(10.0)
+    assert move(session, 0.0, None, 10.1) == pytest.approx(10.0)
     held = await line.until(lambda sample: sample.object == "contact_closing")
     assert (held.width_m, held.echo_ok, held.moving, held.fault) == (pytest.approx(0.085 * 155 / 255), True, False, "")
     assert await line.registers() == [0x0900, 255, 0x8032]
-    assert session.set_force(12.0) == pytest.approx(12.0)
-    await line.until(lambda _: session._pending == [])
+    assert set_force(session, 12.0) == pytest.approx(12.0)
+    await line.until(lambda _: not session._orders.waiting)
     assert await line.registers() == [0x0900, 255, 0x803C]
-    assert session.halt()
-    stopped = await line.until(lambda _: session._pending == [])
+    assert halt(session)
+    stopped = await line.until(lambda _: not session._orders.waiting)
     assert await line.registers() == [0x0100, 255, 0x803C]
     assert stopped.width_m == held.width_m
     assert (session.command_lost, session.health.lost, session.health.bad) == (False, 0, 0)

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.devices import weiss
-from slipd.devices import wsg_messages as wire
 from slipd.devices.health import DecoderHealth
-from slipd.devices.wsg_messages import Limits, Replies, Reply
+from slipd.devices.wsg import wsg_messages as wire
+from slipd.devices.wsg.wsg_messages import Limits, Replies, Reply
 
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
 

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, cast
 
 import numpy as np
+from permits import activate, move
 
 from slipd.devices import DEVICES, Decoder, GripperSession, Session
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
@@ -191,7 +192,7 @@ def _stir(emulator: Emulator, shapes: list[tuple[int, ...]], rng: np.random.Gene
 def _command(host: GripperSession, sample: GripperSample, rng: np.random.Generator, now_ns: int) -> None:
     """Lets a gripper move, so that its readings differ: it echoes what it was told."""
     if not sample.active and host.state != "activating":
-        host.activate(now_ns)
+        activate(host, now_ns)
     elif sample.active:
         speed_mps = None if host.speed_range_mps is None else float(rng.uniform(*host.speed_range_mps))
-        host.move(float(rng.uniform(*host.width_range_m)), speed_mps, float(rng.uniform(*host.force_range_n)))
+        move(host, float(rng.uniform(*host.width_range_m)), speed_mps, float(rng.uniform(*host.force_range_n)))

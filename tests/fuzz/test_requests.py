@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from random import Random
 from typing import Any
 
@@ -16,11 +17,13 @@ from fuzz import requests
 from fuzz.asking import BOMBS, FIELDS, LONGEST_BYTES, Asker, Captured, Seen
 from fuzz.hand import FORCE_TABLE, Hand, newtons
 from fuzz.requests import Found, fuzz, tables, verdicts
+from permits import activate, move
 
 from slipd.devices.robotiq_2f import Session
 from slipd.grip import reflex
 from slipd.grip.once import OnceOnly
 from slipd.grip.policy import GripPolicy
+from slipd.permit import Permit
 from slipd.pipeline.desk import Desk
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.requests import OPS
@@ -64,8 +67,9 @@ def failing(*_: Any, **__: Any) -> None:
     raise RuntimeError("broken")
 
 
-def harder(self: Session, force_n: float, *, told: Callable[..., float | None] = Session.set_force) -> float | None:
-    return told(self, force_n + 1.0)
+def harder(self: Session, permit: Permit, now_ns: int, *, execute: Callable[..., bool] = Session.execute) -> bool:
+    changed = permit.kind == "set_force" and permit.force_n is not None
+    return execute(self, replace(permit, force_n=permit.force_n + 1.0) if changed else permit, now_ns)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +80,7 @@ def harder(self: Session, force_n: float, *, told: Callable[..., float | None] =
         (GripPolicy, "check_force", nothing, "N asked for"),
         (GripPolicy, "check_fault", nothing, "a fault stands"),
         (Finger, "trusted", True, "good False"),
-        (Session, "set_force", harder, "N applied"),
+        (Session, "execute", harder, "N applied"),
         (reflex, "PERIOD_NS", 200_000_000, "the reflex raised by"),
         (OnceOnly, "seen", nothing, "was granted to"),
         (Desk, "answer", failing, "RuntimeError: broken"),
@@ -111,7 +115,7 @@ def test_the_hand_understands_the_session_and_reads_its_forces_alike() -> None:
         force_table=[list(row) for row in FORCE_TABLE], width_table=[[0.0, 0.085], [1.0, 0.0]], speed_table=None
     )
     said, now_ns = session.start(0), 0
-    session.activate(0)
+    activate(session, 0)
     for _ in range(60):
         now_ns += 10_000_000
         if said:
@@ -120,7 +124,7 @@ def test_the_hand_understands_the_session_and_reads_its_forces_alike() -> None:
         said = session.on_time(now_ns)
     assert hand.bad_frames == 0
     hand.told.clear()
-    applied_n = session.move(0.0, None, 11.3)
+    applied_n = move(session, 0.0, None, 11.3)
     while not hand.told:
         now_ns += 10_000_000
         session.receive(hand.receive(said, now_ns) if said else b"", now_ns)

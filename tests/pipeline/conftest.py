@@ -11,7 +11,8 @@ import pytest
 
 from slipd import config
 from slipd.config import Config
-from slipd.devices import bota, modbus, pvdf, robotiq_registers, xela
+from slipd.devices import bota, modbus, pvdf, xela
+from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.pipeline.engine import Engine
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Reply, Request, Tick, Write
 from slipd.samples import TactileSample, WrenchSample

@@ -13,7 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from slipd import config
-from slipd.devices import bota, bota_text, pvdf, wsg_messages, xela
+from slipd.devices import bota, bota_text, pvdf, xela
+from slipd.devices.wsg import wsg_messages
 from slipd.pipeline.engine import Engine
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Request, Tick, Write
 from slipd.pipeline.warm_up import warm_up

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from slipd.devices import robotiq_registers
+from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.pipeline.events import Reply, Request
 from slipd.pipeline.requests import OPS
 from slipd_client.messages import MessageError, decode, encode

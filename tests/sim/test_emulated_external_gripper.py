@@ -11,9 +11,15 @@ from pathlib import Path
 
 import pytest
 from driving import drive
+from permits import move, set_force
 
 from slipd.devices.external_gripper import Session
-from slipd.devices.external_gripper_message import REFUSED, encode_notice, encode_registration, encode_setpoint
+from slipd.devices.external_gripper.external_gripper_message import (
+    REFUSED,
+    encode_notice,
+    encode_registration,
+    encode_setpoint,
+)
 from slipd.pipeline.events import LinkSpec
 from slipd.samples import GripperSample
 from slipd.sim.emulated_external_gripper import DRIVER, Driver, make
@@ -102,9 +108,9 @@ async def test_a_driver_in_a_process_of_its_own_is_told_what_to_do(
         session.start(time.monotonic_ns())
         await until(lambda: session.state == "active")
         assert session.identity == "emulated driver"
-        assert session.move(0.0, 0.2, 10.0) == 10.0
+        assert move(session, 0.0, 0.2, 10.0) == 10.0
         await until(lambda: samples[-1].object == "contact_closing")
-        assert session.set_force(12.0) == 12.0
+        assert set_force(session, 12.0) == 12.0
         await until(lambda: samples[-1].force_n == 12.0)
         assert (samples[-1].width_m, samples[-1].echo_ok, session.command_lost) == (0.04, True, False)
         process.terminate()

@@ -1,7 +1,8 @@
 import pytest
+from permits import activate, move
 
-from slipd.devices import modbus, robotiq_registers
-from slipd.devices.robotiq_2f import Session
+from slipd.devices import modbus
+from slipd.devices.robotiq_2f import Session, robotiq_registers
 from slipd.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F
 from slipd.sim.scene import GripCommand, Scene
 
@@ -145,13 +146,13 @@ def test_the_daemons_session_activates_and_grips():
     gripper, scene, session = Gripper2F(), Scene(), Session(force_table=FORCE_TABLE)
     samples, now_ns = [], 0
     said = gripper.receive(session.start(now_ns), now_ns)
-    session.activate(now_ns)
+    activate(session, now_ns)
     while now_ns < 3_000 * MS:
         now_ns += MS
         samples += session.receive(said, now_ns)
         said = b""
         if now_ns == 1_000 * MS:
-            assert session.move(0.0, None, 8.0) == pytest.approx(8.0, abs=0.1)
+            assert move(session, 0.0, None, 8.0) == pytest.approx(8.0, abs=0.1)
         while (due := session.next_deadline()) is not None and due <= now_ns:
             said += gripper.receive(session.on_time(now_ns), now_ns)
         scene.step(now_ns * 1e-9, gripper.command(now_ns))

@@ -10,11 +10,12 @@ import time
 from collections.abc import Callable
 
 import pytest
+from permits import move
 
-from slipd.devices import wsg_messages as wire
 from slipd.devices.health import DecoderHealth
 from slipd.devices.wsg import Session
-from slipd.devices.wsg_messages import Replies, Reply
+from slipd.devices.wsg import wsg_messages as wire
+from slipd.devices.wsg.wsg_messages import Replies, Reply
 from slipd.sim.emulated_wsg import LIMITS, Gripper, make
 
 MS = 1_000_000
@@ -148,10 +149,10 @@ def converse(line: socket.socket, force_n: float) -> None:
     line.sendall(session.start(time.monotonic_ns()))
     go_on(lambda: session.state == "active")
     assert session.identity == "S/N 4711"
-    assert session.move(0.02, 0.4, force_n) == force_n
+    assert move(session, 0.02, 0.4, force_n) == force_n
     there = pytest.approx(0.02)
-    go_on(lambda: session._commands.due_ns is None and session._sample is not None and session._sample.width_m == there)
-    go_on(lambda: session._sample is not None and session._sample.echo_ok is True)
+    go_on(lambda: session._orders.due_ns is None and session._width_m == there)
+    go_on(lambda: session._orders.echo_ok is True)
     assert (session.command_lost, session.health.bad, session.health.lost) == (False, 0, 0)
     line.sendall(session.stop())
     heard = b""

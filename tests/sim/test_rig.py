@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from slipd.devices import bota, modbus, pvdf, robotiq_registers
+from slipd.devices import bota, modbus, pvdf
+from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.fusion import contact_from_wrench
 from slipd.signals.mounting import Mounting
 from slipd.sim.contact import Patch

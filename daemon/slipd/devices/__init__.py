@@ -1,4 +1,4 @@
-"""One file a device: bytes in, samples out, and back; pure.
+"""One file or folder a device: bytes in, samples out, and back; pure.
 
 `DEVICES` holds them all by name. A device is what a module of this folder says in ``DEVICE``; it is loaded when
 somebody asks for it (docs/adding_a_device.md).
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, cast
 
 if TYPE_CHECKING:
     from slipd.devices.health import DecoderHealth
+    from slipd.permit import Permit
     from slipd.samples import Sample
 
 
@@ -75,17 +76,23 @@ class Session(Protocol):
 class GripperSession(Session, Protocol):
     """The conversation with a gripper, in metres between the pads and newtons on one pad.
 
-    Nothing moves but on request, and a request that the gripper cannot take sends nothing.
+    Nothing moves but on a permit, and a permit that the gripper cannot take sends nothing. What a session takes in
+    which state is a table, in a module of its own beside it.
     """
 
     @property
+    def activating(self) -> bool:
+        """Whether an activation is queued or under way; no move and no force is taken until it is over."""
+        ...
+
+    @property
     def command_lost(self) -> bool:
-        """The last command was refused by the gripper, or never acknowledged."""
+        """Whether the gripper refused the last command, or never acknowledged it."""
         ...
 
     @property
     def width_range_m(self) -> tuple[float, float]:
-        """Least and largest width between the pads; (0, inf) while the gripper has not told."""
+        """Least and largest width between the pads; (0, inf) until the gripper reports them."""
         ...
 
     @property
@@ -95,51 +102,51 @@ class GripperSession(Session, Protocol):
 
     @property
     def force_range_n(self) -> tuple[float, float]:
-        """Least and largest force; (0, inf) while the gripper has not told."""
+        """Least and largest force; (0, inf) until the gripper reports them."""
         ...
 
     @property
     def force_told_n(self) -> float | None:
-        """The force that the gripper has once all that waits is sent; None where it was told none while active."""
+        """The force in force once all that waits is sent; None where none was sent since the gripper became active."""
         ...
 
     def applied_n(self, force_n: float) -> float:
-        """Return the force that the gripper would be told for ``force_n``: its settings may be steps."""
+        """Return the force that would be sent for ``force_n``: the gripper's settings may be steps."""
         ...
 
-    def activate(self, now_ns: int) -> None:
-        """Make the gripper ready; some open and close fully while they do this."""
-        ...
+    def execute(self, permit: Permit, now_ns: int) -> bool:
+        """Carry out a permit: the only way to make the gripper do something.
 
-    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> float | None:
-        """Go to a width with a force, N on one pad.
+        - "activate" makes the gripper ready; some open and close fully while they do this. All that waits is dropped.
+        - "move" sends the fingers to a width, with a force and a speed (None: the session's own).
+        - "set_force" changes the force at the width last sent; a move that was not sent yet goes with that force.
+        - "halt" stops the fingers where they are, before all else. A move or an activation that was not sent yet is
+          dropped; a force that was not sent yet may still be.
+
+        Args:
+            permit: What the motion gate permits.
+            now_ns: Time of the call.
 
         Returns:
-            The force that the gripper is told, never above ``force_n`` but for the gripper's least; None, and nothing
-            will be sent, where it is not active.
-        """
-        ...
+            True where the permit is taken: something will be sent, or, for "halt", something unsent was dropped.
+            `force_told_n` is then the force that will be in force, never above ``permit.force_n`` but for the
+            gripper's least. False: nothing will be sent, because the gripper is not active, or not known to be, or
+            reports a fault, or is activating.
 
-    def set_force(self, force_n: float) -> float | None:
-        """Change the force at the width last asked for; returns as `move`."""
-        ...
-
-    def halt(self) -> bool:
-        """Stop the fingers where they are; False, and nothing will be sent, where it is not active.
-
-        A move that was not sent yet is dropped, and so is an activation: then it is True too.
+        Raises:
+            ValueError: The gripper has no such width or speed, or a value is missing or not finite.
         """
         ...
 
     def drop(self) -> bool:
-        """Forget what was not sent yet but for a stop; True where there was any.
+        """Forget what was not sent yet but for a stop; return whether there was any.
 
         What was sent and is not answered stays, but is not repeated.
         """
         ...
 
     def acknowledge(self) -> None:
-        """Forget that a command was lost, and tell the gripper that its fault was seen; moves nothing."""
+        """Forget that a command was lost, and let the gripper know that its fault was seen; moves nothing."""
         ...
 
 

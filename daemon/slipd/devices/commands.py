@@ -35,6 +35,10 @@ class Command:
     number: int = 0
     renews: bool = False
 
+    def force_after(self, force: float | None) -> float | None:
+        """Return the force that is set once this is sent, where ``force`` was."""
+        return self.force if self.renews or self.force is not None else force
+
 
 class Commands:
     """What waits to be sent, and the one command whose answer is waited for.
@@ -73,7 +77,7 @@ class Commands:
         """The force that is set once all that waits is sent; None where none was."""
         force = self._force
         for command in self.waiting:
-            force = _force_after(command, force)
+            force = command.force_after(force)
         return force
 
     def void(self) -> None:
@@ -114,7 +118,7 @@ class Commands:
         if not self.waiting:
             return b""
         self.outstanding = self.waiting.pop(0)
-        self._force = _force_after(self.outstanding, self._force)
+        self._force = self.outstanding.force_after(self._force)
         self._attempts += 1
         self._due_ns = now_ns + self._answer_ns
         return self.outstanding.data
@@ -141,8 +145,3 @@ class Commands:
             self._attempts = 0
         else:
             self.waiting.insert(0, command)
-
-
-def _force_after(command: Command, force: float | None) -> float | None:
-    """Return the force that is set once a command is sent, where ``force`` was."""
-    return command.force if command.renews or command.force is not None else force

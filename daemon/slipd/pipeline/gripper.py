@@ -9,6 +9,7 @@ from typing import Any
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.grip.policy import GripLimits, GripPolicy, Refusal
+from slipd.permit import Permit
 from slipd.pipeline.gripper_watch import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperWatch
 from slipd.pipeline.report import number
 from slipd.samples import GripperSample
@@ -90,7 +91,7 @@ class GripperControl:
             self._forget(NO_ANSWER)
         lapsed = self.policy.lapsed(t_ns)
         if lapsed and self._config.lease_end == "stop" and self._moves:
-            self._undo(self._session.halt)
+            self._undo(self._stop)
         told, self._told_fault = self._told_fault, self.policy.fault
         return lapsed or self._told_fault != told
 
@@ -132,7 +133,8 @@ class GripperControl:
 
     def activate(self, t_ns: int) -> Result:
         """Activates the gripper, which opens and closes it fully."""
-        self._session.activate(t_ns)
+        if not self._session.execute(Permit("activate"), t_ns):
+            return _NO_ANSWER
         self._watch.activate(t_ns)
         self._let_go()
         self.force_command_n = None
@@ -145,7 +147,7 @@ class GripperControl:
             return refusal
         goal_m = self._session.width_range_m[0] if width_m is None else width_m
         self._keep_force()
-        applied_n = self._session.move(goal_m, speed_mps, force_n)
+        applied_n = self._execute(Permit("move", goal_m, speed_mps, force_n), t_ns)
         if applied_n is not None:
             self._held = self._held and self.policy.force_n is not None
             self.policy.grip(applied_n, t_ns)
@@ -166,7 +168,7 @@ class GripperControl:
         if refusal is not None:
             return refusal
         self._keep_force()
-        applied_n = self._session.move(goal_m, speed_mps, least_n)
+        applied_n = self._execute(Permit("move", goal_m, speed_mps, least_n), t_ns)
         if applied_n is not None:
             self._let_go()
             self._send_off(goal_m, t_ns)
@@ -175,7 +177,7 @@ class GripperControl:
     def set_force(self, force_n: float, t_ns: int, *, reflex: bool = False) -> Result:
         """Sets the force while holding, for a client or for the reflex."""
         self._keep_force()
-        applied_n = self._session.set_force(force_n)
+        applied_n = self._execute(Permit("set_force", force_n=force_n), t_ns)
         if applied_n is not None:
             self.policy.grip(applied_n, t_ns, reflex=reflex)
         return self._sent(applied_n)
@@ -193,7 +195,7 @@ class GripperControl:
 
     def halt(self) -> Result:
         """Stops the fingers where they are, whatever else is wrong."""
-        return {} if self._undo(self._session.halt) else (self.may_activate() or _NOT_ACTIVE)
+        return {} if self._undo(self._stop) else (self.may_activate() or _NOT_ACTIVE)
 
     def hold(self) -> Result:
         """Keeps what is: moving fingers stop, a force in force stays."""
@@ -242,6 +244,13 @@ class GripperControl:
             "reflex": None,
             "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
         }
+
+    def _execute(self, permit: Permit, t_ns: int) -> float | None:
+        """Hands the session a permit; returns the force that will be in force, None where it is not taken."""
+        return self._session.force_told_n if self._session.execute(permit, t_ns) else None
+
+    def _stop(self) -> bool:
+        return self._session.execute(Permit("halt"), self._looked_ns)
 
     def _latch(self, fault: str) -> None:
         if fault:

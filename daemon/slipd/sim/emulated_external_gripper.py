@@ -10,7 +10,12 @@ from typing import Any
 
 import msgpack
 
-from slipd.devices.external_gripper_message import Registration, Report, encode_registration, encode_report
+from slipd.devices.external_gripper.external_gripper_message import (
+    Registration,
+    Report,
+    encode_registration,
+    encode_report,
+)
 
 DRIVER = Registration("emulated driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
 RATE_HZ = 50.0

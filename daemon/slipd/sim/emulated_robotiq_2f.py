@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import modbus, robotiq_registers
+from slipd.devices import modbus
+from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.sim.scene import GripCommand, Scene
 
 FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))

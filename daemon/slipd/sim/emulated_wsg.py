@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from slipd.devices import wsg_messages as wire
 from slipd.devices.health import DecoderHealth
 from slipd.devices.weiss import WITH_PREAMBLE, Packet, Packets
-from slipd.devices.wsg_messages import Limits
+from slipd.devices.wsg import wsg_messages as wire
+from slipd.devices.wsg.wsg_messages import Limits
 
 SERIAL = 4711
 LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)

@@ -12,7 +12,7 @@ import socket
 import stat
 from pathlib import Path
 
-from slipd.devices.external_gripper_message import REFUSED, encode_notice
+from slipd.devices.external_gripper.external_gripper_message import REFUSED, encode_notice
 from slipd.errors import LinkError
 from slipd.pipeline.events import LinkSpec
 from slipd.transport.link import OnBytes

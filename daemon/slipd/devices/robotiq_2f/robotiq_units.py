@@ -57,7 +57,7 @@ class Units:
             ValueError: It is no number.
         """
         if not math.isfinite(force_n):
-            raise ValueError(f"a force of {force_n} N cannot be asked for: a finite one can")
+            raise ValueError(f"a force must be finite, got {force_n} N")
         return self._forces.units(force_n)
 
     def newtons(self, byte: int) -> float:

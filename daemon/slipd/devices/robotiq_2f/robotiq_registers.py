@@ -23,7 +23,6 @@ GO = 0x08
 RELEASE = 0x10
 _STAGE_ACTIVATING = 1
 _STAGE_ACTIVE = 3
-_STAGES = ("inactive", "activating", "inactive", "active")
 _OBJECTS = ("moving", "contact_opening", "contact_closing", "none")
 _FAULTS = {
     0x0: "",
@@ -134,9 +133,9 @@ def parse_status(
     )
 
 
-def parse_stage(registers: tuple[int, ...]) -> str:
-    """Return a word for gSTA, how far the activation is: "inactive", "activating" or "active"."""
-    return _STAGES[registers[0] >> 12 & 3]
+def is_activating(registers: tuple[int, ...]) -> bool:
+    """Return whether gSTA says that the gripper activates."""
+    return registers[0] >> 12 & 3 == _STAGE_ACTIVATING
 
 
 def _fault_name(fault: int) -> str:

@@ -1,0 +1,101 @@
+"""What the gripper of another driver is to do, as set-points, and what the driver's answers say of them."""
+
+from __future__ import annotations
+
+from slipd.devices.commands import Command, Commands
+from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper.external_gripper_message import Report
+from slipd.devices.health import DecoderHealth
+
+FORCE_TOLERANCE = 1e-6
+"""Share by which an applied force may be above the one asked for: what single precision makes of it."""
+
+_SETS = ("move", "force")
+
+
+class SetPoints(Commands):
+    """The set-points that wait, each with an id of its own.
+
+    Args:
+        answer_ns: How long an answer may take.
+        health: Its ``lost`` counts unanswered set-points.
+
+    Attributes:
+        echo_ok: Whether the driver last applied no more force than it was asked for; None where it applied none yet.
+    """
+
+    def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
+        super().__init__(answer_ns, health)
+        self._made = 0
+
+    def reset(self) -> None:
+        """Begin anew: nothing waits, nothing is known."""
+        super().reset()
+        self.echo_ok: bool | None = None
+        self._goal: dict[str, float | None] = {}
+
+    @property
+    def activation_waits(self) -> bool:
+        """Whether an activation is to be sent yet."""
+        return any(command.renews for command in self.waiting)
+
+    @property
+    def activation_is_sent(self) -> bool:
+        """Whether an activation was sent last, and is not answered."""
+        return self.outstanding is not None and self.outstanding.renews
+
+    def activate(self) -> None:
+        """Queue an activation, and nothing else."""
+        self.replace([self._make("activate")])
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move, and nothing else."""
+        self._goal = {"width_m": width_m, "speed_mps": speed_mps}
+        self.replace([self._make("move", force_n=force_n, **self._goal)])
+
+    def set_force(self, force_n: float) -> None:
+        """Queue a force, behind a stop that waits; a move that waits goes with that force."""
+        moves = any(command.kind == "move" for command in self.waiting)
+        operation, goal = ("move", self._goal) if moves else ("force", {})
+        self.replace([self._make(operation, force_n=force_n, **goal)], keep=self._stops())
+
+    def stop(self) -> None:
+        """Send a stop at once, instead of all else."""
+        self.interrupt(self._make("stop"))
+
+    def forget(self) -> bool:
+        """Forget what was not sent yet but for a stop; return whether there was any."""
+        return self.drop(("stop",))
+
+    def acknowledge(self) -> None:
+        """Queue the acknowledgement of a fault, behind a stop that waits."""
+        self.replace([self._make("acknowledge")], keep=self._stops())
+
+    def lose_grip(self, trouble: str) -> None:
+        """Give up all that waits where a force is on its way to a gripper that cannot obey."""
+        if self.holds(_SETS):
+            self.give_up(trouble)
+
+    def is_sound(self, report: Report) -> bool:
+        """Return whether a report, where it answers a force, says which was applied."""
+        command = self.outstanding
+        answers = command is not None and report.id == command.number and command.kind in _SETS
+        return not answers or report.applied_n is not None or bool(report.error)
+
+    def take_answer(self, report: Report, now_ns: int) -> bool:
+        """Take the answer to the outstanding set-point; return False where it is none."""
+        command = self.outstanding
+        if command is None or report.id != command.number:
+            return False
+        self.answered(now_ns, f"{command.name}: {report.error}" if report.error else "")
+        if command.kind in _SETS and report.applied_n is not None:
+            self.echo_ok = report.applied_n <= (command.force or 0.0) * (1.0 + FORCE_TOLERANCE)
+        return True
+
+    def _make(self, operation: str, **values: float | None) -> Command:
+        self._made += 1
+        data = wire.encode_setpoint(self._made, operation, **values)
+        return Command(operation, operation, data, values.get("force_n"), self._made, operation == "activate")
+
+    def _stops(self) -> list[Command]:
+        return [command for command in self.waiting if command.kind == "stop"]

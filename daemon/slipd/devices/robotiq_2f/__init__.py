@@ -1,0 +1,31 @@
+"""Robotiq 2F-85, 2F-140 and Hand-E grippers, spoken to as a Modbus RTU master.
+
+Three registers are written (what to do), three are read (what is). Nothing moves but on a permit: the session polls,
+and sends a command only when `Session.execute` was handed one. Positions, speeds and forces are the gripper's own
+bytes; what they are in metres and newtons the tables of the config say.
+Source: Robotiq 2F instruction manual, control over Modbus RTU.
+"""
+
+from __future__ import annotations
+
+from slipd.devices import Device, GripRange
+from slipd.devices.robotiq_2f.robotiq_decoder import Decoder
+from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS
+from slipd.devices.robotiq_2f.robotiq_session import Session
+
+__all__ = ["DEVICE", "Decoder", "Session"]
+
+GRIP = GripRange(force_n=235.0, stroke_m=0.140, speed_mps=0.250)
+"""Force of a 2F-85, stroke and speed of a 2F-140."""
+
+DEVICE = Device(
+    "robotiq_2f",
+    "gripper",
+    ("serial",),
+    Decoder,
+    Session,
+    rates_hz=(1.0, 1e9 / COMMAND_PAUSE_NS),
+    baud=115_200,
+    tabled=True,
+    grip=GRIP,
+)

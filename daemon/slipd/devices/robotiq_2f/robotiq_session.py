@@ -1,0 +1,240 @@
+"""The conversation with a Robotiq gripper: permits become orders, status replies become samples."""
+
+from __future__ import annotations
+
+from slipd.devices import modbus
+from slipd.devices.health import DecoderHealth
+from slipd.devices.permitted_session import PermittedSession
+from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS, RobotiqLine
+from slipd.devices.robotiq_2f.robotiq_orders import Goal, Order, OrderKind, Orders
+from slipd.devices.robotiq_2f.robotiq_registers import UNIT, is_activating, parse_status
+from slipd.devices.robotiq_2f.robotiq_states import ACTIVATION, TRANSITIONS, Event, State
+from slipd.devices.robotiq_2f.robotiq_units import FORCE_TABLE, SPEED_TABLE, WIDTH_TABLE, Table, Units
+from slipd.devices.state_machine import StateMachine
+from slipd.samples import GripperSample
+
+LAST_UNIT = 247
+"""The highest address that Modbus gives to a device."""
+
+_SENT = {OrderKind.CLEAR: Event.CLEAR_SENT, OrderKind.ACTIVATE: Event.ACTIVATION_SENT}
+_REPEATED = {OrderKind.CLEAR: Event.CLEAR_REPEATED, OrderKind.ACTIVATE: Event.ACTIVATION_REPEATED}
+
+
+class Session(PermittedSession):
+    """Polls the gripper and carries out permits, one transaction at a time.
+
+    `state` is "closed", "waiting" (for a status), "inactive", "activating", "active", "command lost" or "no reply".
+    What the gripper takes in which state, `robotiq_states` says.
+
+    Attributes:
+        health: Its ``lost`` counts unanswered transactions.
+        command_lost: The last command was refused, never acknowledged, or met a gripper that was no longer active.
+
+    ``echo_ok`` of a sample compares the position last sent with the gripper's echo of it, in every status while they
+    differ. Force and speed are not echoed; that they arrived is known by the acknowledgement of the write alone.
+
+    Args:
+        unit: Modbus address of the gripper.
+        poll_period_s: Time from one status poll to the next, s, at least 0.005.
+        force_table: (force byte, N on one pad), both rising.
+        width_table: (position byte / 255, m between the pads), the first rising and the second falling.
+        speed_table: (speed byte, m/s), both rising; None: no speed can be asked for.
+
+    Raises:
+        ValueError: The poll period is shorter than the gripper's own pause, or the address is none of Modbus.
+    """
+
+    identity = ""
+
+    def __init__(
+        self,
+        unit: int = UNIT,
+        poll_period_s: float = 0.02,
+        force_table: Table = FORCE_TABLE,
+        width_table: Table = WIDTH_TABLE,
+        speed_table: Table | None = SPEED_TABLE,
+    ) -> None:
+        if not poll_period_s * 1e9 >= COMMAND_PAUSE_NS:
+            raise ValueError(f"poll_period_s must be at least 0.005, got {poll_period_s}")
+        if not (isinstance(unit, int) and 1 <= unit <= LAST_UNIT):
+            raise ValueError(f"unit must be an integer from 1 to {LAST_UNIT}, a Modbus address, got {unit!r}")
+        self.health = DecoderHealth()
+        self._units = Units(force_table, width_table, speed_table)
+        self._line = RobotiqLine(unit, round(poll_period_s * 1e9), self.health)
+        self._orders = Orders(unit)
+        self._reset(State.CLOSED)
+
+    def _reset(self, state: State) -> None:
+        self._machine = StateMachine(TRANSITIONS, state)
+        self._orders.reset()
+        self.command_lost = False
+        self._reported: Event | None = None  # by the last status, since the gripper fell silent or was cleared
+        self._unanswered: Order | None = None  # it is repeated where no reply comes
+
+    @property
+    def state(self) -> str:
+        """A short word for people."""
+        state = self._machine.state
+        if state is State.CLOSED:
+            return "closed"
+        if self._line.silent:
+            return "no reply"
+        if self.command_lost:
+            return "command lost"
+        return "activating" if self.activating else state.value
+
+    @property
+    def activating(self) -> bool:
+        """Whether an activation is queued or under way."""
+        return self._machine.state in ACTIVATION
+
+    @property
+    def width_range_m(self) -> tuple[float, float]:
+        """Least and largest width between the pads."""
+        return self._units.width_range_m
+
+    @property
+    def speed_range_mps(self) -> tuple[float, float] | None:
+        """Least and largest speed; None where no speed can be asked for."""
+        return self._units.speed_range_mps
+
+    @property
+    def force_range_n(self) -> tuple[float, float]:
+        """Least and largest force, N on one pad."""
+        return self._units.force_range_n
+
+    @property
+    def force_told_n(self) -> float | None:
+        """The force of the byte last sent or queued, N on one pad; None where there is none since the activation."""
+        force = self._orders.force
+        return None if force is None else self._units.newtons(force)
+
+    def applied_n(self, force_n: float) -> float:
+        """Return the force of the byte that would be sent, N on one pad."""
+        return self._units.newtons(self._units.force(force_n))
+
+    def start(self, now_ns: int) -> bytes:
+        """Begin on a freshly opened link: forget what was queued, and poll. Nothing moves."""
+        self._reset(State.WAITING)
+        self._line.open(now_ns)
+        return self.on_time(now_ns)
+
+    def stop(self) -> bytes:
+        """End. Nothing is sent: the gripper keeps what it holds."""
+        self._reset(State.CLOSED)
+        self._line.open(0)
+        return b""
+
+    def drop(self) -> bool:
+        """Forget what was not sent yet but for a halt; what is unanswered is not repeated."""
+        dropped = self._orders.drop()
+        if self._unanswered is not None and self._unanswered.kind is not OrderKind.HALT:
+            self._unanswered = None
+        self._take_back(Event.DROP)
+        return dropped
+
+    def acknowledge(self) -> None:
+        """Forget that a command was lost; its own lesser faults end by themselves, others with the next activation."""
+        self.command_lost = False
+
+    def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
+        """Take bytes received at ``now_ns`` and return the status reading they complete, if any."""
+        request = self._line.outstanding
+        reply = self._line.receive(data, now_ns)
+        if request is None or reply is None:
+            return []
+        self._unanswered = None
+        if request.function == modbus.WRITE:
+            self.command_lost = False
+            if reply.error:
+                self._give_up()
+        elif not reply.error:
+            return [self._take_status(reply.registers, now_ns)]
+        return []
+
+    def next_deadline(self) -> int | None:
+        """Return when `on_time` is due, ns; None while closed."""
+        if self._machine.state is State.CLOSED:
+            return None
+        return self._line.due_ns(commands_wait=bool(self._orders.waiting))
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the command or poll that is due at ``now_ns``; empty when none is."""
+        due = self.next_deadline()
+        if due is None or now_ns < due:
+            return b""
+        if self._line.outstanding is not None:
+            self._time_out(self._line.outstanding)
+        if not self._orders.waiting or self._line.poll_goes_first(now_ns):
+            return self._line.poll(now_ns)
+        order = self._unanswered = self._orders.send()
+        if order.kind in _SENT:
+            self._reported = None
+            self._machine.handle(_SENT[order.kind])
+        return self._line.send(order.request, now_ns)
+
+    def _activate(self, now_ns: int) -> bool:
+        if not self._machine.handle(Event.ACTIVATE):
+            return False
+        self._orders.activate()
+        self._line.poll_soon(now_ns)
+        return True
+
+    def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
+        units = self._units
+        goal, force = Goal(units.position(width_m), units.speed(speed_mps)), units.force(force_n)
+        if not self._machine.handle(Event.MOVE):
+            return False
+        self._orders.move(goal, force)
+        return True
+
+    def _set_force(self, force_n: float) -> bool:
+        if not self._machine.handle(Event.SET_FORCE):
+            return False
+        self._orders.set_force(self._units.force(force_n), self._unanswered)
+        return True
+
+    def _halt(self) -> bool:
+        taken_back = self._machine.takes(Event.DROP) and self.drop()
+        if not self._machine.handle(Event.HALT):
+            return taken_back
+        self._orders.halt()
+        return True
+
+    def _take_back(self, event: Event) -> None:
+        """Let the last status count again where an activation was not sent."""
+        if self._machine.handle(event) and self._reported is not None:
+            self._machine.handle(self._reported)
+
+    def _time_out(self, request: modbus.Request) -> None:
+        self._line.time_out()
+        order, self._unanswered = self._unanswered, None
+        writes = request.function == modbus.WRITE
+        if self._line.silent:  # it may have lost its power: ask before it is sent anywhere
+            self._reported = None
+            self._machine.handle(Event.FELL_SILENT)
+            if writes or self._orders.waiting:
+                self._give_up()
+        elif order is None:
+            self.command_lost = self.command_lost or writes
+        elif self._orders.repeat(order) and order.kind in _REPEATED:
+            self._machine.handle(_REPEATED[order.kind])
+
+    def _give_up(self) -> None:
+        self._orders.give_up()
+        self._take_back(Event.GIVE_UP)
+        self.command_lost = True
+
+    def _take_status(self, registers: tuple[int, ...], now_ns: int) -> GripperSample:
+        sample = parse_status(registers, now_ns, self._orders.requested, self._units.width_m)
+        self.health.good += 1
+        if sample.active:
+            self._reported = Event.REPORTED_ACTIVE
+        else:
+            self._reported = Event.REPORTED_ACTIVATING if is_activating(registers) else Event.REPORTED_INACTIVE
+        believed = self._machine.handle(self._reported)
+        if not sample.active:
+            self._orders.void()
+            if believed and self._orders.waiting:
+                self._give_up()
+        return sample

@@ -1,0 +1,29 @@
+"""Weiss and Schunk WSG grippers over TCP, in their binary command protocol.
+
+The gripper sends width, force and state by itself, and answers one command at a time. Nothing moves but on a permit.
+A grip is a pre-position to a width narrower than the part, which clamps what blocks the way: unlike the gripper's own
+"grasp" it may be given again while something is held, it never gives up by itself, and it opens only where a wider
+goal than the present width is asked for. The force is changed by setting the limit and giving the goal of the grip
+again; where that is not known, as behind a stop, by setting the limit alone.
+"""
+
+from __future__ import annotations
+
+from slipd.devices import Device, GripRange
+from slipd.devices.wsg.wsg_decoder import Decoder
+from slipd.devices.wsg.wsg_session import LONGEST_MS, SHORTEST_MS, Session
+
+__all__ = ["DEVICE", "Decoder", "Session"]
+
+GRIP = GripRange(force_n=60.0, stroke_m=0.210, speed_mps=0.420)
+"""Half of the 120 N that a WSG 50 grips with in overdrive, which is what one pad feels; stroke of a WSG 50-210."""
+
+DEVICE = Device(
+    "wsg",
+    "gripper",
+    ("tcp",),
+    Decoder,
+    Session,
+    rates_hz=(1000.0 / LONGEST_MS, 1000.0 / SHORTEST_MS),
+    grip=GRIP,
+)
