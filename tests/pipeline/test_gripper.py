@@ -11,6 +11,7 @@ import pytest
 from slipd.config import Config
 from slipd.devices.health import DecoderHealth
 from slipd.grip.policy import Refusal
+from slipd.permit import Permit
 from slipd.pipeline.gripper import GripperControl
 from slipd.samples import GripperSample
 from slipd_client.messages import Health
@@ -33,7 +34,7 @@ class Recorded:
     def __init__(self) -> None:
         self.health = DecoderHealth()
         self.takes = True
-        self.command_lost = False
+        self.command_lost = self.activating = False
         self.commands: list[tuple[Any, ...]] = []
         self.width_range_m = (0.0, 0.085)
         self.speed_range_mps: tuple[float, float] | None = (0.02, 0.15)
@@ -59,22 +60,22 @@ class Recorded:
     def applied_n(self, force_n: float) -> float:
         return math.floor(2.0 * force_n) / 2.0
 
-    def activate(self, now_ns: int) -> None:
-        self.commands.append(("activate",))
-
-    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> float | None:
-        self.commands.append(("move", round(width_m, 3), speed_mps, force_n))
-        return self._take(force_n)
-
-    def set_force(self, force_n: float) -> float | None:
-        self.commands.append(("force", force_n))
-        return self._take(force_n)
-
-    def _take(self, force_n: float) -> float | None:
-        if not self.takes:
-            return None
-        self.force_told_n = self.applied_n(force_n)
-        return self.force_told_n
+    def execute(self, permit: Permit, now_ns: int) -> bool:
+        if permit.kind == "activate":
+            self.commands.append(("activate",))
+            return True
+        if permit.kind == "halt":
+            self.commands.append(("halt",))
+            self.drop()
+            return self.takes
+        assert permit.force_n is not None
+        if permit.width_m is None:
+            self.commands.append(("force", permit.force_n))
+        else:
+            self.commands.append(("move", round(permit.width_m, 3), permit.speed_mps, permit.force_n))
+        if self.takes:
+            self.force_told_n = self.applied_n(permit.force_n)
+        return self.takes
 
     def send(self) -> None:
         """What waits is sent."""
@@ -83,11 +84,6 @@ class Recorded:
     def drop(self) -> bool:
         dropped, self.force_told_n = self.force_told_n != self.has, self.has
         return dropped
-
-    def halt(self) -> bool:
-        self.commands.append(("halt",))
-        self.drop()
-        return self.takes
 
     def acknowledge(self) -> None:
         self.commands.append(("acknowledge",))

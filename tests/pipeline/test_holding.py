@@ -105,7 +105,7 @@ def test_a_gripper_that_cannot_take_it_hears_nothing(hold: Callable[..., Any]) -
 def test_a_session_that_takes_no_command_is_no_act(hold: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     run = hold(GRASP + REFLEX)
     session = run.engine._links["gripper"].session
-    monkeypatch.setattr(session, "set_force", lambda _: None)
+    monkeypatch.setattr(session, "execute", lambda *_: False)
     feel(run, *NEAR)
     assert acts(run) == []
 
