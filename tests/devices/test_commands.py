@@ -47,6 +47,16 @@ def test_A6_what_a_newer_one_of_its_kind_replaces_is_not_repeated(commands: Comm
     assert [commands.on_time(at * ANSWER_NS) for at in (1, 2, 3, 4)] == [b"force"] * ATTEMPTS + [b""]
 
 
+@pytest.mark.parametrize(("force", "sent"), [(1.0, b"home"), (None, b"go")])
+def test_a_force_is_not_repeated_behind_what_makes_the_gripper_ready(
+    commands: Commands, force: float | None, sent: bytes
+) -> None:
+    commands.replace([Command("go", "go", b"go", force)])
+    commands.on_time(0)
+    commands.replace([Command("home", "home", b"home", renews=True)])
+    assert commands.on_time(ANSWER_NS) == sent
+
+
 def test_a_refusal_takes_what_waits_with_it(commands: Commands) -> None:
     commands.replace([GO, FORCE])
     commands.on_time(0)

@@ -481,3 +481,43 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
 
 def test_a_force_is_told_as_it_is_asked_for() -> None:
     assert Session().applied_n(12.34) == 12.34
+
+
+def test_no_motion_is_taken_until_the_driver_has_answered_the_activation(bench: Bench) -> None:
+    activate(bench.session)
+    for _ in range(2):  # queued, and sent
+        assert (bench.session.activating, bench.session.state) == (True, "activating")
+        assert (move(bench.session, 0.02, None, 5.0), set_force(bench.session, 5.0)) == (None, None)
+        bench.driver.mute = True
+        bench.run(0.03)
+    bench.driver.mute = False
+    bench.run(0.2)
+    assert (bench.session.activating, bench.told()[-1]) == (False, "activate")
+    assert move(bench.session, 0.02, None, 5.0) == 5.0
+
+
+@pytest.mark.parametrize("active", [False, True])
+def test_an_activation_that_was_sent_is_stopped(bench: Bench, active: bool) -> None:
+    bench.driver.report = Report(0.08, active=active)
+    bench.driver.mute = True
+    bench.run(0.1)
+    activate(bench.session)
+    bench.run(0.01)
+    assert halt(bench.session)
+    bench.run(0.05)
+    assert (bench.told(), bench.session.activating) == (["activate", "stop"], False)
+    assert bench.session.state == ("active" if active else "inactive")
+
+
+def test_an_activation_that_is_never_answered_is_over_when_it_is_given_up(bench: Bench) -> None:
+    bench.driver.mute = True
+    activate(bench.session)
+    bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
+    assert bench.told() == ["activate"] * ATTEMPTS
+    assert (bench.session.activating, bench.session.state) == (False, "command lost: no answer to activate")
+    assert set_force(bench.session, 5.0) == 5.0
+
+
+def test_a_session_that_was_closed_writes_nothing(bench: Bench) -> None:
+    bench.session.stop()
+    assert bench.session.on_time(bench.now_ns + SILENCE_NS) == b""

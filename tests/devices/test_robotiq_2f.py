@@ -661,3 +661,65 @@ def test_A6_a_command_lost_after_an_acknowledgement_is_told_again(active: Bench)
         assert not active.session.command_lost
         active.gripper.mute = False
         active.steps(8)
+
+
+def test_a_second_halt_keeps_the_force_that_is_repeated_behind_the_first(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.gripper.mute = True
+    active.set_force(90)
+    active.steps(1)
+    active.move(0, 255, 0)
+    halt(active.session)
+    active.gripper.mute = False
+    active.steps(1)
+    assert (halt(active.session), active.session.force_told_n) == (True, 91.0)
+    active.steps(3)
+    assert active.gripper.output == (0x0100, 200, 0x805A)
+
+
+def test_an_unanswered_force_is_not_repeated_behind_an_activation(active: Bench) -> None:
+    active.move(200, 128, 60)
+    active.steps(1)
+    active.gripper.mute = True
+    active.set_force(90)
+    active.steps(1)
+    activate(active.session, active.now_ns)
+    active.gripper.mute = False
+    active.steps(8)
+    assert active.commands() == [GO, FORCE, CLEAR, ACTIVATE]
+    assert (active.session.state, active.session.force_told_n) == ("active", None)
+
+
+@pytest.mark.parametrize("how", ["halt", "drop"])
+def test_a_status_counts_though_it_came_while_an_activation_that_is_taken_back_was_queued(how: str) -> None:
+    bench = Bench().start()
+    activate(bench.session, bench.now_ns)
+    bench.gripper.output, bench.gripper.stage = (0x0100, 0, 0), 3  # somebody else activated it
+    poll = bench.session._line.poll(bench.now_ns)
+    bench.session.receive(bench.gripper.hear(poll), bench.now_ns)
+    assert (bench.session.state, bench.session.activating) == ("activating", True)
+    assert forget(bench.session, how)
+    assert (bench.session.state, bench.session.activating) == ("active", False)
+
+
+def test_a_move_is_refused_until_the_activation_is_over_and_the_session_says_why() -> None:
+    bench = Bench().start()
+    assert not bench.session.activating
+    activate(bench.session, bench.now_ns)
+    for _ in range(3):
+        assert (bench.session.activating, bench.session.state) == (True, "activating")
+        assert (bench.move(1, 2, 3), bench.set_force(4)) == (None, None)
+        bench.steps(1)
+    bench.steps(1)
+    assert (bench.session.activating, bench.move(1, 2, 3)) == (False, 4.0)
+
+
+def test_an_activation_that_the_gripper_refuses_is_over(active: Bench) -> None:
+    activate(active.session, active.now_ns)
+    active.steps(1)
+    active.gripper.refuses = (modbus.WRITE,)
+    active.steps(1)
+    assert (active.session.activating, active.session.state) == (False, "command lost")
+    active.steps(1)
+    assert active.commands() == [CLEAR, ACTIVATE]

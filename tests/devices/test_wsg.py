@@ -592,3 +592,74 @@ def test_L5_a_round_that_a_closed_line_tore_is_not_completed_by_the_next() -> No
 
 def test_a_force_is_told_as_it_is_asked_for() -> None:
     assert Session().applied_n(12.34) == 12.34
+
+
+def test_an_activation_behind_an_unanswered_force_outlasts_the_next_readings(bench: Bench) -> None:
+    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
+    set_force(bench.session, 10.0)
+    bench.run(0.001)
+    activate(bench.session, bench.now_ns)
+    bench.run(0.1)
+    assert (bench.session.state, bench.session.command_lost, bench.last.active) == ("activating", False, False)
+    bench.run(1.5)
+    assert bench.commands() == [wire.SET_FORCE, wire.HOME], "the force is void: it is not repeated"
+    assert bench.session.state == "active"
+
+
+@pytest.mark.parametrize("status", [None, 7])
+def test_an_activation_that_was_lost_before_it_was_sent_holds_up_nothing(bench: Bench, status: int | None) -> None:
+    bench.gripper.words.add("fast_stop")
+    bench.run(0.1)
+    bench.swallow = lambda packet: status is None and packet.id == wire.ACKNOWLEDGE
+    bench.forge = lambda asked: status if asked == wire.ACKNOWLEDGE else None
+    activate(bench.session, bench.now_ns)
+    bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
+    assert bench.session.state.startswith("command lost: ")
+    assert (bench.session.activating, wire.HOME in bench.commands()) == (False, False)
+    bench.swallow, bench.forge = lambda _: False, lambda _: None
+    bench.session.acknowledge()
+    bench.run(0.1)
+    assert move(bench.session, 0.02, None, 5.0) == 5.0
+
+
+def test_a_second_activation_that_is_dropped_leaves_the_first_under_way(bench: Bench) -> None:
+    activate(bench.session, bench.now_ns)
+    bench.run(0.1)
+    activate(bench.session, bench.now_ns)
+    assert bench.session.drop()
+    bench.run(0.1)
+    assert (bench.session.activating, bench.last.active, bench.last.moving) == (True, False, True)
+    assert set_force(bench.session, 5.0) is None
+    bench.run(1.0)
+    assert (bench.session.state, bench.commands()) == ("active", [wire.HOME])
+
+
+def test_a_first_activation_that_ends_while_a_second_waits_does_not_end_the_second(bench: Bench) -> None:
+    activate(bench.session, bench.now_ns)
+    bench.run(0.1)
+    activate(bench.session, bench.now_ns)
+    bench.hear([wire.encode_reply(wire.HOME)])
+    assert bench.session.activating
+    assert bench.session.drop()
+    assert (bench.session.activating, set_force(bench.session, 5.0)) == (False, None), "a reading says what it is now"
+    bench.run(0.03)
+    assert set_force(bench.session, 5.0) == 5.0
+
+
+def test_homing_that_was_stopped_can_be_stopped_again_before_the_next_reading(bench: Bench) -> None:
+    activate(bench.session, bench.now_ns)
+    bench.run(0.1)
+    assert [halt(bench.session) for _ in range(3)] == [True] * 3
+    assert (move(bench.session, 0.02, None, 5.0), bench.session.state) == (None, "inactive")
+    bench.run(0.03)
+    assert move(bench.session, 0.02, None, 5.0) == 5.0
+
+
+def test_a_fault_that_is_acknowledged_while_the_gripper_is_silent_sends_and_loses_nothing(bench: Bench) -> None:
+    bench.gripper.words.add("fast_stop")
+    bench.run(0.1)
+    bench.mute = True
+    bench.run(1.5)
+    bench.session.acknowledge()
+    bench.run(0.1)
+    assert (bench.commands(), bench.session.command_lost) == ([], False)

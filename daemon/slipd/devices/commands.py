@@ -21,11 +21,11 @@ class Command:
 
     Attributes:
         name: What it is, for people.
-        kind: Commands of one kind replace each other.
+        kind: A newer command of the same kind replaces an older one.
         data: The bytes to write.
-        force: The force that it sets, N in the gripper's own way of counting; None where it sets none.
+        force: The force that it sets or moves with, N in the gripper's own way of counting; None where there is none.
         number: By which its answer is known, where answers carry one.
-        renews: It makes the gripper ready: what was told before is void.
+        renews: It makes the gripper ready: forces sent before are void, and unanswered ones are not repeated.
     """
 
     name: str
@@ -38,6 +38,10 @@ class Command:
     def force_after(self, force: float | None) -> float | None:
         """Return the force that is set once this is sent, where ``force`` was."""
         return self.force if self.renews or self.force is not None else force
+
+    def makes_void(self, older: Command) -> bool:
+        """Return whether an older command, unanswered, is not repeated once this waits."""
+        return self.kind == older.kind or (self.renews and older.force is not None)
 
 
 class Commands:
@@ -141,7 +145,7 @@ class Commands:
         self.outstanding = None
         if self._attempts >= ATTEMPTS:
             self.give_up(f"no answer to {command.name}")
-        elif any(newer.kind == command.kind for newer in self.waiting):
+        elif any(newer.makes_void(command) for newer in self.waiting):
             self._attempts = 0
         else:
             self.waiting.insert(0, command)

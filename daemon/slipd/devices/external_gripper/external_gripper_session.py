@@ -165,6 +165,8 @@ class Session(PermittedSession):
 
     def on_time(self, now_ns: int) -> bytes:
         """Return the notice or set-point that is due at ``now_ns``; empty when none is."""
+        if self._machine.state is State.CLOSED:
+            return b""
         if now_ns >= self._silent_at_ns:
             self._fall_silent(now_ns)
         notice, self._notice = self._notice, b""

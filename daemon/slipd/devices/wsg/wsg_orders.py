@@ -131,5 +131,5 @@ class WsgOrders(Commands):
         force = wire.at_most(min(max(force_n * FINGERS, limits.min_force), limits.nominal_force))
         commands = [Command("force limit", wire.SET_FORCE, wire.set_force(force), force)]
         if goal is not None:
-            commands.append(Command("pre-position", wire.PREPOSITION, wire.preposition(*goal)))
+            commands.append(Command("pre-position", wire.PREPOSITION, wire.preposition(*goal), force))
         self.replace([*commands, _READ_BACK], keep=(_STOP,))

@@ -1,0 +1,257 @@
+"""The state machines of the gripper sessions: their tables, each permit in each state on the wire, and random walks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from importlib import import_module
+from random import Random
+from typing import Any
+
+import pytest
+from gripper_walks import MS, PEERS, Told, walks
+
+from slipd.devices.external_gripper.external_gripper_message import Report
+from slipd.devices.state_machine import StateMachine
+from slipd.permit import Permit
+
+MODULES = {device: import_module(f"slipd.devices.{device}.{device.removesuffix('_2f')}_states") for device in PEERS}
+WALKS = 40
+
+Table = Mapping[Enum, Mapping[Enum, Enum]]
+devices = pytest.mark.parametrize("device", PEERS)
+
+
+def table_of(device: str) -> Table:
+    table: Table = MODULES[device].TRANSITIONS
+    return table
+
+
+PAIRS = [
+    pytest.param(device, state, event, id=f"{device}-{state.name}-{event.name}")
+    for device, module in MODULES.items()
+    for state in module.State
+    for event in module.Event
+]
+
+
+@pytest.mark.parametrize(("device", "state", "event"), PAIRS)
+def test_every_event_leads_to_one_state_or_is_refused(device: str, state: Enum, event: Enum) -> None:
+    module = MODULES[device]
+    machine: StateMachine[Enum, Enum] = StateMachine(table_of(device), state)
+    following = table_of(device)[state].get(event)
+    assert machine.takes(event) is machine.handle(event) is (following is not None)
+    assert machine.state is (state if following is None else following)
+    if event in (module.Event.MOVE, module.Event.SET_FORCE):
+        assert following is (module.State.ACTIVE if state is module.State.ACTIVE else None), "only an active gripper"
+    if state is module.State.CLOSED:
+        assert following is None
+    if event is module.Event.ACTIVATE and following is not None:
+        assert following in module.ACTIVATION
+
+
+@devices
+def test_every_state_is_reached_from_an_open_link(device: str) -> None:
+    module = MODULES[device]
+    opened = module.State.UNREGISTERED if device == "external_gripper" else module.State.WAITING
+    reached, added = set(), {opened}
+    while added:
+        reached |= added
+        added = {following for state in added for following in table_of(device)[state].values()} - reached
+    assert reached == set(module.State) - {module.State.CLOSED}
+
+
+class Talk:
+    """A session and its gripper on a line without fault; time stands until `run`."""
+
+    def __init__(self, device: str) -> None:
+        self.peer: Any = PEERS[device](Random(device))
+        self.session = self.peer.session
+        self.now_ns = 0
+        self.told: list[Told] = []
+        self.written = b""
+        self.deaf = False
+
+    def start(self) -> Talk:
+        self.peer.opened(self.now_ns)
+        self.exchange(self.session.start(self.now_ns))
+        return self
+
+    def exchange(self, data: bytes) -> None:
+        self.written += data
+        self.told += self.peer.told(data)
+        for answer in self.peer.hear(data, self.now_ns):
+            if not self.deaf:
+                self.session.receive(answer, self.now_ns)
+
+    def write(self) -> None:
+        """Let the session write what is due now."""
+        while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
+            self.exchange(self.session.on_time(self.now_ns))
+
+    def run(self, ms: int) -> Talk:
+        for _ in range(ms):
+            self.now_ns += MS
+            for data in self.peer.advance(self.now_ns):
+                if not self.deaf:
+                    self.session.receive(data, self.now_ns)
+            self.write()
+        return self
+
+    def ask(self, kind: Any) -> bool:
+        """Hand over a permit; or "drop"."""
+        if kind == "drop":
+            return bool(self.session.drop())
+        force_n = None if kind in ("activate", "halt") else 8.0
+        permit = Permit(kind, 0.02 if kind == "move" else None, force_n=force_n)
+        return bool(self.session.execute(permit, self.now_ns))
+
+
+def reach_robotiq(state: str) -> Talk:
+    talk = Talk("robotiq_2f")
+    if state in ("closed", "waiting"):
+        talk.deaf = True
+        return talk if state == "closed" else talk.start()
+    talk.peer.gripper._tell((0x0100 if state == "active" else 0, 0, 0), -(10**10))
+    talk.start().run(30)
+    if state in ("activation queued", "cleared", "activating"):
+        assert talk.ask("activate")
+    writes = {"cleared": 1, "activating": 2}.get(state, 0)
+    while talk.told.count(Told("activate")) < writes:
+        talk.now_ns += MS
+        due = talk.session.next_deadline()
+        if due <= talk.now_ns:
+            talk.exchange(talk.session.on_time(talk.now_ns))
+    return talk
+
+
+def reach_wsg(state: str) -> Talk:
+    talk = Talk("wsg")
+    words = {"inactive": set(), "faulty": {"referenced", "fast_stop"}}
+    talk.peer.gripper.words = words.get(state, {"referenced"})
+    talk.peer.gripper.part_mm = 0.0
+    if state == "closed":
+        return talk
+    if state == "waiting":
+        talk.deaf = True
+        return talk.start()
+    talk.start().run(300)
+    if state == "silent":
+        talk.deaf = True
+        talk.run(1200)
+    if "hom" in state or state == "settling":
+        assert talk.ask("activate")
+    if state in ("homing", "rehoming queued", "settling"):
+        talk.write()
+    if state == "rehoming queued":
+        assert talk.ask("activate")
+    if state == "settling":
+        assert talk.ask("halt")
+        talk.write()
+    return talk
+
+
+def reach_external(state: str) -> Talk:
+    talk = Talk("external_gripper")
+    if state == "closed":
+        return talk
+    if state == "unregistered":
+        talk.session.start(0)
+        return talk
+    reports = {"inactive": Report(0.05, active=False), "faulty": Report(0.05, fault="no_power")}
+    talk.peer.driver.report = reports.get(state, Report(0.05))
+    if state == "waiting":
+        talk.peer.driver._next_ns = 10**18
+    talk.start().run(30)
+    if state == "silent":
+        talk.deaf = True
+        talk.run(600)
+    if state in ("activation queued", "activating"):
+        assert talk.ask("activate")
+    if state == "activating":
+        talk.peer.driver.mute = True
+        talk.write()
+    return talk
+
+
+REACH = {"robotiq_2f": reach_robotiq, "wsg": reach_wsg, "external_gripper": reach_external}
+KINDS = ("activate", "move", "set_force", "halt", "drop")
+
+READY = {"activate": ["activate"], "move": ["move"], "set_force": ["force"], "halt": ["stop"]}
+IDLE = {"activate": ["activate"]}
+FAULTY = {"activate": ["activate"], "halt": ["stop"]}
+OUTCOMES: dict[str, dict[str, dict[str, list[str]]]] = {
+    "robotiq_2f": {
+        "closed": {},
+        "waiting": IDLE,
+        "inactive": IDLE,
+        "active": READY,
+        "activation queued": {"activate": ["activate"], "halt": [], "drop": []},
+        "cleared": {"activate": ["activate"], "halt": [], "drop": []},
+        "activating": IDLE,
+    },
+    "wsg": {
+        "closed": {},
+        "waiting": {},
+        "silent": {},
+        "inactive": IDLE,
+        "active": READY | {"move": ["force", "move"]},
+        "faulty": {"activate": ["other", "activate"], "halt": ["stop"]},
+        "homing queued": {"activate": ["activate"], "halt": ["stop"], "drop": []},
+        "homing": FAULTY,
+        "rehoming queued": {"activate": ["activate"], "halt": ["stop"], "drop": []},
+        "settling": FAULTY,
+    },
+    "external_gripper": {
+        "closed": {},
+        "unregistered": {},
+        "waiting": {},
+        "silent": {},
+        "inactive": IDLE,
+        "active": READY,
+        "faulty": FAULTY,
+        "activation queued": {"activate": ["activate"], "halt": ["stop"], "drop": []},
+        "activating": FAULTY,
+    },
+}
+"""For each state, the permits that it takes and the first commands that the gripper is sent for them.
+
+A "halt" or "drop" of an activation that was not sent sends nothing to a gripper that was not active before.
+"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("device", "state"), [(device, state) for device, outcomes in OUTCOMES.items() for state in outcomes]
+)
+def test_a_permit_is_sent_in_the_states_that_take_it_and_leaves_no_trace_in_the_others(
+    device: str, state: str, kind: str
+) -> None:
+    module = MODULES[device]
+    assert set(OUTCOMES[device]) == {each.value for each in module.State}
+    talk, untouched = REACH[device](state), REACH[device](state)
+    session = talk.session
+    assert session._machine.state.value == state
+    assert session.activating is (session._machine.state in module.ACTIVATION)
+    outcomes = OUTCOMES[device][state]
+    sent = len(talk.told)
+    assert talk.ask(kind) is (kind in outcomes)
+    if kind in outcomes:
+        assert session.activating or kind != "activate"
+        talk.deaf = False
+        told = talk.run(200).told[sent:]
+        assert [each.kind for each in told[: len(outcomes[kind])]] == outcomes[kind]
+        assert outcomes[kind] or not told
+        return
+    assert session._machine.state is untouched.session._machine.state
+    if kind != "drop":  # what is unanswered is not repeated behind it
+        assert talk.run(300).written == untouched.run(300).written
+        assert session.state == untouched.session.state
+
+
+@devices
+def test_whatever_happens_only_what_was_permitted_last_is_on_the_wire(device: str) -> None:
+    taken = {(state, event) for pairs in walks(device, range(WALKS)) for state, event, took in pairs if took}
+    known = {(state, event) for state, row in table_of(device).items() for event in row}
+    assert taken <= known
+    assert len(taken) > 0.8 * len(known), "the walks see most of the table"
