@@ -59,7 +59,7 @@ class Session(PermittedSession):
         self._machine = StateMachine(TRANSITIONS, state)
         self.identity = ""
         self._driver: Registration | None = None
-        self._reported: Event | None = None  # by the last report
+        self._reported = Event.REPORTED_INACTIVE  # by the last report
         self._fault = ""  # in the last report
         self._refusal = ""
         self._notice = b""
@@ -218,8 +218,7 @@ class Session(PermittedSession):
 
     def _recall(self) -> None:
         """Let the last report count again: an activation is over."""
-        if self._reported is not None:
-            self._machine.handle(self._reported)
+        self._machine.handle(self._reported)
 
     def _in_range(self, force_n: float) -> float:
         """Return the force of the gripper's that is nearest."""
@@ -230,7 +229,7 @@ class Session(PermittedSession):
         if self._setpoints.due_ns is not None:
             self._setpoints.give_up("the driver registered anew")
         self._setpoints.void()
-        self._reported, self._fault, self._setpoints.echo_ok = None, "", None
+        self._fault, self._setpoints.echo_ok = "", None
         if self.identity not in ("", driver.name):
             self._machine.handle(Event.STRANGER)
             self._driver = None
@@ -246,7 +245,7 @@ class Session(PermittedSession):
     def _fall_silent(self, now_ns: int) -> None:
         self._silent_at_ns = now_ns + SILENCE_NS
         self._machine.handle(Event.FELL_SILENT)
-        self._reported, self._fault = None, ""
+        self._fault = ""
         if self._driver is None:
             self._refuse(self._refusal or _REGISTER, now_ns)
         if self._setpoints.due_ns is not None:
