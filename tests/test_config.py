@@ -205,7 +205,7 @@ MEANING = [
     ("caution = 0.6", "caution = 0.04", "levels.hysteresis", "must be below levels.caution, 0.04"),
     ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 9 }", "finger.left.wrench.options", "sinc length of 9"),
     ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 64.5 }", "finger.left.wrench.options", "64.5"),
-    ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { unit = 300 }", "gripper.options", "1 to 247, a Modbus address, got 300"),
+    ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { unit = 300 }", "gripper.options", "1 to 247, a Modbus address"),
     ("rate_hz = 50.0", 'rate_hz = 50.0\noptions = { unit = "9" }', "gripper.options", "a Modbus address, got '9'"),
     ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { poll_period_s = 1e300 }", "gripper.options", ""),
     ("rate_hz = 800", "rate_hz = 800\noptions = { speed = 9 }", "finger.left.wrench.options", "speed"),
