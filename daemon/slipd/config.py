@@ -28,6 +28,7 @@ from slipd.config_model import (
     PadPlace,
     Pose,
     Rates,
+    Recording,
     Reflex,
     Requests,
     Slip,
@@ -47,6 +48,7 @@ __all__ = [
     "Levels",
     "Pad",
     "Rates",
+    "Recording",
     "Reflex",
     "Requests",
     "Stream",
@@ -73,6 +75,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "rates": Rates,
     "bus": Bus,
     "requests": Requests,
+    "recording": Recording,
 }
 
 

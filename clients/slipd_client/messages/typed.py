@@ -256,11 +256,18 @@ class StreamStatus:
 
 @dataclass(frozen=True, slots=True)
 class RecordingStatus:
-    """The newest recording that was asked for: ``failure`` is why it ended by itself, None where it did not."""
+    """A recording; ``name`` is None for that of the whole run.
+
+    ``state`` is "none", "running", "stopped" (as asked), "limited" (ended in good order by a limit) or "failed";
+    ``failure`` is why it ended by itself, None where it did not; ``lost`` counts entries that are not in its file.
+    """
 
     name: str | None = None
+    path: str | None = None
+    state: str | None = None
     running: bool | None = None
     failure: str | None = None
+    lost: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,5 +279,6 @@ class Status(Message):
     late_s: float | None = None
     lease: LeaseStatus | None = None
     recording: RecordingStatus | None = None
+    run_recording: RecordingStatus | None = None
     fingers: Mapping[str, FingerStatus] = field(default_factory=dict)
     streams: Mapping[str, StreamStatus] = field(default_factory=dict)
