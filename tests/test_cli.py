@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import subprocess
 import sys
 import threading
@@ -16,6 +17,7 @@ import zmq
 from slipd import __version__, config
 from slipd.cli import main
 from slipd_client.messages import MESSAGE_LIMITS, decode
+from slipd_client.view import View
 
 TRIAL = Path(__file__).parent / "data" / "grips" / "2022-02-22-08-10-01"
 CONFIGS = Path(__file__).parents[1] / "config"
@@ -71,6 +73,17 @@ def test_replayed_messages_are_one_a_line_and_whole(recording: Path, capsys: pyt
     }
     assert all(found == list(range(len(found))) for found in numbers.values())
     assert bodies == replayed(recording, capsys)
+
+
+def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    view, shown = View(), ""
+    for body in replayed(recording, capsys):
+        view.update(body["topic"], body)
+        assert body.get("force_unit", "uncalibrated") == "uncalibrated"
+        if body["topic"] == "slip.left" and body["level"] == "stable" and not shown:
+            shown = "\n".join([*view.render(200, colour=False), view.summary()])
+    assert re.search(r"^left +STABLE .* normal -?\d+\.\d\d  tangential", shown, re.MULTILINE)
+    assert not re.search(r"\d N\b", shown)
 
 
 def test_without_json_a_replay_tells_people_the_changes(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:

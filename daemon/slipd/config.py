@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from slipd.config_checks import axes_of, device_options, meaning_faults, stale_after_ns, transport_of
+from slipd.config_checks import axes_of, device_options, in_newtons, meaning_faults, stale_after_ns, transport_of
 from slipd.config_model import (
     Bus,
     Config,
@@ -55,6 +55,7 @@ __all__ = [
     "Wrench",
     "axes_of",
     "device_options",
+    "in_newtons",
     "load",
     "parse",
     "shipped",

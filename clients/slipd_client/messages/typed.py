@@ -92,6 +92,7 @@ class Slip(Message):
     finger: str
     level: SlipLevel
     reasons: tuple[str, ...] = ()
+    force_unit: str | None = None
     normal_n: float | None = None
     tangential_n: Pair | None = None
     spin_nm: float | None = None
@@ -133,6 +134,7 @@ class Wrench(Message):
     """``wrench.<finger>``: the force on one finger, tared, in the pad's frame."""
 
     finger: str
+    force_unit: str | None = None
     force_n: Triple | None = None
     torque_nm: Triple | None = None
     normal_n: float | None = None
@@ -152,6 +154,7 @@ class Tactile(Message):
     pitch_m: float | None = None
     tare_id: int | None = None
     image_ok: bool = False
+    force_unit: str | None = None
     loads_n: tuple[float, ...] | None = None
     active: int | None = None
     area_m2: float | None = None

@@ -90,5 +90,5 @@ def _unpack(payload: bytes) -> dict[Any, Any]:
     except (ValueError, msgpack.UnpackException) as error:
         raise RecordingError(f"an event that is not msgpack: {error}") from error
     if not isinstance(whole, dict):
-        raise RecordingError(f"an event that is a {type(whole).__name__}, not a map")
+        raise RecordingError(f"an event that is no map, but of type {type(whole).__name__}")
     return whole
