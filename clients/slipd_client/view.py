@@ -196,15 +196,15 @@ def _recording_lines(recording: dict[str, Any], what: str, width: int) -> list[L
     """A recording that runs, or that ended by itself; one that was stopped as asked is no news."""
     state = recording.get("state")
     failure = recording.get("failure")
-    if state != "running" and not failure:
+    if recording.get("running") is not True and not failure:
         return []
-    health, colour = {"running": ("OK", "32"), "limited": ("ENDED", "33")}.get(str(state), ("FAILED", "1;31"))
-    facts: Line = [(f"{'recording':<20}", "1"), (f"{health:<7}", colour)]
+    word, colour = ("OK", "32") if not failure else ("ENDED", "33") if state == "limited" else ("FAILED", "1;31")
+    facts: Line = [(f"{'recording':<20}", "1"), (f"{word:<7}", colour)]
+    if failure:  # it names the path
+        return _with_reason(facts, plain(failure), colour, width)
+    facts.append((f"{what}{plain(recording.get('path') or recording.get('name'))}", ""))
     lost = f"{quantity(recording, 'lost', '', 0)} entries lost" if recording.get("lost") else ""
-    reason = "; ".join(part for part in (plain(failure) if failure else "", lost) if part)
-    if not failure:  # whose text names the path
-        facts.append((f"{what}{plain(recording.get('path') or recording.get('name'))}", ""))
-    return _with_reason(facts, reason, "1;31" if failure and state != "limited" else "33", width)
+    return _with_reason(facts, lost, "33", width)
 
 
 def _stream_lines(name: str, stream: dict[str, Any], width: int) -> list[Line]:

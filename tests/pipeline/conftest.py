@@ -223,12 +223,16 @@ class Run:
         self._asked += 1
         envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": self.t_ns + 100 * MS}
         given = {name: value for name, value in (envelope | fields).items() if value is not ...}
-        outputs = self.feed(Request(client, given))
-        for record in [output for output in outputs if isinstance(output, Record) and output.name]:
-            outputs += self.feed(self.disk(record.name))
-        replies = [output for output in outputs if isinstance(output, Reply)]
+        replies = [output for output in self.request(client, given) if isinstance(output, Reply)]
         assert [reply.client for reply in replies] == [client]
         return replies[0].body
+
+    def request(self, client: bytes, body: dict[str, Any]) -> list[Output]:
+        """A request, and what the disk says where it begins a recording."""
+        outputs = self.feed(Request(client, body))
+        for record in [output for output in outputs if isinstance(output, Record) and output.name]:
+            outputs += self.feed(self.disk(record.name))
+        return outputs
 
     def refusal(self, op: str, client: bytes = b"ann", **fields: Any) -> tuple[str, str] | None:
         """Code and field with which a request is refused; None where it was done."""

@@ -101,7 +101,7 @@ def test_bytes_that_are_no_event_raise_only_a_recording_error(data: bytes) -> No
         (written(n=0, t_ns=0, kind="request", client=b"", body={"a": [0] * 65}), "no client can have sent"),
         (written(n=0, t_ns=0, kind="request", client=b"", body={"a": "a" * 20_000}), "no client can have sent"),
         (written(n=0, t_ns=0, kind="request", client=b"", body={"a": msgpack.ExtType(4, b"")}), "no client"),
-        (sealed(msgpack.packb([1, 2, bytes(4)])[:-4]), "a list, not a map"),
+        (sealed(msgpack.packb([1, 2, bytes(4)])[:-4]), "must be a map, got list"),
         (sealed(b"\x91" * 5000), "not msgpack"),
         (sealed(b"\xdf\xff\xff\xff\xff"), "not msgpack"),
     ],

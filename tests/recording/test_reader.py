@@ -313,7 +313,7 @@ def test_what_a_whole_file_unpacks_to_is_bounded_too(forge: Forge) -> None:
     rest = b"".join(chunk(message(1, n, zeros)) for n in range(1, 40))
     recording, found = forge.read(extra=first + rest)
     assert 10 <= len(found) <= 25, "64 MiB, or 4000 times some 18 kB"
-    assert "bytes, more than slipd packs into" in str(recording.fault)
+    assert "bytes, which slipd cannot have written into" in str(recording.fault)
 
 
 def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, about_run) -> None:

@@ -90,5 +90,5 @@ def _unpack(payload: bytes) -> dict[Any, Any]:
     except (ValueError, msgpack.UnpackException) as error:
         raise RecordingError(f"an event that is not msgpack: {error}") from error
     if not isinstance(whole, dict):
-        raise RecordingError(f"an event that is no map, but of type {type(whole).__name__}")
+        raise RecordingError(f"an event must be a map, got {type(whole).__name__}")
     return whole

@@ -143,7 +143,7 @@ class _Walk:
         self._unpacked_bytes += chunk.uncompressed_size
         if self._unpacked_bytes > max(_UNPACKED_BYTES, _UNPACKED_RATIO * self.file_bytes):
             raise DamageError(
-                f"unpacks to over {self._unpacked_bytes} bytes, more than slipd packs into {self.file_bytes}"
+                f"unpacks to over {self._unpacked_bytes} bytes, which slipd cannot have written into {self.file_bytes}"
             )
         for opcode, body in inner_records(unpack_chunk(chunk)):
             if opcode == Opcode.MESSAGE:

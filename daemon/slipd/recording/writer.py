@@ -187,9 +187,12 @@ class Recorder:
 
     def _end_at_limit(self, file: RecordingFile | None, error: RecordingLimitError) -> None:
         """Finish the file behind what is written, unless the disk fails just now."""
+        if file is None:
+            self.limit = str(error)
+            self._discard_until_closed()
+            return
         try:
-            if file is not None:
-                file.finish(self._next_entry)
+            file.finish(self._next_entry)
         except Exception as worse:
             self._fail(file, worse)
             return
