@@ -627,11 +627,6 @@ async def test_a_daemon_under_nohup_outlives_its_terminal(rig: Rig) -> None:
         assert process.wait(PATIENCE_S) == 0
 
 
-def on_a_small_disk(size: int) -> Callable[[], None]:
-    """In the child process: the kernel lets no file grow beyond so many bytes."""
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-
 @pytest.mark.process
 async def test_k1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
@@ -640,10 +635,17 @@ async def test_k1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
         recording = client.hear("status")[-1]["run_recording"] if client.hear("status") else None
         return recording if recording and recording["state"] == "failed" else None
 
-    with start(rig.file, "--record", str(path), preexec_fn=on_a_small_disk(50_000)) as process:
+    def send() -> None:
+        rig.send()
+        rig.wrench.send(os.urandom(1000))
+
+    with start(rig.file, "--record", str(path)) as process:
         assert process.stderr is not None
         client = client_of(process)
-        recording = await until(stopped, rig.send)
+        await until(lambda: sum(1 for _ in open_recording(path).entries()) > 10, rig.send)
+        most = open_recording(path).path.stat().st_size + 3000
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, most))  # no file of it may be longer
+        recording = await until(stopped, send)
         reason = f"{path}: the recording stopped: File too large"
         assert (recording["path"], recording["failure"]) == (str(path), reason)
         assert recording["lost"] > 0
@@ -654,7 +656,7 @@ async def test_k1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
         process.terminate()
         assert process.wait(PATIENCE_S) == 1
         errors = process.stderr.read()
-    assert f"ERROR slipd.recording.watch: {reason}\n" in errors
+    assert f"ERROR slipd.recording.recorder_watch: {reason}\n" in errors
     assert re.search(rf"\nslipd: {reason}; (\d+) entries are missing\n$", errors)
     recorded = open_recording(path)
     assert sum(1 for _ in recorded.entries()) > 0

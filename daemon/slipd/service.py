@@ -32,7 +32,7 @@ from slipd.pipeline.events import Event, Publish, Record, Reply, Request, Tick, 
 from slipd.pipeline.warm_up import warm_up
 from slipd.recording.mcap_file import check_new
 from slipd.recording.on_request import RequestedRecordings, check_room, private_directory, state_dir
-from slipd.recording.watch import RecorderWatch
+from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.writer import Recorder, Room
 from slipd.transport import Links
 from slipd.zeromq.endpoint import check_free

@@ -21,7 +21,7 @@ from slipd.recording.on_request import (
     state_dir,
 )
 from slipd.recording.reader import Entered, Published, open_recording
-from slipd.recording.watch import START_LIMIT_NS
+from slipd.recording.recorder_watch import START_LIMIT_NS
 from slipd.recording.writer import Recorder, RecordingLimitError, Room
 
 DEADLINE_S = 30.0

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from slipd.errors import RecordingError
 from slipd.pipeline.events import Event, Record, RecordingChanged
-from slipd.recording.watch import RecorderWatch
+from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.writer import CLOSE_LIMIT_S, Recorder, RecordingLimitError, Room
 
 MOST_UNFINISHED = 2
