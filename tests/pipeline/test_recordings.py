@@ -111,6 +111,15 @@ def test_one_that_is_stopped_before_its_file_is_created_is_answered_all_the_same
     assert shown(run) == state(NAME, "stopped")
 
 
+def test_a_limit_reached_behind_its_end_does_not_change_that_it_was_stopped(run: Run) -> None:
+    run.ask("record.start")
+    run.ask("record.stop")
+    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "limited", "as large as it may be"))
+    assert shown(run) == state(NAME, "stopped")
+    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "the last bytes had no room"))
+    assert shown(run)["failure"] == "the last bytes had no room"
+
+
 def test_the_recording_of_the_whole_run_is_shown_beside_the_one_on_request(run: Run) -> None:
     run.ask("record.start")
     assert shown(run, "run_recording") is None
