@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import struct
 import subprocess
 import sys
 import threading
+import zlib
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zmq
+import zstandard
 
 from slipd import __version__, config
 from slipd.cli import main
+from slipd.recording.mcap_file import RecordingFile
 from slipd_client.messages import MESSAGE_LIMITS, decode
+from slipd_client.view import View
 
 TRIAL = Path(__file__).parent / "data" / "grips" / "2022-02-22-08-10-01"
 CONFIGS = Path(__file__).parents[1] / "config"
@@ -71,6 +77,17 @@ def test_replayed_messages_are_one_a_line_and_whole(recording: Path, capsys: pyt
     }
     assert all(found == list(range(len(found))) for found in numbers.values())
     assert bodies == replayed(recording, capsys)
+
+
+def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    view, shown = View(), ""
+    for body in replayed(recording, capsys):
+        view.update(body["topic"], body)
+        assert body.get("force_unit", "uncalibrated") == "uncalibrated"
+        if body["topic"] == "slip.left" and body["level"] == "stable" and not shown:
+            shown = "\n".join([*view.render(200, colour=False), view.summary()])
+    assert re.search(r"^left +STABLE .* normal -?\d+\.\d\d  tangential", shown, re.MULTILINE)
+    assert not re.search(r"\d N\b", shown)
 
 
 def test_without_json_a_replay_tells_people_the_changes(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -194,6 +211,26 @@ def test_check_tells_how_far_the_reflex_gets_within_the_budget(
     rig.write_text(text.replace("budget_n = 25.0", budget), encoding="utf-8")
     assert main(["check", str(rig)]) == 0
     assert f"asks for up to {gain_n}.0 N more within the lead time of 0.3 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command", [["replay", "--speed", "max"], ["identify", "--finger", "left"]], ids=lambda c: c[0]
+)
+def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (CONFIGS / "demo.toml").read_text(encoding="utf-8")
+    file = RecordingFile(tmp_path / "bomb.mcap", config_text=text, boot="b", wall_minus_monotonic_ns=0)
+    file.close()
+    empty = struct.pack("<BQ", 0x77, 0) * 400_000
+    packed = zstandard.compress(empty)
+    body = struct.pack("<QQQII4sQ", 0, 0, len(empty), zlib.crc32(empty), 4, b"zstd", len(packed)) + packed
+    with (tmp_path / "bomb.mcap").open("ab") as bomb:
+        bomb.write((struct.pack("<BQ", 6, len(body)) + body) * 1000)
+    assert main([command[0], str(tmp_path / "bomb.mcap"), *command[1:]]) == 1
+    assert (
+        "bomb.mcap: has a chunk with a record of kind 119, which slipd cannot have written" in capsys.readouterr().err
+    )
 
 
 def test_check_tells_every_fault_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -82,3 +83,22 @@ def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: tuple[
     assert recording.complete
     assert len(live) > 5000
     assert again == live
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_demo_that_is_told_to_end_leaves_neither_processes_nor_an_open_recording(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(tmp_path / "demo.mcap")]
+    runtime = {"SLIPD_RUNTIME_DIR": str(tmp_path / "run")}
+    with subprocess.Popen(command, env=os.environ | runtime, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert [process.stdout.readline().partition(": ")[0] for _ in range(2)] == ["publish", "requests"]
+        process.send_signal(number)
+        process.communicate(timeout=60)
+        assert process.returncode == 0
+    daemon = int((tmp_path / "run" / "lock").read_text())
+    with pytest.raises(ProcessLookupError):
+        os.kill(daemon, 0)
+    assert open_recording(tmp_path / "demo.mcap").closed

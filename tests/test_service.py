@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import re
+import resource
 import signal
+import socket
 import subprocess
 import sys
 import time
 import tty
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -311,12 +314,21 @@ async def test_a_recording_that_a_client_asks_for_holds_what_it_was_sent(
         hello = (await until(client.answer))["result"]
         envelope = {"boot": hello["boot"], "deadline_ns": time.monotonic_ns() + 400_000_000}
         client.ask(op="record.start", **envelope)
-        name = (await until(client.answer))["result"]["name"]
+        result = (await until(client.answer))["result"]
+        name, path = result["name"], str(tmp_path / "state" / result["name"])
+        assert result["path"] == path
         begun = len(client.hear("slip.left"))
         await until(lambda: len(client.hear("slip.left")) > begun + 5, rig.send)
         client.ask(op="status")
         recording = (await until(client.answer))["result"]["recording"]
-        assert recording == {"name": name, "running": True, "failure": None}
+        assert recording == {
+            "name": name,
+            "path": path,
+            "state": "running",
+            "running": True,
+            "failure": None,
+            "lost": 0,
+        }
         heard = [encode(body) for body in client.hear("slip.left")[begun + 1 :]]
     recorded = open_recording(tmp_path / "state" / name)
     told = [payload for topic, payload in recorded.messages() if topic == "slip.left"]
@@ -330,6 +342,105 @@ async def test_a_recording_is_never_overwritten(rig: Rig, tmp_path: Path) -> Non
     with pytest.raises(RecordingError):
         await service.serve(rig.config, record=tmp_path / "run.mcap")
     assert (tmp_path / "run.mcap").read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("scheme", ["ipc", "tcp"])
+async def test_a_run_whose_endpoint_is_in_use_leaves_no_recording_and_compiles_nothing(
+    rig: Rig, tmp_path: Path, scheme: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    endpoint = f"ipc://{tmp_path}/requests" if scheme == "ipc" else f"tcp://127.0.0.1:{port}"
+    bus = f'[bus]\npublish = "ipc://{tmp_path}/{{}}"\nrequests = "{endpoint}"\nallow_local_tcp = true\n'
+    text = rig.file.read_text(encoding="utf-8")
+    first, second = (config.parse(text + bus.format(name), "rig.toml") for name in ("first", "second"))
+    async with serving(first):
+        with monkeypatch.context() as patch:
+            patch.setattr(service, "warm_up", lambda: pytest.fail("the kernels are compiled"))
+            with pytest.raises(LinkError, match=f"{endpoint}: "):
+                await service.serve(second, record=tmp_path / "run.mcap")
+        assert not (tmp_path / "run.mcap").exists()
+    async with serving(second, record=tmp_path / "run.mcap"):
+        pass
+    assert open_recording(tmp_path / "run.mcap").complete
+
+
+async def test_a_run_that_fails_while_it_starts_leaves_no_recording(rig: Rig, tmp_path: Path) -> None:
+    def fail(_: Endpoints) -> None:
+        raise BrokenPipeError("nobody reads where it serves")
+
+    with pytest.raises(BaseExceptionGroup):
+        await service.serve(rig.config, record=tmp_path / "run.mcap", on_ready=fail)
+    assert not (tmp_path / "run.mcap").exists()
+
+
+@pytest.mark.parametrize("record", ["run.mcap", "nowhere/run.mcap"])
+async def test_a_recording_that_cannot_be_created_is_refused_before_the_kernels_are_compiled(
+    rig: Rig, tmp_path: Path, record: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"precious")
+    monkeypatch.setattr(service, "warm_up", lambda: pytest.fail("the kernels are compiled"))
+    with pytest.raises(RecordingError, match=rf"{record}: (exists already|cannot be created: there is no folder)"):
+        await service.serve(rig.config, record=tmp_path / record)
+
+
+async def asked(client: Client, op: str) -> dict[str, Any]:
+    """The reply to a request with a right envelope."""
+    client.ask(op="hello")
+    hello = (await until(client.answer))["result"]
+    client.ask(op=op, id=hello["t_ns"], boot=hello["boot"], deadline_ns=time.monotonic_ns() + 400_000_000)
+    return await until(client.answer)
+
+
+async def test_a_recording_on_request_that_cannot_be_created_fails_in_its_reply(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", "/proc/slipd")
+    async with serving(rig.config) as client:
+        error = (await asked(client, "record.start"))["error"]
+        assert error["code"] == "record_failed"
+        assert error["message"] == "/proc/slipd: cannot be made: No such file or directory"
+        client.ask(op="status")
+        recording = (await until(client.answer))["result"]["recording"]
+        assert (recording["state"], recording["failure"]) == ("failed", error["message"])
+
+
+async def test_recordings_on_request_are_limited_in_number_and_size(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
+    text = rig.file.read_text(encoding="utf-8")
+    limits = "[recording]\nmax_bytes = 1_000_000\nmax_files = 1\nmin_free_bytes = 0\n"
+
+    def limited() -> dict[str, Any] | None:
+        recording = client.hear("status")[-1]["recording"]
+        return recording if recording["state"] == "limited" else None
+
+    async with serving(config.parse(text + limits, "rig.toml")) as client:
+        await until(lambda: client.hear("wrench.left"), rig.send)
+        path = Path((await asked(client, "record.start"))["result"]["path"])
+        recording = await until(limited, lambda: rig.wrench.send(os.urandom(3000)))
+        assert recording["failure"] == f"{path}: the recording reached recording.max_bytes, 1000000"
+        await until(lambda: open_recording(path).closed)
+        recorded = open_recording(path)
+        assert sum(1 for _ in recorded.entries()) > 100
+        assert recorded.complete
+        refused = (await asked(client, "record.start"))["error"]
+        assert refused["code"] == "no_room"
+        assert "holds 1 recordings, and recording.max_files is 1: move or delete some" in refused["message"]
+        await asyncio.to_thread(path.unlink)
+        assert (await asked(client, "record.start"))["ok"]
+
+
+async def test_a_disk_that_is_too_full_is_left_alone(rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
+    text = rig.file.read_text(encoding="utf-8") + f"[recording]\nmin_free_bytes = {2**62}\n"
+    async with serving(config.parse(text, "rig.toml")) as client:
+        refused = (await asked(client, "record.start"))["error"]
+        assert refused["code"] == "no_room"
+        assert "bytes of the disk are free, and recording.min_free_bytes is" in refused["message"]
+        assert left_in(tmp_path / "state") == []
 
 
 async def test_two_daemons_do_not_share_a_runtime_directory(rig: Rig, runtime: Path) -> None:
@@ -467,27 +578,100 @@ async def test_the_end_of_a_run_gives_the_signals_back(rig: Rig) -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def start(rig: Path) -> subprocess.Popen[str]:
+def start(rig: Path, *arguments: str, before: Sequence[str] = (), **options: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [SLIPD, "run", "--config", str(rig)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*before, SLIPD, "run", "--config", str(rig), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
     )
 
 
+def client_of(process: subprocess.Popen[str]) -> Client:
+    """A client of a daemon that has just been started."""
+    assert process.stdout is not None
+    lines = [process.stdout.readline().strip() for _ in range(2)]
+    return Client(Endpoints(*(line.partition(": ")[2] for line in lines)))
+
+
 @pytest.mark.process
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_a_signal_ends_the_process_well(rig: Rig, runtime: Path, number: signal.Signals) -> None:
-    with start(rig.file) as process:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+async def test_a_signal_ends_the_process_well(rig: Rig, runtime: Path, tmp_path: Path, number: signal.Signals) -> None:
+    with start(rig.file, "--record", str(tmp_path / "run.mcap")) as process:
         assert process.stdout is not None
         assert process.stderr is not None
-        lines = [process.stdout.readline().strip() for _ in range(2)]
-        assert lines == [f"publish: ipc://{runtime}/publish", f"requests: ipc://{runtime}/requests"]
-        client = Client(Endpoints(*(line.partition(": ")[2] for line in lines)))
+        client = client_of(process)
+        assert client.endpoints == Endpoints(f"ipc://{runtime}/publish", f"ipc://{runtime}/requests")
         await until(lambda: client.hear("wrench.left"), rig.send)
+        assert client.hear("status")[-1]["run_recording"]["path"] == str(tmp_path / "run.mcap")
         client.close()
         process.send_signal(number)
         assert process.wait(PATIENCE_S) == 0
         assert process.stdout.read() == ""
         assert "Traceback" not in process.stderr.read()
+    recorded = open_recording(tmp_path / "run.mcap")
+    assert recorded.closed
+    assert sum(1 for _ in recorded.entries()) > 0
+    assert recorded.complete
+
+
+@pytest.mark.process
+async def test_a_daemon_under_nohup_outlives_its_terminal(rig: Rig) -> None:
+    with start(rig.file, before=["nohup"]) as process:
+        client = client_of(process)
+        process.send_signal(signal.SIGHUP)
+        heard = len(client.hear("status"))
+        await until(lambda: len(client.hear("status")) > heard + 5)
+        client.close()
+        process.terminate()
+        assert process.wait(PATIENCE_S) == 0
+
+
+@pytest.mark.process
+async def test_k1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+
+    def stopped() -> dict[str, Any] | None:
+        recording = client.hear("status")[-1]["run_recording"] if client.hear("status") else None
+        return recording if recording and recording["state"] == "failed" else None
+
+    def send() -> None:
+        rig.send()
+        rig.wrench.send(os.urandom(1000))
+
+    with start(rig.file, "--record", str(path)) as process:
+        assert process.stderr is not None
+        client = client_of(process)
+        await until(lambda: sum(1 for _ in open_recording(path).entries()) > 10, rig.send)
+        most = open_recording(path).path.stat().st_size + 3000
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, most))  # no file of it may be longer
+        recording = await until(stopped, send)
+        reason = f"{path}: the recording stopped: File too large"
+        assert (recording["path"], recording["failure"]) == (str(path), reason)
+        assert recording["lost"] > 0
+        heard = len(client.hear("wrench.left"))
+        await until(lambda: len(client.hear("wrench.left")) > heard + 10, rig.send)
+        assert process.poll() is None
+        client.close()
+        process.terminate()
+        assert process.wait(PATIENCE_S) == 1
+        errors = process.stderr.read()
+    assert f"ERROR slipd.recording.recorder_watch: {reason}\n" in errors
+    assert re.search(rf"\nslipd: {reason}; (\d+) entries are missing\n$", errors)
+    recorded = open_recording(path)
+    assert sum(1 for _ in recorded.entries()) > 0
+    assert recorded.closed
+    assert recorded.lost > recording["lost"]
+    assert "stopped before the run did (File too large)" in str(recorded.fault)
+
+
+@pytest.mark.process
+def test_k1_a_disk_that_is_full_from_the_start_is_told_at_once(rig: Rig) -> None:
+    with start(rig.file, "--record", "/dev/full") as process:
+        out, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out) == (1, "")
+    assert errors.endswith("slipd: /dev/full: cannot be written: No space left on device\n")
 
 
 @pytest.mark.process

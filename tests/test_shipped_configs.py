@@ -22,6 +22,7 @@ from slipd.config_model import (
     PadPlace,
     Pose,
     Rates,
+    Recording,
     Reflex,
     Slip,
     Wrench,
@@ -30,6 +31,7 @@ from slipd.config_model import (
 SHIPPED = sorted((Path(__file__).parents[1] / "config").glob("*.toml"))
 INNER: dict[str, type[BaseModel]] = {
     "bus": Bus,
+    "recording": Recording,
     "levels": Levels,
     "rates": Rates,
     "gripper": Gripper,

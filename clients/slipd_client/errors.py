@@ -11,6 +11,8 @@ A bad call (an endpoint that is none, a time that is no time) raises ValueError.
 
 from __future__ import annotations
 
+from slipd_client.messages import fault_text
+
 
 class ClientError(Exception):
     """Base of all."""
@@ -41,7 +43,7 @@ class RequestRefused(ClientError):  # noqa: N818 - it names what happened
         self.code = code
         self.message = message
         self.field = field
-        super().__init__(f"{code}: {field}: {message}" if field else f"{code}: {message}")
+        super().__init__(fault_text(code, message, field))
 
 
 def is_it_there(endpoint: str) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -71,9 +70,11 @@ def load_secret(path: str | os.PathLike[str]) -> tuple[bytes, bytes]:
     Raises:
         KeyFileError: It cannot be read or holds no such pair, belongs to another user, or others may read it.
     """
-    found = _read(Path(path), _check_private)
-    if "secret-key" not in found:
-        raise KeyFileError(f"{path}: holds no secret key; name the file that ends with {SECRET_SUFFIX}")
+    found, about = _read(Path(path))
+    if "secret-key" not in found:  # said first: the public half may be read by all, and should be
+        what = "the public key alone" if "public-key" in found else "no key"
+        raise KeyFileError(f"{path}: holds {what}; name the file of the secret one, which ends with {SECRET_SUFFIX}")
+    _check_private(Path(path), about)
     secret = found["secret-key"]
     public: bytes = zmq.curve_public(secret)
     if found.get("public-key", public) != public:
@@ -87,7 +88,7 @@ def load_public(path: str | os.PathLike[str]) -> bytes:
     Raises:
         KeyFileError: It cannot be read or holds no public key, or holds a secret one that does not belong there.
     """
-    return _public(Path(path), _read(Path(path)))
+    return _public(Path(path), _read(Path(path))[0])
 
 
 def _public(path: Path, found: dict[str, bytes]) -> bytes:
@@ -116,7 +117,13 @@ def load_allowed(directory: str | os.PathLike[str]) -> frozenset[bytes]:
             f"{folder}: cannot be read: {error.strerror}; name a directory of {PUBLIC_SUFFIX} files"
         ) from None
     _check_own(folder, found)
-    return frozenset(_public(file, _read(file, _check_own)) for file in files if file.suffix == PUBLIC_SUFFIX)
+    return frozenset(_allowed(file) for file in files if file.suffix == PUBLIC_SUFFIX)
+
+
+def _allowed(file: Path) -> bytes:
+    found, about = _read(file)
+    _check_own(file, about)
+    return _public(file, found)
 
 
 def create(name: str, directory: Path) -> tuple[Path, Path]:
@@ -163,12 +170,11 @@ def _write_new(path: Path, mode: int, text: str, made: list[Path]) -> None:
         file.write(text)
 
 
-def _read(path: Path, check: Callable[[Path, os.stat_result], None] | None = None) -> dict[str, bytes]:
-    """The keys in a file, by what they are called there."""
+def _read(path: Path) -> tuple[dict[str, bytes], os.stat_result]:
+    """The keys in a file, by what they are called there; and whose file it is."""
     try:
         with path.open("rb") as file:
-            if check is not None:
-                check(path, os.fstat(file.fileno()))
+            about = os.fstat(file.fileno())
             data = file.read(MAX_FILE_BYTES + 1)
     except OSError as error:
         raise KeyFileError(f"{path}: cannot be read: {error.strerror}") from None
@@ -178,7 +184,7 @@ def _read(path: Path, check: Callable[[Path, os.stat_result], None] | None = Non
     for what, key in found.items():
         if not _is_key(key):
             raise KeyFileError(f"{path}: its {what} is none; a key has 40 letters of Z85")
-    return found
+    return found, about
 
 
 def _check_private(path: Path, found: os.stat_result) -> None:

@@ -172,7 +172,7 @@ class Ops(Generic[R]):
         return self.request("friction.set", finger=finger, mu_s=mu_s, mu_d=mu_d)
 
     def record_start(self) -> R:
-        """Begin a recording; the daemon chooses where."""
+        """Begin a recording; the result holds its ``name`` and ``path``, which the daemon chooses."""
         return self.request("record.start")
 
     def record_stop(self) -> R:

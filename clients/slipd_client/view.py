@@ -5,14 +5,24 @@ Knows no clock, socket or terminal: messages in, text out. What is not known sho
 
 from __future__ import annotations
 
-import math
-from datetime import datetime
+import textwrap
 from typing import Any
 
-from slipd_client.messages import GRIPPER_TOPIC, HEALTH, STATUS_TOPIC
+from slipd_client.messages import GRIPPER_TOPIC, HEALTH, STATUS_TOPIC, Health
+from slipd_client.view_figures import (
+    UNKNOWN,
+    as_map,
+    bar,
+    clock_time,
+    either,
+    in_newtons,
+    number,
+    plain,
+    quantity,
+    reasons_of,
+    utilisation,
+)
 
-UNKNOWN = "\N{EN DASH}"
-BAR_CELLS = 20
 NAME_CELLS = 10
 SILENT_AFTER_S = 2.0
 """Twice the period of ``status``: a daemon that has not even sent this tells nothing of now."""
@@ -30,6 +40,11 @@ HEALTH_COLOURS = ("32", "33", "1;31", "1;35")
 Span = tuple[str, str]
 """Text, and the parameters of its ANSI colour ("" for none)."""
 
+Line = list[Span]
+
+UNCUT = 10_000
+"""Columns and lines where there is no terminal: nothing is that long."""
+
 
 class View:
     """Keeps the newest message of each topic and draws them."""
@@ -38,16 +53,28 @@ class View:
         self._newest: dict[str, dict[str, Any]] = {}
 
     def update(self, topic: str, body: dict[str, Any]) -> None:
-        """Take a message in; ``body`` is kept, not copied."""
-        self._newest[topic] = body
+        """Add a message; ``body`` is kept, not copied.
 
-    def render(self, width: int, colour: bool, silent_s: float = 0.0) -> list[str]:
+        A message of another run of the daemon replaces all that is known, and ``status`` says which fingers there are.
+        """
+        before = next(iter(self._newest.values()), body)
+        if body.get("boot") != before.get("boot"):
+            self._newest.clear()
+        self._newest[topic] = body
+        if topic == STATUS_TOPIC and isinstance(body.get("fingers"), dict):
+            for gone in [known for known in self._newest if _finger_of(known) not in (None, *body["fingers"])]:
+                del self._newest[gone]
+            if body.get("gripper", "not stated") is None:
+                self._newest.pop(GRIPPER_TOPIC, None)
+
+    def render(self, width: int, colour: bool, silent_s: float = 0.0, height: int = UNCUT) -> list[str]:
         """Draw everything.
 
         Args:
-            width: Columns of the terminal; longer lines are cut.
+            width: Columns of the terminal: facts are cut there, and reasons go on in the next line.
             colour: Whether to add ANSI colours.
             silent_s: For how long nothing has been heard; beyond ``SILENT_AFTER_S`` no level is shown.
+            height: Lines of the terminal: streams that are well are the first to be left out.
 
         Returns:
             One string a line, without line ends.
@@ -55,23 +82,36 @@ class View:
         silent = silent_s > SILENT_AFTER_S
         lines = [self._header(silent_s if silent else 0.0)]
         for finger, body in self._fingers():
-            lines += _finger_lines(finger, body, silent)
+            lines += _finger_lines(finger, body, silent, width)
         if gripper := self._newest.get(GRIPPER_TOPIC) or self._status("gripper"):
-            lines.append(_gripper_line(gripper))
-        lines += [_stream_line(name, _map(stream)) for name, stream in self._status("streams").items()]
-        return [_paint(line, width, colour) for line in lines]
+            lines += _gripper_lines(gripper, width)
+        for key, what in (("run_recording", "of the whole run  "), ("recording", "")):
+            lines += _recording_lines(self._status(key), what, width)
+        lines += self._stream_lines(width, height - len(lines))
+        return [_paint(line, width, colour) for line in lines[:height]]
 
     def summary(self) -> str:
         """Every finger in one line, for a log: level, utilisation and normal force."""
         parts = [
-            f"{_text(finger)} {_text(body.get('level'))} λ {_utilisation(body)} {_value(body, 'normal_n', 'N', 2)}"
+            f"{plain(finger)} {plain(body.get('level'))} λ {utilisation(body)}"
+            f" {quantity(body, 'normal_n', 'N' if in_newtons(body) else '', 2)}"
             for finger, body in self._fingers()
         ]
         return f"{self._clock_time()}  {'  |  '.join(parts) or 'no verdict yet'}"
 
+    def _stream_lines(self, width: int, height: int) -> list[Line]:
+        """Every stream, or only those that are not well where the others have no room."""
+        streams = {name: as_map(stream) for name, stream in self._status("streams").items()}
+        drawn = {name: _stream_lines(name, stream, width) for name, stream in streams.items()}
+        if sum(map(len, drawn.values())) <= height:
+            return [line for lines in drawn.values() for line in lines]
+        ill = [name for name, stream in streams.items() if stream.get("health") != Health.OK or stream.get("message")]
+        note = f"{len(streams) - len(ill)} streams that are well have no room here"
+        return [line for name in ill for line in drawn[name]] + [[(note, "2")]]
+
     def _fingers(self) -> list[tuple[str, dict[str, Any]]]:
         """Each finger with its newest verdict, or with the little that ``status`` tells of it."""
-        verdicts = {finger: _map(state) for finger, state in self._status("fingers").items()}
+        verdicts = {finger: as_map(state) for finger, state in self._status("fingers").items()}
         for topic, body in self._newest.items():
             kind, _, finger = topic.partition(".")
             if kind == "slip":
@@ -79,42 +119,38 @@ class View:
         return sorted(verdicts.items())
 
     def _status(self, key: str) -> dict[str, Any]:
-        return _map(self._newest.get(STATUS_TOPIC, {}).get(key))
+        return as_map(self._newest.get(STATUS_TOPIC, {}).get(key))
 
-    def _header(self, silent_s: float) -> list[Span]:
+    def _header(self, silent_s: float) -> Line:
         if silent_s:
             return [(f"nothing heard for {silent_s:.1f} s: what follows is old", "1;31")]
         status = self._newest.get(STATUS_TOPIC, {})
-        lease = _either(self._status("lease").get("held"), "held", "free")
-        facts = f"up {_value(status, 'uptime_s', 's', 0)}  config {_text(status.get('config_id'))}  lease {lease}"
-        return [(f"slipd {_text(status.get('version'))}", "1"), (f"  {facts}", "")]
+        lease = either(self._status("lease").get("held"), "held", "free")
+        facts = f"up {quantity(status, 'uptime_s', 's', 0)}  config {plain(status.get('config_id'))}  lease {lease}"
+        return [(f"slipd {plain(status.get('version'))}", "1"), (f"  {facts}", "")]
 
     def _clock_time(self) -> str:
-        newest = max((_number(body.get("timestamp")) or 0.0 for body in self._newest.values()), default=0.0)
+        newest = max((number(body.get("timestamp")) or 0.0 for body in self._newest.values()), default=0.0)
         return clock_time(newest)
 
 
 def change_line(body: dict[str, Any]) -> str:
     """One line for a message of topic ``warning``: a finger's level has changed."""
-    reasons = _reasons(body)
-    change = f"{_text(body.get('previous'))} → {_text(body.get('level'))}"
-    return f"{clock_time(_number(body.get('timestamp')) or 0.0)}  {_text(body.get('finger'))} {change}" + (
+    reasons = reasons_of(body)
+    change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
+    return f"{clock_time(number(body.get('timestamp')) or 0.0)}  {plain(body.get('finger'))} {change}" + (
         f"  ({reasons})" if reasons else ""
     )
 
 
-def clock_time(timestamp: float) -> str:
-    """Local time of day with milliseconds; "–" for 0, which stands for no time, and for times out of range."""
-    if not timestamp:
-        return UNKNOWN
-    try:
-        return datetime.fromtimestamp(timestamp).astimezone().strftime("%H:%M:%S.%f")[:-3]
-    except (ValueError, OverflowError, OSError):
-        return UNKNOWN
+def _finger_of(topic: str) -> str | None:
+    """The finger that a topic is about; None where it is about none."""
+    _, separator, finger = topic.partition(".")
+    return finger if separator else None
 
 
-def _finger_lines(finger: str, body: dict[str, Any], silent: bool) -> list[list[Span]]:
-    level = "unknown" if silent else _text(body.get("level"))
+def _finger_lines(finger: str, body: dict[str, Any], silent: bool, width: int) -> list[Line]:
+    level = "unknown" if silent else plain(body.get("level"))
     colour = LEVEL_COLOURS.get(level, "")
     quantities = (
         ("normal", "normal_n", "N", 2),
@@ -123,115 +159,88 @@ def _finger_lines(finger: str, body: dict[str, Any], silent: bool) -> list[list[
         ("mu", "mu", "", 2),
         ("needs", "grip_needed_n", "N", 1),
     )
-    facts = "  ".join(f"{word} {_value(body, field, unit, digits)}" for word, field, unit, digits in quantities)
-    named: list[Span] = [(f"{_text(finger):<{NAME_CELLS}}", "1"), (f"{level.upper():<11}", colour)]
-    first: list[Span] = [
+    newtons = in_newtons(body)
+    facts = "  ".join(
+        f"{word} {quantity(body, field, unit if newtons else '', digits)}" for word, field, unit, digits in quantities
+    )
+    named: Line = [(f"{plain(finger):<{NAME_CELLS}}", "1"), (f"{level.upper():<11}", colour)]
+    first: Line = [
         *named,
-        (f"λ {_utilisation(body):>5} ", ""),
-        (_bar(body), colour),
+        (f"λ {utilisation(body):>5} ", ""),
+        (bar(body), colour),
         (f"  {facts}", ""),
     ]
-    if "tare_busy" in body:  # what ``status`` tells of a finger holds no quantities
-        first = [*named, (f"tare {_value(body, 'tare_id', '', 0)}", "")]
-    reasons = "stale" if silent else _reasons(body)
-    return [first, [(" " * NAME_CELLS + reasons, colour)]] if reasons else [first]
+    if "tare_busy" in body:  # what ``status`` says of a finger holds no quantities
+        first = [*named, (f"tare {quantity(body, 'tare_id', '', 0)}", "")]
+    return [first, *_wrapped("stale" if silent else reasons_of(body), colour, width)]
 
 
-def _gripper_line(body: dict[str, Any]) -> list[Span]:
-    width_m = _number(body.get("width_m"))
-    width = UNKNOWN if width_m is None else f"{width_m * 1000:.1f} mm"
-    force = f"{_value(body, 'force_command_n', 'N', 1)} of at most {_value(body, 'force_limit_n', 'N', 1)}"
-    moving = _either(body.get("moving"), "moving", "at rest")
-    line: list[Span] = [
+def _gripper_lines(body: dict[str, Any], width: int) -> list[Line]:
+    width_m = number(body.get("width_m"))
+    between = UNKNOWN if width_m is None else f"{width_m * 1000:.1f} mm"
+    force = f"{quantity(body, 'force_command_n', 'N', 1)} of at most {quantity(body, 'force_limit_n', 'N', 1)}"
+    moving = either(body.get("moving"), "moving", "at rest")
+    facts: Line = [
         (f"{'gripper':<{NAME_CELLS}}", "1"),
-        (f"width {width}  force {force}  {moving}  object {_text(body.get('object'))}", ""),
+        (f"width {between}  force {force}  {moving}  object {plain(body.get('object'))}", ""),
     ]
-    if fault := body.get("fault"):
-        line.append((f"  fault {_text(fault)}", "1;31"))
+    faults = [f"fault {plain(fault)}"] if (fault := body.get("fault")) else []
     if latched := body.get("latched_fault"):
-        line.append((f"  latched: {_text(latched)}", "1;31"))
+        faults.append(f"latched: {plain(latched)}")
     if body.get("echo_ok") is False:
-        line.append(("  does not echo the command", "1;31"))
-    return line
+        faults.append("does not echo the command")
+    return _with_reason(facts, "  ".join(faults), "1;31", width)
 
 
-def _stream_line(name: str, stream: dict[str, Any]) -> list[Span]:
+def _recording_lines(recording: dict[str, Any], what: str, width: int) -> list[Line]:
+    """A recording that runs, or that ended by itself; one that was stopped as asked is no news."""
+    state = recording.get("state")
+    failure = recording.get("failure")
+    if recording.get("running") is not True and not failure:
+        return []
+    word, colour = ("OK", "32") if not failure else ("ENDED", "33") if state == "limited" else ("FAILED", "1;31")
+    facts: Line = [(f"{'recording':<20}", "1"), (f"{word:<7}", colour)]
+    if failure:  # it names the path
+        return _with_reason(facts, plain(failure), colour, width)
+    facts.append((f"{what}{plain(recording.get('path') or recording.get('name'))}", ""))
+    lost = f"{quantity(recording, 'lost', '', 0)} entries lost" if recording.get("lost") else ""
+    return _with_reason(facts, lost, "33", width)
+
+
+def _stream_lines(name: str, stream: dict[str, Any], width: int) -> list[Line]:
     code = stream.get("health")
     health, colour = UNKNOWN, ""
     if isinstance(code, int) and 0 <= code < len(HEALTH):
         health, colour = HEALTH[code], HEALTH_COLOURS[code]
-    rate = f"{_value(stream, 'rate_hz', 'Hz', 0)} of {_value(stream, 'expected_hz', 'Hz', 0)}"
-    age_s = _number(stream.get("age_s"))
+    rate = f"{quantity(stream, 'rate_hz', 'Hz', 0)} of {quantity(stream, 'expected_hz', 'Hz', 0)}"
+    age_s = number(stream.get("age_s"))
     age = UNKNOWN if age_s is None else f"{age_s * 1000:.0f} ms"
-    counts = "  ".join(f"{word} {_value(stream, word, '', 0)}" for word in ("bad", "lost", "reconnects"))
+    counts = "  ".join(f"{word} {quantity(stream, word, '', 0)}" for word in ("bad", "lost", "reconnects"))
     message = stream.get("message")
-    return [
-        (f"{_text(name):<20}", ""),
-        (f"{health:<6}", colour),
+    facts: Line = [
+        (f"{plain(name):<20}", ""),
+        (f"{health:<7}", colour),
         (f"{rate}  age {age}  {counts}", ""),
-        (f"  {_text(message)}" if message else "", colour),
     ]
+    return _with_reason(facts, plain(message) if message else "", colour, width)
 
 
-def _utilisation(body: dict[str, Any]) -> str:
-    """The utilisation, or what bounds it."""
-    for field, sign in (("utilisation", ""), ("utilisation_upper", "≤"), ("utilisation_lower", "≥")):
-        value = _number(body.get(field))
-        if value is not None:
-            return f"{sign}{value:.2f}"
-    return UNKNOWN
+def _with_reason(facts: Line, reason: str, colour: str, width: int) -> list[Line]:
+    """Facts with the reason behind them where both fit, else the reason in lines of its own: it is never cut."""
+    if not reason:
+        return [facts]
+    if sum(len(text) for text, _ in facts) + 2 + len(reason) <= width:
+        return [[*facts, ("  " + reason, colour)]]
+    return [facts, *_wrapped(reason, colour, width)]
 
 
-def _bar(body: dict[str, Any]) -> str:
-    """Full blocks up to the utilisation, shaded up to its upper bound; empty where neither is known."""
-    upper = _cells(body.get("utilisation_upper"))
-    sure = _cells(body.get("utilisation"))
-    return ("█" * sure + "▒" * (upper - sure)).ljust(BAR_CELLS, "·")
+def _wrapped(reason: str, colour: str, width: int) -> list[Line]:
+    indent = " " * min(NAME_CELLS, width // 4)
+    lines = textwrap.wrap(reason, max(width, 1), initial_indent=indent, subsequent_indent=indent)
+    return [[(line, colour)] for line in lines]
 
 
-def _cells(value: Any) -> int:
-    number = _number(value)
-    return 0 if number is None else round(min(max(number, 0.0), 1.0) * BAR_CELLS)
-
-
-def _reasons(body: dict[str, Any]) -> str:
-    reasons = body.get("reasons")
-    return ", ".join(_text(reason) for reason in reasons) if isinstance(reasons, list) else ""
-
-
-def _value(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
-    number = _magnitude(body.get(field))
-    return UNKNOWN if number is None else f"{number:.{digits}f} {unit}".rstrip()
-
-
-def _number(value: Any) -> float | None:
-    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-
-
-def _magnitude(value: Any) -> float | None:
-    """A number, or the length of a vector of them."""
-    if not isinstance(value, list):
-        return _number(value)
-    numbers = [number for number in map(_number, value) if number is not None]
-    return math.hypot(*numbers) if numbers and len(numbers) == len(value) else None
-
-
-def _either(value: Any, yes: str, no: str) -> str:
-    return yes if value is True else no if value is False else UNKNOWN
-
-
-def _map(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
-
-
-def _text(value: Any) -> str:
-    """A string of the daemon, without anything that would move the terminal's cursor."""
-    if not isinstance(value, str):
-        return UNKNOWN
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value) or UNKNOWN
-
-
-def _paint(line: list[Span], width: int, colour: bool) -> str:
+def _paint(line: Line, width: int, colour: bool) -> str:
     """Join the spans, cut to ``width`` visible columns."""
     painted = ""
     for text, code in line:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TextIO
 from slipd_client.errors import Silence, is_it_there
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.subscriber import Message, Subscriber
-from slipd_client.view import View, change_line
+from slipd_client.view import UNCUT, View, change_line
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
@@ -25,9 +25,6 @@ FIRST_S = 3.0
 
 GATHER_S = 0.8
 """The daemon sends the last message of every topic to whoever joins, of quiet topics after half a second."""
-
-UNCUT = 10_000
-"""Columns where there is no terminal: nothing is that long."""
 
 REDRAW_S = 0.1
 LINE_S = 1.0
@@ -115,11 +112,11 @@ class Display:
     """The live view on standard output: drawn over itself on a terminal, else a line a change and a line a second.
 
     Attributes:
-        redraws: Standard output is a terminal.
+        redraws: Standard output is a terminal that can move its cursor.
     """
 
     def __init__(self) -> None:
-        self.redraws = sys.stdout.isatty()
+        self.redraws = sys.stdout.isatty() and not _dumb()
         self._view = View()
         self._drawn = 0
         self._period_s = REDRAW_S if self.redraws else LINE_S
@@ -142,7 +139,7 @@ class Display:
         self._due_s = time.monotonic() + self._period_s
         if self.redraws:
             size = _size(sys.stdout)
-            lines = self._view.render(size.columns, _colour(sys.stdout), silent_s)[: size.lines - 1]
+            lines = self._view.render(size.columns, _colour(sys.stdout), silent_s, size.lines - 1)
             back = f"\x1b[{self._drawn}F" if self._drawn else ""
             print(back + "\x1b[J" + "\n".join(lines), flush=True)
             self._drawn = len(lines)
@@ -165,4 +162,9 @@ def _size(stream: TextIO) -> os.terminal_size:
 
 
 def _colour(stream: TextIO) -> bool:
-    return stream.isatty() and not os.environ.get("NO_COLOR")
+    return stream.isatty() and not os.environ.get("NO_COLOR") and not _dumb()
+
+
+def _dumb() -> bool:
+    """Whether the terminal knows no escape sequences, by its own word."""
+    return os.environ.get("TERM") == "dumb"

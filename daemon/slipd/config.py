@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from slipd.config_checks import axes_of, device_options, meaning_faults, stale_after_ns, transport_of
+from slipd.config_checks import axes_of, device_options, in_newtons, meaning_faults, stale_after_ns, transport_of
 from slipd.config_model import (
     Bus,
     Config,
@@ -28,6 +28,7 @@ from slipd.config_model import (
     PadPlace,
     Pose,
     Rates,
+    Recording,
     Reflex,
     Requests,
     Slip,
@@ -47,12 +48,14 @@ __all__ = [
     "Levels",
     "Pad",
     "Rates",
+    "Recording",
     "Reflex",
     "Requests",
     "Stream",
     "Wrench",
     "axes_of",
     "device_options",
+    "in_newtons",
     "load",
     "parse",
     "shipped",
@@ -73,6 +76,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "rates": Rates,
     "bus": Bus,
     "requests": Requests,
+    "recording": Recording,
 }
 
 

@@ -212,6 +212,11 @@ def axes_of(pad: Pad) -> int:
     return DEVICES[pad.device].axes or len(pad.axis_scale)
 
 
+def in_newtons(pad: Pad) -> bool:
+    """Whether what a pad reads is in newtons, and not in a unit that the config chose."""
+    return pad.gain_error is not None or (DEVICES[pad.device].newtons and set(map(abs, pad.axis_scale)) == {1.0})
+
+
 def device_options(stream: Stream) -> dict[str, Any]:
     """Options for the device's decoder or session: those of the file, and what other keys of the stream say."""
     device = DEVICES[stream.device]

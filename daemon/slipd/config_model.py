@@ -283,6 +283,20 @@ class Requests(StrictModel):
     friction_without_lease: bool = False
 
 
+class Recording(StrictModel):
+    """``[recording]``: limits of the recordings that clients start; ``slipd run --record`` has none.
+
+    Attributes:
+        max_bytes: Size of one file, bytes: a recording that reaches it ends in good order, at most 0.1 s later.
+        max_files: Number of files that are kept; ``record.start`` is refused while there are as many. None is deleted.
+        min_free_bytes: Free space of the disk, bytes: below it no recording begins, and the one that runs ends.
+    """
+
+    max_bytes: int = Field(default=1_000_000_000, ge=1_000_000)
+    max_files: int = Field(default=20, ge=1)
+    min_free_bytes: int = Field(default=1_000_000_000, ge=0)
+
+
 class Config(StrictModel):
     """A whole file."""
 
@@ -294,6 +308,7 @@ class Config(StrictModel):
     gripper: Gripper | None = None
     grasp: Grasp | None = None
     reflex: Reflex = Reflex()
+    recording: Recording = Recording()
     _text: str = PrivateAttr(default="")
 
     @property

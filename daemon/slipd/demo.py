@@ -7,6 +7,7 @@ shown is what a subscriber gets. In the end a summary sets the truth beside what
 from __future__ import annotations
 
 import json
+import signal
 import statistics
 import subprocess
 import sys
@@ -67,6 +68,7 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
         recording = () if record is None else ("--record", str(record))
         gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
         with (
+            _ended_by_signals(),
             _part("slipd.sim", gripper_log, "--dir", name, "--seed", str(seed)) as gripper,
             _part("slipd", daemon_log, "run", "--config", str(_rig_file(ports)), *recording) as daemon,
         ):
@@ -94,6 +96,19 @@ def _rig_file(ports: Path) -> Path:
     rig = ports / "demo.toml"
     rig.write_text(text.replace('"virtual/', f'"{ports}/'), encoding="utf-8")
     return rig
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Take a request to end, or the end of the terminal, as Ctrl-C: no part may go on alone, its recording open."""
+    numbers = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager

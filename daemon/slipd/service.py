@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +30,12 @@ from slipd.config import Config
 from slipd.pipeline.engine import Engine
 from slipd.pipeline.events import Event, Publish, Record, Reply, Request, Tick, Write
 from slipd.pipeline.warm_up import warm_up
-from slipd.recording.on_request import RequestedRecordings, state_dir
-from slipd.recording.writer import Recorder
+from slipd.recording.mcap_file import check_new
+from slipd.recording.on_request import RequestedRecordings, check_room, private_directory, state_dir
+from slipd.recording.recorder_watch import RecorderWatch
+from slipd.recording.writer import Recorder, Room
 from slipd.transport import Links
+from slipd.zeromq.endpoint import check_free
 from slipd.zeromq.gate import raise_descriptor_limit
 from slipd_client.messages import encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
@@ -60,7 +64,9 @@ async def serve(
     on_ready: Callable[[Endpoints], None] = lambda _: None,
     stop: asyncio.Event | None = None,
 ) -> None:
-    """Runs the daemon until SIGINT, SIGTERM or ``stop``.
+    """Run the daemon until SIGINT, SIGTERM, SIGHUP or ``stop``.
+
+    What only one daemon may have is claimed first, so that a second one is refused before its kernels are compiled.
 
     Args:
         config: The rig.
@@ -70,14 +76,15 @@ async def serve(
 
     Raises:
         LinkError: An endpoint cannot be bound, a key file is none, or another daemon holds the runtime directory.
-        RecordingError: The recording cannot be created.
+        RecordingError: The recording cannot be created, or its disk failed; the run itself goes on until its end.
     """
-    warm_up()
-    raise_descriptor_limit()
     stop = stop or asyncio.Event()
     with ExitStack() as stack:
         run = stack.enter_context(_Run(config, record, stop))
+        warm_up()
+        raise_descriptor_limit()
         stack.enter_context(_signals(stop))
+        run.open()
         asyncio.get_running_loop().set_exception_handler(run.on_loop_fault)
         gc.collect()
         gc.freeze()
@@ -86,7 +93,9 @@ async def serve(
             run.links = links
             ticker = tasks.create_task(_tick(run.tick), name="ticker")
             teller = tasks.create_task(_tell_losses(links), name="losses")
+            run.tell_recording()
             on_ready(run.endpoints)
+            run.ready = True
             await stop.wait()
             ticker.cancel()
             run.end()
@@ -107,23 +116,39 @@ class _Run:
         self._failure: BaseException | None = None
         self._over = False
         self._stack = ExitStack()
+        self._recorder: Recorder | None = None
+        self._recording: RecorderWatch | None = None
+        self.ready = False
 
     def __enter__(self) -> _Run:
+        bus = self._config.bus
         with ExitStack() as stack:
-            self._open_bus(stack)
+            self._allowed = guard(bus)
+            in_home = None in (bus.publish, bus.requests)
+            self._home = stack.enter_context(RuntimeDirectory(runtime_dir())) if in_home else None
+            for endpoint, access in ((bus.publish, self._allowed.publish), (bus.requests, self._allowed.requests)):
+                if endpoint is not None:
+                    check_free(endpoint, access)
+            if self._record is not None:
+                check_new(self._record)
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *error: object) -> None:
         self._stack.close()
 
+    def open(self) -> None:
+        """Serve the endpoints, and then create the recording: a run that fails to start leaves none."""
+        self._requested = self._stack.enter_context(contextlib.closing(self._requested_recordings()))
+        recording = self._stack.enter_context(ExitStack())  # closed behind the sockets, with what they still send
+        self._open_bus(self._stack)
+        if self._record is not None:
+            self._recorder = self._make_recorder(self._record)
+            self._recording = RecorderWatch("", self._recorder, time.monotonic_ns())
+            recording.callback(self._close_recording, self._recording)
+
     def _open_bus(self, stack: ExitStack) -> None:
-        bus = self._config.bus
-        allowed = guard(bus)
-        home = stack.enter_context(RuntimeDirectory(runtime_dir())) if None in (bus.publish, bus.requests) else None
-        self._recorder = self._open_recorder(stack)
-        self._requested = RequestedRecordings(state_dir(), self._make_recorder)
-        stack.callback(self._requested.close)
+        bus, allowed = self._config.bus, self._allowed
         context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         stack.callback(context.term)
         if allowed.keys:
@@ -140,25 +165,41 @@ class _Run:
         )
         self._requests = stack.enter_context(requests)
         self.endpoints = Endpoints(self._publisher.endpoint, self._requests.endpoint)
-        if home is not None:
-            home.share(self._publisher.endpoint)
-            home.share(self._requests.endpoint)
+        if self._home is not None:
+            self._home.share(self._publisher.endpoint)
+            self._home.share(self._requests.endpoint)
 
-    def _open_recorder(self, stack: ExitStack) -> Recorder | None:
-        if self._record is None:
-            return None
-        recorder = self._make_recorder(self._record)
-        stack.callback(recorder.close)
-        return recorder
+    def _requested_recordings(self) -> RequestedRecordings:
+        limits, folder = self._config.recording, state_dir()
+        room = Room(limits.max_bytes, limits.min_free_bytes)
 
-    def _make_recorder(self, path: Path, prepare: Callable[[], None] | None = None) -> Recorder:
+        def prepare() -> None:
+            private_directory(folder)
+            check_room(folder, room, limits.max_files)
+
+        return RequestedRecordings(folder, partial(self._make_recorder, room=room), prepare)
+
+    def _make_recorder(
+        self, path: Path, prepare: Callable[[], None] | None = None, *, room: Room | None = None
+    ) -> Recorder:
         return Recorder(
             path,
             config_text=self._config.text,
             boot=self.boot,
             wall_minus_monotonic_ns=self._wall_minus_monotonic_ns,
             prepare=prepare,
+            room=room,
         )
+
+    def _close_recording(self, recording: RecorderWatch) -> None:
+        if not self.ready:
+            recording.recorder.discard()
+        recording.close()
+
+    def tell_recording(self) -> None:
+        """Let the engine know what became of the recording of the whole run."""
+        if self._recording is not None and (change := self._recording.look(time.monotonic_ns())):
+            self.take(change)
 
     def end(self) -> None:
         """Stops the sensors, unless the engine failed; what comes while the links close is not taken any more."""
@@ -178,11 +219,11 @@ class _Run:
             self._stop.set()
 
     def tick(self, tick: Tick) -> None:
-        """Lets time enter the engine, behind what became of a recording meanwhile."""
+        """Let time enter the engine, behind what became of the recordings meanwhile."""
         self._publisher.look()
-        failed = self._requested.failed()
-        if failed is not None:
-            self.take(failed)
+        self.tell_recording()
+        for change in self._requested.news(time.monotonic_ns()):
+            self.take(change)
         self.take(tick)
 
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
@@ -247,13 +288,17 @@ async def _tell_losses(links: Links) -> None:
 
 @contextlib.contextmanager
 def _signals(stop: asyncio.Event) -> Iterator[None]:
+    """End the run in good order on a signal that ends a service, or when its terminal closes (but under ``nohup``)."""
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
         with contextlib.suppress(ValueError, RuntimeError):  # not the main thread: whoever owns it ends the run
             loop.add_signal_handler(number, stop.set)
     try:
         yield
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in numbers:
             with contextlib.suppress(ValueError, RuntimeError):
                 loop.remove_signal_handler(number)

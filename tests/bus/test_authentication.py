@@ -218,6 +218,16 @@ async def test_an_authenticator_that_fails_a_thousand_times_admits_nobody_then_a
     assert "what nobody thought of" in caplog.text
 
 
+async def test_the_log_names_a_stranger_in_plain_text(context: Context, caplog: pytest.LogCaptureFixture) -> None:
+    with Authenticator(context, {REQUEST: set()}), context.socket(zmq.DEALER) as asker:
+        asker.connect("inproc://zeromq.zap.01")
+        asker.send_multipart([b"", b"1.0", b"1", REQUEST, b"127.0.0.1", b"", b"CURVE", bytes(32)])
+        async with asyncio.timeout(30):
+            while not asker.poll(0):  # noqa: ASYNC110 - another thread fills it
+                await asyncio.sleep(0.001)
+    assert caplog.messages == [f"slipd.request: key {'0' * 40} at 127.0.0.1 is not allowed and was refused"]
+
+
 async def test_after_failures_over_real_connections_a_valid_client_is_let_in_and_an_unknown_one_is_not(
     cell: Cell, context: Context, connect: Connect, monkeypatch: pytest.MonkeyPatch, eventually: Eventually
 ) -> None:

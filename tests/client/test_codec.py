@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slipd_client.errors import RequestRefused
 from slipd_client.messages import MESSAGE_LIMITS, REQUEST_LIMITS, Limits, MessageError, decode, encode
 
 plain = st.recursive(
@@ -142,3 +143,17 @@ def test_a_bush_of_short_lists_is_not_read_to_its_end(leaf: bytes) -> None:
     assert len(bush) <= REQUEST_LIMITS.data_bytes
     with pytest.raises(MessageError, match="more than 256 entries"):
         decode(bush)
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        ("force_n must be 3 to 25 N", "out_of_range: force_n must be 3 to 25 N"),
+        ("force_n: the gripper has 3 to 25 N", "out_of_range: force_n: the gripper has 3 to 25 N"),
+        ("a raise of 5 N is too much", "out_of_range: force_n: a raise of 5 N is too much"),
+    ],
+)
+def test_a_fault_names_its_field_once(message: str, text: str) -> None:
+    assert str(MessageError("out_of_range", message, "force_n")) == text
+    assert str(RequestRefused("out_of_range", message, "force_n")) == text
+    assert str(RequestRefused("out_of_range", message)) == f"out_of_range: {message}"

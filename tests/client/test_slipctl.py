@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from slipd_client.grip import GripClient
+from slipd_client.keys import create
 from slipd_client.slipctl import main
 
 if TYPE_CHECKING:
@@ -76,6 +77,17 @@ def test_a_wrong_call_exits_with_2_and_says_why(
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     assert ended.value.code == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_the_public_half_in_place_of_the_secret_one_is_recognised(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    public, _ = create("robot-1", tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["--key", str(public), "--server-key", str(public), "status"])
+    assert ended.value.code == 2
+    complaint = f"{public}: holds the public key alone; name the file of the secret one, which ends with .key_secret"
     assert complaint in capsys.readouterr().err
 
 

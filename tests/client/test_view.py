@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd_client.messages import LEVELS
-from slipd_client.view import LEVEL_COLOURS, View, change_line, clock_time
+from slipd_client.view import LEVEL_COLOURS, View, change_line
+from slipd_client.view_figures import clock_time
 
 SLIP: dict[str, Any] = {
     "finger": "left",
@@ -175,6 +176,112 @@ def test_a_text_of_the_daemon_cannot_steer_the_terminal() -> None:
         view.update(topic, body)
     assert all(line.isprintable() for line in [*view.render(500, colour=False), view.summary()])
     assert change_line(SLIP | {"previous": hostile, "finger": hostile}).isprintable()
+
+
+def test_a_finger_that_the_daemon_no_longer_has_vanishes() -> None:
+    view = View()
+    for finger in ("left", "right", "thumb"):
+        view.update(f"slip.{finger}", SLIP | {"finger": finger, "boot": "one"})
+    view.update("gripper", GRIPPER | {"boot": "one"})
+    view.update("status", STATUS | {"boot": "one", "gripper": None})
+    text = "\n".join(view.render(200, colour=False))
+    assert "thumb" not in text
+    assert "thumb" not in view.summary()
+    assert re.search("^left", text, re.MULTILINE)
+    assert re.search("^right", text, re.MULTILINE)
+    assert "gripper" not in text
+
+
+def test_what_another_run_of_the_daemon_said_vanishes() -> None:
+    view = View()
+    view.update("slip.thumb", SLIP | {"boot": "one"})
+    view.update("gripper", GRIPPER | {"boot": "one"})
+    view.update("slip.left", SLIP | {"boot": "two"})
+    text = "\n".join(view.render(200, colour=False))
+    assert "thumb" not in text
+    assert "gripper" not in text
+    assert "left" in text
+
+
+LONG = "no such port: /dev/serial/by-id/usb-Bota_Systems_AG_SensONE_ABC123; tries again every second; is it plugged in?"
+
+
+@pytest.mark.parametrize("width", [80, 40, 20])
+def test_the_reason_of_a_fault_is_never_cut(width: int) -> None:
+    bodies: dict[str, dict[str, Any]] = {
+        "slip.left": SLIP
+        | {"reasons": ["disagreement", "disagreement_contact", "weight_unknown", "stuck", "rotation"]},
+        "status": STATUS
+        | {"streams": {"left.wrench": STREAM | {"health": 2, "message": LONG}}}
+        | {"recording": {"state": "failed", "name": "a", "path": "/p", "failure": LONG, "lost": 7}},
+        "gripper": GRIPPER | {"fault": "overcurrent", "latched_fault": "command_lost", "echo_ok": False},
+    }
+    view = View()
+    for topic, body in bodies.items():
+        view.update(topic, body)
+    lines = view.render(width, colour=False)
+    assert max(map(len, lines)) <= width
+    shown = re.sub(r"\s+", "", "".join(lines))
+    for reason in (
+        *(LONG, "weight_unknown, stuck, rotation"),
+        "fault overcurrent latched: command_lost does not echo the command",
+    ):
+        assert re.sub(r"\s+", "", reason) in shown
+
+
+def test_a_low_terminal_shows_the_streams_that_are_not_well() -> None:
+    streams = {f"f{n}.wrench": STREAM | {"health": 0, "message": ""} for n in range(30)}
+    ill = {"f7.wrench": STREAM | {"health": 2, "message": LONG}}
+    view = View()
+    view.update("slip.left", SLIP)
+    view.update("status", STATUS | {"streams": streams | ill})
+    lines = view.render(80, colour=False, height=24)
+    assert len(lines) <= 24
+    assert "29 streams that are well have no room here" in lines[-1]
+    assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(lines))
+    assert len(view.render(80, colour=False)) > 30
+
+
+@pytest.mark.parametrize(
+    ("recording", "shown"),
+    [
+        ({"running": True, "state": "running", "path": "/state/a.mcap", "lost": 0}, r"OK +/state/a\.mcap$"),
+        (
+            {"running": True, "state": "running", "path": "/state/a.mcap", "lost": 9},
+            r"OK +/state/a\.mcap +9 entries lost$",
+        ),
+        (
+            {"state": "failed", "path": "/state/a.mcap", "failure": "/state/a.mcap: full"},
+            r"FAILED +/state/a\.mcap: full$",
+        ),
+        (
+            {"state": "limited", "path": "/state/a.mcap", "failure": "/state/a.mcap: max"},
+            r"ENDED +/state/a\.mcap: max$",
+        ),
+        ({"running": False, "name": "a.mcap", "failure": "of an older daemon"}, r"FAILED +of an older daemon$"),
+        ({"state": "stopped", "path": "/state/a.mcap", "failure": None}, None),
+        ({"state": "none"}, None),
+    ],
+)
+def test_a_recording_is_shown_with_its_path_while_it_runs_and_where_it_failed(
+    recording: dict[str, Any], shown: str | None
+) -> None:
+    text = drawn(status=STATUS | {"recording": recording})
+    assert bool(re.search("^recording", text, re.MULTILINE)) == (shown is not None)
+    if shown is not None:
+        assert re.search(r"^recording +" + shown, text, re.MULTILINE)
+        whole_run = drawn(status=STATUS | {"run_recording": recording})
+        assert re.search("^recording", whole_run, re.MULTILINE)
+        assert ("of the whole run" in whole_run) == (not recording.get("failure"))
+
+
+def test_forces_without_calibration_are_not_shown_as_newtons() -> None:
+    body = SLIP | {"force_unit": "uncalibrated"}
+    view = View()
+    view.update("slip.left", body)
+    text = view.render(200, colour=False)[1]
+    assert "normal 10.12  tangential 3.50  spin 0.0123  mu 0.60  needs 14.2" in text
+    assert view.summary().endswith("λ 0.50 10.12")
 
 
 anything = st.recursive(

@@ -30,7 +30,19 @@ from slipd import config
 from slipd.bus.requests import RequestServer
 from slipd.devices import bota
 from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick, Write
+from slipd.pipeline.events import (
+    Bytes,
+    Event,
+    LinkDown,
+    LinkUp,
+    Publish,
+    Record,
+    RecordingChanged,
+    Reply,
+    Request,
+    Tick,
+    Write,
+)
 from slipd.zeromq.draining import Drain
 from slipd_client.messages import ERROR_CODES, MESSAGE_LIMITS, MessageError, decode, encode
 
@@ -416,6 +428,9 @@ class _Run:
                 self._server.reply(output.client, output.body)
             elif isinstance(output, Write) and output.link == "gripper":
                 self._writes.append(output.data)
+            elif isinstance(output, Record) and output.name:  # the disk, which has room or not, is as quick as a call
+                state = self.rng.choice(("running", "limited", "failed"))
+                self._engage(RecordingChanged(output.name, output.name, state, "" if state == "running" else "full"))
             elif isinstance(output, Publish) and output.body.get("reflex"):
                 self.book.react(output.body["reflex"], output.body["force_command_n"], self.now_ns)
 

@@ -14,7 +14,20 @@ from slipd.config import Config
 from slipd.devices import bota, modbus, pvdf, xela
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Reply, Request, Tick, Write
+from slipd.pipeline.events import (
+    Bytes,
+    Event,
+    LinkDown,
+    LinkUp,
+    Output,
+    Publish,
+    Record,
+    RecordingChanged,
+    Reply,
+    Request,
+    Tick,
+    Write,
+)
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client import messages
 
@@ -158,6 +171,7 @@ class Run:
         self._asked = 0
         self._unheard = b""
         self._renewed_ns: int | None = None
+        self.disk: Callable[[str], RecordingChanged] = lambda name: RecordingChanged(name, f"/state/{name}", "running")
 
     def feed(self, event: Event) -> list[Output]:
         """Hands over an event now; checks that whatever comes out may go out."""
@@ -210,9 +224,16 @@ class Run:
         self._asked += 1
         envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": self.t_ns + 100 * MS}
         given = {name: value for name, value in (envelope | fields).items() if value is not ...}
-        replies = [output for output in self.feed(Request(client, given)) if isinstance(output, Reply)]
+        replies = [output for output in self.request(client, given) if isinstance(output, Reply)]
         assert [reply.client for reply in replies] == [client]
         return replies[0].body
+
+    def request(self, client: bytes, body: dict[str, Any]) -> list[Output]:
+        """A request, and what the disk says where it begins a recording."""
+        outputs = self.feed(Request(client, body))
+        for record in [output for output in outputs if isinstance(output, Record) and output.name]:
+            outputs += self.feed(self.disk(record.name))
+        return outputs
 
     def refusal(self, op: str, client: bytes = b"ann", **fields: Any) -> tuple[str, str] | None:
         """Code and field with which a request is refused; None where it was done."""

@@ -29,7 +29,7 @@ class TestEnvelope:
         ("fields", "refusal"),
         [
             ({"v": 2}, ("unsupported_version", "v")),
-            ({"id": ...}, ("bad_type", "id")),
+            ({"id": ...}, ("missing_field", "id")),
             ({"id": [1]}, ("bad_type", "id")),
             ({"op": "grip"}, ("unknown_op", "op")),
             ({"boot": "old"}, ("wrong_boot", "boot")),

@@ -27,7 +27,13 @@ CONTRACT = {
     *("friction_ratio", "mu", "mu_source", "utilisation", "utilisation_lower", "utilisation_upper"),
     *("torque_limit_nm", "pole_m", "tipping_margin_m", "grip_needed_n", "model", "tare_id", "age_s"),
 }
-EXTRAS = {"centroid_std_m", "centroid_residual_m", "tipping_margin_std_m", "friction_ratio_std", "gravity"}
+EXTRAS = {"force_unit"} | {
+    "centroid_std_m",
+    "centroid_residual_m",
+    "tipping_margin_std_m",
+    "friction_ratio_std",
+    "gravity",
+}
 ONLY_IN_CONTACT = {
     *("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "centroid_residual_m"),
     *("utilisation", "utilisation_lower", "utilisation_upper", "torque_limit_nm", "pole_m"),
@@ -156,6 +162,7 @@ def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench)
     finger.take_wrench(wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
     assert wrench_body(finger, finger.state.felt) == {
         "finger": "left",
+        "force_unit": "N",
         "force_n": [3.0, -1.0, -10.0],
         "torque_nm": pytest.approx([0.0, 0.01, -0.001]),
         "normal_n": 10.0,
@@ -228,3 +235,30 @@ def test_what_is_no_number_is_nil(value: float | None) -> None:
 def test_numbers_are_pythons_own() -> None:
     assert type(number(np.float64(1.5))) is float
     assert all(type(x) is float for x in vector(np.array((1.0, 2.0))) or [])
+
+
+def test_only_what_is_calibrated_is_called_newtons(
+    left: str, right: str, parse: Callable[[str], Config], wrench: Wrench, image: Image
+) -> None:
+    papillarray = right.replace('"xela"', '"papillarray"').replace("rows = 2\ncols = 2", "rows = 3\ncols = 3")
+    papillarray = papillarray.replace("ws://127.0.0.1:5000", "/dev/p").replace('"2"', '"0"').partition("tare =")[0]
+    for text, unit, image_unit in (
+        (left, "N", "uncalibrated"),
+        (left + "gain_error = 0.05\n", "N", "N"),
+        (right, "uncalibrated", "uncalibrated"),
+        (right + "gain_error = 0.05\n", "N", "N"),
+        (papillarray.replace("[0.001, 0.001, -0.001]", "[1.0, -1.0, -1.0]"), "N", "N"),
+        (papillarray, "uncalibrated", "uncalibrated"),
+    ):
+        (name, settings), *_ = parse(text).finger.items()
+        finger = Finger(name, settings, Levels())
+        assert finger.image is not None
+        assert slip_body(finger, finger.state)["force_unit"] == unit
+        assert wrench_body(finger, finger.state.felt)["force_unit"] == unit
+        assert tactile_body(finger, finger.image)["force_unit"] == image_unit
+
+
+def test_raw_values_of_a_sensor_are_not_called_newtons(finger: Finger, wrench: Wrench) -> None:
+    finger.take_wrench(wrench(T0, 10.0, status=("raw",)))
+    assert slip_body(finger, finger.state)["force_unit"] == "uncalibrated"
+    assert wrench_body(finger, finger.state.felt)["force_unit"] == "uncalibrated"

@@ -40,7 +40,7 @@ def test_a_good_request_may_be_judged() -> None:
         ({"v": True}, ("unsupported_version", "v")),
         ({"v": 1.0}, ("unsupported_version", "v")),
         ({"v": "1"}, ("unsupported_version", "v")),
-        ({"id": ...}, ("bad_type", "id")),
+        ({"id": ...}, ("missing_field", "id")),
         ({"id": None}, ("bad_type", "id")),
         ({"id": True}, ("bad_type", "id")),
         ({"id": 1.5}, ("bad_type", "id")),
@@ -135,3 +135,26 @@ def test_what_a_client_sends_is_repeated_in_short(changes: dict[str, Any]) -> No
     refusal = check_request(GOOD | changes, "b", T_NS)
     assert refusal is not None
     assert len(refusal.message) < 600
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": "1"}, "ttl_ms must be an integer, not a string"),
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": 0.5}, "ttl_ms must be an integer, not a number"),
+        ({"force_n": True}, "force_n must be a number, not a boolean"),
+        ({"force_n": None}, "force_n must be a number, not nil"),
+        ({"force_n": b"5"}, "force_n must be a number, not a byte string"),
+        ({"op": "gripper.open", "force_n": ..., "drop": 1}, "drop must be true or false, not an integer"),
+        ({"op": "tare", "force_n": ..., "finger": {}}, "finger must be a string, not a map"),
+        ({"id": []}, "id must be a string or an integer, not a list"),
+        ({"v": ...}, "v must be 1, and is missing"),
+        ({"v": 2}, "v must be 1, not 2"),
+        ({"deadline_ns": "soon"}, "deadline_ns must be an integer, not a string"),
+    ],
+)
+def test_a_refusal_says_what_would_be_right_and_what_was_found(changes: dict[str, Any], message: str) -> None:
+    body = {name: value for name, value in (GOOD | changes).items() if value is not ...}
+    refusal = check_request(body, "b", T_NS)
+    assert refusal is not None
+    assert refusal.message == message

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from slipd.devices.robotiq_2f import robotiq_registers
-from slipd.pipeline.events import Reply, Request
+from slipd.pipeline.events import Reply
 from slipd.pipeline.requests import OPS
 from slipd_client.messages import MessageError, decode, encode
 
@@ -107,7 +107,7 @@ class Watcher:
         except MessageError:
             return
         before = self.run.ask("status")["result"]["gripper"]
-        out = self.run.feed(Request(client, body))
+        out = self.run.request(client, body)
         (reply,) = (output.body for output in out if isinstance(output, Reply))
         if reply["ok"] and reply["t_ns"] == self.run.t_ns:
             self.done(body["op"], reply["result"], before)

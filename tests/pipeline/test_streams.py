@@ -108,7 +108,7 @@ def test_a_pusher_on_this_host_tells_its_own_time(parse: Parse) -> None:
 def test_a_pusher_that_sends_what_the_stream_is_not_is_told(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
     assert take(stream, TactileSample(T0, T0, np.zeros(16))) is None
-    assert stream.level(T0) == (Health.ERROR, "readings that are a TactileSample, which this stream is not")
+    assert stream.level(T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
     pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
     pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
     pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)

@@ -1,9 +1,11 @@
-from collections.abc import Callable, Iterable
+import resource
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
 
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingFailed, Request, Tick
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import Entered, Published
 from slipd_client import messages
@@ -43,7 +45,7 @@ def _entry(n: int) -> Entry:
         LinkDown("left.wrench", "unplugged"),
         Request(b"\x00client", {"op": "hello", "id": n, "deep": {"a": [1, 2.5, None]}}),
         Tick(n),
-        RecordingFailed("slipd-1.mcap", "the disk is full"),
+        RecordingChanged("slipd-1.mcap", "/state/slipd-1.mcap", "failed", "the disk is full", 3),
     ]
     return Entered(n, t_ns, events[n // 2 % len(events)])
 
@@ -84,3 +86,19 @@ def write(about_run: dict[str, object]) -> Callable[[Path, Iterable[Entry], int]
         file.finish(end)
 
     return write
+
+
+@contextmanager
+def _small_disk(size: int) -> Iterator[None]:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.fixture
+def small_disk() -> Callable[[int], AbstractContextManager[None]]:
+    """In the ``with`` block, the kernel lets no file of this process grow beyond so many bytes."""
+    return _small_disk

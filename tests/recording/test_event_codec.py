@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd.recording.event_codec import decode_event, encode_event
 
 TEXT = st.text(st.characters())  # with the surrogates that the system's error texts may hold
@@ -20,6 +20,7 @@ EVENT = st.one_of(
     st.builds(LinkDown, TEXT, TEXT),
     st.builds(Request, st.binary(), st.dictionaries(WORD, VALUE, max_size=5)),
     st.builds(Tick, st.integers(0, 2**63 - 1)),
+    st.builds(RecordingChanged, TEXT, TEXT, TEXT, TEXT, st.integers(0, 2**63 - 1)),
 )
 INDEX = st.integers(0, 2**63 - 1)
 EXAMPLES: list[Event] = [
@@ -28,6 +29,7 @@ EXAMPLES: list[Event] = [
     LinkDown("left.wrench", "unplugged"),
     Request(b"\x01client", {"op": "grip.set", "force_n": 2.5, "nested": {"a": [1, None, True]}}),
     Tick(5),
+    RecordingChanged("a.mcap", "/state/a.mcap", "failed", "No space left on device", 7),
 ]
 
 
@@ -99,7 +101,7 @@ def test_bytes_that_are_no_event_raise_only_a_recording_error(data: bytes) -> No
         (written(n=0, t_ns=0, kind="request", client=b"", body={"a": [0] * 65}), "no client can have sent"),
         (written(n=0, t_ns=0, kind="request", client=b"", body={"a": "a" * 20_000}), "no client can have sent"),
         (written(n=0, t_ns=0, kind="request", client=b"", body={"a": msgpack.ExtType(4, b"")}), "no client"),
-        (sealed(msgpack.packb([1, 2, bytes(4)])[:-4]), "a list, not a map"),
+        (sealed(msgpack.packb([1, 2, bytes(4)])[:-4]), "must be a map, got list"),
         (sealed(b"\x91" * 5000), "not msgpack"),
         (sealed(b"\xdf\xff\xff\xff\xff"), "not msgpack"),
     ],
@@ -107,3 +109,10 @@ def test_bytes_that_are_no_event_raise_only_a_recording_error(data: bytes) -> No
 def test_a_map_with_a_good_checksum_but_other_contents_is_refused(payload: bytes, told: str) -> None:
     with pytest.raises(RecordingError, match=told):
         decode_event(payload)
+
+
+def test_a_failed_recording_of_version_0_1_is_read() -> None:
+    whole = {"n": 3, "t_ns": 7, "kind": "recording_failed", "name": "a.mcap", "reason": "full", "crc32": bytes(4)}
+    body = msgpack.packb(whole)[:-4]
+    payload = body + zlib.crc32(body).to_bytes(4, "big")
+    assert decode_event(payload) == (3, 7, RecordingChanged("a.mcap", "", "failed", "full"))

@@ -5,37 +5,52 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import LinkUp, Record, RecordingFailed, Tick
-from slipd.recording import on_request
-from slipd.recording.on_request import MOST_UNFINISHED, RequestedRecordings, private_directory, state_dir
+from slipd.pipeline.events import LinkUp, Record, RecordingChanged, Tick
+from slipd.recording import on_request, writer
+from slipd.recording.on_request import (
+    MOST_UNFINISHED,
+    RequestedRecordings,
+    check_room,
+    private_directory,
+    state_dir,
+)
 from slipd.recording.reader import Entered, Published, open_recording
-from slipd.recording.writer import Recorder
+from slipd.recording.recorder_watch import START_LIMIT_NS
+from slipd.recording.writer import Recorder, RecordingLimitError, Room
 
 DEADLINE_S = 30.0
+ROOM = Room(max_bytes=10**9, min_free_bytes=0)
 
 
-def make(path: Path, prepare: Callable[[], None]) -> Recorder:
-    return Recorder(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare)
+def make(path: Path, prepare: Callable[[], None], room: Room = ROOM) -> Recorder:
+    return Recorder(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=prepare, room=room)
 
 
 @pytest.fixture
-def recordings(tmp_path: Path) -> Iterator[RequestedRecordings]:
-    made = RequestedRecordings(tmp_path / "state" / "slipd", make)
+def state(tmp_path: Path) -> Path:
+    return tmp_path / "state" / "slipd"
+
+
+@pytest.fixture
+def recordings(state: Path) -> Iterator[RequestedRecordings]:
+    made = RequestedRecordings(state, make, lambda: private_directory(state))
     yield made
     made.close()
 
 
-def failure(recordings: RequestedRecordings) -> RecordingFailed:
+def news(recordings: RequestedRecordings, t_ns: int = 1) -> RecordingChanged:
     end_s = time.monotonic() + DEADLINE_S
-    while (failed := recordings.failed()) is None:
+    while not (found := recordings.news(t_ns)):
         assert time.monotonic() < end_s
         time.sleep(0.002)
-    return failed
+    assert len(found) == 1
+    return found[0]
 
 
 def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRecordings, tmp_path: Path) -> None:
@@ -56,7 +71,9 @@ def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRe
     ]
     assert recording.complete
     assert (recording.path.parent.stat().st_mode & 0o777) == 0o700
-    assert recordings.failed() is None
+    (change,) = recordings.news(60)
+    assert change == RecordingChanged("a.mcap", str(recording.path), "running")
+    assert recordings.news(70) == []
 
 
 def test_k3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecordings, tmp_path: Path) -> None:
@@ -79,37 +96,124 @@ def test_a_file_that_stands_there_is_not_overwritten_and_not_followed(
     precious.write_text("mine")
     (tmp_path / "state" / "slipd" / "a.mcap").symlink_to(precious)
     recordings.take(Record("a.mcap"), 0)
-    failed = failure(recordings)
-    assert failed.name == "a.mcap"
+    failed = news(recordings)
+    assert (failed.name, failed.state) == ("a.mcap", "failed")
     assert "exists already" in failed.reason
-    assert recordings.failed() is None, "it is told once"
+    assert recordings.news(2) == [], "it is reported once"
     recordings.record_event(Tick(1), 1)
     recordings.close()
     assert precious.read_text() == "mine"
     assert [record.message for record in caplog.records] == [failed.reason]
 
 
-def test_k1_a_disk_that_fails_is_told_and_nothing_else(recordings: RequestedRecordings, tmp_path: Path) -> None:
-    private_directory(tmp_path / "state" / "slipd")
-    (tmp_path / "state" / "slipd" / "full.mcap").symlink_to("/dev/full")
-    recordings.take(Record("full.mcap"), 0)
-    for n in range(100):
-        recordings.record_event(Tick(n), n)
-    assert "No space left on device" in failure(recordings).reason
-    recordings.take(Record("next.mcap"), 100)
-    recordings.close()
-    assert open_recording(tmp_path / "state" / "slipd" / "next.mcap").complete
-
-
-def test_a_disk_that_fails_at_the_very_end_is_logged(
-    recordings: RequestedRecordings, tmp_path: Path, caplog: pytest.LogCaptureFixture
+def test_k1_a_disk_that_fails_is_told_and_nothing_else(
+    recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
 ) -> None:
-    private_directory(tmp_path / "state" / "slipd")
-    (tmp_path / "state" / "slipd" / "full.mcap").symlink_to("/dev/full")
     recordings.take(Record("full.mcap"), 0)
-    recordings.take(Record(""), 1)
+    assert news(recordings).state == "running"
+    with small_disk((state / "full.mcap").stat().st_size + 150):
+        for n in range(100):
+            recordings.record_event(Tick(n), n)
+        failed = news(recordings, 2)
+        recordings.record_event(Tick(101), 101)
+    assert (failed.state, failed.lost) == ("failed", 100)
+    assert "the recording stopped: File too large" in failed.reason
+    recordings.take(Record("next.mcap"), 200)
     recordings.close()
-    assert "No space left on device" in caplog.text
+    assert open_recording(state / "next.mcap").complete
+
+
+def test_a_disk_that_fails_at_the_very_end_is_told_too(
+    recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
+) -> None:
+    recordings.take(Record("full.mcap"), 0)
+    assert news(recordings).state == "running"
+    with small_disk((state / "full.mcap").stat().st_size):
+        recordings.take(Record(""), 1)
+        assert "File too large" in news(recordings, 2).reason
+    assert recordings.news(3) == []
+
+
+def test_a_folder_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+    made = RequestedRecordings(tmp_path, make, lambda: private_directory(Path("/proc/slipd")))
+    made.take(Record("a.mcap"), 0)
+    failed = news(made)
+    assert failed.state == "failed"
+    assert failed.reason == "/proc/slipd: cannot be made: No such file or directory"
+    made.close()
+
+
+def test_a_limit_keeps_a_recording_from_beginning(state: Path) -> None:
+    private_directory(state)
+    for name in ("slipd-1.mcap", "slipd-2.mcap", "of-mine.mcap", "slipd.txt"):
+        (state / name).write_text("")
+    check_room(state, ROOM, 3)
+    made = RequestedRecordings(state, make, lambda: check_room(state, ROOM, 2))
+    made.take(Record("slipd-3.mcap"), 0)
+    refused = news(made)
+    assert refused.state == "limited"
+    assert f"{state} holds 2 recordings, and recording.max_files is 2: move or delete some" in refused.reason
+    assert not (state / "slipd-3.mcap").exists()
+    made.close()
+    with pytest.raises(RecordingLimitError, match=r"bytes of the disk are free, and recording\.min_free_bytes is"):
+        check_room(state, Room(max_bytes=1, min_free_bytes=2**62), 3)
+    with pytest.raises(RecordingError, match="cannot be read: No such file"):
+        check_room(state / "none", ROOM, 3)
+
+
+def test_a_recording_that_reaches_its_size_ends_by_itself_whole(state: Path) -> None:
+    def make_small(path: Path, prepare: Callable[[], None]) -> Recorder:
+        return make(path, prepare, Room(max_bytes=3000, min_free_bytes=0))
+
+    made = RequestedRecordings(state, make_small, lambda: private_directory(state))
+    made.take(Record("a.mcap"), 0)
+    assert news(made).state == "running"
+    for n in range(500):
+        made.record_event(Tick(n), n)
+    ended = news(made, 2)
+    assert ended == RecordingChanged(
+        "a.mcap", f"{state}/a.mcap", "limited", f"{state}/a.mcap: the recording reached recording.max_bytes, 3000"
+    )
+    made.record_event(Tick(501), 501)
+    made.close()
+    assert open_recording(state / "a.mcap").complete
+
+
+def test_a_file_that_the_disk_does_not_create_in_time_is_given_up_and_removed(state: Path) -> None:
+    go_on = threading.Event()
+
+    def prepare() -> None:
+        go_on.wait(DEADLINE_S)
+        private_directory(state)
+
+    made = RequestedRecordings(state, make, prepare)
+    made.take(Record("a.mcap"), 0)
+    assert made.news(START_LIMIT_NS - 1) == []
+    (failed,) = made.news(START_LIMIT_NS)
+    assert failed.state == "failed"
+    assert "the disk did not create the file within 0.5 s" in failed.reason
+    go_on.set()
+    made.close()
+    assert made.news(2 * START_LIMIT_NS) == []
+    assert list(state.iterdir()) == []
+
+
+def test_lost_entries_are_told_now_and_then(
+    recordings: RequestedRecordings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    recordings.take(Record("a.mcap"), 0)
+    assert news(recordings, 1).lost == 0
+    monkeypatch.setattr(writer, "QUEUE_LIMIT", 0)
+    for n in range(7):
+        recordings.record_event(Tick(n), n)
+    assert recordings.news(2) == []
+    (change,) = recordings.news(2_000_000_000)
+    assert (change.state, change.lost) == ("running", 7)
+    assert "7 entries lost so far: the disk is too slow" in caplog.text
+    recordings.record_event(Tick(8), 8)
+    assert recordings.news(2_100_000_000) == []
+    recordings.close()
+    assert "8 entries are missing: the disk was too slow" in caplog.text
 
 
 def test_k1_a_slow_disk_is_not_given_more_recordings_than_it_takes(
@@ -126,13 +230,12 @@ def test_k1_a_slow_disk_is_not_given_more_recordings_than_it_takes(
         made.append(make(path, prepare_late))
         return made[-1]
 
-    recordings = RequestedRecordings(tmp_path / "slipd", make_slow)
+    recordings = RequestedRecordings(tmp_path / "slipd", make_slow, lambda: private_directory(tmp_path / "slipd"))
     refused = []
     for n in range(20):
         recordings.take(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
         recordings.record_event(Tick(n), n)
-        failed = recordings.failed()
-        refused += [failed.name] if failed is not None and "not taken" in failed.reason else []
+        refused += [change.name for change in recordings.news(0) if "not taken" in change.reason]
         recordings.take(Record(""), 0)
     assert len(made) == MOST_UNFINISHED + 1
     assert refused == [f"{n}.mcap" for n in range(len(made), 20)]
@@ -140,10 +243,10 @@ def test_k1_a_slow_disk_is_not_given_more_recordings_than_it_takes(
     for recorder in made:
         recorder.close()
     recordings.take(Record("next.mcap"), 0)
-    assert recordings.failed() is None, "the disk has taken what was before"
+    assert all(change.state == "running" for change in recordings.news(1)), "the disk has taken what was before"
     recordings.close()
     assert len(list((tmp_path / "slipd").iterdir())) == len(made)
-    assert len(caplog.records) == len(refused)
+    assert [record.levelname for record in caplog.records].count("WARNING") == len(refused)
 
 
 def test_a_recording_for_which_there_is_no_thread_fails_and_nothing_else(
@@ -156,7 +259,8 @@ def test_a_recording_for_which_there_is_no_thread_fails_and_nothing_else(
         patch.setattr(threading.Thread, "start", start)
         recordings.take(Record("a.mcap"), 0)
     recordings.record_event(Tick(1), 1)
-    assert failure(recordings) == RecordingFailed("a.mcap", "can't start new thread")
+    path = str(tmp_path / "state" / "slipd" / "a.mcap")
+    assert news(recordings) == RecordingChanged("a.mcap", path, "failed", f"{path}: can't start new thread")
     recordings.take(Record("b.mcap"), 2)
     recordings.close()
     assert open_recording(tmp_path / "state" / "slipd" / "b.mcap").complete
@@ -179,7 +283,7 @@ def test_k1_a_disk_that_hangs_delays_the_end_once_and_not_for_each_recording(
     def make_hanging(path: Path, prepare: Callable[[], None]) -> Recorder:
         return Hanging(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=hang)
 
-    recordings = RequestedRecordings(tmp_path, make_hanging)
+    recordings = RequestedRecordings(tmp_path, make_hanging, hang)
     recordings.take(Record("a.mcap"), 0)
     recordings.take(Record("b.mcap"), 0)
     monkeypatch.setattr(on_request, "CLOSE_LIMIT_S", 0.05)

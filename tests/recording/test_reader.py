@@ -1,5 +1,7 @@
 import io
 import struct
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,8 +11,8 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Tick
-from slipd.recording import mcap_file
+from slipd.pipeline.events import Bytes, Tick
+from slipd.recording import mcap_file, reader
 from slipd.recording.event_codec import encode_event
 from slipd.recording.reader import Recording, open_recording
 
@@ -233,3 +235,106 @@ def test_an_end_that_tells_no_number_is_noticed(forge: Forge) -> None:
     forge.writer.add_metadata("slipd/end", {"entries": "many"})
     recording, _ = forge.read()
     assert "end is damaged" in str(recording.fault)
+
+
+def chunk(inner: bytes) -> bytes:
+    """A chunk record as it stands in a file."""
+    packed = zstandard.compress(inner)
+    body = struct.pack("<QQQII4sQ", 0, 0, len(inner), zlib.crc32(inner), 4, b"zstd", len(packed)) + packed
+    return struct.pack("<BQ", 6, len(body)) + body
+
+
+def inner(opcode: int, body: bytes = b"") -> bytes:
+    return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def text(value: bytes) -> bytes:
+    return struct.pack("<I", len(value)) + value
+
+
+def channel(number: int, metadata: bytes = b"") -> bytes:
+    return inner(4, struct.pack("<HH", number, 0) + text(b"slip.left") + text(b"msgpack") + text(metadata))
+
+
+def message(number: int, n: int, payload: bytes) -> bytes:
+    return inner(5, struct.pack("<HIQQ", number, n, 0, 0) + payload)
+
+
+FILL = mcap_file.RECORD_LIMIT_BYTES
+NESTED = inner(6, struct.pack("<QQQII4sQ", 0, 0, 0, 0, 4, b"zstd", 0))
+
+
+@pytest.mark.parametrize(
+    ("records", "fault"),
+    [
+        (inner(0x77) * (FILL // 9), "a record of kind 119"),
+        (inner(15) * (FILL // 9), "a record of kind 15"),
+        (NESTED * (FILL // len(NESTED)), "a record of kind 6"),
+        (inner(3) * (FILL // 9), "more than 1024 schemas"),
+        (channel(1) * (FILL // len(channel(1))), "announced twice"),
+        (b"".join(channel(n) for n in range(2000)), "one too many"),
+        (channel(1, bytes(FILL // 2)), "a channel or schema of 2097184 bytes"),
+        (inner(3, bytes(FILL // 2)), "a channel or schema of 2097152 bytes"),
+        (inner(5) * (FILL // 9), "entry 0 is cut off"),
+        (inner(4) * (FILL // 9), "damaged channel"),
+        (channel(1) + message(1, 0, b"") * 100_000, "stands where entry 1 belongs"),
+        (channel(1) + b"\x05", "ends within a record"),
+        (channel(1) + struct.pack("<BQ", 5, 2**63), "ends within a record"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_few_bytes_that_unpack_to_a_mass_of_records_stop_the_reading_at_the_first_wrong_one(
+    forge: Forge, records: bytes, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = 0
+    one_by_one = reader.inner_records
+
+    def counted(data: bytes) -> Iterator[tuple[int, memoryview]]:
+        nonlocal read
+        for found in one_by_one(data):
+            read += 1
+            yield found
+
+    monkeypatch.setattr(reader, "inner_records", counted)
+    recording, _ = forge.read(extra=chunk(records) * 100)
+    assert fault in str(recording.fault)
+    assert read <= 1026
+
+
+def test_an_empty_record_outside_of_chunks_stops_the_reading(forge: Forge) -> None:
+    recording, found = forge.read(extra=inner(0x77) * 100_000)
+    assert not found
+    assert "a record of kind 119 at byte" in str(recording.fault)
+
+
+def test_what_a_whole_file_unpacks_to_is_bounded_too(forge: Forge) -> None:
+    zeros = bytes(FILL - 100)
+    first = chunk(channel(1) + message(1, 0, zeros))
+    rest = b"".join(chunk(message(1, n, zeros)) for n in range(1, 40))
+    recording, found = forge.read(extra=first + rest)
+    assert 10 <= len(found) <= 25, "64 MiB, or 4000 times some 18 kB"
+    assert "bytes, which slipd cannot have written into" in str(recording.fault)
+
+
+def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, about_run) -> None:
+    """A device that sends nothing but zeros, in the longest pieces that a datagram or message may have."""
+    file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
+    count = 0
+    for size in (65_507, 1024 * 1024):
+        for _ in range(150 * 1024 * 1024 // size):
+            file.event(count, count, Bytes("left.wrench", bytes(size)))
+            count += 1
+    file.finish(count)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert sum(1 for _ in recording.entries()) == count
+    assert recording.complete, recording.fault
+
+
+def test_a_long_idle_recording_is_read(tmp_path: Path, about_run) -> None:
+    file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
+    for n in range(200_000):
+        file.event(n, 5_000_000 * n, Tick(0))
+    file.finish(200_000)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert sum(1 for _ in recording.entries()) == 200_000
+    assert recording.complete, recording.fault

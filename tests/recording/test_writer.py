@@ -8,14 +8,14 @@ from threading import Event as Signal
 
 import msgpack
 import pytest
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, make_reader
 
 from slipd.errors import RecordingError
 from slipd.pipeline.events import Bytes, Tick
 from slipd.recording import writer
 from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES
 from slipd.recording.reader import Entered, Recording, open_recording
-from slipd.recording.writer import Recorder
+from slipd.recording.writer import Recorder, Room
 
 DEADLINE_S = 60.0
 
@@ -131,7 +131,19 @@ def test_a_killed_writer_leaves_a_readable_file_with_all_but_the_last_moments(tm
     assert recording.lost == 0
 
 
-@pytest.mark.parametrize("size", [1, 100, 5000, 100_000, 299_999])
+@pytest.mark.parametrize("size", [0, 1, 100])
+def test_a_disk_that_cannot_take_the_start_is_told_at_once_and_keeps_no_file(
+    tmp_path: Path, about_run, small_disk, size: int
+) -> None:
+    with small_disk(size), pytest.raises(RecordingError, match=r"run\.mcap: cannot be written: File too large"):
+        Recorder(tmp_path / "run.mcap", **about_run)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(RecordingError, match="/dev/full: cannot be written: No space left on device"):
+        Recorder(Path("/dev/full"), **about_run)
+    assert Path("/dev/full").is_char_device()
+
+
+@pytest.mark.parametrize("size", [5000, 100_000, 299_999])
 def test_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_beginning(tmp_path: Path, size: int) -> None:
     path = tmp_path / "run.mcap"
     command = [sys.executable, "-c", WRITE_INTO_A_SMALL_DISK, path, str(size)]
@@ -140,22 +152,75 @@ def test_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_beginnin
     lost, text = told.stdout.split(maxsplit=1)
     assert "the recording stopped: File too large" in text
     assert path.stat().st_size <= size
-    recording = readable(path)
-    times_ns = [t_ns for t_ns, _ in recording.events()] if recording else []
+    recording = open_recording(path)
+    times_ns = [t_ns for t_ns, _ in recording.events()]
     assert times_ns == list(range(len(times_ns)))
-    assert len(times_ns) < 3000 <= len(times_ns) + int(lost)
+    assert len(times_ns) + int(lost) == 3000
+    assert (recording.closed, recording.lost) == (True, int(lost)), "its end says what is missing"
+    assert f"(File too large); {lost} entries are missing" in str(recording.fault)
 
 
-def test_a_full_disk_never_raises_into_the_live_path(about_run, entries) -> None:
-    recorder = Recorder(Path("/dev/full"), **about_run)
-    record(recorder, entries(100))
-    wait_until(lambda: recorder.failure)
-    record(recorder, entries(100))
-    assert recorder.failure == "/dev/full: the recording stopped: No space left on device"
-    with pytest.raises(RecordingError, match="No space left"):
-        recorder.close()
+def test_a_full_disk_never_raises_into_the_live_path(tmp_path: Path, about_run, entries, small_disk) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    with small_disk((tmp_path / "run.mcap").stat().st_size + 150):
+        record(recorder, entries(100))
+        wait_until(lambda: recorder.failure)
+        record(recorder, entries(100))
+        assert recorder.failure == f"{tmp_path}/run.mcap: the recording stopped: File too large"
+        wait_until(lambda: open_recording(tmp_path / "run.mcap").closed)
+        with pytest.raises(RecordingError, match="File too large; 200 entries are missing"):
+            recorder.close()
     assert recorder.lost == 200
     recorder.close()
+    recording = open_recording(tmp_path / "run.mcap")
+    assert list(recording.entries()) == []
+    assert (recording.lost, recording.complete) == (200, False)
+
+
+def test_other_tools_read_a_recording_whose_disk_failed(tmp_path: Path, about_run, entries, small_disk) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    record(recorder, entries(100))
+    wait_until(lambda: len(list(open_recording(tmp_path / "run.mcap").entries())) == 100)
+    with small_disk((tmp_path / "run.mcap").stat().st_size + 150):
+        record(recorder, entries(200)[100:])
+        with pytest.raises(RecordingError, match="100 entries are missing"):
+            recorder.close()
+    with (tmp_path / "run.mcap").open("rb") as file:
+        assert len(list(NonSeekingReader(file).iter_messages())) == 100
+
+
+def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
+    tmp_path: Path, about_run, entries
+) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run, room=Room(max_bytes=4000, min_free_bytes=0))
+    record(recorder, entries(2000))
+    wait_until(lambda: recorder.limit)
+    record(recorder, entries(100))
+    recorder.close()
+    assert recorder.limit == f"{tmp_path}/run.mcap: the recording reached recording.max_bytes, 4000"
+    assert (recorder.failure, recorder.lost) == (None, 0)
+    recording = open_recording(tmp_path / "run.mcap")
+    found = list(recording.entries())
+    assert found == entries(2000)[: len(found)]
+    assert found
+    assert recording.complete
+
+
+def test_a_disk_that_gets_too_full_ends_a_recording_in_good_order(tmp_path: Path, about_run, entries) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run, room=Room(max_bytes=10**9, min_free_bytes=2**62))
+    record(recorder, entries(50))
+    wait_until(lambda: recorder.limit)
+    recorder.close()
+    assert "bytes of the disk are free, and recording.min_free_bytes is 4611686018427387904" in str(recorder.limit)
+    assert open_recording(tmp_path / "run.mcap").complete
+
+
+def test_a_recording_that_is_discarded_leaves_no_file(tmp_path: Path, about_run, entries) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    record(recorder, entries(50))
+    recorder.discard()
+    recorder.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_reached_the_file_before_the_disk_failed_is_not_called_lost(
@@ -231,7 +296,7 @@ def test_an_existing_file_is_never_overwritten(tmp_path: Path, about_run) -> Non
 
 
 def test_a_file_that_cannot_be_created_is_told_at_once(tmp_path: Path, about_run) -> None:
-    with pytest.raises(RecordingError, match=r"nowhere/run\.mcap: cannot be created: No such file"):
+    with pytest.raises(RecordingError, match=r"nowhere/run\.mcap: cannot be created: there is no folder"):
         Recorder(tmp_path / "nowhere" / "run.mcap", **about_run)
 
 

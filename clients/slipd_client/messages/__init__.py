@@ -10,6 +10,7 @@ from slipd_client.messages.codec import (
     MessageError,
     decode,
     encode,
+    fault_text,
 )
 from slipd_client.messages.names import (
     ERROR_CODES,
@@ -49,6 +50,7 @@ __all__ = [
     "MessageError",
     "decode",
     "encode",
+    "fault_text",
     "level_code",
     "slip_topic",
     "tactile_topic",

@@ -56,7 +56,13 @@ class MessageError(ValueError):
         self.code: ErrorCode = code
         self.message = message
         self.field = field
-        super().__init__(f"{code}: {field}: {message}" if field else f"{code}: {message}")
+        super().__init__(fault_text(code, message, field))
+
+
+def fault_text(code: str, message: str, field: str) -> str:
+    """Return a fault in one line for people; the field is named once, by the message where that begins with it."""
+    named = not field or message.startswith((f"{field} ", f"{field}: "))
+    return f"{code}: {message}" if named else f"{code}: {field}: {message}"
 
 
 _PACKER = msgpack.Packer()  # kept: making one for each message costs as much as the packing

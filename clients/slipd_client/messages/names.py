@@ -82,6 +82,8 @@ ErrorCode = Literal[
     "no_gripper",  # the config names none, or it does not answer
     "unknown_finger",
     "not_ready",  # what the request needs is not there, e.g. fresh readings
+    "no_room",  # a limit of the recordings is reached: their number, or the free space of the disk
+    "record_failed",  # the file of the recording could not be created
 ]
 ERROR_CODES: tuple[ErrorCode, ...] = get_args(ErrorCode)
 """Every ``error.code`` of a reply. A newer daemon may send further codes."""

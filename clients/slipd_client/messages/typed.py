@@ -92,6 +92,7 @@ class Slip(Message):
     finger: str
     level: SlipLevel
     reasons: tuple[str, ...] = ()
+    force_unit: str | None = None
     normal_n: float | None = None
     tangential_n: Pair | None = None
     spin_nm: float | None = None
@@ -133,6 +134,7 @@ class Wrench(Message):
     """``wrench.<finger>``: the force on one finger, tared, in the pad's frame."""
 
     finger: str
+    force_unit: str | None = None
     force_n: Triple | None = None
     torque_nm: Triple | None = None
     normal_n: float | None = None
@@ -152,6 +154,7 @@ class Tactile(Message):
     pitch_m: float | None = None
     tare_id: int | None = None
     image_ok: bool = False
+    force_unit: str | None = None
     loads_n: tuple[float, ...] | None = None
     active: int | None = None
     area_m2: float | None = None
@@ -256,11 +259,18 @@ class StreamStatus:
 
 @dataclass(frozen=True, slots=True)
 class RecordingStatus:
-    """The newest recording that was asked for: ``failure`` is why it ended by itself, None where it did not."""
+    """A recording; ``name`` is None for that of the whole run.
+
+    ``state`` is "none", "running", "stopped" (as asked), "limited" (ended in good order by a limit) or "failed";
+    ``failure`` is why it ended by itself, None where it did not; ``lost`` counts entries that are not in its file.
+    """
 
     name: str | None = None
+    path: str | None = None
+    state: str | None = None
     running: bool | None = None
     failure: str | None = None
+    lost: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,5 +282,6 @@ class Status(Message):
     late_s: float | None = None
     lease: LeaseStatus | None = None
     recording: RecordingStatus | None = None
+    run_recording: RecordingStatus | None = None
     fingers: Mapping[str, FingerStatus] = field(default_factory=dict)
     streams: Mapping[str, StreamStatus] = field(default_factory=dict)

@@ -143,7 +143,8 @@ class Authenticator:
         if domain in self._allowed and key in self._allowed[domain]:
             return key
         if self._may_tell():
-            _log.warning("%s: key %s at %r is not allowed and was refused", domain.decode(), key.decode(), address)
+            who = key.decode(), address.decode(errors="replace")
+            _log.warning("%s: key %s at %s is not allowed and was refused", domain.decode(), *who)
         return None
 
     def _may_tell(self) -> bool:

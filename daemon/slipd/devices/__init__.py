@@ -194,6 +194,7 @@ class Device:
         baud: Default line speed of a serial port, bit/s; None for devices that have none. All lines are 8N1.
         frame_bytes: Bytes of one reading on a UART, where ``baud`` limits the rate; 0: it does not, as over USB.
         axes: Components a taxel measures: 1 or 3; 0 for devices without taxels.
+        newtons: Its taxels measure newtons by themselves: ``axis_scale`` turns axes and no more.
         sized: The decoder must be told the pad's ``rows`` and ``cols``.
         wired: The decoder must be told how its bytes travel (option ``wiring``): they differ.
         taxels: Of each of its pads; None where pads differ.
@@ -217,6 +218,7 @@ class Device:
     baud: int | None = None
     frame_bytes: int = 0
     axes: int = 0
+    newtons: bool = False
     sized: bool = False
     wired: bool = False
     taxels: int | None = None

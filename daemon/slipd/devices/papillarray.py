@@ -103,6 +103,7 @@ DEVICE = Device(
     rates_hz=(RATES_HZ[0], RATES_HZ[-1]),
     baud=115_200,
     axes=3,
+    newtons=True,
     taxels=frames.PILLARS,
     shared=True,
     sensors=tuple(map(str, range(frames.SENSORS))),

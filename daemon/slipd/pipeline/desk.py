@@ -8,9 +8,9 @@ from typing import Any
 from slipd.config_model import Requests
 from slipd.grip.once import OnceOnly
 from slipd.grip.policy import GripPolicy, Refusal
-from slipd.pipeline.events import Reply, Request
+from slipd.pipeline.events import RecordingChanged, Reply, Request
 from slipd.pipeline.finger import Finger
-from slipd.pipeline.grip_desk import GripDesk, Handler, without_gripper
+from slipd.pipeline.grip_desk import GripDesk, without_gripper
 from slipd.pipeline.gripper import GripperControl, Result
 from slipd.pipeline.lease_desk import LeaseDesk
 from slipd.pipeline.recordings import Recordings
@@ -47,7 +47,8 @@ class Desk:
         self._recordings = recordings
         self._once = OnceOnly()
         self._status = status
-        self._ops: dict[str, Handler] = {
+        self._unanswered: dict[tuple[bytes, str | int], dict[str, Any]] = {}
+        self._ops: dict[str, Callable[[Request, int], Result | None]] = {
             "hello": self._hello,
             "status": self._status_now,
             "record.start": self._record_start,
@@ -57,18 +58,37 @@ class Desk:
         self._ops = dict.fromkeys(OPS, without_gripper) | self._ops | grip_ops
         self._ops |= LeaseDesk(policy).ops | VerdictDesk(fingers, policy, requests).ops
 
-    def answer(self, request: Request, t_ns: int) -> Reply:
-        """Judges a request at ``t_ns`` and carries it out where nothing speaks against it."""
+    def answer(self, request: Request, t_ns: int) -> Reply | None:
+        """Judge a request at ``t_ns`` and carry it out where no rule forbids it.
+
+        Returns:
+            The reply; None where it must wait for the disk (`note_recording`), also for a copy sent meanwhile.
+        """
         body = request.body
         refusal = check_request(body, self._boot, t_ns)
         if refusal is not None:
             return _reply(request, refusal, t_ns)
         seen = self._once.seen(request.client, body, t_ns)
         if seen is None:
-            reply = _reply(request, self._ops[body["op"]](request, t_ns), t_ns)
-            self._once.keep(request.client, body, reply.body, t_ns)
-            return reply
-        return _reply(request, seen, t_ns) if isinstance(seen, Refusal) else Reply(request.client, seen)
+            found = self._ops[body["op"]](request, t_ns)
+            reply = {} if found is None else _reply(request, found, t_ns).body
+            if found is None:
+                self._unanswered[request.client, body["id"]] = reply
+            self._once.keep(request.client, body, reply, t_ns)
+            return Reply(request.client, reply) if reply else None
+        if isinstance(seen, Refusal):
+            return _reply(request, seen, t_ns)
+        return Reply(request.client, seen) if seen else None
+
+    def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
+        """Note what became of a recording, and answer the request that waited for it."""
+        settled = self._recordings.settle(event)
+        if settled is None:
+            return None
+        request, found = settled
+        reply = self._unanswered.pop((request.client, request.body["id"]), {})
+        reply |= _reply(request, found, t_ns).body  # in place: a copy of the request gets the same reply
+        return Reply(request.client, reply)
 
     def _hello(self, _: Request, t_ns: int) -> Result:
         return {"boot": self._boot, "t_ns": t_ns, "version": PROTOCOL_VERSION, "fingers": list(self._fingers)}
@@ -76,8 +96,8 @@ class Desk:
     def _status_now(self, _: Request, t_ns: int) -> Result:
         return self._status(t_ns)
 
-    def _record_start(self, _: Request, t_ns: int) -> Result:
-        return self._recordings.start(t_ns)
+    def _record_start(self, request: Request, t_ns: int) -> Refusal | None:
+        return self._recordings.start(request, t_ns)
 
     def _record_stop(self, _: Request, __: int) -> Result:
         return self._recordings.stop()

@@ -20,7 +20,7 @@ from slipd.pipeline.events import (
     LinkSpec,
     LinkUp,
     Output,
-    RecordingFailed,
+    RecordingChanged,
     Request,
     Tick,
     Write,
@@ -93,8 +93,9 @@ class Engine:
                 self._tick(suspended_ns, t_ns, out)
             case Request():
                 self._answer(event, t_ns, out)
-            case RecordingFailed():
-                self._recordings.fail(event)
+            case RecordingChanged():
+                if (reply := self._desk.note_recording(event, t_ns)) is not None:
+                    out.append(reply)
                 self._publish_status(t_ns, out)
             case LinkUp(name, identity):
                 greeting = self._links[name].open(identity, t_ns)
@@ -130,7 +131,8 @@ class Engine:
 
     def _answer(self, request: Request, t_ns: int, out: list[Output]) -> None:
         self._pass_time(t_ns, out)  # a request is judged on what is known now, and by nobody whose lease ran out
-        out.append(self._desk.answer(request, t_ns))
+        if (reply := self._desk.answer(request, t_ns)) is not None:
+            out.append(reply)
         self._write_due(t_ns, out)
         for record in self._recordings.due():
             out.append(replace(record, opened=self._opened()) if record.name else record)
@@ -263,6 +265,7 @@ class Engine:
             "lease": lease_body(self._policy, t_ns),
             "gripper": gripper,
             "recording": self._recordings.body(),
+            "run_recording": self._recordings.whole_run_body(),
         }
 
     def _stream_body(self, link: Link, stream: Stream, t_ns: int) -> dict[str, Any]:

@@ -71,14 +71,26 @@ class Tick:
 
 
 @dataclass(slots=True, frozen=True)
-class RecordingFailed:
-    """A recording that was requested could not be begun, or stopped; ``reason`` is for people."""
+class RecordingChanged:
+    """A recording began, lost entries, or ended by itself.
+
+    Attributes:
+        name: Name of its file, as in `Record`; "" for the recording of the whole run.
+        path: Path of its file.
+        state: "running"; "limited": a limit of the config ended it in good order, or did not let it begin; or "failed":
+            its file could not be created or written.
+        reason: Why it does not run, for people; "" while it does.
+        lost: Number of entries known to be missing from the file.
+    """
 
     name: str
-    reason: str
+    path: str
+    state: str
+    reason: str = ""
+    lost: int = 0
 
 
-Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingFailed
+Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged
 
 
 class Publish(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from slipd.config import Finger as FingerConfig
-from slipd.config import Levels, stale_after_ns
+from slipd.config import Levels, in_newtons, stale_after_ns
 from slipd.config_model import Stream
 from slipd.fusion import AS_IS, LATE, UNTRUSTED, USABLE, USE, Contact, Doubt, contact_of, wrench_told
 from slipd.fusion.slip import NO_CONTACT
@@ -50,6 +50,8 @@ class Finger:
 
     Attributes:
         tare: The tare that force readings pass.
+        in_newtons: Forces are in newtons, and not in the unit of a pad without calibration.
+        image_in_newtons: Likewise the image.
     """
 
     def __init__(self, name: str, config: FingerConfig, levels: Levels) -> None:
@@ -64,6 +66,8 @@ class Finger:
         self.image: PadImage | None = pad_image(config)
         self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
         self.tare: Tare = self._part(None).tare
+        self.image_in_newtons = config.pad is not None and in_newtons(config.pad)
+        self.in_newtons = config.wrench is not None or self.image_in_newtons
         self._newest: State | Judged = State(0, LOST)
         self._judge = Judge(config, levels)
         self._mu_source = "config"

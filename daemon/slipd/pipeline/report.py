@@ -15,6 +15,9 @@ from slipd_client.messages import level_code
 
 Body = dict[str, Any]
 
+#: ``force_unit``: that of every force in a message; a torque is in that unit times metres.
+NEWTON, UNCALIBRATED = "N", "uncalibrated"
+
 
 def number(value: float | None) -> float | None:
     """A finite float, or nil."""
@@ -45,6 +48,7 @@ def slip_body(finger: Finger, state: State) -> Body:
     used = state.utilisation
     return {
         **verdict_body(finger, state),
+        "force_unit": _force_unit(finger, state.status),
         "normal_n": None if state.contact is None else number(state.contact.normal_n),
         "tangential_n": None if contact is None else pair(contact.fx_n, contact.fy_n),
         "spin_nm": None if contact is None else number(contact.spin_nm),
@@ -67,6 +71,10 @@ def slip_body(finger: Finger, state: State) -> Body:
         "tare_id": finger.tare.current.id,
         "age_s": state.age_s,
     }
+
+
+def _force_unit(finger: Finger, status: Sequence[str]) -> str:
+    return NEWTON if finger.in_newtons and "raw" not in status else UNCALIBRATED
 
 
 def verdict_body(finger: Finger, state: State) -> Body:
@@ -118,6 +126,7 @@ def wrench_body(finger: Finger, felt: ForceReading) -> Body:
     wrench = felt.wrench
     return {
         "finger": finger.name,
+        "force_unit": _force_unit(finger, felt.status),
         "force_n": None if wrench is None else finite(wrench[:3]),
         "torque_nm": None if wrench is None else finite(wrench[3:]),
         "normal_n": None if wrench is None else number(-wrench[2]),
@@ -140,6 +149,7 @@ def tactile_body(finger: Finger, image: PadImage) -> Body:
         "pitch_m": geometry.pitch_m,
         "tare_id": image.tare.current.id,
         "image_ok": known,
+        "force_unit": NEWTON if finger.image_in_newtons else UNCALIBRATED,
         "loads_n": image.pressure.tolist() if known else None,
         "active": None if shape is None else shape.active,
         "area_m2": None if shape is None else shape.area_m2,

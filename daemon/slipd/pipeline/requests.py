@@ -15,6 +15,19 @@ LONGEST_DEADLINE_NS = 500_000_000
 _ENVELOPE = frozenset({"v", "id", "op", "boot", "deadline_ns"})
 
 
+#: What each kind of field is called in a refusal, and each type of msgpack.
+_KINDS = {"number": "a number", "integer": "an integer", "text": "a string", "flag": "true or false"}
+_TYPES = {
+    bool: "a boolean",
+    int: "an integer",
+    float: "a number",
+    str: "a string",
+    bytes: "a byte string",
+    list: "a list",
+    dict: "a map",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Field:
     """One field of an operation: "number", "integer", "text", "flag" or "vector" (three numbers)."""
@@ -62,12 +75,14 @@ OPS: dict[str, dict[str, Field]] = {
 def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
     """Refuses a request whose envelope or fields are wrong; None where it may be judged."""
     if not _is_integer(body.get("v")) or body["v"] != PROTOCOL_VERSION:
-        return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, not {body.get('v')!r:.40}", "v")
-    if not isinstance(body.get("id"), (str, int)) or isinstance(body.get("id"), bool):
-        return Refusal("bad_type", "id must be a text or an integer of the client's choice", "id")
+        return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, {_found(body, 'v')}", "v")
+    if "id" not in body:
+        return Refusal("missing_field", "id is missing: a string or an integer of the client's choice", "id")
+    if not isinstance(body["id"], str) and not _is_integer(body["id"]):
+        return Refusal("bad_type", f"id must be a string or an integer, not {_type_of(body['id'])}", "id")
     op = body.get("op")
     if not isinstance(op, str) or op not in OPS:
-        return Refusal("unknown_op", f"op must be one of {', '.join(OPS)}, not {op!r:.40}", "op")
+        return Refusal("unknown_op", f"op must be one of {', '.join(OPS)}, {_found(body, 'op')}", "op")
     return _check_freshness(body, op, boot, t_ns) or _check_fields(body, OPS[op])
 
 
@@ -83,7 +98,7 @@ def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> Ref
         return None
     deadline = body["deadline_ns"]
     if not _is_integer(deadline):
-        return Refusal("bad_type", "deadline_ns must be an integer", "deadline_ns")
+        return Refusal("bad_type", f"deadline_ns must be an integer, not {_type_of(deadline)}", "deadline_ns")
     if deadline <= t_ns:
         late = (t_ns - deadline) * 1e-6
         return Refusal("deadline_passed", f"the deadline passed {late:.0f} ms ago", "deadline_ns")
@@ -119,7 +134,7 @@ def _check_value(name: str, value: Any, kind: str) -> Refusal | None:
         "flag": isinstance(value, bool),
     }[kind]
     if not right:
-        return Refusal("bad_type", f"{name} must be a {kind}, not {type(value).__name__}", name)
+        return Refusal("bad_type", f"{name} must be {_KINDS[kind]}, not {_type_of(value)}", name)
     if kind == "number" and not math.isfinite(value):
         return Refusal("not_finite", f"{name} must be finite, not {value}", name)
     return None
@@ -127,7 +142,8 @@ def _check_value(name: str, value: Any, kind: str) -> Refusal | None:
 
 def _check_vector(name: str, value: Any) -> Refusal | None:
     if not isinstance(value, list) or len(value) != 3:
-        return Refusal("bad_type", f"{name} must be a list of three numbers", name)
+        found = f"a list of {len(value)}" if isinstance(value, list) else _type_of(value)
+        return Refusal("bad_type", f"{name} must be a list of three numbers, not {found}", name)
     for entry in value:
         refusal = _check_value(name, entry, "number")
         if refusal is not None:
@@ -137,3 +153,11 @@ def _check_vector(name: str, value: Any) -> Refusal | None:
 
 def _is_integer(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _found(body: dict[str, Any], name: str) -> str:
+    return f"not {body[name]!r:.40}" if name in body else "and is missing"
+
+
+def _type_of(value: Any) -> str:
+    return _TYPES.get(type(value), "nil")

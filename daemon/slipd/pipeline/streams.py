@@ -100,7 +100,7 @@ class Stream:
 
     def _misfit(self, sample: Sample) -> str:
         if not isinstance(sample, self.kind):
-            return f"readings that are a {type(sample).__name__}, which this stream is not"
+            return f"readings of kind {type(sample).__name__}, which this stream does not have"
         if isinstance(sample, TactileSample) and sample.values.shape != self.shape:
             return f"images of {_shape(sample.values.shape)}, where the config says {_shape(self.shape)}"
         return ""

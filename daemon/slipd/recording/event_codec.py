@@ -13,7 +13,7 @@ from typing import Any
 import msgpack
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingFailed, Request, Tick
+from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd_client import messages
 
 _CRC_BYTES = 4
@@ -24,9 +24,10 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "link_down": (LinkDown, {"link": str, "reason": str}),
     "request": (Request, {"client": bytes, "body": dict}),
     "tick": (Tick, {"suspended_ns": int}),
-    "recording_failed": (RecordingFailed, {"name": str, "reason": str}),
+    "recording": (RecordingChanged, {"name": str, "path": str, "state": str, "reason": str, "lost": int}),
+    "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }
-_KINDS = {event_type: kind for kind, (event_type, _) in _FIELDS.items()}
+_KINDS = {event_type: kind for kind, (event_type, _) in reversed(_FIELDS.items())}
 _UNICODE_ERRORS = "surrogatepass"  # an operating system's error text may hold the odd bytes of a file name
 
 
@@ -66,6 +67,8 @@ def decode_event(payload: bytes) -> tuple[int, int, Event]:
         raise RecordingError(f"an event of kind {kind!r} with a number that is not in 0 … 2**63 - 1")
     if event_type is Request:
         whole["body"] = _as_from_the_network(whole["body"])
+    if kind == "recording_failed":
+        return whole["n"], whole["t_ns"], RecordingChanged(whole["name"], "", "failed", whole["reason"])
     return whole["n"], whole["t_ns"], event_type(**{name: whole[name] for name in types})
 
 
@@ -87,5 +90,5 @@ def _unpack(payload: bytes) -> dict[Any, Any]:
     except (ValueError, msgpack.UnpackException) as error:
         raise RecordingError(f"an event that is not msgpack: {error}") from error
     if not isinstance(whole, dict):
-        raise RecordingError(f"an event that is a {type(whole).__name__}, not a map")
+        raise RecordingError(f"an event must be a map, got {type(whole).__name__}")
     return whole

@@ -13,7 +13,6 @@ import heapq
 import math
 import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -114,8 +113,7 @@ def _write(path: Path, config_text: str, events: Iterator[tuple[int, Event]]) ->
             count += 1
         file.finish(count)
     except BaseException:
-        with suppress(OSError):
-            file.abandon()
+        file.close()
         raise
 
 

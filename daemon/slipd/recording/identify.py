@@ -60,7 +60,8 @@ def identify_recording(path: Path, finger: str) -> Identification:
         return identify(poses[:, :3], poses[:, 3:6], poses[:, 6:])
     except ValueError as error:
         more = f" ({unused} more, short or not still)" if unused else ""
-        raise RecordingError(f"{path}: finger {finger}: {error}{more}") from None
+        damage = f"; it could not be read to its end: {recording.fault}" if recording.fault else ""
+        raise RecordingError(f"{path}: finger {finger}: {error}{more}{damage}") from None
 
 
 def tell(found: Identification, finger: str) -> str:

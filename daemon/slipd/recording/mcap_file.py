@@ -8,8 +8,8 @@ An MCAP file (https://mcap.dev/spec) of profile ``slipd``:
 - chunks of messages, in the order in which things happened. Channel ``slipd/event`` carries the events that
   entered the engine (event_codec.py); every other channel carries the very bytes published under its topic.
   The MCAP ``sequence`` of a message is its running index over *all* channels, modulo 2³²: a loss is a gap;
-- a metadata record ``slipd/end``, written when the recording was closed in good order: how many entries there
-  were, lost ones included.
+- a metadata record ``slipd/end``: how many entries there were, lost ones included. Where the disk failed before the run
+  ended, it stands behind the last entry that reached the file, and ``stopped`` is the reason.
 """
 
 from __future__ import annotations
@@ -17,22 +17,26 @@ from __future__ import annotations
 import os
 import platform
 import zlib
-from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
+from typing import IO, cast
 
 import msgpack
+from mcap.data_stream import RecordBuilder
+from mcap.records import DataEnd, Footer, Metadata
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from slipd.errors import RecordingError
 from slipd.pipeline.events import Event
 from slipd.recording.event_codec import encode_event
+from slipd.recording.mcap_stream import RecordStream
 
 PROFILE = "slipd"
 FORMAT = "1"
 START = "slipd"
 END = "slipd/end"
+ENTRIES, STOPPED = "entries", "stopped"
 CONFIG = "config.toml"
 EVENTS = "slipd/event"
 SEQUENCE_MASK = 0xFFFF_FFFF  # MCAP's sequence has 32 bits
@@ -48,6 +52,26 @@ def checksum(metadata: dict[str, str], config_text: str) -> str:
     """Return the CRC-32 of the start metadata (without its own entry) and the config, in hexadecimal."""
     items = sorted((key, value) for key, value in metadata.items() if key != "crc32")
     return f"{zlib.crc32(msgpack.packb([items, config_text])):08x}"
+
+
+def check_new(path: Path) -> None:
+    """Refuse a path at which no recording can be created.
+
+    Raises:
+        RecordingError: A file is there already, or its folder is missing or cannot be written to.
+    """
+    if path.is_char_device():
+        return
+    if os.path.lexists(path):
+        raise _exists(path)
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path}: cannot be created: there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise RecordingError(f"{path}: cannot be created: this user must not write to {path.parent}")
+
+
+def _exists(path: Path) -> RecordingError:
+    return RecordingError(f"{path}: exists already; give the name of a new file")
 
 
 class RecordingFile:
@@ -66,20 +90,31 @@ class RecordingFile:
     def __init__(self, path: Path, *, config_text: str, boot: str, wall_minus_monotonic_ns: int) -> None:
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._channels: dict[str, int] = {}
+        check_new(path)
         try:
-            # A device file exists already, and nothing in it can be lost.
-            self._stream = path.open("wb" if path.is_char_device() else "xb")
+            self._stream = RecordStream(path)
         except FileExistsError as error:
-            raise RecordingError(f"{path}: exists already; give the name of a new file") from error
+            raise _exists(path) from error
         except OSError as error:
             raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        output = cast("IO[bytes]", self._stream)  # of which the writer uses write, tell and flush
+        self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         try:
             self._start(config_text, boot)
+            self.flush()
         except OSError as error:
-            with suppress(OSError):
-                self._stream.close()
+            self.remove()
             raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the file; what is not flushed is not in it."""
+        return self._stream.tell()
+
+    @property
+    def free_bytes(self) -> int:
+        """Free space of its disk."""
+        return self._stream.free_bytes()
 
     def event(self, n: int, t_ns: int, event: Event) -> None:
         """Write an event that entered the engine at ``t_ns``; ``n`` is its running index."""
@@ -95,23 +130,44 @@ class RecordingFile:
 
     def sync(self) -> None:
         """Hand everything flushed to the disk: it outlives a power cut."""
-        os.fdatasync(self._stream.fileno())
+        self._stream.sync()
 
     def finish(self, entries: int) -> None:
         """Close the file in good order; ``entries`` is how many there were, lost ones included."""
         self.flush()  # metadata would overtake a chunk that is still open
-        self._writer.add_metadata(END, {"entries": str(entries)})
+        self._writer.add_metadata(END, {ENTRIES: str(entries)})
         self._writer.finish()  # type: ignore[no-untyped-call]
-        self._stream.flush()
-        self.sync()
+        self._stream.sync()
         self._stream.close()
 
-    def abandon(self) -> None:
-        """Let go of a file that cannot be finished; what was flushed stays readable.
+    def stop(self, entries: int, reason: str) -> None:
+        """Put an end behind the last entry that reached the file, where the disk still takes these few bytes.
 
-        Raises:
-            OSError: What was not flushed could not be written; the file is let go of nevertheless.
+        May be called again, with a newer count of entries; `close` follows.
+
+        Args:
+            entries: How many entries there were, lost ones included.
+            reason: Why the rest is missing.
         """
+        reason = reason.encode(errors="replace").decode()  # the system's words may hold the odd bytes of a file name
+        builder = RecordBuilder()
+        Metadata(name=END, metadata={ENTRIES: str(entries), STOPPED: reason}).write(builder)
+        DataEnd(data_section_crc=0).write(builder)
+        Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
+        self._stream.cut_back()
+        try:
+            self._stream.write(bytes(builder.end()) + MCAP0_MAGIC)  # type: ignore[no-untyped-call]
+            self._stream.sync()
+        except OSError:
+            self._stream.cut_back()
+
+    def close(self) -> None:
+        """Close the file as it is; what was flushed stays readable."""
+        self._stream.close()
+
+    def remove(self) -> None:
+        """Close the file and remove it."""
+        self._stream.remove()
         self._stream.close()
 
     def _start(self, config_text: str, boot: str) -> None:

@@ -1,41 +1,46 @@
 """Reads a recording back: whole, cut off by a kill, or damaged, and says which.
 
 MCAP's own readers look at the end of the file first, which a killed writer never wrote, and believe the
-lengths that they find. This one goes from the start, takes no record longer than the writer makes them, and
-stops at the first byte that cannot be right. The ``mcap`` library takes the records themselves apart.
+lengths that they find. This one goes from the start, reads only the records that slipd writes, none longer than slipd
+writes them, and stops at the first byte that cannot be right. So its work is bounded by the size of the file: a chunk
+that unpacks to much more than it holds ends the reading. The ``mcap`` library decodes the records themselves.
 """
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
 
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message, Metadata
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata
 from mcap.well_known import MessageEncoding
-from mcap.writer import MCAP0_MAGIC
 
 from slipd.errors import RecordingError
 from slipd.pipeline.events import Event
 from slipd.recording import mcap_file
 from slipd.recording.event_codec import decode_event
+from slipd.recording.mcap_records import (
+    BAD_RECORD,
+    DamageError,
+    data_records,
+    ends_closed,
+    inner_records,
+    open_mcap,
+    unpack_chunk,
+)
 
-_HEAD = struct.Struct("<BQ")  # opcode and length of an MCAP record
-_READ: dict[int, type[Header] | type[Metadata] | type[Attachment] | type[Chunk]] = {
-    Opcode.HEADER: Header,
-    Opcode.METADATA: Metadata,
-    Opcode.ATTACHMENT: Attachment,
-    Opcode.CHUNK: Chunk,
-}
-_BAD_RECORD = (McapError, ValueError, struct.error, OverflowError, zstandard.ZstdError)
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, times of log and publication
+_CHANNELS_MAX = 1024  # topics of a hundred fingers and more
+_CHANNEL_LIMIT_BYTES = 4096
+_REASON_LIMIT = 500
+#: What all chunks may unpack to: so many bytes, or so many for each byte of the file. The ticks of an idle daemon
+#: shrink to a tenth; datagrams of 64 kB that hold nothing but zeros to a 630th, messages of 1 MiB to a 3300th.
+_UNPACKED_BYTES, _UNPACKED_RATIO = 64 * 1024 * 1024, 4000
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,19 +107,16 @@ class Recording:
         """
         walk = _Walk(self.wall_minus_monotonic_ns)
         try:
-            with _open(self.path) as file:
-                for record in _records(file):
+            with open_mcap(self.path) as file:
+                walk.file_bytes = os.fstat(file.fileno()).st_size
+                for record in data_records(file):
                     yield from walk.take(record)
             if walk.entries_told is None:
                 walk.fault = "ends without having been closed"
-        except (_DamageError, OSError) as error:
+        except (DamageError, OSError) as error:
             walk.fault = str(error)
         self.lost = max(self.lost, walk.lost)
         self.fault = self.fault or (walk.fault and f"{self.path}: {walk.fault}")
-
-
-class _DamageError(Exception):
-    """Where a recording stops making sense."""
 
 
 class _Walk:
@@ -124,33 +126,58 @@ class _Walk:
         self.lost = 0
         self.fault: str | None = None
         self.entries_told: int | None = None
+        self.file_bytes = 0
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._topics: dict[int, str] = {}
+        self._schemas = 0
+        self._unpacked_bytes = 0
         self._next_n = 0
 
     def take(self, record: McapRecord) -> Iterator[Entered | Published]:
         if isinstance(record, Chunk):
-            for inner in _chunk_records(record):
-                yield from self.take(inner)
-        elif isinstance(record, Channel):
-            self._channel(record)
-        elif isinstance(record, Message):
-            yield self._entry(record)
+            yield from self._chunk(record)
         elif isinstance(record, Metadata) and record.name == mcap_file.END:
             self._end(record)
 
-    def _channel(self, channel: Channel) -> None:
+    def _chunk(self, chunk: Chunk) -> Iterator[Entered | Published]:
+        self._unpacked_bytes += chunk.uncompressed_size
+        if self._unpacked_bytes > max(_UNPACKED_BYTES, _UNPACKED_RATIO * self.file_bytes):
+            raise DamageError(
+                f"unpacks to over {self._unpacked_bytes} bytes, which slipd cannot have written into {self.file_bytes}"
+            )
+        for opcode, body in inner_records(unpack_chunk(chunk)):
+            if opcode == Opcode.MESSAGE:
+                yield self._entry(body)
+            elif len(body) > _CHANNEL_LIMIT_BYTES:
+                raise DamageError(f"has a channel or schema of {len(body)} bytes, which slipd cannot have written")
+            elif opcode == Opcode.CHANNEL:
+                self._channel(body)
+            else:
+                self._schemas += 1
+                if self._schemas > _CHANNELS_MAX:
+                    raise DamageError(f"has more than {_CHANNELS_MAX} schemas, which slipd cannot have written")
+
+    def _channel(self, body: memoryview) -> None:
+        try:
+            channel = Channel.read(ReadDataStream(BytesIO(body)))
+        except BAD_RECORD as error:
+            raise DamageError(f"has a damaged channel: {error}") from error
         if channel.message_encoding != MessageEncoding.MessagePack:
-            raise _DamageError(f"channel {channel.topic!r} is not msgpack")
+            raise DamageError(f"channel {channel.topic!r:.80} is not msgpack")
+        if channel.id in self._topics or len(self._topics) >= _CHANNELS_MAX:
+            raise DamageError(f"channel {channel.topic!r:.80} is announced twice, or is one too many")
         self._topics[channel.id] = channel.topic
 
-    def _entry(self, message: Message) -> Entered | Published:
-        topic = self._topics.get(message.channel_id)
+    def _entry(self, body: memoryview) -> Entered | Published:
+        if len(body) < _MESSAGE_HEAD.size:
+            raise DamageError(f"entry {self._next_n} is cut off")
+        channel_id, sequence, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
+        topic = self._topics.get(channel_id)
         if topic is None:
-            raise _DamageError(f"entry {self._next_n} is on a channel that was never announced")
-        n = self._next_n + ((message.sequence - self._next_n) & mcap_file.SEQUENCE_MASK)
-        t_ns = message.log_time - self._wall_minus_monotonic_ns
-        payload = message.data
+            raise DamageError(f"entry {self._next_n} is on a channel that was never announced")
+        n = self._next_n + ((sequence - self._next_n) & mcap_file.SEQUENCE_MASK)
+        t_ns = log_time_ns - self._wall_minus_monotonic_ns
+        payload = bytes(body[_MESSAGE_HEAD.size :])
         entry = _event(payload, n, t_ns) if topic == mcap_file.EVENTS else Published(n, t_ns, topic, payload)
         self._skip_to(n)
         self._next_n = n + 1
@@ -158,14 +185,17 @@ class _Walk:
 
     def _end(self, end: Metadata) -> None:
         try:
-            self.entries_told = int(end.metadata["entries"])
+            self.entries_told = int(end.metadata[mcap_file.ENTRIES])
         except (KeyError, ValueError) as error:
-            raise _DamageError(f"its end is damaged: {error}") from error
+            raise DamageError(f"its end is damaged: {error}") from error
         self._skip_to(self.entries_told)
+        if mcap_file.STOPPED in end.metadata:
+            reason = end.metadata[mcap_file.STOPPED][:_REASON_LIMIT]
+            self.fault = f"the recording stopped before the run did ({reason}); {self.lost} entries are missing"
 
     def _skip_to(self, n: int) -> None:
         if not 0 <= n - self._next_n <= mcap_file.SEQUENCE_MASK // 2:
-            raise _DamageError(f"entry {n} stands where entry {self._next_n} belongs")
+            raise DamageError(f"entry {n} stands where entry {self._next_n} belongs")
         self.lost += n - self._next_n
 
 
@@ -177,108 +207,41 @@ def open_recording(path: Path) -> Recording:
             start is damaged.
     """
     try:
-        with _open(path) as file:
-            closed = _ends_closed(file)
-            records = _records(file)
+        with open_mcap(path) as file:
+            closed = ends_closed(file)
+            records = data_records(file)
             header = next(records, None)
             if not isinstance(header, Header) or header.profile != mcap_file.PROFILE:
                 raise RecordingError(f"{path}: an MCAP file, but not a recording of slipd")
             return _start(path, records, closed=closed)
-    except (_DamageError, OSError) as error:
+    except (DamageError, OSError) as error:
         raise RecordingError(f"{path}: {error}") from error
 
 
 def _start(path: Path, records: Iterator[McapRecord], *, closed: bool) -> Recording:
     start, config = next(records, None), next(records, None)
     if not isinstance(start, Metadata) or start.name != mcap_file.START or not isinstance(config, Attachment):
-        raise _DamageError("was cut off or damaged before its config: nothing of it can be read")
+        raise DamageError("was cut off or damaged before its config: nothing of it can be read")
     metadata = start.metadata
     if metadata.get("format") != mcap_file.FORMAT:
         told = metadata.get("format")
-        raise _DamageError(f"has format {told!r}; this version of slipd reads {mcap_file.FORMAT!r}")
+        raise DamageError(f"has format {told!r}; this version of slipd reads {mcap_file.FORMAT!r}")
     try:
         config_text = config.data.decode()
         if metadata.pop("crc32", "") != mcap_file.checksum(metadata, config_text):
-            raise _DamageError("its start is damaged: config and boot do not match their checksum")
+            raise DamageError("its start is damaged: config and boot do not match their checksum")
         wall_minus_monotonic_ns = int(metadata.pop("wall_minus_monotonic_ns"))
         boot = metadata.pop("boot")
     except (ValueError, KeyError) as error:
-        raise _DamageError(f"its start is damaged: {error}") from error
+        raise DamageError(f"its start is damaged: {error}") from error
     return Recording(path, config_text, boot, wall_minus_monotonic_ns, metadata, closed)
-
-
-def _open(path: Path) -> BinaryIO:
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be opened: {error.strerror}") from error
-    magic = file.read(len(MCAP0_MAGIC))
-    if magic == MCAP0_MAGIC:
-        return file
-    file.close()
-    if not magic:
-        raise RecordingError(f"{path}: is empty: nothing was recorded before the writer ended")
-    raise RecordingError(f"{path}: not an MCAP file; recordings of slipd are")
-
-
-def _ends_closed(file: BinaryIO) -> bool:
-    here = file.tell()
-    file.seek(0, 2)
-    file.seek(max(here, file.tell() - len(MCAP0_MAGIC)))
-    closed = file.read() == MCAP0_MAGIC
-    file.seek(here)
-    return closed
-
-
-def _records(file: BinaryIO) -> Iterator[McapRecord]:
-    """Yield the records of the data section that matter here, up to its end or the end of the file."""
-    while True:
-        place = file.tell()
-        head = _read(file, _HEAD.size, place, may_end=True)
-        if not head:
-            return
-        opcode, length = _HEAD.unpack(head)
-        if opcode == Opcode.DATA_END:
-            return
-        if length > mcap_file.RECORD_LIMIT_BYTES:
-            raise _DamageError(f"is damaged at byte {place}: a record of {length} bytes")
-        body = _read(file, length, place)
-        if opcode in _READ:
-            yield _parse(opcode, body, place)
-
-
-def _read(file: BinaryIO, length: int, place: int, *, may_end: bool = False) -> bytes:
-    data = file.read(length)
-    if len(data) < length and not (may_end and not data):
-        raise _DamageError(f"was cut off in the record at byte {place}")
-    return data
-
-
-def _parse(opcode: int, body: bytes, place: int) -> McapRecord:
-    try:
-        record: McapRecord = _READ[opcode].read(ReadDataStream(BytesIO(body)))
-    except _BAD_RECORD as error:
-        raise _DamageError(f"is damaged at byte {place}: {error}") from error
-    return record
-
-
-def _chunk_records(chunk: Chunk) -> list[McapRecord]:
-    try:
-        # The library would make room for whatever length the compressed data claims.
-        if chunk.compression != "zstd" or not (
-            zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= mcap_file.RECORD_LIMIT_BYTES
-        ):
-            raise _DamageError("has a chunk that slipd cannot have written")
-        return breakup_chunk(chunk, validate_crc=True)
-    except _BAD_RECORD as error:
-        raise _DamageError(f"has a damaged chunk: {error}") from error
 
 
 def _event(payload: bytes, n: int, t_ns: int) -> Entered:
     try:
         told_n, told_t_ns, event = decode_event(payload)
     except RecordingError as error:
-        raise _DamageError(f"entry {n}: {error}") from error
+        raise DamageError(f"entry {n}: {error}") from error
     if (told_n, told_t_ns) != (n, t_ns):
-        raise _DamageError(f"entry {n} calls itself {told_n}, or tells another time")
+        raise DamageError(f"entry {n} calls itself {told_n}, or tells another time")
     return Entered(n, t_ns, event)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -26,6 +27,37 @@ CLOSE_LIMIT_S = 30.0  # a disk that has not taken the rest by then (a lost netwo
 _Entry = tuple[int, int, Event] | tuple[int, int, str, bytes]
 
 
+class RecordingLimitError(RecordingError):
+    """A limit of the config does not let a recording begin or go on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """How much room a recording may take; a limit that is reached ends it in good order.
+
+    Attributes:
+        max_bytes: Size of the file, bytes.
+        min_free_bytes: Free space that is left on its disk, bytes.
+    """
+
+    max_bytes: int
+    min_free_bytes: int
+
+    def check(self, file: RecordingFile) -> None:
+        """Compare a file with the limits.
+
+        Raises:
+            RecordingLimitError: One is reached.
+        """
+        if file.size_bytes >= self.max_bytes:
+            raise RecordingLimitError(f"the recording reached recording.max_bytes, {self.max_bytes}")
+        free_bytes = file.free_bytes
+        if free_bytes < self.min_free_bytes:
+            raise RecordingLimitError(
+                f"only {free_bytes} bytes of the disk are free, and recording.min_free_bytes is {self.min_free_bytes}"
+            )
+
+
 class Recorder:
     """Writes the events that enter the engine, and what is published, in one total order.
 
@@ -34,7 +66,9 @@ class Recorder:
 
     Attributes:
         path: The file.
-        failure: Why the recording stopped; None while it runs.
+        begun: The file is created.
+        limit: Which limit ended the recording, or did not let it begin; None while there is none.
+        failure: Why the recording stopped; None while it runs, and where a limit ended it.
 
     Args:
         path: File to be written; an existing one is never overwritten.
@@ -42,7 +76,8 @@ class Recorder:
         boot: Id of the run.
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
         prepare: Called on the writer's thread, which then creates the file too, so that nothing here waits for a disk;
-            a RecordingError that it raises is a failure. None: the file is created now.
+            a RecordingError that it raises is a failure, or a limit. None: the file is created now.
+        room: How much room the recording may take; None: no limit.
 
     Raises:
         RecordingError: The file cannot be created now.
@@ -56,19 +91,24 @@ class Recorder:
         boot: str,
         wall_minus_monotonic_ns: int,
         prepare: Callable[[], None] | None = None,
+        room: Room | None = None,
     ) -> None:
         self.path = path
         self.failure: str | None = None
+        self.limit: str | None = None
         self._prepare = prepare
+        self._room = room
         self._create = partial(
             RecordingFile, path, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns
         )
         self._file = self._create() if prepare is None else None
+        self.begun = self._file is not None
         self._queue: SimpleQueue[_Entry | None] = SimpleQueue()
         self._entries = 0
+        self._next_entry = 0  # behind the last one that was taken from the queue
         self._refused = 0  # the queue was full; counted by the caller's thread
         self._unwritten = 0  # taken from the queue and not known to be in the file; counted by the writer's thread
-        self._closed = self._finished = False
+        self._closed = self._finished = self._discarded = False
         self._thread = Thread(target=self._run, name=f"recorder {path.name}", daemon=True)
         self._thread.start()
 
@@ -96,6 +136,11 @@ class Recorder:
             self._closed = True
             self._queue.put(None)
 
+    def discard(self) -> None:
+        """Record no more, and let the thread remove the file."""
+        self._discarded = True
+        self.end()
+
     def close(self, within_s: float = CLOSE_LIMIT_S) -> None:
         """Write what is queued and finish the file. A second call does nothing.
 
@@ -113,7 +158,7 @@ class Recorder:
         if self._thread.is_alive():
             raise RecordingError(f"{self.path}: the disk has not taken the rest in time")
         if self.failure:
-            raise RecordingError(self.failure)
+            raise RecordingError(f"{self.failure}; {self.lost} entries are missing" if self.lost else self.failure)
 
     def _put(self, entry: _Entry) -> None:
         if self._closed:
@@ -130,15 +175,42 @@ class Recorder:
             if self._prepare is not None:
                 self._prepare()
             file = file or self._create()
+            self.begun = True
             self._write_until_closed(file)
             file.finish(self._entries)
+        except RecordingLimitError as error:
+            self._end_at_limit(file, error)
         except Exception as error:  # a thread must not end in silence, whatever it was
-            reason = error.strerror if isinstance(error, OSError) else None
-            self.failure = str(error) if file is None else f"{self.path}: the recording stopped: {reason or error}"
-            with suppress(OSError):  # what could not be written before cannot be written now
-                if file is not None:
-                    file.abandon()
+            self._fail(file, error)
+        if self._discarded and file is not None:
+            file.remove()
+
+    def _end_at_limit(self, file: RecordingFile | None, error: RecordingLimitError) -> None:
+        """Finish the file behind what is written, unless the disk fails just now."""
+        if file is None:
+            self.limit = str(error)
             self._discard_until_closed()
+            return
+        try:
+            file.finish(self._next_entry)
+        except Exception as worse:
+            self._fail(file, worse)
+            return
+        self.limit = f"{self.path}: {error}"
+        self._discard_until_closed()
+
+    def _fail(self, file: RecordingFile | None, error: Exception) -> None:
+        """Give the file up: end it behind what was flushed, and again with the final count once the run is over."""
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        if file is None:
+            self.failure = str(error)
+            self._discard_until_closed()
+            return
+        self.failure = f"{self.path}: the recording stopped: {reason}"
+        file.stop(self._entries, reason)
+        self._discard_until_closed()
+        file.stop(self._entries, reason)
+        file.close()
 
     def _write_until_closed(self, file: RecordingFile) -> None:
         # Entry by entry: a batch would hold the interpreter's lock, and with it the live path, for milliseconds.
@@ -151,10 +223,13 @@ class Recorder:
                     return
                 self._unwritten += 1
                 _write(file, entry)
+                self._next_entry = entry[0] + 1
             now_s = time.monotonic()
             if now_s >= next_flush_s:
                 file.flush()
                 self._unwritten = 0
+                if self._room is not None:
+                    self._room.check(file)
                 next_flush_s = now_s + FLUSH_PERIOD_S
             if now_s >= next_sync_s:
                 file.sync()

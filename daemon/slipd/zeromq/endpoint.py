@@ -124,6 +124,25 @@ def open_server(
     return server, server.getsockopt_string(zmq.LAST_ENDPOINT)
 
 
+def check_free(endpoint: str, access: Access = USER_ALONE) -> None:
+    """Refuse an endpoint that cannot be served now, without serving it.
+
+    Raises:
+        LinkError: As for `open_server`.
+    """
+    _check(endpoint, access)
+    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+    if not is_tcp(endpoint) or port == "*":
+        return
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as ZeroMQ does: who listens keeps the port
+        try:
+            trial.bind(("" if host == "*" else host, int(port)))
+        except (OSError, OverflowError) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from None
+
+
 def is_tcp(endpoint: str) -> bool:
     """Whether this is an endpoint over TCP."""
     return endpoint.startswith("tcp://")

@@ -1,0 +1,88 @@
+"""Figures and words of a message as the live view shows them: what is not known is "–", never 0."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from typing import Any
+
+UNKNOWN = "\N{EN DASH}"
+BAR_CELLS = 20
+
+
+def clock_time(timestamp: float) -> str:
+    """Local time of day with milliseconds; "–" for 0, which stands for no time, and for times out of range."""
+    if not timestamp:
+        return UNKNOWN
+    try:
+        return datetime.fromtimestamp(timestamp).astimezone().strftime("%H:%M:%S.%f")[:-3]
+    except (ValueError, OverflowError, OSError):
+        return UNKNOWN
+
+
+def in_newtons(body: dict[str, Any]) -> bool:
+    """Whether forces are in newtons; an older daemon does not say, and meant newtons."""
+    return bool(body.get("force_unit", "N") == "N")
+
+
+def utilisation(body: dict[str, Any]) -> str:
+    """The utilisation, or what bounds it."""
+    for field, sign in (("utilisation", ""), ("utilisation_upper", "≤"), ("utilisation_lower", "≥")):
+        value = number(body.get(field))
+        if value is not None:
+            return f"{sign}{value:.2f}"
+    return UNKNOWN
+
+
+def bar(body: dict[str, Any]) -> str:
+    """Full blocks up to the utilisation, shaded up to its upper bound; empty where neither is known."""
+    upper = _cells(body.get("utilisation_upper"))
+    sure = _cells(body.get("utilisation"))
+    return ("█" * sure + "▒" * (upper - sure)).ljust(BAR_CELLS, "·")
+
+
+def _cells(value: Any) -> int:
+    share = number(value)
+    return 0 if share is None else round(min(max(share, 0.0), 1.0) * BAR_CELLS)
+
+
+def reasons_of(body: dict[str, Any]) -> str:
+    """The reasons of a level, most telling first."""
+    reasons = body.get("reasons")
+    return ", ".join(plain(reason) for reason in reasons) if isinstance(reasons, list) else ""
+
+
+def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
+    """A number, or the length of a vector, with its unit."""
+    magnitude = _magnitude(body.get(field))
+    return UNKNOWN if magnitude is None else f"{magnitude:.{digits}f} {unit}".rstrip()
+
+
+def number(value: Any) -> float | None:
+    """A number; None for whatever is none."""
+    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def _magnitude(value: Any) -> float | None:
+    """A number, or the length of a vector of them."""
+    if not isinstance(value, list):
+        return number(value)
+    numbers = [each for each in map(number, value) if each is not None]
+    return math.hypot(*numbers) if numbers and len(numbers) == len(value) else None
+
+
+def either(value: Any, yes: str, no: str) -> str:
+    """One of two words for a boolean."""
+    return yes if value is True else no if value is False else UNKNOWN
+
+
+def as_map(value: Any) -> dict[str, Any]:
+    """A map; empty for whatever is none."""
+    return value if isinstance(value, dict) else {}
+
+
+def plain(value: Any) -> str:
+    """A string of the daemon, without anything that would move the terminal's cursor."""
+    if not isinstance(value, str):
+        return UNKNOWN
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value) or UNKNOWN

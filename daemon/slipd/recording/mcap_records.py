@@ -1,0 +1,143 @@
+"""The records of an MCAP file, one after the other: only those that slipd writes, and none longer than it writes them.
+
+The ``mcap`` library decodes a record; which one is decoded, and of what length, is decided here.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Chunk, Header, McapRecord, Metadata
+from mcap.stream_reader import get_chunk_data_stream
+from mcap.writer import MCAP0_MAGIC
+
+from slipd.errors import RecordingError
+from slipd.recording import mcap_file
+
+_HEAD = struct.Struct("<BQ")  # opcode and length of an MCAP record
+_READ: dict[int, type[Header] | type[Metadata] | type[Attachment] | type[Chunk]] = {
+    Opcode.HEADER: Header,
+    Opcode.METADATA: Metadata,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.CHUNK: Chunk,
+}
+_SKIPPED = frozenset({Opcode.MESSAGE_INDEX})
+_INNER = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
+BAD_RECORD = (McapError, ValueError, struct.error, OverflowError, zstandard.ZstdError)
+
+
+class DamageError(Exception):
+    """Where a recording stops making sense."""
+
+
+def open_mcap(path: Path) -> BinaryIO:
+    """Open a file and read the magic bytes at its start.
+
+    Raises:
+        RecordingError: The file cannot be opened, is empty or is no MCAP file.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be opened: {error.strerror}") from error
+    magic = file.read(len(MCAP0_MAGIC))
+    if magic == MCAP0_MAGIC:
+        return file
+    file.close()
+    if not magic:
+        raise RecordingError(f"{path}: is empty: nothing was recorded before the writer ended")
+    raise RecordingError(f"{path}: not an MCAP file; recordings of slipd are")
+
+
+def ends_closed(file: BinaryIO) -> bool:
+    """Return whether the file ends as one that was closed in good order."""
+    here = file.tell()
+    file.seek(0, 2)
+    file.seek(max(here, file.tell() - len(MCAP0_MAGIC)))
+    closed = file.read() == MCAP0_MAGIC
+    file.seek(here)
+    return closed
+
+
+def data_records(file: BinaryIO) -> Iterator[McapRecord]:
+    """Yield the records of the data section that matter here, up to its end or the end of the file.
+
+    Raises:
+        DamageError: A record is cut off or damaged, or is one that slipd does not write.
+    """
+    while True:
+        place = file.tell()
+        head = _read(file, _HEAD.size, place, may_end=True)
+        if not head:
+            return
+        opcode, length = _HEAD.unpack(head)
+        if opcode == Opcode.DATA_END:
+            return
+        if length > mcap_file.RECORD_LIMIT_BYTES:
+            raise DamageError(f"is damaged at byte {place}: a record of {length} bytes")
+        body = _read(file, length, place)
+        if opcode in _READ:
+            yield _parse(opcode, body, place)
+        elif opcode not in _SKIPPED:
+            raise DamageError(f"has a record of kind {opcode} at byte {place}, which slipd cannot have written")
+
+
+def _read(file: BinaryIO, length: int, place: int, *, may_end: bool = False) -> bytes:
+    data = file.read(length)
+    if len(data) < length and not (may_end and not data):
+        raise DamageError(f"was cut off in the record at byte {place}")
+    return data
+
+
+def _parse(opcode: int, body: bytes, place: int) -> McapRecord:
+    try:
+        record: McapRecord = _READ[opcode].read(ReadDataStream(BytesIO(body)))
+    except BAD_RECORD as error:
+        raise DamageError(f"is damaged at byte {place}: {error}") from error
+    return record
+
+
+def unpack_chunk(chunk: Chunk) -> bytes:
+    """Return the records of a chunk.
+
+    Raises:
+        DamageError: The chunk is damaged, or is one that slipd does not write.
+    """
+    try:
+        # The library would make room for whatever length the compressed data claims.
+        if chunk.compression != "zstd" or not (
+            zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= mcap_file.RECORD_LIMIT_BYTES
+        ):
+            raise DamageError("has a chunk that slipd cannot have written")
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+        return stream.read(length)
+    except BAD_RECORD as error:
+        raise DamageError(f"has a damaged chunk: {error}") from error
+
+
+def inner_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
+    """Yield opcode and body of each record of a chunk.
+
+    Raises:
+        DamageError: A record is cut off, or is one that slipd does not write.
+    """
+    rest = memoryview(data)
+    while rest:
+        if len(rest) < _HEAD.size:
+            raise DamageError("has a chunk that ends within a record")
+        opcode, length = _HEAD.unpack_from(rest)
+        if opcode not in _INNER:
+            raise DamageError(f"has a chunk with a record of kind {opcode}, which slipd cannot have written")
+        end = _HEAD.size + length
+        if end > len(rest):
+            raise DamageError("has a chunk that ends within a record")
+        yield opcode, rest[_HEAD.size : end]
+        rest = rest[end:]

@@ -1,0 +1,71 @@
+"""Unbuffered output for an MCAP writer that can be cut back to the last whole record."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+
+class RecordStream:
+    """A new file, written record by record.
+
+    Nothing is buffered here, so nothing of a record that failed can reach the file later.
+
+    Args:
+        path: File to be created; one that exists is never overwritten.
+
+    Raises:
+        OSError: The file exists or cannot be created. Every method but `cut_back` and `close` raises it when the disk
+            fails.
+    """
+
+    def __init__(self, path: Path) -> None:
+        # A device file exists already, and nothing in it can be lost.
+        self._file = path.open("wb" if path.is_char_device() else "xb", buffering=0)
+        self._path = path
+        self._written = self._whole = 0
+
+    def write(self, data: bytes) -> int:
+        """Write all of ``data``; a disk that is nearly full takes a part of it first."""
+        rest = memoryview(data)
+        while rest:
+            count = self._file.write(rest) or 0
+            self._written += count
+            rest = rest[count:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the number of bytes written."""
+        return self._written
+
+    def flush(self) -> None:
+        """Note that everything so far is whole; the kernel has it already."""
+        self._whole = self._written
+
+    def sync(self) -> None:
+        """Hand everything to the disk: it outlives a power cut."""
+        os.fdatasync(self._file.fileno())
+
+    def free_bytes(self) -> int:
+        """Return the free space of the disk, bytes."""
+        found = os.fstatvfs(self._file.fileno())
+        return found.f_bavail * found.f_frsize
+
+    def cut_back(self) -> None:
+        """Remove what stands behind the last `flush`; a device file stays as it is."""
+        with suppress(OSError):
+            os.ftruncate(self._file.fileno(), self._whole)
+            self._file.seek(self._whole)
+        self._written = self._whole
+
+    def remove(self) -> None:
+        """Remove the file from its folder."""
+        with suppress(OSError):
+            if not self._path.is_char_device():
+                self._path.unlink()
+
+    def close(self) -> None:
+        """Close the file."""
+        with suppress(OSError):
+            self._file.close()

@@ -1,0 +1,92 @@
+"""Reports what becomes of a recorder: to the log, and as events for the engine."""
+
+from __future__ import annotations
+
+import logging
+
+from slipd.pipeline.events import RecordingChanged
+from slipd.recording.writer import CLOSE_LIMIT_S, Recorder
+
+LOSSES_PERIOD_NS = 1_000_000_000
+"""Shortest time between two reports of lost entries."""
+
+START_LIMIT_NS = 500_000_000
+"""How long the disk may take to create a file before its recording is given up."""
+
+_log = logging.getLogger(__name__)
+
+
+class RecorderWatch:
+    """Looks at a recorder now and then; what it sees is logged and returned once.
+
+    Args:
+        name: Name of the recording, "" for that of the whole run.
+        recorder: The recorder.
+        t_ns: When it was started, CLOCK_MONOTONIC.
+    """
+
+    def __init__(self, name: str, recorder: Recorder, t_ns: int) -> None:
+        self.recorder = recorder
+        self._name = name
+        self._started_ns = t_ns
+        self._reported: RecordingChanged | None = None
+        self._losses_due_ns = t_ns
+
+    @property
+    def over(self) -> bool:
+        """Whether it was reported that the recording ended by itself."""
+        return self._reported is not None and self._reported.state != "running"
+
+    def look(self, t_ns: int) -> RecordingChanged | None:
+        """Return what is new since the last report; None where nothing is.
+
+        A file that the disk does not create in time is given up here: its recorder removes it as soon as it can.
+        """
+        change = self._state(t_ns)
+        before = self._reported
+        if change is None or change == before or self.over:  # what is lost behind the end, `close` says
+            return None
+        if before is not None and change.state == before.state and t_ns < self._losses_due_ns:
+            return None
+        self._reported = change
+        self._losses_due_ns = t_ns + LOSSES_PERIOD_NS
+        _tell(change)
+        return change
+
+    def close(self, within_s: float = CLOSE_LIMIT_S) -> None:
+        """Finish the recorder, and log what was lost.
+
+        Args:
+            within_s: How long the disk may take, s.
+
+        Raises:
+            RecordingError: The disk failed, now or before.
+        """
+        self.recorder.close(within_s)
+        if self.recorder.lost:
+            _log.warning("%s: %d entries are missing: the disk was too slow", self.recorder.path, self.recorder.lost)
+
+    def _state(self, t_ns: int) -> RecordingChanged | None:
+        recorder, name, path = self.recorder, self._name, str(self.recorder.path)
+        if recorder.failure is not None:
+            return RecordingChanged(name, path, "failed", recorder.failure, recorder.lost)
+        if recorder.limit is not None:
+            return RecordingChanged(name, path, "limited", recorder.limit, recorder.lost)
+        if recorder.begun:
+            return RecordingChanged(name, path, "running", "", recorder.lost)
+        if t_ns - self._started_ns < START_LIMIT_NS:
+            return None
+        recorder.discard()
+        reason = f"{path}: the disk did not create the file within {START_LIMIT_NS * 1e-9:g} s"
+        return RecordingChanged(name, path, "failed", reason)
+
+
+def _tell(change: RecordingChanged) -> None:
+    if change.state == "failed":
+        _log.error("%s", change.reason)
+    elif change.state == "limited":
+        _log.warning("%s", change.reason)
+    elif change.lost:
+        _log.warning("%s: %d entries lost so far: the disk is too slow", change.path, change.lost)
+    else:
+        _log.info("%s: recording", change.path)
