@@ -43,9 +43,9 @@ class Decoder:
     came again, and `restarts` numbers that jumped back or ahead by more than any gap. A sensor whose counts disagree is
     bad, and the others of the message are not.
 
-    Whatever the server sends, each character is searched for braces once and parsed at most twice. An object is parsed when its
-    brace closes, if it begins with the key "message" or stands alone. One that is not JSON discards the objects around
-    it, which are not JSON either. No string that the server sends holds a brace.
+    Whatever the server sends, each character is searched for braces once and parsed at most twice. An object is parsed
+    when its brace closes, if it begins with the key "message" or stands alone. One that is not JSON discards the
+    objects around it, which are not JSON either. No string that the server sends holds a brace.
 
     Args:
         calibrated: Take the server's calibrated forces instead of the raw 16-bit readings; a sensor for which it
