@@ -74,8 +74,8 @@ def test_an_answer_that_has_not_wholly_come_is_waited_for(size: int) -> None:
         (WORKED + b"\0", "not an answer"),
         (encode_tcp(1, 1, 0, 3), "unit codes 0 and 3"),
         (encode_tcp(1, 1, 2, 7), "unit codes 2 and 7"),
-        (encode_tcp(0, 1), "counts_per_force is 0"),
-        (encode_tcp(1, 0), "counts_per_torque is 0"),
+        (encode_tcp(0, 1), "counts_per_force must be a number from 1 to 1e+12, got 0"),
+        (encode_tcp(1, 0), "counts_per_torque must be a number from 1 to 1e+12, got 0"),
     ],
 )
 def test_an_answer_that_cannot_be_right_is_named(answer: bytes, fault: str) -> None:
@@ -106,7 +106,8 @@ def test_a_page_in_pieces_is_waited_for() -> None:
         (b"HTTP/1.0 404 Not Found\r\n\r\n<html>", "HTTP 404"),
         (b"HTTP/1.0 200 OK\r\n\r\n" + bytes(70_000), "not an HTTP answer"),
         (encode_xml({**PAGE, "cfgcpf": "many"}), "could not convert"),
-        (encode_xml({**PAGE, "cfgcpf": "nan"}), "counts_per_force is nan"),
+        (encode_xml({**PAGE, "cfgcpf": "nan"}), "counts_per_force must be a number from 1 to 1e+12, got nan"),
+        (encode_xml({**PAGE, "cfgcpt": "1e300"}), "counts_per_torque must be a number from 1 to 1e+12, got 1e+300"),
         (encode_xml({**PAGE, "scfgfu": "stone"}), "force_unit 'stone'"),
         (encode_xml({"cfgcpf": 1, "scfgfu": "N", "scfgtu": "Nm"}), "has no cfgcpt"),
         (encode_xml({}), "has no cfgcpf"),
@@ -119,7 +120,7 @@ def test_a_page_that_cannot_be_right_is_named(answer: bytes, fault: str) -> None
 
 
 def test_N1_a_rate_that_is_no_number_is_no_rate() -> None:
-    for rate in ("nan", "inf", "-5"):
+    for rate in ("nan", "inf", "-5", "1e-300", "0.5", "1e300", "0"):
         found = read_xml(encode_xml({**PAGE, "runrate": rate}))
         assert isinstance(found, Calibration)
         assert found.internal_hz is None

@@ -175,4 +175,13 @@ def encode_reading(
 FASTEST_HZ = 10_000.0
 """What one socket brings without a backlog, and faster than any force sensor."""
 
-DEVICE = Device("external", "any", ("external",), Decoder, rates_hz=(0.1, FASTEST_HZ), shared=True, host_clock=True)
+DEVICE = Device(
+    "external",
+    "any",
+    ("external",),
+    Decoder,
+    rates_hz=(0.1, FASTEST_HZ),
+    shared=True,
+    host_clock=True,
+    frame="a reading",
+)

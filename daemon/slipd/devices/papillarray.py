@@ -138,4 +138,5 @@ DEVICE = Device(
     taxels=frames.PILLARS,
     shared=True,
     sensors=tuple(map(str, range(frames.SENSORS))),
+    frame="a PTS frame",
 )

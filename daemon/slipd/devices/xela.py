@@ -241,4 +241,13 @@ def encode_message(
     return json.dumps(message, separators=(",", ":")).encode()
 
 
-DEVICE = Device("xela", "tactile", ("websocket",), Decoder, rates_hz=(1.0, 1000.0), axes=3, shared=True)
+DEVICE = Device(
+    "xela",
+    "tactile",
+    ("websocket",),
+    Decoder,
+    rates_hz=(1.0, 1000.0),
+    axes=3,
+    shared=True,
+    frame="a message of a XELA server",
+)
