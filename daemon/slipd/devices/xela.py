@@ -21,13 +21,16 @@ from slipd.devices.health import DecoderHealth
 from slipd.devices.numbering import FURTHEST_GAP
 from slipd.samples import Array, TactileSample
 
-MAX_MESSAGE = 1 << 16
+MAX_MESSAGE = 1 << 15
 """Characters. A hand of 368 taxels with calibrated values fills about 16,000; what is longer is no message."""
+
+DEEPEST = 16
+"""Open braces that are kept; in a message two are open at the most."""
 
 _AXES = 3
 _KEY = '"message"'
 _MESSAGE = re.compile(r"\{[ \t\r\n]*" + _KEY)
-_LEADING_DOT = re.compile(r"([\[,:][ \t\r\n]*-?)\.(?=\d)")
+_BEFORE_A_NUMBER = "[,:- \t\r\n"
 _WORDS = re.compile("[0-9A-Fa-f]{1,4}(?:,[0-9A-Fa-f]{1,4})*")
 _JSON = json.JSONDecoder()
 _LATEST_TIME_S = 9e9  # its nanoseconds still fit 64 bits
@@ -57,7 +60,7 @@ class Decoder:
         self._calibrated = calibrated
         self._text = ""  # from the first open brace on
         self._looked = 0  # as far as braces have been looked for
-        self._open: deque[int] = deque()
+        self._open: deque[int] = deque(maxlen=DEEPEST)
         self._in_garbage = False
         self._number: int | None = None
 
@@ -106,7 +109,7 @@ class Decoder:
         self._count_garbage(self._text[done:keep])
         self._text = self._text[keep:]
         self._looked = len(self._text)
-        self._open = deque(at - keep for at in self._open)
+        self._open = deque((at - keep for at in self._open), DEEPEST)
 
     def _count_garbage(self, text: str) -> None:
         """Count what is no message; white space is not counted."""
@@ -178,9 +181,8 @@ def _parsed(text: str) -> dict[str, Any] | None:
         try:
             value, end = _JSON.raw_decode(text)
         except JSONDecodeError:
-            text, dots = _LEADING_DOT.subn(r"\g<1>0.", text)
-            if not dots:
-                return None
+            for before in _BEFORE_A_NUMBER:
+                text = text.replace(f"{before}.", f"{before}0.")
             value, end = _JSON.raw_decode(text)
     except (ValueError, RecursionError):  # no JSON, a number of thousands of digits, or a nest beyond measure
         return None

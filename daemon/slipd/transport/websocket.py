@@ -23,11 +23,14 @@ from slipd.transport.delivery import READ_BYTES, Delivery
 from slipd.transport.link import OnBytes
 from slipd.transport.sender import Sender
 
-MAX_MESSAGE_BYTES = 1 << 16
+MAX_MESSAGE_BYTES = 1 << 15
 """Largest message taken: twice one image of the largest pads as JSON text."""
 
-PIECE_BYTES = 1 << 13
+PIECE_BYTES = 1 << 12
 """Bytes of a message handed on before the rest of the loop has its turn."""
+
+MANY_FRAMES, READ_BYTES_OF_MANY = 32, 128
+"""Behind a read that held more frames, so few bytes are read at once: a frame may have two, and each takes its time."""
 
 MAX_HANDSHAKE_BYTES = 1 << 16
 """Longest answer to the request for a connection, were it no WebSocket server's."""
@@ -120,6 +123,7 @@ class WebsocketConnection:
         self._sender = Sender(opened.fileno(), self._fail)
         self._rest = b""
         self._reading = False
+        self._read_bytes = READ_BYTES
         self._heard_s = self._loop.time()
         self._next_look = self._loop.call_later(PING_INTERVAL_S, self._look)
         self._next_piece = self._loop.call_soon(self._take)  # what came with the handshake
@@ -143,7 +147,7 @@ class WebsocketConnection:
 
     def _read(self) -> None:
         try:
-            data = self._socket.recv(READ_BYTES)
+            data = self._socket.recv(self._read_bytes)
         except BlockingIOError:
             return
         except OSError as error:
@@ -162,6 +166,7 @@ class WebsocketConnection:
     def _take(self) -> None:
         """Take what the bytes read last completed."""
         frames = [event for event in self._protocol.events_received() if isinstance(event, Frame)]
+        self._read_bytes = READ_BYTES_OF_MANY if len(frames) > MANY_FRAMES else READ_BYTES
         self._rest = b"".join(frame.data for frame in frames if frame.opcode in _DATA)
         if answers := self._protocol.data_to_send():
             self._sender.write(b"".join(answers))
