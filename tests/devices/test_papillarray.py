@@ -204,6 +204,7 @@ def test_frames_without_the_whole_force_decide_nothing() -> None:
 def test_a_controller_that_is_plugged_in_anew_has_to_show_its_layout_again() -> None:
     decoder = ready()
     decoder.forget()
+    assert decoder.health.note == ""
     assert decoder.receive(frame(1), 0) == []
     assert decoder.health.note == papillarray_layout.UNDECIDED
 

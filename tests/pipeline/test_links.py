@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -335,9 +336,10 @@ def test_a_silent_link_says_what_arrives_and_what_to_look_at(
 )
 def test_a_silent_program_is_asked_for_as_one(device: str, port: str, words: str) -> None:
     spec = LinkSpec("left.wrench", transport_of(port), port)
-    assert words in why_silent(
-        DEVICES[device], spec, "", Heard(bytes_come=False, garbled=False, others=False, state="")
-    )
+    heard = Heard(bytes_come=False, garbled=False, others=False, state="")
+    assert words in why_silent(DEVICES[device], spec, "", heard)
+    garbled = why_silent(DEVICES[device], spec, "", replace(heard, bytes_come=True, garbled=True))
+    assert garbled.endswith("does the driver pack them as docs/devices.md says?")
 
 
 def test_a_stream_that_fell_silent_says_why_and_bytes_of_long_ago_do_not_count(links: dict[str, Link]) -> None:

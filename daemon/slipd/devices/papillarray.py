@@ -44,7 +44,6 @@ class Decoder:
         self._numbering = Numbering(_COUNTER_SPAN, self.health, in_order=True)
         self._layout = Layout()
         self._bodies: list[frames.Body] = []
-        self.health.note = self._layout.note
 
     @property
     def framed(self) -> bool:
@@ -72,7 +71,7 @@ class Decoder:
         self._frames.forget()
         self._numbering.forget()
         self._layout = Layout()
-        self.health.note = self._layout.note
+        self.health.note = ""
 
     def _images(self, body: frames.Body, t_ns: int) -> list[TactileSample]:
         begin = self._layout.force_at or 0

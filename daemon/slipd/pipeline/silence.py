@@ -38,6 +38,8 @@ def why_silent(device: Device, spec: LinkSpec, sensor: str, heard: Heard) -> str
         return f"readings arrive, none of sensor {sensor!r}: is it plugged in? is `sensor` right?"
     if not heard.bytes_come:
         return _no_bytes(spec)
+    if heard.garbled and spec.transport in ("external", "local"):
+        return f"bytes arrive, none is {device.frame}: does the driver pack them as docs/devices.md says?"
     if heard.garbled:
         return f"bytes arrive, none is {device.frame}: {_line(device, spec)} is it another device?"
     doing = f" ({heard.state})" if heard.state else ""
