@@ -70,7 +70,7 @@ class LogGate(logging.Filter):
 
 def open_log() -> None:
     """Send the log to standard error, through the gate."""
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
-    gate = LogGate()
-    for handler in logging.getLogger().handlers:
-        handler.addFilter(gate)
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    handler.addFilter(LogGate())
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
