@@ -29,7 +29,7 @@ PILLARS = 9
 """Most of each: three by three on a sensor, two sensors on a controller."""
 
 LONGEST = 1024
-"""Bytes of a frame; all blocks of two sensors with the widest offsets fill 902."""
+"""Bytes of a frame; all blocks of two sensors with the widest offsets fill 915."""
 
 HUB, PILLAR_FORCES, TOTALS, PILLAR_SLIP, SENSOR_SLIP, UNDEFINED = 1, 3, 4, 5, 6, 7
 """Types of a block."""
@@ -226,16 +226,12 @@ def _hub(body: bytes, at: int, width: int) -> int:
     return end
 
 
-def _sensor_slip(type_bytes: int) -> _Walk:
-    return _array(SENSORS, _entry(_SLIP_TYPE, _SENSOR_SLIP[type_bytes].size, type_bytes))
-
-
 _WALKS: dict[int, tuple[_Walk, ...]] = {
     HUB: (_hub,),
     PILLAR_FORCES: (_array(SENSORS, _array(PILLARS, _entry(_VECTORS_TYPE, _VECTORS.size))),),
     TOTALS: (_array(SENSORS, _entry(_VECTORS_TYPE, _VECTORS.size)),),
     PILLAR_SLIP: (_array(SENSORS, _array(PILLARS, _entry(_SLIP_TYPE, _PILLAR_SLIP.size))),),
-    SENSOR_SLIP: tuple(map(_sensor_slip, _SENSOR_SLIP)),
+    SENSOR_SLIP: tuple(_array(SENSORS, _entry(_SLIP_TYPE, form.size, n)) for n, form in _SENSOR_SLIP.items()),
 }
 """The forms that a block of each type may have."""
 
