@@ -7,8 +7,17 @@ import random
 
 import pytest
 
-from slipd.devices import netft_calibration
-from slipd.devices.netft_calibration import Calibration, encode_tcp, encode_xml, of_numbers, read_tcp, read_xml
+from slipd.devices import Inquiry, netft_calibration
+from slipd.devices.netft_calibration import (
+    TCP_INQUIRY,
+    XML_INQUIRY,
+    Calibration,
+    encode_tcp,
+    encode_xml,
+    of_numbers,
+    read_tcp,
+    read_xml,
+)
 
 WORKED = bytes.fromhex("12 34 02 03 00 0F 42 40 00 0F 42 40 3D 09 3D 09 3D 09 03 E8 03 E8 03 E8")
 PAGE = {"cfgcalsn": "FT27462", "scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 7000}
@@ -135,3 +144,18 @@ def test_no_answer_raises() -> None:
             hit[rng.randrange(len(hit))] = rng.randrange(256)
         read_tcp(bytes(hit))
         read_xml(bytes(hit))
+
+
+@pytest.mark.parametrize(
+    ("inquiry", "answer", "fault"),
+    [
+        (TCP_INQUIRY, encode_tcp(1_000_000, 1_000_000), ""),
+        (TCP_INQUIRY, encode_tcp(1_000_000, 1_000_000)[:20], "the answer ends too early"),
+        (TCP_INQUIRY, encode_tcp(0, 1), "counts_per_force must be a number from 1 to 1e+12, got 0"),
+        (XML_INQUIRY, encode_xml(PAGE), ""),
+        (XML_INQUIRY, encode_xml(PAGE)[:200], "the answer ends too early"),
+        (XML_INQUIRY, b"HTTP/1.0 503 busy\r\n\r\n", "the sensor's page answers with HTTP 503"),
+    ],
+)
+def test_a_whole_answer_is_checked_before_the_stream_is_opened(inquiry: Inquiry, answer: bytes, fault: str) -> None:
+    assert inquiry.check(answer) == fault
