@@ -6,7 +6,6 @@ import argparse
 import asyncio
 import contextlib
 import json
-import logging
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from slipd import __version__
 from slipd.errors import ConfigError, SlipdError
+from slipd.log_lines import open_log
 
 if TYPE_CHECKING:
     from slipd.config import Config
@@ -25,7 +25,7 @@ DONE, FAULT, WRONG = 0, 1, 2
 def main(argv: list[str] | None = None) -> int:
     """Runs one command and returns its exit code: 0 done, 1 fault at run time, 2 wrong call or config."""
     arguments = _parser().parse_args(argv)
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    open_log()
     try:
         return int(arguments.command(arguments))
     except ConfigError as error:

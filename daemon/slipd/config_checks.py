@@ -16,7 +16,7 @@ from slipd.devices import DEVICES, Device
 Fault = tuple[str, str]
 _FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
 _KINDS = {"wrench": ("wrench",), "tactile": ("tactile",), "gripper": ("gripper",), "any": ("wrench", "tactile")}
-_TRANSPORTS = {"ws": "websocket", "wss": "websocket", "tcp": "tcp", "udp": "udp", "ipc": "external", "unix": "local"}
+_TRANSPORTS = {"ws": "websocket", "tcp": "tcp", "udp": "udp", "ipc": "external", "unix": "local"}
 _ADDRESSES = {
     "serial": "the path of a serial port",
     "tcp": "tcp://HOST:PORT",

@@ -174,7 +174,7 @@ def test_numbers_of_the_config_need_no_answer() -> None:
 def test_a_wrong_answer_is_told_and_records_are_counted_but_not_handed_on() -> None:
     session = started()
     session.receive(netft_calibration.encode_tcp(0, 1), 5)
-    assert session.state == "wrong calibration: counts_per_force is 0: it must be a number, 1 or more"
+    assert session.state == "wrong calibration: counts_per_force must be a number from 1 to 1e+12, got 0"
     assert session.receive(record(1) + record(2), 6) == []
     assert session.health == DecoderHealth(bad=3, bad_bytes=24)
     due_ns = session.next_deadline()

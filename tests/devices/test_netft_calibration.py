@@ -7,8 +7,17 @@ import random
 
 import pytest
 
-from slipd.devices import netft_calibration
-from slipd.devices.netft_calibration import Calibration, encode_tcp, encode_xml, of_numbers, read_tcp, read_xml
+from slipd.devices import Inquiry, netft_calibration
+from slipd.devices.netft_calibration import (
+    TCP_INQUIRY,
+    XML_INQUIRY,
+    Calibration,
+    encode_tcp,
+    encode_xml,
+    of_numbers,
+    read_tcp,
+    read_xml,
+)
 
 WORKED = bytes.fromhex("12 34 02 03 00 0F 42 40 00 0F 42 40 3D 09 3D 09 3D 09 03 E8 03 E8 03 E8")
 PAGE = {"cfgcalsn": "FT27462", "scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 7000}
@@ -74,8 +83,8 @@ def test_an_answer_that_has_not_wholly_come_is_waited_for(size: int) -> None:
         (WORKED + b"\0", "not an answer"),
         (encode_tcp(1, 1, 0, 3), "unit codes 0 and 3"),
         (encode_tcp(1, 1, 2, 7), "unit codes 2 and 7"),
-        (encode_tcp(0, 1), "counts_per_force is 0"),
-        (encode_tcp(1, 0), "counts_per_torque is 0"),
+        (encode_tcp(0, 1), "counts_per_force must be a number from 1 to 1e+12, got 0"),
+        (encode_tcp(1, 0), "counts_per_torque must be a number from 1 to 1e+12, got 0"),
     ],
 )
 def test_an_answer_that_cannot_be_right_is_named(answer: bytes, fault: str) -> None:
@@ -106,7 +115,8 @@ def test_a_page_in_pieces_is_waited_for() -> None:
         (b"HTTP/1.0 404 Not Found\r\n\r\n<html>", "HTTP 404"),
         (b"HTTP/1.0 200 OK\r\n\r\n" + bytes(70_000), "not an HTTP answer"),
         (encode_xml({**PAGE, "cfgcpf": "many"}), "could not convert"),
-        (encode_xml({**PAGE, "cfgcpf": "nan"}), "counts_per_force is nan"),
+        (encode_xml({**PAGE, "cfgcpf": "nan"}), "counts_per_force must be a number from 1 to 1e+12, got nan"),
+        (encode_xml({**PAGE, "cfgcpt": "1e300"}), "counts_per_torque must be a number from 1 to 1e+12, got 1e+300"),
         (encode_xml({**PAGE, "scfgfu": "stone"}), "force_unit 'stone'"),
         (encode_xml({"cfgcpf": 1, "scfgfu": "N", "scfgtu": "Nm"}), "has no cfgcpt"),
         (encode_xml({}), "has no cfgcpf"),
@@ -119,7 +129,7 @@ def test_a_page_that_cannot_be_right_is_named(answer: bytes, fault: str) -> None
 
 
 def test_N1_a_rate_that_is_no_number_is_no_rate() -> None:
-    for rate in ("nan", "inf", "-5"):
+    for rate in ("nan", "inf", "-5", "1e-300", "0.5", "1e300", "0"):
         found = read_xml(encode_xml({**PAGE, "runrate": rate}))
         assert isinstance(found, Calibration)
         assert found.internal_hz is None
@@ -134,3 +144,18 @@ def test_no_answer_raises() -> None:
             hit[rng.randrange(len(hit))] = rng.randrange(256)
         read_tcp(bytes(hit))
         read_xml(bytes(hit))
+
+
+@pytest.mark.parametrize(
+    ("inquiry", "answer", "fault"),
+    [
+        (TCP_INQUIRY, encode_tcp(1_000_000, 1_000_000), ""),
+        (TCP_INQUIRY, encode_tcp(1_000_000, 1_000_000)[:20], "the answer ends too early"),
+        (TCP_INQUIRY, encode_tcp(0, 1), "counts_per_force must be a number from 1 to 1e+12, got 0"),
+        (XML_INQUIRY, encode_xml(PAGE), ""),
+        (XML_INQUIRY, encode_xml(PAGE)[:200], "the answer ends too early"),
+        (XML_INQUIRY, b"HTTP/1.0 503 busy\r\n\r\n", "the sensor's page answers with HTTP 503"),
+    ],
+)
+def test_a_whole_answer_is_checked_before_the_stream_is_opened(inquiry: Inquiry, answer: bytes, fault: str) -> None:
+    assert inquiry.check(answer) == fault

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from slipd.config import Config
-from slipd.devices import bota, bota_text, pvdf, xela
+from slipd.config import Config, transport_of
+from slipd.devices import DEVICES, bota, bota_text, pvdf, xela
+from slipd.devices.health import DecoderHealth
 from slipd.pipeline.events import LinkSpec
 from slipd.pipeline.links import Link, make_links
+from slipd.pipeline.silence import Heard, why_silent
 from slipd.samples import TactileSample
 from slipd_client.messages import Health
 
@@ -259,3 +262,143 @@ def test_a_session_that_is_due_and_has_nothing_to_say_is_left_alone(links: dict[
     link.open("port", T0)
     link.session = Mute()  # type: ignore[assignment]
     assert link.due(T0) == []
+
+
+S = 1_000_000_000
+LATER = T0 + 2 * S
+
+
+def silent(link: Link, t_ns: int = LATER, source: str = "") -> str:
+    level, message = health(link, t_ns, source)
+    assert level is Health.STALE
+    return message
+
+
+def test_a_link_that_was_just_opened_is_given_its_time(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    assert silent(link, T0 + S) == "open, but no reading yet"
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "junk", "message"),
+    [
+        (
+            "left.wrench",
+            "",
+            b"\xaa" * 500,
+            "bytes arrive, none is a Bota frame: is the baud rate 460800? is it another device?",
+        ),
+        (
+            "left.pad",
+            "",
+            b"\xaa" * 500,
+            "bytes arrive, none is a frame of a PVDF pad: is the baud rate 57600 (the default is 921600)?"
+            " is it another device?",
+        ),
+        (
+            "right.pad",
+            "2",
+            b"hello",
+            "bytes arrive, none is a message of a XELA server: is ws://127.0.0.1:5000 its address?"
+            " is it another device?",
+        ),
+        ("left.wrench", "", b"r,0,C,1\r\n", "bytes arrive, but no reading (waiting)"),
+        ("left.wrench", "", b"", "open, but no bytes arrive: is it powered? is it connected to this port?"),
+        ("right.pad", "2", b"", "open, but no bytes arrive: is it powered? is it connected to ws://127.0.0.1:5000?"),
+        ("right.pad", "2", b'{"message":1}', "bytes arrive, but no reading"),
+        (
+            "right.pad",
+            "2",
+            skin(1, sensors="1"),
+            "readings arrive, none of sensor '2': is it plugged in? is `sensor` right?",
+        ),
+    ],
+)
+def test_a_silent_link_says_what_arrives_and_what_to_look_at(
+    name: str, source: str, junk: bytes, message: str, left: str, right: str, parse: Parse
+) -> None:
+    twin = right.replace("finger.right", "finger.third").replace('"2"', '"1"')
+    links = make_links(parse(left.replace("rate_hz = 100.0", "rate_hz = 100.0\nbaud = 57600") + right + twin))
+    link = links[name]
+    link.open("port", T0)
+    if junk:
+        link.receive(junk, LATER)
+    assert silent(link, source=source) == message
+
+
+@pytest.mark.parametrize(
+    ("device", "port", "words"),
+    [
+        ("external", "ipc:///run/slipd/push", "does it push to ipc:///run/slipd/push?"),
+        ("external_gripper", "unix:///run/slipd/gripper", "does it register the gripper?"),
+    ],
+)
+def test_a_silent_program_is_asked_for_as_one(device: str, port: str, words: str) -> None:
+    spec = LinkSpec("left.wrench", transport_of(port), port)
+    heard = Heard(bytes_come=False, garbled=False, others=False, state="")
+    assert words in why_silent(DEVICES[device], spec, "", heard)
+    garbled = why_silent(DEVICES[device], spec, "", replace(heard, bytes_come=True, garbled=True))
+    assert garbled.endswith("does the driver pack them as docs/devices.md says?")
+
+
+def test_a_stream_that_fell_silent_says_why_and_bytes_of_long_ago_do_not_count(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    now = feed(link, 1000.0, 1.0, T0)
+    health(link, now)
+    assert silent(link, now + S // 2) == "no reading for 0.50 s"
+    assert silent(link, now + 2 * S) == (
+        "no reading for 2.00 s: open, but no bytes arrive: is it powered? is it connected to this port?"
+    )
+    link.receive(b"\xaa" * 500, now + 3 * S)
+    assert "none is a Bota frame" in silent(link, now + 3 * S)
+
+
+def test_what_a_decoder_found_out_is_told_with_its_readings_and_without(links: dict[str, Link]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    link._decoder.health.note = "press a pad"
+    assert silent(link) == "press a pad"
+    link.receive(frame(LATER), LATER)
+    assert health(link, LATER) == (Health.OK, "press a pad")
+
+
+class Failing:
+    """Raises where a fault of ours would."""
+
+    health = DecoderHealth()
+    state = identity = ""
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        raise OverflowError("cannot convert float infinity to integer")
+
+    def forget(self) -> None:
+        raise ValueError
+
+    def start(self, now_ns: int) -> bytes:
+        return b""
+
+    def next_deadline(self) -> int | None:
+        return 0
+
+    def on_time(self, now_ns: int) -> bytes:
+        raise KeyError("rate")
+
+
+@pytest.mark.parametrize("name", ["left.wrench", "left.pad"])
+def test_bytes_that_a_decoder_cannot_bear_are_dropped_and_told(links: dict[str, Link], name: str) -> None:
+    link = links[name]
+    link.open("port", T0)
+    good, session = link._decoder, link.session
+    link._decoder = failing = Failing()
+    if session is not None:
+        link.session = failing
+    assert link.receive(b"whatever", T0) == []
+    expected = "its bytes cannot be read (OverflowError: cannot convert float infinity to integer): they are dropped"
+    assert health(link, T0) == (Health.ERROR, expected)
+    if session is not None:
+        assert link.due(T0 + MS) == []
+        assert health(link, T0 + MS) == (Health.ERROR, "its bytes cannot be read (KeyError: 'rate'): they are dropped")
+    link._decoder, link.session = good, session
+    assert health(link, T0 + 2 * S)[0] is Health.STALE

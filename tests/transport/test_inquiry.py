@@ -88,6 +88,29 @@ async def test_a_host_that_never_answers_is_given_up(monkeypatch: pytest.MonkeyP
         assert "no answer within 0.05 s" in await why_not(port, 11)
 
 
+async def test_an_answer_that_its_check_refuses_is_asked_for_again(
+    serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    def check(answer: bytes) -> str:
+        return "" if answer == b"well" else f"{answer.decode()}, it says" if answer != b"boom" else [][1]
+
+    answers = [b"busy", b"boom", b"well"]
+
+    async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readexactly(len(QUESTION))
+        writer.write(answers.pop(0))
+        writer.close()
+
+    async with await asyncio.start_server(meet, "127.0.0.1", 0) as server:
+        port = server.sockets[0].getsockname()[1]
+        spec = LinkSpec("left.wrench", "udp", "udp://127.0.0.1:9", inquiry=Inquiry(port, QUESTION, 4, check))
+        async with serving(spec) as (_, events):
+            await eventually(lambda: len(events) == 4)
+    assert [type(event) for event in events] == [LinkDown, LinkDown, LinkUp, Bytes]
+    assert "busy, it says; switch the device on" in events[0].reason
+    assert "IndexError" in events[1].reason
+
+
 async def test_the_answer_is_the_first_that_a_link_hands_on(serving: Serving, eventually: Eventually) -> None:
     async with host(b"one million", hangs_up=False) as port:
         spec = LinkSpec("left.wrench", "udp", "udp://127.0.0.1:9", inquiry=Inquiry(port, QUESTION, 11))

@@ -8,7 +8,7 @@ import pytest
 
 from slipd.errors import LinkError
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.transport.link import FIRST_DELAY_S, JITTER, MAX_DELAY_S, Link, OnBytes
+from slipd.transport.link import FIRST_DELAY_S, JITTER, MAX_DELAY_S, STEADY_S, Link, OnBytes
 
 SPEC = LinkSpec("left.wrench", "scripted", "somewhere")
 
@@ -36,7 +36,9 @@ class Connection:
         return
 
 
-def opener(script: list[str | bytes]) -> Callable[[LinkSpec, OnBytes], Awaitable[Connection]]:
+def opener(
+    script: list[str | bytes | Exception], make: type[Connection] = Connection
+) -> Callable[[LinkSpec, OnBytes], Awaitable[Connection]]:
     """Opens as scripted: text is a reason why not, bytes are what the connection delivers before it is lost."""
 
     async def open_next(spec: LinkSpec, on_bytes: OnBytes) -> Connection:
@@ -45,15 +47,17 @@ def opener(script: list[str | bytes]) -> Callable[[LinkSpec, OnBytes], Awaitable
         step = script.pop(0)
         if isinstance(step, str):
             raise LinkError(step)
-        return Connection(step, on_bytes)
+        if isinstance(step, Exception):
+            raise step
+        return make(step, on_bytes)
 
     return open_next
 
 
-async def play(script: list[str | bytes]) -> list[Event]:
+async def play(script: list[str | bytes | Exception], make: type[Connection] = Connection) -> list[Event]:
     events: list[Event] = []
     with pytest.raises(asyncio.CancelledError):
-        await Link(SPEC, opener(script), events.append).run()
+        await Link(SPEC, opener(script, make), events.append).run()
     return events
 
 
@@ -106,15 +110,40 @@ async def test_pauses_double_from_the_first_to_the_longest_with_jitter(pauses: l
     assert len(set(late)) == len(late)
 
 
-async def test_bytes_bring_the_first_pause_back(pauses: list[float]) -> None:
-    await play(["absent"] * 8 + [b"alive", "absent"])
-    assert pauses[7] > MAX_DELAY_S / 2
-    assert pauses[8] <= FIRST_DELAY_S * (1 + JITTER)
+@pytest.mark.parametrize(("lasts_s", "brings_back"), [(STEADY_S, True), (0.9 * STEADY_S, False)])
+async def test_a_connection_that_brought_bytes_for_a_while_brings_the_first_pause_back(
+    lasts_s: float, brings_back: bool, pauses: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Lasting(Connection):
+        async def until_lost(self) -> str:
+            reason = await super().until_lost()
+            now_s[0] += lasts_s if self._data else 10.0
+            return reason
+
+    now_s = [100.0]
+    monkeypatch.setattr("slipd.transport.link.time.monotonic", lambda: now_s[0])
+    await play([*["absent"] * 8, b"", b"alive", "absent"], Lasting)
+    assert min(pauses[7:9]) > MAX_DELAY_S / 2
+    assert (pauses[9] <= FIRST_DELAY_S * (1 + JITTER)) == brings_back
 
 
 async def test_a_port_that_opens_and_dies_at_once_is_not_opened_ever_faster(pauses: list[float]) -> None:
     await play([b""] * 12)
     assert pauses[-1] >= MAX_DELAY_S * (1 - JITTER)
+
+
+@pytest.mark.usefixtures("pauses")
+async def test_whatever_opening_and_closing_raise_is_a_reason_and_no_end() -> None:
+    class Stuck(Connection):
+        async def close(self) -> None:
+            raise OSError("does not let go")
+
+    events = await play([ZeroDivisionError("a fault of a library"), b"alive", "absent"], Stuck)
+    assert [event.reason for event in events if isinstance(event, LinkDown)] == [
+        "somewhere: cannot be opened (ZeroDivisionError: a fault of a library)",
+        "pulled",
+        "absent",
+    ]
 
 
 @pytest.mark.usefixtures("pauses")

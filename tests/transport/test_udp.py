@@ -57,7 +57,7 @@ def kinds(events: list[Event]) -> list[type]:
 async def test_each_datagram_is_handed_on_as_one_piece_in_order(
     sensor: Sensor, serving: Serving, eventually: Eventually
 ) -> None:
-    sent = [b"", b"x", *(bytes([n % 256]) * n for n in range(1, 300)), bytes(60_000)]
+    sent = [b"", b"x", *(bytes([n % 256]) * n for n in range(1, 300)), bytes(udp.MAX_DATAGRAM_BYTES)]
     async with serving(sensor.spec) as (links, events):
         await eventually(lambda: events)
         assert links.write("left.wrench", b"start")
@@ -67,6 +67,19 @@ async def test_each_datagram_is_handed_on_as_one_piece_in_order(
         await eventually(lambda: len(received(events)) == len(sent))
     assert events[0] == LinkUp("left.wrench", sensor.address)
     assert received(events) == sent
+
+
+async def test_of_a_datagram_longer_than_any_devices_only_the_begin_is_taken(
+    sensor: Sensor, serving: Serving, eventually: Eventually
+) -> None:
+    async with serving(sensor.spec) as (links, events):
+        await eventually(lambda: events)
+        links.write("left.wrench", b"start")
+        await eventually(sensor.hears)
+        sensor.send(bytes(65_000))
+        sensor.send(b"next")
+        await eventually(lambda: len(received(events)) == 2)
+    assert received(events) == [bytes(udp.MAX_DATAGRAM_BYTES), b"next"]
 
 
 async def test_a_write_is_one_datagram(sensor: Sensor, serving: Serving, eventually: Eventually) -> None:

@@ -1,15 +1,18 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import TYPE_CHECKING
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.utils import accept_key
 
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.transport.websocket import MAX_MESSAGE_BYTES
+from slipd.transport.delivery import READ_BYTES
+from slipd.transport.websocket import MAX_HANDSHAKE_BYTES, MAX_MESSAGE_BYTES, PIECE_BYTES, WebsocketConnection
 
 if TYPE_CHECKING:
     from conftest import Eventually, Serving
@@ -42,6 +45,34 @@ async def sensor_server(*messages: str, port: int = 0) -> AsyncIterator[int]:
         yield next(iter(server.sockets)).getsockname()[1]
 
 
+@asynccontextmanager
+async def websocket_server(frames: bytes, *, reads: bool = True) -> AsyncIterator[int]:
+    """Shakes hands and sends raw frames; one that does not read leaves everything behind the request unread."""
+    clients: list[asyncio.Task[None] | None] = []
+
+    async def handle(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        clients.append(asyncio.current_task())
+        key = re.search(r"Sec-WebSocket-Key: (.*)\r", (await reader.readuntil(b"\r\n\r\n")).decode())
+        assert key is not None
+        answer = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        try:
+            writer.write(f"{answer}Sec-WebSocket-Accept: {accept_key(key[1])}\r\n\r\n".encode() + frames)
+            await (reader.read() if reads else asyncio.Event().wait())
+        except (ConnectionError, asyncio.CancelledError):
+            pass
+        finally:
+            writer.transport.abort()
+
+    server = await asyncio.start_server(handle, "127.0.0.1", 0, limit=1024)
+    try:
+        yield server.sockets[0].getsockname()[1]
+    finally:
+        server.close()
+        for client in filter(None, clients):
+            client.cancel()
+        await asyncio.sleep(0.01)
+
+
 def raw_server(answer: bytes) -> AbstractAsyncContextManager[int]:
     """Something on a port that is no WebSocket server."""
 
@@ -58,12 +89,22 @@ def raw_server(answer: bytes) -> AbstractAsyncContextManager[int]:
     return run()
 
 
-async def test_each_message_is_handed_on_as_one_piece_in_order(serving: Serving, eventually: Eventually) -> None:
-    messages = ['{"message": "Welcome"}', "µ-strain", *(f'{{"message": {n}}}' for n in range(500))]
+async def test_messages_are_handed_on_as_one_stream_in_order(serving: Serving, eventually: Eventually) -> None:
+    messages = ['{"message": "Welcome"}', "µ-strain", "", *(f'{{"message": {n}}}' for n in range(500)), "x" * 30_000]
+    content = "".join(messages).encode()
     async with sensor_server(*messages) as port, serving(link_to(port)) as (_, events):
-        await eventually(lambda: len(events) == len(messages) + 1)
+        await eventually(lambda: len(b"".join(received(events))) == len(content))
     assert events[0] == LinkUp("left.pad", f"ws://127.0.0.1:{port}")
-    assert received(events) == [message.encode() for message in messages]
+    assert b"".join(received(events)) == content
+    assert max(map(len, received(events))) <= PIECE_BYTES
+
+
+async def test_a_message_in_fragments_is_handed_on(serving: Serving, eventually: Eventually) -> None:
+    async with (
+        websocket_server(b"\x01\x02{}" + b"\x89\x00" + b"\x00\x01x" + b"\x80\x00" + b"\x82\x01y") as port,
+        serving(link_to(port)) as (_, events),
+    ):
+        await eventually(lambda: b"".join(received(events)) == b"{}xy")
 
 
 async def test_a_server_that_stops_and_starts_again_is_told_and_found(serving: Serving, eventually: Eventually) -> None:
@@ -110,7 +151,80 @@ async def test_a_message_beyond_all_measure_ends_the_connection(serving: Serving
     fits, beyond = "x" * MAX_MESSAGE_BYTES, "x" * (MAX_MESSAGE_BYTES + 1)
     async with sensor_server(fits, beyond) as port, serving(link_to(port)) as (_, events):
         await eventually(lambda: LinkDown in kinds(events))
-    assert kinds(events)[:3] == [LinkUp, Bytes, LinkDown]
+    assert b"".join(received(events)[: MAX_MESSAGE_BYTES // PIECE_BYTES]) == fits.encode()
+    assert "exceeds limit" in next(event.reason for event in events if isinstance(event, LinkDown))
+
+
+@pytest.mark.parametrize("frame", [b"\x82\x00", b"\x82\x01{", b"\x89\x00", b"\x89\x7d" + bytes(125), b"\x8a\x00"])
+async def test_a_flood_leaves_the_loop_its_turns_and_keeps_nothing(
+    frame: bytes, serving: Serving, eventually: Eventually
+) -> None:
+    flood = frame * (100_000 // len(frame))
+    turns, reads, taken = 0, 0, 0
+
+    def turn() -> None:
+        nonlocal turns
+        turns += 1
+        asyncio.get_running_loop().call_soon(turn)
+
+    real_read = WebsocketConnection._read
+
+    def read(self: WebsocketConnection) -> None:
+        nonlocal reads, taken
+        reads += 1
+        taken += self._read_bytes
+        real_read(self)
+        assert len(self._sender._rest) <= 8 * READ_BYTES  # of the pongs that nobody reads
+
+    turn()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(WebsocketConnection, "_read", read)
+        async with websocket_server(flood, reads=False) as port, serving(link_to(port)):
+            await eventually(lambda: taken >= len(flood) // 2)
+            assert turns >= reads
+
+
+@pytest.mark.parametrize(
+    ("frames", "words"),
+    [
+        (b"\x88\x06\x03\xe8\nINF", "the server says: 1000"),
+        (b"\x88\x00", "the server says: 1005"),
+        (b"\xff\x00", "breaks the protocol"),
+        (b"\x82\xff" + bytes(12), "breaks the protocol"),
+        (b"\x80\x00", "breaks the protocol"),
+    ],
+)
+async def test_how_a_server_ended_the_connection_is_told(
+    frames: bytes, words: str, serving: Serving, eventually: Eventually
+) -> None:
+    async with websocket_server(frames) as port, serving(link_to(port)) as (_, events):
+        await eventually(lambda: LinkDown in kinds(events))
+    assert words in next(event.reason for event in events if isinstance(event, LinkDown))
+
+
+@pytest.mark.parametrize("silent", [True, False])
+async def test_a_server_that_gives_no_sign_of_life_is_given_up(
+    silent: bool, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd.transport.websocket.PING_INTERVAL_S", 0.02)
+    monkeypatch.setattr("slipd.transport.websocket.PING_TIMEOUT_S", 0.05)
+    server = websocket_server(b"", reads=False) if silent else sensor_server()
+    async with server as port, serving(link_to(port)) as (_, events):
+        if silent:
+            await eventually(lambda: LinkDown in kinds(events))
+            assert "no sign of life" in next(event.reason for event in events if isinstance(event, LinkDown))
+        else:
+            await asyncio.sleep(0.3)
+            assert kinds(events) == [LinkUp]
+
+
+async def test_an_answer_without_end_is_no_servers(serving: Serving, eventually: Eventually) -> None:
+    async with (
+        raw_server(b"HTTP/1.1 404 No\r\n\r\n" + bytes(MAX_HANDSHAKE_BYTES)) as port,
+        serving(link_to(port)) as (_, events),
+    ):
+        await eventually(lambda: events)
+    assert "an answer of more than 65536 bytes" in events[0].reason
 
 
 async def test_what_the_consumer_raises_ends_the_group(serving: Serving) -> None:

@@ -158,11 +158,14 @@ class Inquiry:
         port: TCP port of the device's host.
         request: Bytes to send.
         reply_bytes: Length of the answer; 0 where it ends with the connection.
+        check: ``check(answer)`` returns what is wrong with a whole answer, "" for nothing. After a wrong one the
+            question is put again.
     """
 
     port: int
     request: bytes
     reply_bytes: int
+    check: Callable[[bytes], str] = lambda _: ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +210,7 @@ class Device:
         grip: The most that a gripper of this kind can do; None for other devices, and where it tells by itself.
         inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
             nothing is ever asked.
+        frame: What it sends, for people and with an article, such as "a Bota frame".
     """
 
     name: str
@@ -229,6 +233,7 @@ class Device:
     host_clock: bool = False
     grip: GripRange | None = None
     inquiry: Callable[..., Inquiry | None] | None = None
+    frame: str = "a frame of this device"
 
 
 class _Devices(Mapping[str, Device]):

@@ -217,4 +217,5 @@ DEVICE = Device(
     baud=460_800,
     frame_bytes=FRAME_LENGTH,
     clock_span_ns=_US_SPAN * 1_000,
+    frame="a Bota frame",
 )

@@ -190,4 +190,5 @@ DEVICE = Device(
     axes=1,
     shared=True,
     clock_span_ns=(1 << 32) * 1_000_000,
+    frame="a DSACON32m packet",
 )

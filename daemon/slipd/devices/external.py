@@ -23,6 +23,10 @@ from slipd.samples import Array, TactileSample, WrenchSample
 MAX_STREAMS = 64
 """Of one socket whose readings are numbered: bounds what a process that makes up names can fill."""
 
+FREE_TRIES, BYTES_A_TRY = 64, 64
+"""In a stretch of garbage so many places are judged at once, and then one every so many bytes: each costs microseconds,
+and any two bytes may look like the begin of a message."""
+
 _LATEST_NS = 1 << 63  # the clock's own type holds no more
 _SEQ_SPAN = 1 << 64
 _NAME = re.compile(r"[A-Za-z0-9_./-]+")
@@ -44,14 +48,15 @@ class Decoder:
     def __init__(self) -> None:
         self.health = DecoderHealth()
         self._tail = b""
-        self._in_garbage = False
+        self._garbage = 0  # bytes of the stretch of garbage that lies before the tail
+        self._tries = 0  # places in it that were judged in vain
         self._numberings: dict[str, Numbering] = {}
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample | TactileSample]:
         """Take bytes received at ``t_ns`` and return the readings they complete."""
         buffer = self._tail + data
         samples: list[WrenchSample | TactileSample] = []
-        done = at = 0
+        done, at = 0, self._next_try(0)
         while (begin := _BEGIN.search(buffer, at)) is not None:
             at = begin.start()
             length = message.measure(buffer, at)
@@ -59,10 +64,11 @@ class Decoder:
                 break
             body = _unpack(buffer[at : at + length]) if length > 0 else None
             if body is None:
-                at += 1
+                self._tries += 1
+                at = max(at + 1, self._next_try(done))
                 continue
             self._drop(at - done)
-            self._in_garbage = False
+            self._garbage = self._tries = 0
             done = at = at + length
             if self._is_new(body):
                 samples.append(_sample(body, t_ns))
@@ -82,8 +88,12 @@ class Decoder:
         """Count bytes that are no message."""
         if count:
             self.health.bad_bytes += count
-            self.health.bad += not self._in_garbage
-            self._in_garbage = True
+            self.health.bad += not self._garbage
+            self._garbage += count
+
+    def _next_try(self, done: int) -> int:
+        """Return the first place that may be judged, given that garbage goes on at ``done``."""
+        return max(0, done + (self._tries - FREE_TRIES) * BYTES_A_TRY - self._garbage)
 
     def _is_new(self, body: dict[str, Any]) -> bool:
         """Say whether a reading is to be handed on, by its number where it has one."""
@@ -175,4 +185,13 @@ def encode_reading(
 FASTEST_HZ = 10_000.0
 """What one socket brings without a backlog, and faster than any force sensor."""
 
-DEVICE = Device("external", "any", ("external",), Decoder, rates_hz=(0.1, FASTEST_HZ), shared=True, host_clock=True)
+DEVICE = Device(
+    "external",
+    "any",
+    ("external",),
+    Decoder,
+    rates_hz=(0.1, FASTEST_HZ),
+    shared=True,
+    host_clock=True,
+    frame="a reading",
+)

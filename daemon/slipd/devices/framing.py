@@ -24,6 +24,9 @@ class Frames:
         typical: Length of an ordinary frame, bytes: damage is counted in frames of it.
         health: Receives ``bad`` and ``bad_bytes``; the other counters are the decoder's.
         text: Bytes that are no damage when they stand between frames, such as acknowledgements.
+        seek: ``seek(buffer, at)`` returns where, from ``at`` on, the next frame may begin, -1 for nowhere, after
+            ``measure`` refused a place: for frames whose sync is too weak for a search byte by byte. None: at the next
+            sync.
     """
 
     def __init__(
@@ -34,8 +37,10 @@ class Frames:
         health: DecoderHealth,
         *,
         text: bytes = b"",
+        seek: Callable[[bytes, int], int] | None = None,
     ) -> None:
         self._sync = sync
+        self._seek = seek or (lambda buffer, at: buffer.find(sync, at))
         self._measure = measure
         self._length = typical
         self._health = health
@@ -64,10 +69,10 @@ class Frames:
                     self._skip(buffer[done:at])
                 found.append((at, self._damage == 0))
                 self._damage = 0
-                done = at = at + length
+                done = at + length
+                at = buffer.find(sync, done)
             else:
-                at += 1
-            at = buffer.find(sync, at)
+                at = self._seek(buffer, at + 1)
         if done == len(buffer):
             self._tail = b""
             return buffer, found

@@ -139,4 +139,5 @@ DEVICE = Device(
     baud=921_600,
     frame_bytes=FRAME_LENGTH,
     clock_span_ns=(1 << 32) * 1_000,
+    frame="a frame of strain gauges",
 )

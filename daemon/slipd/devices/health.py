@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class DecoderHealth:
-    """Counters of one decoder since it was made; they only rise.
+    """What a decoder counts since it was made, and what it found out; the counters only rise.
 
     Attributes:
         good: Readings handed on.
@@ -16,6 +16,7 @@ class DecoderHealth:
         bad_bytes: Bytes that belong to no valid frame.
         duplicates: Readings that came again, or after a newer one; they are not handed on.
         restarts: Times that the device's own numbering began anew.
+        note: What people should know of how the bytes are read, or why they give no reading; "" for nothing.
     """
 
     good: int = 0
@@ -24,3 +25,4 @@ class DecoderHealth:
     bad_bytes: int = 0
     duplicates: int = 0
     restarts: int = 0
+    note: str = ""

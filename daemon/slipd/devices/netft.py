@@ -5,7 +5,6 @@ What a count is worth is asked of the sensor first, over TCP or from its web pag
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import Any
 
@@ -72,9 +71,7 @@ class Decoder:
     ) -> None:
         self.health = DecoderHealth()
         calibration = netft_calibration.of_numbers(counts_per_force, counts_per_torque, force_unit, torque_unit)
-        if not (math.isfinite(internal_hz) and internal_hz >= 0):
-            raise ValueError(f"internal_hz is {internal_hz}: it must be a rate, or 0 for none")
-        self._internal_hz = internal_hz
+        self._internal_hz = netft_calibration.checked_hz("internal_hz", internal_hz)
         self._records = rdt.Records(self.health, _RESERVED)
         self._per_count: Array | None = None
         self.calibrate(calibration)
@@ -247,4 +244,13 @@ def inquiry(calibration: str = "tcp", **_others: Any) -> Inquiry | None:
 FASTEST_HZ = 7912.0
 """The fastest output that the manual names."""
 
-DEVICE = Device("netft", "wrench", ("udp",), Decoder, Session, rates_hz=(1.0, FASTEST_HZ), inquiry=inquiry)
+DEVICE = Device(
+    "netft",
+    "wrench",
+    ("udp",),
+    Decoder,
+    Session,
+    rates_hz=(1.0, FASTEST_HZ),
+    inquiry=inquiry,
+    frame="a record of a Net F/T",
+)

@@ -5,19 +5,21 @@ Source: ATI Ethernet Axia manual (READCALINFO over TCP, the page ``netftapi2.xml
 
 from __future__ import annotations
 
-import math
 import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from slipd.devices import Inquiry
 
-TCP_INQUIRY = Inquiry(port=49_151, request=b"\x01" + bytes(19), reply_bytes=24)
-XML_INQUIRY = Inquiry(port=80, request=b"GET /netftapi2.xml HTTP/1.0\r\n\r\n", reply_bytes=0)
-
 MAX_ANSWER = 1 << 16
 """Bytes. The XML page has some 5,000; what is longer is no answer."""
+
+COUNTS = (1.0, 1e12)
+"""Least and most counts a unit that a sensor can have: sensors in use have a million a newton or pound."""
+
+INTERNAL_HZ = (1.0, 1e6)
+"""Slowest and fastest clock that a sensor can have, Hz: the sensors in use have 7000."""
 
 _LBF = 4.448_221_615_260_5
 _KGF = 9.806_65
@@ -51,7 +53,7 @@ class Calibration:
         force_n: Newtons a count.
         torque_nm: Newton metres a count.
         identity: The sensor's serial number as it tells it; "" where it does not.
-        internal_hz: Rate of the sensor's own clock as it tells it, Hz; None where it does not.
+        internal_hz: Rate of the sensor's own clock as it tells it, Hz; None where it tells none that a sensor can have.
     """
 
     force_n: float
@@ -117,8 +119,34 @@ def read_xml(answer: bytes) -> Calibration | str | None:
     return replace(
         calibration,
         identity=f"S/N {serial}" if _SERIAL.fullmatch(serial) else "",
-        internal_hz=internal_hz if 0 < internal_hz < math.inf else None,
+        internal_hz=internal_hz if INTERNAL_HZ[0] <= internal_hz <= INTERNAL_HZ[1] else None,
     )
+
+
+def checked_hz(name: str, rate_hz: float) -> float:
+    """Return the rate of a sensor's clock, Hz, or 0 for none.
+
+    Raises:
+        ValueError: No sensor has such a rate.
+    """
+    slowest, fastest = INTERNAL_HZ
+    if not (rate_hz == 0 or slowest <= rate_hz <= fastest):
+        raise ValueError(f"{name} must be a rate from {slowest:g} to {fastest:g} Hz, or 0 for none, got {rate_hz:g}")
+    return rate_hz
+
+
+def _wrong(read: Callable[[bytes], Calibration | str | None]) -> Callable[[bytes], str]:
+    """Make the check of a whole answer."""
+
+    def check(answer: bytes) -> str:
+        found = read(answer)
+        return "the answer ends too early" if found is None else found if isinstance(found, str) else ""
+
+    return check
+
+
+TCP_INQUIRY = Inquiry(port=49_151, request=b"\x01" + bytes(19), reply_bytes=24, check=_wrong(read_tcp))
+XML_INQUIRY = Inquiry(port=80, request=b"GET /netftapi2.xml HTTP/1.0\r\n\r\n", reply_bytes=0, check=_wrong(read_xml))
 
 
 def encode_tcp(counts_per_force: int, counts_per_torque: int, force_code: int = 2, torque_code: int = 3) -> bytes:
@@ -137,8 +165,9 @@ def _per_count(name: str, units: Mapping[str, float], unit: str, counts: float) 
     sizes = {_plain(known): size for known, size in units.items()}
     if _plain(unit) not in sizes:
         raise ValueError(f"{name}_unit {unit!r} is not known: {', '.join(units)} are")
-    if not (math.isfinite(counts) and counts >= 1):
-        raise ValueError(f"counts_per_{name} is {counts}: it must be a number, 1 or more")
+    least, most = COUNTS
+    if not least <= counts <= most:
+        raise ValueError(f"counts_per_{name} must be a number from {least:g} to {most:g}, got {counts:g}")
     return sizes[_plain(unit)] / counts
 
 

@@ -231,4 +231,5 @@ DEVICE = Device(
     rates_hz=(1000.0 / LONGEST_UDP_PERIOD_MS, 1000.0),
     baud=1_000_000,
     wired=True,
+    frame="an OptoForce frame",
 )

@@ -199,4 +199,5 @@ DEVICE = Device(
     axes=1,
     sized=True,
     clock_span_ns=_US_SPAN * 1_000,
+    frame="a frame of a PVDF pad",
 )

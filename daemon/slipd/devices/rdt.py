@@ -11,6 +11,7 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slipd.devices.framing import Frames
 from slipd.devices.health import DecoderHealth
@@ -41,6 +42,10 @@ _STRANGER_NEEDS = 3
 """Records that must continue one without history, each by exactly one: a resting sensor's counts do so, too, now and
 then, but not thrice."""
 
+_STRANGER_LATER = range(0, _STRANGER_NEEDS * RECORD_LENGTH, RECORD_LENGTH)
+_SEEK_BLOCK = 1024
+"""Places judged at once by a search: enough that NumPy's own cost is small."""
+
 _LATE_TICKS = 1 << 12
 """A datagram so little behind in the sensor's clock was overtaken: the longest, 40 records, take 280 at 1 kHz."""
 
@@ -67,7 +72,7 @@ class Records:
     def __init__(self, health: DecoderHealth, reserved: int) -> None:
         self._health = health
         self._reserved = reserved
-        self._frames = Frames(b"", self._measure, RECORD_LENGTH, health)
+        self._frames = Frames(b"", self._measure, RECORD_LENGTH, health, seek=self._seek)
         self._numbering = Numbering(_SPAN, health, first=_FIRST)
         self._newest: int | None = None
         self._newest_ticks = 0
@@ -151,6 +156,37 @@ class Records:
         if self._newest is None or sequence == _FIRST or (self._newest - sequence) % _SPAN > LATE_WITHIN:
             self._newest, self._newest_ticks = sequence, ticks
         return RECORD_LENGTH
+
+    def _seek(self, buffer: bytes, at: int) -> int:
+        """Return the first place from ``at`` on that `_STRANGER_NEEDS` records continue, as far as they have come.
+
+        As `_measure` judges a record out of step, for a block of places at once.
+        """
+        judged = len(buffer) - 2 * RECORD_LENGTH + 1  # places of which the next record has come
+        while at < judged:
+            count = min(_SEEK_BLOCK, judged - at)
+            continued = np.ones(count + (_STRANGER_NEEDS - 1) * RECORD_LENGTH, bool)
+            known = min(len(continued), judged - at)
+            continued[:known] = self._pairs(buffer, at, known)
+            fits = np.logical_and.reduce([continued[later : later + count] for later in _STRANGER_LATER])
+            found = int(fits.argmax())
+            if fits[found]:
+                return at + found
+            at += count
+        return at
+
+    def _pairs(self, buffer: bytes, at: int, count: int) -> NDArray[np.bool_]:
+        """Say of each place from ``at`` on whether the next record continues the one there, shape (count,)."""
+
+        def step(field: int) -> NDArray[np.uint32]:
+            numbers = np.ndarray((count + RECORD_LENGTH,), ">u4", buffer, at + 4 * field, (1,)).astype(np.uint32)
+            return numbers[RECORD_LENGTH:] - numbers[:count]
+
+        status = np.ndarray((count + RECORD_LENGTH,), ">u4", buffer, at + 8, (1,)).astype(np.uint32)
+        changed = (status[RECORD_LENGTH:] ^ status[:count]) & np.uint32(self._reserved)
+        ticks = step(1)
+        paired: NDArray[np.bool_] = (step(0) == 1) & (ticks > 0) & (ticks < _TICKS_WITHIN) & (changed == 0)
+        return paired
 
     def _needs(self, sequence: int, ticks: int, steady: bool) -> int:
         """Return how many records have to continue one for it to be believed."""

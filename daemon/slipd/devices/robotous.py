@@ -165,4 +165,5 @@ DEVICE = Device(
     rates_hz=(min(RATES_HZ), max(RATES_HZ)),
     baud=115_200,
     frame_bytes=packets.RESPONSE_LENGTH,
+    frame="a Robotous packet",
 )

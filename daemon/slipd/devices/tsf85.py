@@ -220,4 +220,5 @@ DEVICE = Device(
     taxels=TAXELS,
     shared=True,
     sensors=tuple(map(str, range(FINGERS))),
+    frame="a TSF-85 packet",
 )

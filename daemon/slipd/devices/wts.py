@@ -168,4 +168,5 @@ DEVICE = Device(
     baud=115_200,
     axes=1,
     clock_span_ns=(1 << 32) * 1_000_000,
+    frame="a WTS packet",
 )

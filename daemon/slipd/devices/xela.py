@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping
 from json import JSONDecodeError
 from typing import Any
 
@@ -17,18 +18,24 @@ from numpy.typing import ArrayLike
 
 from slipd.devices import Device
 from slipd.devices.health import DecoderHealth
+from slipd.devices.numbering import FURTHEST_GAP
 from slipd.samples import Array, TactileSample
 
-MAX_MESSAGE = 1 << 16
+MAX_MESSAGE = 1 << 15
 """Characters. A hand of 368 taxels with calibrated values fills about 16,000; what is longer is no message."""
 
+DEEPEST = 16
+"""Open braces that are kept; in a message two are open at the most."""
+
 _AXES = 3
-_START = re.compile(r'\{(?=[ \t\r\n]*(?:"|\Z))')
+_KEY = '"message"'
+_MESSAGE = re.compile(r"\{[ \t\r\n]*" + _KEY)
+_BEFORE_A_NUMBER = "[,:- \t\r\n"
 _WORDS = re.compile("[0-9A-Fa-f]{1,4}(?:,[0-9A-Fa-f]{1,4})*")
-_LONGEST_TOKEN = 10  # a token that the end of the text cuts is reported where it begins; "-Infinity" is the longest
+_JSON = json.JSONDecoder()
 _LATEST_TIME_S = 9e9  # its nanoseconds still fit 64 bits
 _LARGEST_VALUE = 1e12  # far beyond any force; also keeps out infinities, NaN and integers that no float holds
-_JSON = json.JSONDecoder()
+_NUMBER_SPAN = 1 << 63  # of the running number
 
 
 class Decoder:
@@ -36,8 +43,12 @@ class Decoder:
 
     ``values`` has shape (taxels, 3): X, Y, Z per taxel, row by row from the top left. ``device_time_ns`` is the
     server's Unix time. `health.lost` counts messages missing from the server's running number, `duplicates` those that
-    came again, and `restarts` numbers that jumped back. A sensor whose counts disagree is bad, and the others of the
-    message are not.
+    came again, and `restarts` numbers that jumped back or ahead by more than any gap. A sensor whose counts disagree is
+    bad, and the others of the message are not.
+
+    Whatever the server sends, each character is searched for braces once and parsed at most twice. An object is parsed
+    when its brace closes, if it begins with the key "message" or stands alone. One that is not JSON discards the
+    objects around it, which are not JSON either. No string that the server sends holds a brace.
 
     Args:
         calibrated: Take the server's calibrated forces instead of the raw 16-bit readings; a sensor for which it
@@ -47,65 +58,64 @@ class Decoder:
     def __init__(self, calibrated: bool = False) -> None:
         self.health = DecoderHealth()
         self._calibrated = calibrated
-        self._text = ""
+        self._text = ""  # from the first open brace on
+        self._looked = 0  # as far as braces have been looked for
+        self._open: deque[int] = deque(maxlen=DEEPEST)
         self._in_garbage = False
         self._number: int | None = None
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
         """Take bytes received at ``t_ns`` and return the readings they complete."""
-        text = data.decode("latin-1")  # one character a byte, so that no split can cut one; only ASCII matters
-        self._text += text
-        if "}" not in text and self._text.startswith("{") and len(self._text) <= MAX_MESSAGE:
-            return []  # the object that has begun is not complete
+        self._text += data.decode("latin-1")  # one character a byte, so that no split can cut one; only ASCII matters
         samples: list[TactileSample] = []
-        while (message := self._next_object()) is not None:
-            samples += self._read(message, t_ns)
+        done = 0
+        for at, opens in _braces(self._text, self._looked):
+            self._close_older_than(at)
+            if opens:
+                self._open.append(at)
+            elif self._open:
+                begin = self._open.pop()
+                message = self._object(begin, at + 1)
+                if message is not None:
+                    self._count_garbage(self._text[done:begin])
+                    self._in_garbage = False
+                    done = at + 1
+                    samples += self._read(message, t_ns)
+        self._close_older_than(len(self._text))
+        self._keep_from(self._open[0] if self._open else len(self._text), done)
         self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:
         """Drop a begun frame and what was expected to follow: the line was closed."""
-        self._drop(len(self._text))
+        self._open.clear()
+        self._keep_from(len(self._text), 0)
         self._number = None
 
-    def _next_object(self) -> dict[str, Any] | None:
-        """Take the next whole JSON object off the text; None when more text is needed."""
-        while True:
-            start = _START.search(self._text)
-            self._drop(start.start() if start else len(self._text))
-            if start is None:
-                return None
-            try:
-                value, end = _JSON.raw_decode(self._text)
-            except JSONDecodeError as error:
-                if self._mend_leading_dot(error):
-                    continue
-                if _is_cut(error) and len(self._text) <= MAX_MESSAGE:
-                    return None
-                self._drop(1)
-            except RecursionError:
-                self._drop(len(self._text))
-            except ValueError:  # a number of thousands of digits
-                self._drop(1)
-            else:
-                self._text = self._text[end:]
-                self._in_garbage = False
-                return dict(value)
+    def _object(self, begin: int, end: int) -> dict[str, Any] | None:
+        """Parse the object between two braces, where it can be a message; None where it is none."""
+        if not _MESSAGE.match(self._text, begin) and (self._open or self._text.find(_KEY, begin, end) < 0):
+            return None
+        self._open.clear()
+        return _parsed(self._text[begin:end])
 
-    def _mend_leading_dot(self, error: JSONDecodeError) -> bool:
-        """Write a zero before a number such as ``.8365479``, which the server sends although JSON has none such."""
-        at = error.pos
-        if error.msg != "Expecting value":  # behind a number, as in 1.2.3, a zero mends nothing
-            return False
-        if self._text[at : at + 1] != "." or not self._text[at + 1 : at + 2].isdecimal():
-            return False
-        self._text = f"{self._text[:at]}0{self._text[at:]}"
-        return True
+    def _close_older_than(self, at: int) -> None:
+        """Give up the braces that opened too long before ``at``."""
+        while self._open and at - self._open[0] >= MAX_MESSAGE:
+            self._open.popleft()
 
-    def _drop(self, count: int) -> None:
-        """Drop what is no message; white space between messages is not counted."""
-        garbage = len(self._text[:count].strip())
-        self._text = self._text[count:]
+    def _keep_from(self, keep: int, done: int) -> None:
+        """Drop the text before ``keep``; what no message took of it is garbage from ``done`` on."""
+        self._count_garbage(self._text[done:keep])
+        self._text = self._text[keep:]
+        self._looked = len(self._text)
+        self._open = deque((at - keep for at in self._open), DEEPEST)
+
+    def _count_garbage(self, text: str) -> None:
+        """Count what is no message; white space is not counted."""
+        if not text:
+            return
+        garbage = sum(map(len, text.split()))
         if garbage:
             self.health.bad_bytes += garbage
             self.health.bad += not self._in_garbage
@@ -115,7 +125,7 @@ class Decoder:
         number = message.get("message")
         if isinstance(number, str):
             return []  # the server's welcome
-        if type(number) is not int:
+        if type(number) is not int or not 0 <= number < _NUMBER_SPAN:
             self.health.bad += 1
             return []
         if not self._is_new(number):
@@ -136,8 +146,10 @@ class Decoder:
         step = 1 if self._number is None else number - self._number
         self._number = number
         self.health.duplicates += step == 0
-        self.health.restarts += step < 0
-        self.health.lost += max(step - 1, 0)
+        if not 0 <= step <= FURTHEST_GAP:
+            self.health.restarts += 1
+        elif step:
+            self.health.lost += step - 1
         return step != 0
 
     def _values(self, sensor: dict[str, Any]) -> Array | None:
@@ -148,9 +160,33 @@ class Decoder:
         return np.array(numbers, dtype=np.float64).reshape(taxels, _AXES)
 
 
-def _is_cut(error: JSONDecodeError) -> bool:
-    """Say whether more text may mend the error."""
-    return error.msg.startswith("Unterminated string") or error.pos >= len(error.doc) - _LONGEST_TOKEN
+def _braces(text: str, at: int) -> Iterator[tuple[int, bool]]:
+    """Yield where each brace from ``at`` on stands, and whether it opens."""
+    opens, closes = text.find("{", at), text.find("}", at)
+    while opens >= 0 or closes >= 0:
+        if closes < 0 or 0 <= opens < closes:
+            yield opens, True
+            opens = text.find("{", opens + 1)
+        else:
+            yield closes, False
+            closes = text.find("}", closes + 1)
+
+
+def _parsed(text: str) -> dict[str, Any] | None:
+    """Parse an object; None where it is no JSON.
+
+    The server sends numbers such as ``.8365479``, which JSON does not have: they get their zero before a second try.
+    """
+    try:
+        try:
+            value, end = _JSON.raw_decode(text)
+        except JSONDecodeError:
+            for before in _BEFORE_A_NUMBER:
+                text = text.replace(f"{before}.", f"{before}0.")
+            value, end = _JSON.raw_decode(text)
+    except (ValueError, RecursionError):  # no JSON, a number of thousands of digits, or a nest beyond measure
+        return None
+    return dict(value) if end == len(text) else None
 
 
 def _words(data: object) -> list[int]:
@@ -207,4 +243,13 @@ def encode_message(
     return json.dumps(message, separators=(",", ":")).encode()
 
 
-DEVICE = Device("xela", "tactile", ("websocket",), Decoder, rates_hz=(1.0, 1000.0), axes=3, shared=True)
+DEVICE = Device(
+    "xela",
+    "tactile",
+    ("websocket",),
+    Decoder,
+    rates_hz=(1.0, 1000.0),
+    axes=3,
+    shared=True,
+    frame="a message of a XELA server",
+)

@@ -12,6 +12,7 @@ from typing import Any, cast
 
 from slipd import __version__
 from slipd.config import Config
+from slipd.device_text import one_line
 from slipd.devices import GripperSession
 from slipd.pipeline.desk import Desk
 from slipd.pipeline.events import (
@@ -280,4 +281,5 @@ class Engine:
             body |= {"tare_id": side.tare.current.id, "tare_busy": side.tare.busy} | side.told(t_ns)
         worst = max(health for health, _ in conditions)
         message = "; ".join(text for _, text in sorted(conditions, key=lambda told: -told[0]) if text)
-        return {"health": int(worst), "message": message, **body}
+        shown = {key: one_line(value) if isinstance(value, str) else value for key, value in body.items()}
+        return {"health": int(worst), "message": one_line(message), **shown}

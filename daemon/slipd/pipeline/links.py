@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import groupby
 from operator import attrgetter
 from typing import Any, cast
@@ -11,6 +12,7 @@ from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
 from slipd.pipeline.events import LinkSpec
+from slipd.pipeline.silence import Heard, why_silent
 from slipd.pipeline.streams import Stream, make_stream
 from slipd.samples import Sample
 from slipd_client.messages import Health
@@ -21,8 +23,10 @@ FLOOD_FACTOR = 4.0
 BURST_S = 1.0
 #: Slow streams too come in bunches.
 LEAST_BURST = 32.0
-#: A flood is told for so long after the last reading that was dropped.
+#: A flood is told for so long after the last reading that was dropped; so is a fault in reading the bytes.
 FLOOD_TOLD_NS = 1_000_000_000
+#: A stream that is silent for longer is looked into; bytes that came within it arrive now.
+SILENT_NS = 1_000_000_000
 
 
 class Link:
@@ -45,6 +49,7 @@ class Link:
         device = DEVICES[config.device]
         options = device_options(config)
         self.spec = spec
+        self._device = device
         self.session: Session | None = device.session(**options) if device.session is not None else None
         self._decoder: Session | Decoder = self.session or device.decoder(**options)
         self.streams: dict[str, Stream] = {}
@@ -59,6 +64,11 @@ class Link:
         self._allowed = self._rate_hz = 0.0
         self._allowed_ns = 0
         self._dropped_ns: int | None = None
+        self._opened_ns = 0
+        self._heard_ns: int | None = None  # bytes came last
+        self._bad_bytes = 0  # as the link was opened
+        self._fault = ""
+        self._fault_ns = 0
 
     def add(self, sensor: str, stream: Stream) -> None:
         """Adds a stream of the link."""
@@ -72,6 +82,8 @@ class Link:
         self._first_opened = self._first_opened or identity
         self.up, self._opened, self._message, self._stranger = True, identity, "", ""
         self._allowed_ns, self._allowed = t_ns, self._burst()
+        self._opened_ns, self._heard_ns = t_ns, None
+        self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
         self.interrupt()
         greeting = b""
         if self.session is not None:
@@ -109,7 +121,12 @@ class Link:
             t_ns: When it was received.
             late_ns: How long the bytes may have waited for the daemon.
         """
-        samples = self._decoder.receive(data, t_ns)
+        self._heard_ns = t_ns
+        try:
+            samples = self._decoder.receive(data, t_ns)
+        except Exception as error:  # whatever a device sends, it ends neither the daemon nor the other streams
+            self._fail(error, t_ns)
+            return []
         session = self.session
         if session is not None and (self._stranger or session.identity != self._first_said):
             self._recognise()
@@ -132,6 +149,14 @@ class Link:
         session = self.session
         if session is None or not self.up:
             return []
+        try:
+            return self._due(session, t_ns)
+        except Exception as error:  # as above: the conversation rests on what the device sent
+            self._fail(error, t_ns)
+            return []
+
+    @staticmethod
+    def _due(session: Session, t_ns: int) -> list[bytes]:
         pieces: list[bytes] = []
         while (deadline := session.next_deadline()) is not None and deadline <= t_ns:
             piece = session.on_time(t_ns)
@@ -149,9 +174,37 @@ class Link:
             return Health.ERROR, self._message
         if self._stranger:
             return Health.ERROR, self._stranger
+        if self._fault and t_ns - self._fault_ns < FLOOD_TOLD_NS:
+            return Health.ERROR, self._fault
         if self._dropped_ns is not None and t_ns - self._dropped_ns < FLOOD_TOLD_NS:
             return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
-        return stream.level(t_ns)
+        health, message = stream.level(t_ns)
+        if health is not Health.STALE:
+            return health, message or counters.note
+        if t_ns - max(self._opened_ns, stream.last_ns or 0) <= SILENT_NS:
+            return health, message
+        why = counters.note or self._why_silent(stream, t_ns)
+        return health, why if stream.last_ns is None else f"{message}: {why}"
+
+    def _why_silent(self, stream: Stream, t_ns: int) -> str:
+        bad_bytes = self._decoder.health.bad_bytes
+        newest_ns = [other.last_ns for other in self.streams.values() if other.last_ns is not None]
+        heard = Heard(
+            bytes_come=self._heard_ns is not None and t_ns - self._heard_ns <= SILENT_NS,
+            garbled=bad_bytes > self._bad_bytes if stream.last_ns is None else stream.damage > 0,
+            others=bool(newest_ns) and t_ns - max(newest_ns) <= SILENT_NS,
+            state=self.session.state if self.session is not None else "",
+        )
+        sensor = next(name for name, held in self.streams.items() if held is stream)
+        return why_silent(self._device, self.spec, sensor, heard)
+
+    def _fail(self, error: Exception, t_ns: int) -> None:
+        """Drops what the decoder could not bear, and begins anew behind it."""
+        self._fault = f"its bytes cannot be read ({type(error).__name__}: {error}): they are dropped"
+        self._fault_ns = t_ns
+        if self.session is None:
+            with suppress(Exception):
+                cast("Decoder", self._decoder).forget()
 
     def told(self, stream: Stream, t_ns: int) -> dict[str, Any]:
         """``status.streams.<name>`` but for health and message."""

@@ -1,6 +1,7 @@
 """A Contactile PTS controller with two PapillArray pads seen from its line: it streams unasked and knows its rates.
 
-Left out: displacements, the zeroing of the sensors, and a slip detection that is switched on.
+It speaks PTSCOM 2.0, or the layout of a public parser that contradicts it. Left out: the zeroing of the sensors, and a
+slip detection that is switched on.
 """
 
 from __future__ import annotations
@@ -8,13 +9,20 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
+
 from slipd.devices import papillarray
 from slipd.devices import papillarray_frames as frames
+from slipd.devices.papillarray_layout import DISPLACEMENT_FIRST, FORCE_FIRST
 from slipd.samples import Array
 from slipd.sim.tactile_stream import TactileStream
 
 POWER_ON_HZ = 1000.0
 NOISE_N = 0.005
+STIFFNESS_N_PER_MM = np.array([4.0, 4.0, 6.0])
+RESTING_N = (0.0, 0.0, 0.1)
+"""What presses on each pillar until something else does: a load, which shows the layout."""
+LAYOUTS = {"displacement_first": DISPLACEMENT_FIRST, "force_first": FORCE_FIRST}
 
 _COMMAND = re.compile(rb"f(\d{1,4})\n")
 _LONGEST_COMMAND = 6
@@ -26,12 +34,15 @@ class Controller:
     Args:
         seed: Of the noise.
         clock_ppm: How much too fast its clock runs.
+        layout: "displacement_first", as PTSCOM 2.0 says, or "force_first", as a public parser reads it.
     """
 
-    def __init__(self, seed: int, clock_ppm: float = 20.0) -> None:
+    def __init__(self, seed: int, clock_ppm: float = 20.0, layout: str = "displacement_first") -> None:
+        self._layout = LAYOUTS[layout]
         self.options: dict[str, Any] = {}
         self.rate_hz = 500.0
         self._stream = TactileStream(seed, POWER_ON_HZ, (frames.PILLARS, 3), NOISE_N)
+        self._stream.press(np.tile(RESTING_N, (frames.PILLARS, 1)))
         self._stream.start(0)
         self._clock_us_per_ns = 1e-3 + clock_ppm * 1e-9
         self._counter = 0
@@ -60,16 +71,25 @@ class Controller:
 
     def _frame(self, taken_ns: int) -> bytes:
         pads = [self._stream.image() for _ in range(frames.SENSORS)]
+        entries = [_entries(pad, self._layout) for pad in pads]
+        documented = self._layout == DISPLACEMENT_FIRST
         blocks = [
             frames.encode_hub(self._counter, round(taken_ns * self._clock_us_per_ns)),
-            frames.encode_pillars(pads),
+            frames.encode_pillars(entries),
             frames.encode_totals([pad.sum(axis=0) for pad in pads]),
-            *frames.encode_slip([frames.PILLARS] * frames.SENSORS),
+            *frames.encode_slip([frames.PILLARS] * frames.SENSORS, type_bytes=1 if documented else 2),
         ]
         self._counter += 1
-        return frames.encode_blocks(blocks)
+        return frames.encode_blocks(blocks, index_end=documented)
 
 
-def make(seed: int) -> Controller:
-    """Return the emulator with its noise seeded."""
-    return Controller(seed)
+def _entries(forces_n: Array, layout: int) -> Array:
+    """Return force and displacement of each pillar in the order of the layout, shape (pillars, 6)."""
+    displacements_mm = forces_n / STIFFNESS_N_PER_MM
+    pair = (forces_n, displacements_mm) if layout == FORCE_FIRST else (displacements_mm, forces_n)
+    return np.column_stack(pair)
+
+
+def make(seed: int, layout: str = "displacement_first") -> Controller:
+    """Return the emulator with its noise seeded; for the layout see `Controller`."""
+    return Controller(seed, layout=layout)

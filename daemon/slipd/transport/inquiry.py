@@ -19,18 +19,21 @@ async def inquire(address: str, inquiry: Inquiry) -> bytes:
     """Put the question and return the whole answer.
 
     Raises:
-        LinkError: There is none within TIMEOUT_S, or it is cut short or beyond all measure.
+        LinkError: There is none within TIMEOUT_S, it is cut short or beyond all measure, or its check finds a fault.
     """
     host, _ = host_and_port(address)
     try:
         async with asyncio.timeout(TIMEOUT_S):
-            return await _ask(host, inquiry)
+            answer = await _ask(host, inquiry)
+        fault = inquiry.check(answer)
     except TimeoutError:
         fault = f"no answer within {TIMEOUT_S:g} s"
     except asyncio.IncompleteReadError as error:
         fault = f"{len(error.partial)} bytes of the {inquiry.reply_bytes} of an answer"
     except (OSError, ValueError) as error:
         fault = str(error)
+    if not fault:
+        return answer
     raise LinkError(
         f"{address}: asked on TCP port {inquiry.port} before it is read: {fault}; switch the device on, correct the"
         " address, or give in the options of the device what it would answer"

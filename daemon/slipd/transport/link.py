@@ -18,6 +18,9 @@ from slipd.errors import LinkError
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
 from slipd.transport.inquiry import inquire
 
+STEADY_S = 0.5
+"""A connection that brought bytes for so long was well: the next pause is the first again."""
+
 FIRST_DELAY_S = 0.05
 """Pause before the first attempt to open again: a cable that was bumped is back within one."""
 
@@ -85,7 +88,8 @@ class Link:
 
     Events of one link come in order: LinkUp, its Bytes, LinkDown. A reason why the link is down is told once, and
     again only when another takes its place. Closing by cancellation tells nothing: whoever cancels knows. The log hears
-    of the same once until bytes have come: a UDP device that is off opens and is lost for ever.
+    of the same once until bytes have come: a UDP device that is off opens and is lost for ever. Whatever else than a
+    LinkError an attempt to open or close raises is a reason like any other: no device ends the daemon.
 
     Attributes:
         refused_writes: Writes that were dropped because the link was down or the device did not read.
@@ -103,7 +107,7 @@ class Link:
         self._overruns = 0
         self._told = ""
         self._logged: deque[str] = deque(maxlen=LINES_HELD)
-        self._taking = True
+        self._taking, self._heard = True, False
         self._delay_s = FIRST_DELAY_S
 
     @property
@@ -124,6 +128,8 @@ class Link:
                 connection = await self._open(self._spec, self._hand_on)
             except LinkError as error:
                 reason = str(error)
+            except Exception as error:
+                reason = f"{self._spec.address}: cannot be opened ({type(error).__name__}: {error})"
             else:
                 reason = await self._serve(connection, answer)
             self._tell_down(reason)
@@ -165,7 +171,8 @@ class Link:
 
     async def _serve(self, connection: Connection, answer: bytes) -> str:
         self._connection = connection
-        self._taking = True
+        self._taking, self._heard = True, False
+        opened_s = time.monotonic()
         self._told = ""
         self._tell_log(logging.INFO, f"open ({connection.identity})")
         try:
@@ -176,12 +183,21 @@ class Link:
         finally:
             self._connection = None
             self._overruns += connection.overruns
+            if self._heard:
+                self._logged.clear()
+                # a device that opens, says something and dies at once keeps its growing pause
+                if time.monotonic() - opened_s >= STEADY_S:
+                    self._delay_s = FIRST_DELAY_S
+            await self._close(connection)
+
+    async def _close(self, connection: Connection) -> None:
+        try:
             await connection.close()
+        except Exception as error:
+            _log.warning("%s: did not close well: %s: %s", self._spec.name, type(error).__name__, error)
 
     def _hand_on(self, data: bytes) -> None:
-        # only bytes prove that the device is well: a port that opens and dies at once keeps its growing pause
-        self._delay_s = FIRST_DELAY_S
-        self._logged.clear()
+        self._heard = True
         self._on_event(Bytes(self._spec.name, data))
 
     def _tell_down(self, reason: str) -> None:

@@ -1,4 +1,4 @@
-"""A device that sends datagrams as a connection: each is handed on as one piece of bytes.
+"""A device that sends datagrams as a connection: each is handed on as one piece of bytes, as far as devices fill it.
 
 The socket is connected: datagrams of others never reach it, and the host of a device that does not listen says so.
 """
@@ -20,7 +20,8 @@ RECEIVE_BUFFER_BYTES = 512 * 1024
 DATAGRAMS_PER_WAKE = 32
 """Most datagrams read before the rest of the loop has its turn, were they empty; READ_BYTES bounds them otherwise."""
 
-MAX_DATAGRAM_BYTES = 65_535
+MAX_DATAGRAM_BYTES = 2048
+"""Most bytes taken of a datagram; the rest of a longer one is dropped. Devices send 1440 at the most, 40 records."""
 
 SO_MEMINFO, MEMINFO_WORDS, MEMINFO_DROPS = 55, 9, 8
 """Linux <asm-generic/socket.h> and <linux/sock_diag.h>: what the kernel counts of a socket; it has the drops last."""

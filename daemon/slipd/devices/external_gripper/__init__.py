@@ -12,4 +12,12 @@ from slipd.devices.external_gripper.external_gripper_session import Session
 
 __all__ = ["DEVICE", "Decoder", "Session"]
 
-DEVICE = Device("external_gripper", "gripper", ("local",), Decoder, Session, rates_hz=(1.0, 1000.0))
+DEVICE = Device(
+    "external_gripper",
+    "gripper",
+    ("local",),
+    Decoder,
+    Session,
+    rates_hz=(1.0, 1000.0),
+    frame="a message of a gripper's driver",
+)

@@ -28,4 +28,5 @@ DEVICE = Device(
     baud=115_200,
     tabled=True,
     grip=GRIP,
+    frame="a reply of a Robotiq gripper",
 )

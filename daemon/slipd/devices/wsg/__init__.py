@@ -26,4 +26,5 @@ DEVICE = Device(
     Session,
     rates_hz=(1000.0 / LONGEST_MS, 1000.0 / SHORTEST_MS),
     grip=GRIP,
+    frame="a WSG packet",
 )

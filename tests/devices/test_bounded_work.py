@@ -1,0 +1,213 @@
+"""Whatever a device sends, its decoder works in proportion to the bytes: counted in calls, characters and places."""
+
+from __future__ import annotations
+
+import random
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from slipd.devices import DEVICES, external, rdt, xela
+from slipd.devices import external_message as message
+from slipd.devices import papillarray_frames as pts
+from slipd.devices.framing import Frames
+from slipd.devices.health import DecoderHealth
+
+READ = 1024
+CALLS_A_BYTE = 12
+"""A good stream takes a call for some ten bytes, a search that slides byte by byte and checks sums some ten a byte."""
+
+XELA_NUMBERS = b'{"message":1,"1":{"taxels":368,"calibrated":[' + b".5," * 1103 + b".5]}}"
+
+
+def repeat(piece: bytes, size: int) -> bytes:
+    return (piece * (size // len(piece) + 1))[:size]
+
+
+RECORD = rdt.encode_record((1, 2, 3, 4, 5, 6), 70_000, 7)
+HOSTILE: dict[str, tuple[bytes, ...]] = {
+    "bota": (b"\xaa", b"App Init\r", b"r,0,C,1\r\n", b"App Init\rname: a\r"),
+    "optoforce": (b"\xaa", b"\xaa\x07\x08\x1c", b"\xaa\x07\x08\x0a"),
+    "netft": (RECORD, RECORD[1:], b"\x00"),
+    "robotous": (b"\x55", b"\x55\x0b\xaa"),
+    "gauges": (b"\xc3\x3c\x01", b"\xc3"),
+    "pvdf": (b"\xa5\x5a\x01", b"\xa5\x5a\x01\x00"),
+    "dsacon32": (b"\xaa", b"\xaa\xaa\xaa\x00\x05\x10", b"\xaa\xaa\xaa\x00\xff\x0f" + bytes(6)),
+    "wts": (b"\xaa", b"\xaa\xaa\xaa\x00\x05\x10", b"\xaa\xaa\xaa\x00\xff\x00" + bytes(3)),
+    "tsf85": (b"\x9a", b"\x9a\x00\x58\xff\x10", b"\x9a\x00\xe3\xff   a"),
+    "papillarray": (
+        pts.START,
+        pts.START * 100 + pts.END * 100,
+        pts.START + pts.END * 40,
+        pts.START + bytes(8) + pts.END + b"\0",
+        pts.encode_blocks([pts.encode_hub(1, 1), (pts.UNDEFINED, pts.END * 100)])[:-6],
+    ),
+    "external": (
+        b"\x83\xa3",
+        b"\x83\xa6stream",
+        b"\x83\xa4t_ns\x01",
+        b"\x84\xa4t_ns\x01\xa6values\xdc\x0f\xff\x01\x01",
+    ),
+    "xela": (b"{", b"}", b'{"', b'{"a":}', b'{"message":1,"time":.5,.}', b'{"a":[', XELA_NUMBERS),
+}
+OPTIONS: dict[str, dict[str, Any]] = {"netft": {"calibration": "config"}, "pvdf": {"rows": 8, "cols": 16}}
+STREAMS = [(name, number) for name, pieces in HOSTILE.items() for number in range(len(pieces) + 1)]
+
+
+def calls(work: Callable[[], object]) -> int:
+    """Functions, of Python and of C, that the work calls."""
+    count = 0
+
+    def note(frame: object, event: str, argument: object) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize(("name", "number"), STREAMS)
+def test_a_decoder_makes_a_bounded_number_of_calls_a_byte(name: str, number: int) -> None:
+    device = DEVICES[name]
+    size = 64 * READ
+    pieces = [*HOSTILE[name], random.Random(1).randbytes(size)]
+    stream = repeat(pieces[number], size)
+    reader: Any = (device.session or device.decoder)(**OPTIONS.get(name, {}))
+    if device.session is not None:
+        reader.start(0)
+
+    def read() -> None:
+        for at in range(0, size, READ):
+            reader.receive(stream[at : at + READ], at * 1000)
+
+    assert calls(read) <= CALLS_A_BYTE * size
+
+
+def test_every_device_that_is_read_has_its_hostile_bytes() -> None:
+    grippers = {name for name, device in DEVICES.items() if device.kind == "gripper"}
+    assert set(HOSTILE) == set(DEVICES) - grippers
+
+
+@pytest.mark.parametrize("size", [1 << 12, 1 << 15, 1 << 17])
+@pytest.mark.parametrize(
+    "text",
+    [
+        XELA_NUMBERS,
+        b'{"message":1,"a":[' + b".5," * 5000,
+        b'{"a":' * 900 + b"[" + b"1," * 10_000 + b"}" * 900,
+        b'{"message":' * 900 + b"[" + b"1," * 10_000 + b"}" * 900,
+        b'{"message":1,"time":.5,.}',
+    ],
+)
+def test_xela_parses_no_character_more_than_twice(text: bytes, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Counting:
+        parsed = 0
+
+        def raw_decode(self, text: str) -> tuple[Any, int]:
+            self.parsed += len(text)
+            return real.raw_decode(text)
+
+    real, counting = xela._JSON, Counting()
+    monkeypatch.setattr(xela, "_JSON", counting)
+    decoder, stream = xela.Decoder(), repeat(text, size)
+    for at in range(0, size, READ):
+        decoder.receive(stream[at : at + READ], 0)
+    zeros = stream.count(b".")
+    assert counting.parsed <= 2 * size + zeros
+
+
+def test_xela_reads_numbers_without_a_zero_at_the_cost_of_two_looks() -> None:
+    (sample,) = xela.Decoder(calibrated=True).receive(XELA_NUMBERS, 0)
+    assert (sample.values == 0.5).all()
+
+
+@pytest.mark.parametrize("number", ["1" * 4000, "-1", str(1 << 63)])
+def test_xela_refuses_a_running_number_that_no_counter_holds(number: str) -> None:
+    decoder = xela.Decoder()
+    decoder.receive(b'{"message":5}{"message":%s}' % number.encode(), 0)
+    assert (decoder.health.bad, decoder.health.lost) == (1, 0)
+
+
+def test_xela_takes_a_leap_beyond_any_gap_for_a_restart() -> None:
+    decoder = xela.Decoder()
+    decoder.receive(b'{"message":5}{"message":9000000000000000000}', 0)
+    assert (decoder.health.lost, decoder.health.restarts) == (0, 1)
+
+
+class Sliding(rdt.Records):
+    """Searches every place, one by one."""
+
+    def __init__(self, health: DecoderHealth, reserved: int) -> None:
+        super().__init__(health, reserved)
+        self._frames = Frames(b"", self._measure, rdt.RECORD_LENGTH, health)
+
+
+def run(first: int, count: int) -> bytes:
+    return b"".join(rdt.encode_record((n % 1000, 0, 0, 0, 0, n % 7), n, 7 * n) for n in range(first, first + count))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_search_for_records_finds_what_a_search_place_by_place_finds(seed: int) -> None:
+    rng = random.Random(seed)
+    stream = b""
+    for _ in range(12):
+        good = run(rng.choice((1, 70_000, (1 << 32) - 4)), rng.randrange(1, 9))
+        junk = (rng.randbytes(rng.randrange(200)), bytes(rng.randrange(200)), good[: rng.randrange(len(good))])
+        stream += good + rng.choice(junk)
+    found = []
+    for kind in (rdt.Records, Sliding):
+        for size in (len(stream), 1000, 37):
+            health = DecoderHealth()
+            records = kind(health, 0xF000)
+            heads = [head for at in range(0, len(stream), size) for head in records.receive(stream[at : at + size])[0]]
+            found.append((heads, health))
+    assert all(other == found[0] for other in found[1:])
+
+
+@pytest.mark.parametrize("junk", [bytes(60_000), random.Random(3).randbytes(60_000), repeat(RECORD, 60_000)])
+def test_garbage_is_not_searched_place_by_place(junk: bytes) -> None:
+    judged = 0
+
+    class Counting(rdt.Records):
+        def _measure(self, buffer: bytes, at: int) -> int:
+            nonlocal judged
+            judged += 1
+            return super()._measure(buffer, at)
+
+    Counting(DecoderHealth(), 0xF000).receive(junk)
+    assert judged < 10
+
+
+@pytest.mark.parametrize("piece", [b"\x83\xa3", b"\x83\xa6stream", b"\x83\xa4t_ns\x01"])
+@pytest.mark.parametrize("read", [100, 1 << 16])
+def test_a_stretch_of_garbage_is_judged_at_a_bounded_number_of_places(
+    piece: bytes, read: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judged = 0
+    measure = message.measure
+
+    def count(buffer: bytes, at: int) -> int:
+        nonlocal judged
+        judged += 1
+        return measure(buffer, at)
+
+    monkeypatch.setattr(message, "measure", count)
+    decoder, stream = external.Decoder(), repeat(piece, 1 << 16)
+    for at in range(0, len(stream), read):
+        decoder.receive(stream[at : at + read], 0)
+    waiting = len(stream) // read
+    assert judged <= external.FREE_TRIES + len(stream) // external.BYTES_A_TRY + 1 + waiting
+
+
+def test_a_reading_behind_a_stretch_of_garbage_is_found_and_the_next_stretch_is_judged_anew() -> None:
+    decoder = external.Decoder()
+    reading = external.encode_reading("left", 1, force_n=(1.0, 2.0, 3.0))
+    for _ in range(3):
+        junk = b"\x83\xa3" * external.FREE_TRIES + bytes(external.BYTES_A_TRY)
+        assert len(decoder.receive(junk + reading, 0)) == 1

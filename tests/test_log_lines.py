@@ -1,0 +1,55 @@
+"""The gate of the log: what a device says is escaped, cut and limited, and nothing is left out unsaid."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from slipd.device_text import LONGEST, one_line
+from slipd.log_lines import BURST, EVERY_S, KINDS, LogGate
+
+
+def line(message: str, *args: object, name: str = "slipd.transport.link") -> logging.LogRecord:
+    return logging.LogRecord(name, logging.WARNING, "link.py", 1, message, args, None)
+
+
+def test_control_characters_are_escaped_and_a_long_text_is_cut() -> None:
+    assert one_line("S/N 12 µ") == "S/N 12 µ"
+    forged = one_line("bye\nERROR slipd: \x1b[31mall is lost\x85\u2028\u202e")
+    assert forged == "bye\\nERROR slipd: \\x1b[31mall is lost\\x85\\u2028\\u202e"
+    assert one_line("x" * LONGEST) == "x" * LONGEST
+    assert one_line("x" * 8000) == "x" * LONGEST + " … (8000 characters)"
+    assert len(one_line("\n" * 8000)) < LONGEST + 30
+
+
+def test_a_line_passes_as_it_would_be_written() -> None:
+    record = line("%s: %s", "left.pad", "closed: bye\nERROR forged")
+    assert LogGate(lambda: 0.0).filter(record)
+    assert record.getMessage() == "left.pad: closed: bye\\nERROR forged"
+
+
+def test_lines_of_one_kind_are_limited_and_those_left_out_are_counted() -> None:
+    now_s = [50.0]
+    gate = LogGate(lambda: now_s[0])
+    passed = [gate.filter(line("%s: %s", "left.pad", f"reason {n}")) for n in range(100)]
+    assert passed == [n < BURST for n in range(100)]
+    assert gate.filter(line("%s: %s", "right.pad", "another link")), "another link has lines of its own"
+    now_s[0] += EVERY_S
+    late = line("%s: %s", "left.pad", "reason 100")
+    assert gate.filter(late)
+    assert late.getMessage() == "left.pad: reason 100 (90 such lines were left out)"
+    assert not gate.filter(line("%s: %s", "left.pad", "reason 101"))
+    now_s[0] += 100 * EVERY_S
+    assert sum(gate.filter(line("%s: %s", "left.pad", f"reason {n}")) for n in range(100)) == BURST
+
+
+def test_the_gate_keeps_a_bounded_number_of_kinds() -> None:
+    gate = LogGate(lambda: 0.0)
+    assert all(gate.filter(line(f"message {n}")) for n in range(10 * KINDS))
+    assert len(gate._kinds) <= KINDS
+
+
+@pytest.mark.parametrize("args", [(), ({"name": "left"},)])
+def test_lines_without_positional_arguments_pass(args: tuple[object, ...]) -> None:
+    assert LogGate(lambda: 0.0).filter(line("ready" if not args else "%(name)s", *args))
