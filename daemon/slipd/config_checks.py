@@ -27,9 +27,13 @@ _ADDRESSES = {
 }
 #: Bits of a byte on a line of 8N1.
 BITS_A_BYTE = 10
-#: A stream is stale after so many periods without a reading, and no sooner than after the least.
+#: By default a stream is stale after so many periods without a reading, and no sooner than after the least.
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
+#: ``stale_s`` is at least this long and so many periods: silence is judged every 5 ms, and a reading may be missed.
+STALE_S, STALE_S_PERIODS = 0.01, 1.5
+#: It is at most this long, or so many periods where these are longer: a verdict must not rest on a dead sensor.
+STALE_MOST_S, STALE_MOST_PERIODS = 0.5, 10.0
 
 
 def meaning_faults(config: Config) -> list[Fault]:
@@ -146,9 +150,16 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
     rate = _rate(path, stream, device)
     if rate:
         return rate
+    least_s = max(STALE_S, STALE_S_PERIODS / stream.rate_hz)
+    most_s = max(STALE_MOST_S, STALE_MOST_PERIODS / stream.rate_hz)
+    if stream.stale_s is not None and not least_s <= stream.stale_s <= most_s:
+        message = f"must be from {least_s:g} to {most_s:g} s at rate_hz = {stream.rate_hz:g}, got {stream.stale_s:g}"
+        return [(f"{path}.stale_s", message)]
     stale_s = stale_after_ns(stream) * 1e-9
     if stream.delay_s >= stale_s:
-        message = f"every reading would be stale on arrival: less than {stale_s:g} s, as rate_hz is, can be used"
+        message = (
+            f"must be less than {stale_s:g} s, or every reading would be stale, got {stream.delay_s:g}; set stale_s"
+        )
         return [(f"{path}.delay_s", message)]
     own = sorted({"rows", "cols"} & stream.options.keys())
     if own:
@@ -203,7 +214,9 @@ def _wrong_address(port: str) -> str:
 
 
 def stale_after_ns(stream: Stream) -> int:
-    """Age at which a stream is stale for the verdict."""
+    """Return the silence, and the age of a reading, beyond which a stream is stale for the verdict."""
+    if stream.stale_s is not None:
+        return round(stream.stale_s * 1e9)
     return max(round(STALE_PERIODS * 1e9 / stream.rate_hz), STALE_LEAST_NS)
 
 

@@ -74,6 +74,9 @@ class Stream(StrictModel):
             first in a run.
         baud: Line speed of a serial port, bit/s; None: the device's own default.
         rate_hz: Readings a second that are expected.
+        stale_s: The stream is stale after so long without a reading, s, and so is a reading that is older when it
+            arrives; time in which the daemon itself stood still does not count. None: three periods, at least 20 ms.
+            Raises of the grip have a limit of their own. Of a gripper: for its health alone.
         delay_s: Known time from the acquisition of a reading to its earliest receipt, s, such as a filter's delay.
         poll_s: How often the host asks the line what came, s, where a reading may wait for that and nothing shows it:
             0.001 for most USB adapters at 1 kHz. Half of it is taken off, all of it is doubt.
@@ -86,6 +89,7 @@ class Stream(StrictModel):
     hardware_id: str = ""
     baud: int | None = Field(default=None, gt=0)
     rate_hz: Hertz
+    stale_s: float | None = None
     delay_s: float = Field(default=0.0, ge=0.0, le=1.0)
     poll_s: float = Field(default=0.0, ge=0.0, le=1.0)
     options: dict[str, Option] = Field(default={})

@@ -34,14 +34,12 @@ from slipd.recording.mcap_file import check_new
 from slipd.recording.on_request import RequestedRecordings, check_room, private_directory, state_dir
 from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.writer import Recorder, Room
+from slipd.ticker import Ticker
 from slipd.transport import Links
 from slipd.zeromq.endpoint import check_free
 from slipd.zeromq.gate import raise_descriptor_limit
 from slipd_client.messages import encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
-
-#: How often time itself enters the engine: sessions and staleness (20 ms at the least) are judged by it.
-TICK_S = 0.005
 
 #: How often it is told that more was lost on this host: often enough to find the cause, too seldom to flood the log.
 LOSSES_TOLD_S = 10.0
@@ -91,7 +89,7 @@ async def serve(
         stack.callback(gc.unfreeze)
         async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.take) as links:
             run.links = links
-            ticker = tasks.create_task(_tick(run.tick), name="ticker")
+            ticker = tasks.create_task(Ticker(run.tick, lambda: run.taken).run(), name="ticker")
             teller = tasks.create_task(_tell_losses(links), name="losses")
             run.tell_recording()
             on_ready(run.endpoints)
@@ -104,7 +102,11 @@ async def serve(
 
 
 class _Run:
-    """One run: the engine and everything that its events come from and go to, but for the links."""
+    """One run: the engine and everything that its events come from and go to, but for the links.
+
+    Attributes:
+        taken: Events so far.
+    """
 
     def __init__(self, config: Config, record: Path | None, stop: asyncio.Event) -> None:
         self.boot = secrets.token_hex(8)
@@ -115,6 +117,7 @@ class _Run:
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._failure: BaseException | None = None
         self._over = False
+        self.taken = 0
         self._stack = ExitStack()
         self._recorder: Recorder | None = None
         self._recording: RecorderWatch | None = None
@@ -208,23 +211,24 @@ class _Run:
             for write in self.engine.farewell():
                 self.links.write(write.link, write.data)
 
-    def take(self, event: Event) -> None:
-        """Takes one event now; a failure ends the run."""
+    def take(self, event: Event, t_ns: int | None = None) -> None:
+        """Takes one event, at ``t_ns`` or now; a failure ends the run."""
         if self._over:
             return
+        self.taken += 1
         try:
-            self._handle(event, time.monotonic_ns())
+            self._handle(event, time.monotonic_ns() if t_ns is None else t_ns)
         except Exception as error:  # whatever it is: the run must end and say so
             self._failure = self._failure or error
             self._stop.set()
 
-    def tick(self, tick: Tick) -> None:
-        """Let time enter the engine, behind what became of the recordings meanwhile."""
+    def tick(self, tick: Tick, t_ns: int) -> None:
+        """Let time enter the engine, before what became of the recordings meanwhile."""
         self._publisher.look()
+        self.take(tick, t_ns)
         self.tell_recording()
         for change in self._requested.news(time.monotonic_ns()):
             self.take(change)
-        self.take(tick)
 
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """A callback outside the engine failed (a socket, a task): silence would be the worst answer."""
@@ -259,17 +263,6 @@ class _Run:
 
     def _on_request(self, client: bytes, body: dict[str, Any]) -> None:
         self.take(Request(client, body))
-
-
-async def _tick(take: Callable[[Tick], None]) -> None:
-    """Lets time enter the engine, without drifting; how late the loop was shows in the recorded times."""
-    loop = asyncio.get_running_loop()
-    due = loop.time()
-    while True:
-        awake_ns = time.monotonic_ns()  # read first, so that the difference is never negative
-        take(Tick(time.clock_gettime_ns(time.CLOCK_BOOTTIME) - awake_ns))
-        due = max(due + TICK_S, loop.time())
-        await asyncio.sleep(due - loop.time())
 
 
 async def _tell_losses(links: Links) -> None:

@@ -265,6 +265,19 @@ def test_a_stream_is_stale_after_three_periods_and_never_within_20_ms(
     assert finger.age_s(T0 + stale_ns + 1) == pytest.approx(stale_ns * 1e-9)
 
 
+def test_a_config_may_say_when_a_stream_is_stale_but_not_when_a_grip_is_raised(
+    left: str, parse: Parse, wrench: Wrench, image: Image
+) -> None:
+    patient = parse(left.replace("rate_hz", "stale_s = 0.1\nrate_hz")).finger["left"]
+    finger = Finger("left", patient, LevelsConfig())
+    finger.take_tactile(image(T0))
+    finger.take_wrench(wrench(T0, 10.0))
+    assert finger.on_time(T0 + 100 * MS) is None
+    assert finger.feels(T0 + 50 * MS)
+    assert not finger.feels(T0 + 50 * MS + 1)
+    assert verdict(finger.on_time(T0 + 100 * MS + 1)) == ("unknown", ("stale",))
+
+
 def test_a_stale_finger_knows_again_with_its_next_reading(finger: Finger, judge: Judge, wrench: Wrench) -> None:
     judge(10.0)
     finger.on_time(T0 + 1000 * MS)

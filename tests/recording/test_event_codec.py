@@ -19,7 +19,7 @@ EVENT = st.one_of(
     st.builds(LinkUp, TEXT, TEXT),
     st.builds(LinkDown, TEXT, TEXT),
     st.builds(Request, st.binary(), st.dictionaries(WORD, VALUE, max_size=5)),
-    st.builds(Tick, st.integers(0, 2**63 - 1)),
+    st.builds(Tick, st.integers(0, 2**63 - 1), st.booleans()),
     st.builds(RecordingChanged, TEXT, TEXT, TEXT, TEXT, st.integers(0, 2**63 - 1)),
 )
 INDEX = st.integers(0, 2**63 - 1)
@@ -30,6 +30,7 @@ EXAMPLES: list[Event] = [
     Request(b"\x01client", {"op": "grip.set", "force_n": 2.5, "nested": {"a": [1, None, True]}}),
     Tick(5),
     RecordingChanged("a.mcap", "/state/a.mcap", "failed", "No space left on device", 7),
+    Tick(5, unread=True),
 ]
 
 
@@ -76,6 +77,12 @@ def written(**fields: object) -> bytes:
     return sealed(msgpack.packb({**fields, "crc32": bytes(4)})[:-4])
 
 
+def test_a_tick_of_an_older_recording_is_one_of_lines_that_were_empty() -> None:
+    payload = written(n=0, t_ns=7, kind="tick", suspended_ns=5)
+    assert payload == encode_event(0, 7, Tick(5)), "it is written as before"
+    assert decode_event(payload) == (0, 7, Tick(5))
+
+
 @given(st.binary(max_size=64))
 def test_bytes_that_are_no_event_raise_only_a_recording_error(data: bytes) -> None:
     for payload in (data, sealed(data)):
@@ -90,6 +97,7 @@ def test_bytes_that_are_no_event_raise_only_a_recording_error(data: bytes) -> No
         (written(n=0, t_ns=0, kind=["bytes"]), "kind"),
         (written(n=0, t_ns=0), "kind None"),
         (written(n=0, t_ns=0, kind="tick"), "suspended_ns"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=0, unread=1), "other fields"),
         (written(n=0, t_ns=0, kind="tick", suspended_ns=0, more=1), "other fields"),
         (written(n=0, t_ns=0, kind="tick", suspended_ns=True), "other fields"),
         (written(n=0, t_ns=0.5, kind="tick", suspended_ns=0), "other fields"),

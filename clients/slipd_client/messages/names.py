@@ -17,7 +17,8 @@ REASONS = {
     "rotation": "the twist about the pad nears what friction carries",
     "tipping": "the contact nears the edge of the pad",
     "slip_detected": "the contact moves",
-    "stale": "a stream this verdict needs has fallen silent",
+    "stale": "readings that this verdict needs are missing, for longer than `stale_s`; "
+    "those that only wait for a late daemon are not",
     "no_mu": "no friction coefficient is given or learned",
     "rotation_unobserved": "without a pad image nothing tells how much twist the contact carries",
     "unsupportable": "no grip force holds this load",

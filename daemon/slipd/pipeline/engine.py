@@ -6,7 +6,7 @@ its events is the run itself.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -27,6 +27,7 @@ from slipd.pipeline.events import (
     Write,
 )
 from slipd.pipeline.finger import Finger
+from slipd.pipeline.freshness import PROMPT, Arrival
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.holding import make_holding
 from slipd.pipeline.lateness import Lateness
@@ -34,6 +35,7 @@ from slipd.pipeline.lease_desk import lease_body, policy_without_gripper
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import NO_FRAME, Outlet, Pace
 from slipd.pipeline.recordings import Recordings
+from slipd.pipeline.state import Judged
 from slipd.pipeline.streams import Stream
 from slipd.pipeline.voice import Voice
 from slipd.samples import GripperSample
@@ -90,8 +92,8 @@ class Engine:
         match event:
             case Bytes(name, data):
                 self._receive(self._links[name], data, t_ns, out)
-            case Tick(suspended_ns):
-                self._tick(suspended_ns, t_ns, out)
+            case Tick():
+                self._tick(event.suspended_ns, t_ns, out)
             case Request():
                 self._answer(event, t_ns, out)
             case RecordingChanged():
@@ -119,8 +121,12 @@ class Engine:
         return GripperControl(self._config.gripper, cast("GripperSession", self._links[GRIPPER_LINK].session))
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
-        for stream, samples, times_ns in link.receive(data, t_ns, self._lateness.late_ns):
-            self._take(stream, samples, times_ns, t_ns, out)
+        late_ns, arrival = self._lateness.late_ns, PROMPT
+        for stream, samples, times_ns in link.receive(data, t_ns, late_ns):
+            if late_ns:
+                waited_ns, unread_ns = self._lateness.waited_ns(t_ns), self._lateness.unread_ns(t_ns)
+                arrival = Arrival(waited_ns, unread_ns, link.dated(stream))
+            self._take(stream, samples, times_ns, arrival, t_ns, out)
         if pieces := link.due(t_ns):
             out += [Write(link.spec.name, piece) for piece in pieces]
         if self._gripper is None:
@@ -149,7 +155,15 @@ class Engine:
             out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns)))
             self._publish_status(t_ns, out)
 
-    def _take(self, stream: str, samples: Sequence[Any], times_ns: Sequence[int], t_ns: int, out: list[Output]) -> None:
+    def _take(
+        self,
+        stream: str,
+        samples: Sequence[Any],
+        times_ns: Sequence[int],
+        arrival: Arrival,
+        t_ns: int,
+        out: list[Output],
+    ) -> None:
         """Takes the readings of one stream that came in one read."""
         owner, _, kind = stream.partition(".")
         if not kind:
@@ -157,18 +171,23 @@ class Engine:
             return
         finger, voice = self._fingers[owner], self._voices[owner]
         if kind == "wrench":
-            for judged in finger.take_wrenches(samples, times_ns):
-                self._react(t_ns, out)
-                voice.tell_read(judged, out)
+            self._tell_reads(finger.take_wrenches(samples, times_ns, arrival), voice, t_ns, out)
         else:
             for sample, acquired_ns in zip(samples, times_ns, strict=True):
-                decided = finger.take_tactile(sample, acquired_ns)
+                decided = finger.take_tactile(sample, acquired_ns, arrival)
                 if decided is not None:
                     self._react(t_ns, out)
                     voice.tell_read(decided, out)
                 voice.tell_image(acquired_ns, out)
+                if arrival.waited_ns:
+                    self._tell_reads(finger.release(t_ns, arrival.unread_ns), voice, t_ns, out)
         if self._holding is not None:
             self._holding.tell(t_ns, out)
+
+    def _tell_reads(self, reads: Iterable[Judged], voice: Voice, t_ns: int, out: list[Output]) -> None:
+        for judged in reads:
+            self._react(t_ns, out)
+            voice.tell_read(judged, out)
 
     def _react(self, t_ns: int, out: list[Output]) -> None:
         """Lets the reflex act: its command leaves before anything is said of what called it."""
@@ -199,8 +218,10 @@ class Engine:
 
     def _pass_time(self, t_ns: int, out: list[Output]) -> None:
         """Tells what the passing of time alone changed."""
+        unread_ns = self._lateness.unread_ns(t_ns)
         for name, finger in self._fingers.items():
-            state = finger.on_time(t_ns)
+            self._tell_reads(finger.release(t_ns, unread_ns), self._voices[name], t_ns, out)
+            state = finger.on_time(t_ns, unread_ns)
             if state is not None:
                 self._voices[name].tell(state, out)
         self._watch_gripper(t_ns, out)
@@ -270,7 +291,8 @@ class Engine:
         }
 
     def _stream_body(self, link: Link, stream: Stream, t_ns: int) -> dict[str, Any]:
-        conditions = [link.level(stream, t_ns)]
+        lateness = self._lateness
+        conditions = [link.level(stream, t_ns, lateness.unread_ns(t_ns), lateness.worst_ns(t_ns))]
         body = link.told(stream, t_ns)
         owner, _, kind = stream.name.partition(".")
         side = self._fingers[owner].side(kind) if kind else None

@@ -65,9 +65,15 @@ class Request:
 
 @dataclass(slots=True, frozen=True)
 class Tick:
-    """Time passed; ``suspended_ns`` is how long the host has slept since boot (BOOTTIME − MONOTONIC)."""
+    """Time passed.
+
+    Attributes:
+        suspended_ns: How long the host has slept since boot (BOOTTIME − MONOTONIC).
+        unread: The daemon stood still, and the lines were not seen empty since: what came meanwhile may wait there.
+    """
 
     suspended_ns: int = 0
+    unread: bool = False
 
 
 @dataclass(slots=True, frozen=True)

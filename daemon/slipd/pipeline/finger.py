@@ -16,6 +16,7 @@ from slipd.config_model import Stream
 from slipd.fusion import AS_IS, LATE, UNTRUSTED, USABLE, USE, Contact, Doubt, contact_of, wrench_told
 from slipd.fusion.slip import NO_CONTACT
 from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide, Read
+from slipd.pipeline.freshness import PROMPT, Arrival, Freshness, HeldRead, HeldReads
 from slipd.pipeline.image import UNFELT, Felt, PadImage, pad_image
 from slipd.pipeline.judge import Judge
 from slipd.pipeline.state import HIDDEN, LOST, UNOBSERVED, Judged, State
@@ -60,11 +61,11 @@ class Finger:
             raise ValueError(f"finger {name} has no stream")
         self.name = name
         self.config = config
-        self._stale_ns = stale_after_ns(main)
+        self._freshness = Freshness(stale_after_ns(main))
         self._oldest_ns = _oldest_ns(main)
         self._oldest_image_ns = _oldest_ns(config.pad or main)
         self.image: PadImage | None = pad_image(config)
-        self.force = ForceSide(config.wrench, self._stale_ns) if config.wrench is not None else None
+        self.force = ForceSide(config.wrench, stale_after_ns(config.wrench)) if config.wrench is not None else None
         self.tare: Tare = self._part(None).tare
         self.image_in_newtons = config.pad is not None and in_newtons(config.pad)
         self.in_newtons = config.wrench is not None or self.image_in_newtons
@@ -78,10 +79,13 @@ class Finger:
         self._compared_ns = 0
         self._low_n, self._high_n = math.inf, -math.inf
         self._past: deque[tuple[int, tuple[float, ...]]] = deque(maxlen=PASTS)
-        self._image_stale_ns = stale_after_ns(config.pad) if config.pad is not None else 0
+        self._image_freshness = Freshness(stale_after_ns(config.pad or main))
+        self._image_dated, self._image_late = True, False
+        self._held = HeldReads()
+        self._undated_wait = False
         self._free = False
-        self._received_ns: int | None = None
-        self._acquired_ns = 0
+        self._received_ns = self._acquired_ns = 0
+        self._unread_ns: int | None = None
 
     def side(self, kind: str) -> ForceSide | PadImage | None:
         """What stands behind the finger's stream "wrench" or "pad"."""
@@ -130,7 +134,7 @@ class Finger:
         """Whether its stream "wrench" or "pad" has sent readings lately."""
         if stream == "wrench" or self.force is None:
             return self.state.verdict is not LOST
-        return self.image is not None and self._is_fresh(self.image, t_ns)
+        return self._has_image(t_ns, None)
 
     @property
     def state(self) -> State:
@@ -175,15 +179,20 @@ class Finger:
         return DOUBTS.isdisjoint(self.state.verdict.reasons)
 
     def feels(self, t_ns: int) -> bool:
-        """What it feels is believed, and fresh enough to raise a grip on it; so is its image, where it has a pad."""
+        """Whether its readings, and images where it has a pad, are trusted and fresh enough to raise a grip on them.
+
+        A late daemon is no excuse here: what it has not read yet, or reads late, may be another situation.
+        """
         image = self.image
         if image is not None and (image.t_ns is None or t_ns - image.t_ns > self._oldest_image_ns):
             return False
-        return self.trusted and self._received_ns is not None and t_ns - self._acquired_ns <= self._oldest_ns
+        if self._freshness.is_stale(t_ns) or self._received_ns - self._acquired_ns > self._freshness.stale_ns:
+            return False
+        return self.trusted and t_ns - self._acquired_ns <= self._oldest_ns
 
     def age_s(self, t_ns: int) -> float | None:
         """Age of the newest force reading, s; None before the first."""
-        return None if self._received_ns is None else (t_ns - self._acquired_ns) * 1e-9
+        return None if self._freshness.came_ns is None else (t_ns - self._acquired_ns) * 1e-9
 
     def begin_tare(self, t_ns: int, seconds: float, by: str, stream: str | None = None) -> None:
         """Start to average the unloaded readings of its stream "wrench" or "pad"; None: of what measures the force."""
@@ -202,26 +211,71 @@ class Finger:
             pass
         return self.state
 
-    def take_wrenches(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> Iterator[Judged]:
+    def take_wrenches(
+        self, samples: Sequence[WrenchSample], times_ns: Sequence[int], arrival: Arrival = PROMPT
+    ) -> Iterator[Judged]:
         """Decides on the readings of one read: on all at once, but for a tare, which a contact ends at once.
+
+        Readings that waited for the daemon may first wait for the image of their time; see `release`.
 
         Args:
             samples: The readings, received together.
             times_ns: When each was acquired, CLOCK_MONOTONIC.
+            arrival: How they reached the daemon.
         """
-        force = self.force
-        if force is None:
+        if self.force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
+        if arrival.waited_ns or self._held:
+            self._held.hold(HeldRead(samples, times_ns, arrival))
+            return self.release(samples[-1].t_ns, arrival.unread_ns)
+        return self._take_read(self.force, samples, times_ns, arrival)
+
+    def release(self, t_ns: int, unread_ns: int | None = None) -> Iterator[Judged]:
+        """Decide on the force readings that need not wait for an image any more.
+
+        Args:
+            t_ns: Now.
+            unread_ns: For how long the image's line counts as unread; None: it is empty.
+        """
+        if self.force is not None and self._held:
+            until_ns = None
+            if unread_ns and self._has_image(t_ns, unread_ns):
+                until_ns = self._image_serves_until(t_ns - unread_ns)
+            for samples, times_ns, arrival in self._held.release(until_ns):
+                waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
+                yield from self._take_read(
+                    self.force, samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated), t_ns
+                )
+
+    def _take_read(
+        self,
+        force: ForceSide,
+        samples: Sequence[WrenchSample],
+        times_ns: Sequence[int],
+        arrival: Arrival,
+        t_ns: int | None = None,
+    ) -> Iterator[Judged]:
+        """Decide on a read; at ``t_ns`` where it was held."""
+        if self._undated_wait:  # without a clock, time seems to stand still for what waited, and then to jump
+            force.excuse(times_ns[0])
+        self._undated_wait = arrival.waited_ns > 0 and not arrival.dated
         step = 1 if self.tare.busy else len(samples)
         for at in range(0, len(samples), step):
-            yield self._decide(force.take(samples[at : at + step], times_ns[at : at + step], self._untouched))
+            read = force.take(samples[at : at + step], times_ns[at : at + step], self._untouched)
+            yield self._decide(read if t_ns is None else read._replace(received_ns=t_ns), arrival)
 
-    def take_tactile(self, sample: TactileSample, acquired_ns: int | None = None) -> Judged | None:
+    def take_tactile(
+        self, sample: TactileSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT
+    ) -> Judged | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
         if self.image is None:
             return None
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
         self.image.take(sample, t_ns, self._felt())
+        excused_ns = 0 if self._image_late else arrival.waited_ns
+        self._image_late = sample.t_ns - t_ns - excused_ns > self._image_freshness.stale_ns
+        self._image_freshness.update(sample.t_ns, t_ns, arrival)
+        self._image_dated = arrival.dated
         self._compare(t_ns)
         if self.force is not None or not self.image.three_axis:
             return None
@@ -233,23 +287,32 @@ class Finger:
             words = words or ("not_finite",)
         use = UNTRUSTED if words else USABLE
         rows = np.array([(*((math.nan,) * 6 if wrench is None else wrench), t_ns * 1e-9, use)])
-        return self._decide(Read((t_ns,), sample.t_ns, rows, AS_IS, {0: words} if words else {}, (sample.status,)))
+        read = Read((t_ns,), sample.t_ns, rows, AS_IS, {0: words} if words else {}, (sample.status,))
+        return self._decide(read, arrival)
 
-    def on_time(self, t_ns: int) -> State | None:
-        """Notices that a stream which the verdict stands on fell silent; None where nothing changed."""
-        silent_ns = 0 if self._received_ns is None else t_ns - self._received_ns
-        if self.tare.busy and silent_ns > LONGEST_TARE_GAP_NS:
+    def on_time(self, t_ns: int, unread_ns: int | None = None) -> State | None:
+        """Notice that a stream which the verdict rests on fell silent; None where nothing changed.
+
+        Args:
+            t_ns: Now.
+            unread_ns: For how long lines count as unread: no silence of a stream; None: they are empty.
+        """
+        if self.tare.busy and self._freshness.silent_ns(t_ns, unread_ns) > LONGEST_TARE_GAP_NS:
             self.tare.abort("the stream fell silent")
         image = self.image
-        if image is not None and image.tare.busy and t_ns - image.received_ns > LONGEST_TARE_GAP_NS:
+        if (
+            image is not None
+            and image.tare.busy
+            and self._image_freshness.silent_ns(t_ns, unread_ns) > LONGEST_TARE_GAP_NS
+        ):
             image.tare.abort("the stream fell silent")
         if self.state.verdict is LOST:
             return None
-        if self._received_ns is None or silent_ns > self._stale_ns:
+        if self._freshness.is_stale(t_ns, unread_ns):
             return self.lose(t_ns)
         verdict = self.state.verdict
         holds = verdict.level in RESTS_ON_IMAGE and DOUBTS.isdisjoint(verdict.reasons)
-        if holds and self.state.shares is not None and self.image is not None and not self._is_fresh(self.image, t_ns):
+        if holds and self.state.shares is not None and not self._has_image(t_ns, unread_ns):
             self._newest = replace(
                 self.state, verdict=UNOBSERVED, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
             )
@@ -259,6 +322,7 @@ class Finger:
     def disconnect(self, t_ns: int) -> State:
         """The force stream ended: a tare that is being measured would average what lies before and behind."""
         self.tare.abort("the stream ended")
+        self._held.clear()
         return self.lose(t_ns)
 
     def disconnect_image(self) -> None:
@@ -275,14 +339,22 @@ class Finger:
         self._newest = State(t_ns, LOST, age_s=self.age_s(t_ns))
         return self._newest
 
-    def _decide(self, read: Read) -> Judged:
+    def _decide(self, read: Read, arrival: Arrival) -> Judged:
         """Decides on the readings of one read."""
-        times_ns, received_ns = read.times_ns, read.received_ns
-        self._received_ns, self._acquired_ns = received_ns, times_ns[-1]
-        if received_ns - min(times_ns) > self._stale_ns:
-            read.rows[received_ns - np.array(times_ns) > self._stale_ns, USE] = LATE
+        times_ns, received_ns, waited_ns = read.times_ns, read.received_ns, arrival.waited_ns
+        usable_ns = self._freshness.stale_ns
+        if waited_ns and self.state.verdict is not LOST:  # a stream that was late already was not late for the daemon
+            usable_ns += waited_ns
+        self._received_ns, self._acquired_ns, self._unread_ns = received_ns, times_ns[-1], arrival.unread_ns
+        self._freshness.update(received_ns, times_ns[-1], arrival)
+        if received_ns - min(times_ns) > usable_ns:
+            read.rows[received_ns - np.array(times_ns) > usable_ns, USE] = LATE
         image = self.image
-        shares_of = image.shares if image is not None and self._is_fresh(image, received_ns) else None
+        shares_of = image.shares if image is not None and self._has_image(received_ns, arrival.unread_ns) else None
+        if waited_ns and shares_of is not None:
+            until_ns = self._image_serves_until(received_ns - waited_ns)
+            if until_ns is not None and times_ns[-1] > until_ns:
+                shares_of = None
         doubt, fault = self._doubt(times_ns[-1]), "" if image is None else image.fault
         judged = self._judge.judge(read, doubt, shares_of, self._disagreement, fault)
         if judged.ends_at < len(judged):
@@ -363,15 +435,24 @@ class Finger:
         image = self.image
         if image is None or self.force is None or image.tare.busy:
             return None
-        if not self._is_fresh(image, self._received_ns or 0):
+        if not self._has_image(self._received_ns, self._unread_ns):
             return None
         return image.shows_contact()
 
-    def _is_fresh(self, image: PadImage, received_ns: int) -> bool:
-        """An image is old by its receipt, as a stream is; one that was old when it came is none."""
-        if image.t_ns is None or received_ns - image.received_ns > self._image_stale_ns:
-            return False
-        return image.received_ns - image.t_ns <= self._image_stale_ns
+    def _has_image(self, t_ns: int, unread_ns: int | None) -> bool:
+        """Whether the newest image is fresh; one that was old when it came is not."""
+        known = self.image is not None and self.image.t_ns is not None
+        return known and not self._image_late and not self._image_freshness.is_stale(t_ns, unread_ns)
+
+    def _image_serves_until(self, since_ns: int) -> int | None:
+        """Latest time of a force reading that waited since ``since_ns`` and is judged on the newest image; None: any.
+
+        Of an image that has no time of its own, and was read after a stall, nobody knows better when it was acquired.
+        """
+        image, came_ns = self.image, self._image_freshness.came_ns
+        if image is None or image.t_ns is None or came_ns is None or not (self._image_dated or came_ns <= since_ns):
+            return None
+        return image.t_ns + self._image_freshness.stale_ns
 
     def _note(self, judged: Judged) -> None:
         """Keeps what an image will be compared with."""

@@ -120,6 +120,10 @@ class ForceSide:
                 rows[at, 3:6] = math.nan
         return Read(times_ns, samples[-1].t_ns, rows, carrier, untrusted, statuses)
 
+    def excuse(self, t_ns: int) -> None:
+        """Count no gap of the stream until ``t_ns``: the daemon did not read it."""
+        self._watch.excuse(t_ns)
+
     def _carries(self) -> Carrier:
         """What moves readings onto the pad, with the offset and the weight in force."""
         weight = self.gravity.correction

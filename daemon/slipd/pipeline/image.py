@@ -80,7 +80,6 @@ class PadImage:
         tare: Offset of the readings, in counts.
         pressure: Normal force on each taxel above the threshold, shape (n,), else 0; in the unit of ``axis_scale``.
         t_ns: When the image was acquired; None before the first.
-        received_ns: When it was received.
         status: Conditions the device reported with it.
         hangs: The images repeat while the force moves.
     """
@@ -114,7 +113,6 @@ class PadImage:
         self._alone = finger.wrench is None
         self.pressure = np.zeros(taxels)
         self.t_ns: int | None = None
-        self.received_ns = 0
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
         self._known = False
@@ -151,7 +149,7 @@ class PadImage:
         if not doubtful and not self.zero_known:
             self._look(values, readings, t_ns, felt)
         self._believe(values, doubtful=doubtful)
-        self.t_ns, self.received_ns, self.status = t_ns, sample.t_ns, sample.status
+        self.t_ns, self.status = t_ns, sample.status
         self._assumed_free = self._charge is not None and felt.free
 
     def _believe(self, values: Array, *, doubtful: bool) -> None:

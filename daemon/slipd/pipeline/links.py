@@ -166,10 +166,21 @@ class Link:
                 break
         return pieces
 
-    def level(self, stream: Stream, t_ns: int) -> tuple[Health, str]:
-        """How a stream is doing, and what to tell people of it."""
+    def dated(self, name: str) -> bool:
+        """Whether the newest times of a stream are those of a clock, not of its receipts."""
+        return any(stream.dated for stream in self.streams.values() if stream.name == name)
+
+    def level(self, stream: Stream, t_ns: int, unread_ns: int | None = None, late_ns: int = 0) -> tuple[Health, str]:
+        """Return how a stream is doing, and a message for people.
+
+        Args:
+            stream: One of the link's.
+            t_ns: Now.
+            unread_ns: For how long a line that brought nothing counts as unread; None: it is empty.
+            late_ns: The daemon's longest stall of late.
+        """
         counters = self._decoder.health
-        stream.measure(t_ns, counters.bad_bytes)
+        stream.measure(t_ns, counters.bad_bytes, late_ns)
         if not self.up:
             return Health.ERROR, self._message
         if self._stranger:
@@ -178,7 +189,7 @@ class Link:
             return Health.ERROR, self._fault
         if self._dropped_ns is not None and t_ns - self._dropped_ns < FLOOD_TOLD_NS:
             return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
-        health, message = stream.level(t_ns)
+        health, message = stream.level(t_ns, unread_ns, late_ns)
         if health is not Health.STALE:
             return health, message or counters.note
         if t_ns - max(self._opened_ns, stream.last_ns or 0) <= SILENT_NS:

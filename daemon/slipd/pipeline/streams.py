@@ -10,6 +10,7 @@ from typing import Any, cast
 from slipd.config import Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
+from slipd.pipeline.freshness import PROMPT, Arrival, Freshness
 from slipd.pipeline.report import number
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock, host_time
@@ -30,6 +31,7 @@ class Stream:
     Attributes:
         name: e.g. ``left.wrench``.
         expected_hz: Rate that the config expects.
+        freshness: Whether readings are missing.
         kind: What its readings are.
         shape: Of an image; empty where the readings are no images.
         last_ns: When the newest reading was received; None before the first.
@@ -39,7 +41,7 @@ class Stream:
 
     name: str
     expected_hz: float
-    stale_ns: int
+    freshness: Freshness
     host_clock: bool
     clock: DeviceClock
     kind: type[Sample]
@@ -67,13 +69,19 @@ class Stream:
             samples = [sample for sample in samples if not self._misfit(sample)]
             if not samples:
                 return samples, []
-        self.last_ns = samples[-1].t_ns
+        self.last_ns = received_ns = samples[-1].t_ns
         self.count += len(samples)
         times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
         if self.host_clock or times_ns[0] < self._acquired_ns:  # what integrates needs times that never go back
             times_ns = list(accumulate(times_ns, max, initial=self._acquired_ns))[1:]
         self._acquired_ns = times_ns[-1]
+        self.freshness.update(received_ns, times_ns[-1], Arrival(late_ns, dated=self.dated) if late_ns else PROMPT)
         return samples, times_ns
+
+    @property
+    def dated(self) -> bool:
+        """The newest times are those of a clock, not of their receipts."""
+        return self.host_clock or self.clock.state == "locked"
 
     def _host_times(self, samples: Sequence[Sample]) -> list[int]:
         times_ns = []
@@ -105,8 +113,16 @@ class Stream:
             return f"images of {_shape(sample.values.shape)}, where the config says {_shape(self.shape)}"
         return ""
 
-    def measure(self, t_ns: int, bad_bytes: int) -> None:
-        """Takes rate and damage of the time since they were last taken; ``bad_bytes`` is the link's running count."""
+    def measure(self, t_ns: int, bad_bytes: int, late_ns: int = 0) -> None:
+        """Update rate and damage, counted since the last update.
+
+        Args:
+            t_ns: Now.
+            bad_bytes: The link's running count.
+            late_ns: The daemon's longest stall of late: what came in it is counted late, so a long one spoils the rate.
+        """
+        if self._since_ns is not None and late_ns > RATE_TOLERANCE * RATE_WINDOW_NS:
+            self._since_ns = None
         if self._since_ns is not None and t_ns - self._since_ns >= RATE_WINDOW_NS:
             self.rate_hz = (self.count - self._counted) * 1e9 / (t_ns - self._since_ns)
             self.damage = bad_bytes - self._bad_bytes
@@ -114,15 +130,16 @@ class Stream:
         elif self._since_ns is None and self.last_ns is not None:
             self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
 
-    def level(self, t_ns: int) -> tuple[Health, str]:
-        """How the stream of an open link is doing, and what to tell people of it."""
+    def level(self, t_ns: int, unread_ns: int | None = None, late_ns: int = 0) -> tuple[Health, str]:
+        """Return how the stream of an open link is doing, and a message for people; see `Link.level`."""
         if self.misfit:
             return Health.ERROR, self.misfit
         if self.last_ns is None:
             return Health.STALE, "open, but no reading yet"
-        age_ns = t_ns - self.last_ns
-        if age_ns > self.stale_ns:
-            return Health.STALE, f"no reading for {age_ns * 1e-9:.2f} s"
+        if self.freshness.is_stale(t_ns, unread_ns):
+            return Health.STALE, f"no reading for {self.freshness.silent_ns(t_ns, unread_ns) * 1e-9:.2f} s"
+        if late_ns > self.freshness.stale_ns:
+            return Health.WARN, f"the daemon was late by {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
         if self.damage > 0:
             return Health.WARN, f"{self.damage} bytes of late belong to no frame"
         if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_TOLD_NS:
@@ -160,7 +177,7 @@ def make_stream(name: str, config: StreamConfig) -> Stream:
     elif isinstance(config, Pad):
         taxels = config.rows * config.cols
         kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)
-    return Stream(name, config.rate_hz, stale_after_ns(config), device.host_clock, clock, kind, shape)
+    return Stream(name, config.rate_hz, Freshness(stale_after_ns(config)), device.host_clock, clock, kind, shape)
 
 
 def _scanned_ns(sample: TactileSample) -> int | None:

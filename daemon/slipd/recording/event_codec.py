@@ -27,6 +27,7 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "recording": (RecordingChanged, {"name": str, "path": str, "state": str, "reason": str, "lost": int}),
     "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }
+_OPTIONAL: dict[str, dict[str, type]] = {"tick": {"unread": bool}}  # left out where false, as in older recordings
 _KINDS = {event_type: kind for kind, (event_type, _) in reversed(_FIELDS.items())}
 _UNICODE_ERRORS = "surrogatepass"  # an operating system's error text may hold the odd bytes of a file name
 
@@ -41,6 +42,7 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
     """
     kind = _KINDS[type(event)]
     fields = {name: getattr(event, name) for name in _FIELDS[kind][1]}
+    fields |= {name: True for name in _OPTIONAL.get(kind, ()) if getattr(event, name)}
     whole = {"n": n, "t_ns": t_ns, "kind": kind, **fields, "crc32": bytes(_CRC_BYTES)}
     body: bytes = msgpack.packb(whole, unicode_errors=_UNICODE_ERRORS)[:-_CRC_BYTES]
     return body + _crc(body)
@@ -59,6 +61,7 @@ def decode_event(payload: bytes) -> tuple[int, int, Event]:
     if not isinstance(kind, str) or kind not in _FIELDS:
         raise RecordingError(f"an event of kind {kind!r:.40}; known are {', '.join(_FIELDS)}")
     event_type, types = _FIELDS[kind]
+    types = types | {name: held for name, held in _OPTIONAL.get(kind, {}).items() if name in whole}
     expected = {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes}
     found = {name: type(value) for name, value in whole.items()}
     if found != expected:

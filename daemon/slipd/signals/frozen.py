@@ -144,6 +144,10 @@ class WrenchWatch:
         self.fault = ""
         self.lively = False
 
+    def excuse(self, t_ns: int) -> None:
+        """Count no gap until ``t_ns``: the daemon did not read the stream."""
+        self._last_ns = t_ns
+
     def update(self, readings: Sequence[Sequence[float]], times_ns: Sequence[int], rows: Array) -> dict[int, str]:
         """Takes readings as the sensor sent them, before tare and mounting.
 
