@@ -19,9 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import zmq
-
-from slipd.bus.authentication import Authenticator, guard
+from slipd.bus.authentication import guard
 from slipd.bus.publisher import Publisher
 from slipd.bus.requests import RequestServer
 from slipd.bus.runtime import RuntimeDirectory
@@ -32,7 +30,7 @@ from slipd.pipeline.warm_up import warm_up
 from slipd.recording.on_request import RequestedRecordings, state_dir
 from slipd.recording.writer import Recorder
 from slipd.transport import Links
-from slipd.zeromq.gate import raise_descriptor_limit
+from slipd.zmtp.listener import raise_descriptor_limit
 from slipd_client.messages import encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
 
@@ -124,14 +122,9 @@ class _Run:
         self._recorder = self._open_recorder(stack)
         self._requested = RequestedRecordings(state_dir(), self._make_recorder)
         stack.callback(self._requested.close)
-        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        stack.callback(context.term)
-        if allowed.keys:
-            stack.enter_context(Authenticator(context, allowed.keys))
-        publisher = Publisher(context, bus.publish or publish_endpoint(), allowed.publish)
+        publisher = Publisher(bus.publish or publish_endpoint(), allowed.publish)
         self._publisher = stack.enter_context(publisher)
         requests = RequestServer(
-            context,
             bus.requests or requests_endpoint(),
             self._on_request,
             allowed.requests,
@@ -179,7 +172,6 @@ class _Run:
 
     def tick(self, tick: Tick) -> None:
         """Lets time enter the engine, behind what became of a recording meanwhile."""
-        self._publisher.look()
         failed = self._requested.failed()
         if failed is not None:
             self.take(failed)
