@@ -26,7 +26,7 @@ from slipd.zmtp.listener import (
     most_connections,
     raise_descriptor_limit,
 )
-from slipd.zmtp.peer import Manners, Peer
+from slipd.zmtp.peer import Manners
 
 if TYPE_CHECKING:
     from zeromq_peers import Context, Eventually
@@ -259,22 +259,22 @@ def test_Z4_600_idle_connections_never_keep_a_daemon_with_128_descriptors_from_o
 
 
 async def test_who_has_the_descriptor_of_a_peer_that_left_is_not_disturbed(
-    strangers: Strangers, endpoint: str, eventually: Eventually
+    endpoint: str, eventually: Eventually
 ) -> None:
     """A connection is ended as the socket that it is, not as a number that means another one by then."""
-    gone: list[Peer] = []
-    with echoing(endpoint) as listener:
-        stranger = strangers(endpoint)
+    with contextlib.ExitStack() as stack, echoing(endpoint) as listener:
+        first, *heirs = (stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(4))
+        first.connect(endpoint.removeprefix("ipc://"))
         await eventually(lambda: listener._strangers)
-        gone += listener._strangers
-        descriptor = gone[0].fileno
-        stranger.close()
-        await eventually(lambda: gone[0].closed)
-        heirs = [strangers(endpoint) for _ in range(3)]
-        await eventually(lambda: len(listener._strangers) == 3)
-        assert descriptor in {each.fileno for each in listener._strangers}
-        gone[0].close("once more")
-        gone[0].flush()
-        assert not gone[0].send((b"to nobody",))
+        (gone,) = listener._strangers
+        first.shutdown(socket.SHUT_RDWR)  # keeps its own descriptor
+        await eventually(lambda: gone.closed)
+        for each in heirs:
+            each.connect(endpoint.removeprefix("ipc://"))
+        await eventually(lambda: len(listener._strangers) == len(heirs))
+        assert gone.fileno in {each.fileno for each in listener._strangers}
+        gone.close("once more")
+        gone.flush()
+        assert not gone.send((b"to nobody",))
         await asyncio.sleep(0.05)
         assert len(listener._strangers) == len(heirs)
