@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from slipd.bus.rate_limit import RateLimit
+from slipd.grip.once import URGENT_OPS
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
 from slipd.zmtp.peer import Manners, Peer
@@ -25,9 +26,6 @@ MOST_QUEUED = 100
 
 PER_SECOND = 50.0
 """Requests that one client may send a second: a lease renewed, gravity told for two fingers, and room for steering."""
-
-URGENT_OPS = frozenset({"lease.renew", "grip.hold", "gripper.stop"})
-"""They make a grip safer or keep it so: they have an allowance of their own, and pass where another is used up."""
 
 _BETWEEN = b"\0"
 """Stands between what a client cannot choose and its route; the first holds none."""
@@ -82,7 +80,7 @@ class RequestServer:
         self._names: dict[Peer, bytes] = {}
         self._unnamed = itertools.count(1)
         self._limit = RateLimit(per_second)
-        self._urgent = RateLimit(per_second)
+        self._urgent = RateLimit(per_second)  # for what must pass where the other is used up
         self._refusals = RateLimit(per_second)
         self._listener = Listener(
             endpoint, _MANNERS, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
