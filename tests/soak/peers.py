@@ -1,6 +1,6 @@
 """Hostile peers at the real daemon: does it live, what memory do they take, and how long do others wait?
 
-A lease holder renews, and a client asks for the status, while each kind of peer does its worst.
+A lease holder renews, and a newcomer asks for the tare, while each kind of peer does its worst.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ ANSWER_MS = 2000
 WANTED_MB, WANTED_MS = 50.0, 20.0
 DEADLINE_NS = 400_000_000
 OPEN_S = 60.0
+RENEW, ASK = "lease.renew", "tare.get"
 
 CASES: dict[str, tuple[tuple[str, str, int], ...]] = {
     "nobody": (),
@@ -109,7 +110,7 @@ def run(folder: Path, *, quick: bool) -> Table:
         table.rows.append((case, *_case(folder, peers, seconds)))
     table.notes += [
         f"Memory: highest of the daemon over what it had before; wanted: {WANTED_MB:g} MB at most.",
-        "Others: a client that renews its lease and one that asks for the status, 20 times a second each; wanted: "
+        "Others: a client that renews its lease and one that asks for the tare, 20 times a second each; wanted: "
         f"{WANTED_MS:g} ms at most (p99), none refused.",
         "The daemon lived through all of it: it is looked at behind each case.",
     ]
@@ -174,9 +175,9 @@ class Asker:
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             begun_s = time.monotonic()
-            for socket, op in ((holder, "lease.renew"), (client, "status")):
+            for socket, op in ((holder, RENEW), (client, ASK)):
                 sent_s = time.monotonic()
-                reply = self._exchange(socket, op)
+                reply = self._exchange(socket, op, **({} if op == RENEW else {"finger": "left"}))
                 if reply is None:
                     found.unanswered += 1
                     continue

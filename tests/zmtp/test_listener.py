@@ -26,7 +26,7 @@ from slipd.zmtp.listener import (
     most_connections,
     raise_descriptor_limit,
 )
-from slipd.zmtp.peer import Manners
+from slipd.zmtp.peer import PeerRules
 
 if TYPE_CHECKING:
     from zeromq_peers import Context, Eventually
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.usefixtures("loop_faults")
 MOST = 8
 TCP = "tcp://127.0.0.1:*"
 LOCAL = Access(local_tcp=True)
-ECHO = Manners(kind=b"ROUTER", serves=frozenset({b"DEALER"}), max_bytes=1000, most_queued=10)
+ECHO = PeerRules(kind=b"ROUTER", serves=frozenset({b"DEALER"}), max_bytes=1000, most_queued=10)
 
 Strangers = Callable[[str], socket.socket]
 Clients = Callable[..., "Client"]
@@ -188,7 +188,7 @@ async def test_nothing_is_left_open_behind_a_listener(
     for _ in range(20):
         with echoing(endpoint) as listener:
             theirs.append(strangers(endpoint))
-            await eventually(lambda: listener._strangers)
+            await eventually(lambda: listener._pending)
     assert open_files() == before + len(theirs)
 
 
@@ -265,16 +265,16 @@ async def test_who_has_the_descriptor_of_a_peer_that_left_is_not_disturbed(
     with contextlib.ExitStack() as stack, echoing(endpoint) as listener:
         first, *heirs = (stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(4))
         first.connect(endpoint.removeprefix("ipc://"))
-        await eventually(lambda: listener._strangers)
-        (gone,) = listener._strangers
+        await eventually(lambda: listener._pending)
+        (gone,) = listener._pending
         first.shutdown(socket.SHUT_RDWR)  # keeps its own descriptor
         await eventually(lambda: gone.closed)
         for each in heirs:
             each.connect(endpoint.removeprefix("ipc://"))
-        await eventually(lambda: len(listener._strangers) == len(heirs))
-        assert gone.fileno in {each.fileno for each in listener._strangers}
+        await eventually(lambda: len(listener._pending) == len(heirs))
+        assert gone.fileno in {each.fileno for each in listener._pending}
         gone.close("once more")
         gone.flush()
         assert not gone.send((b"to nobody",))
         await asyncio.sleep(0.05)
-        assert len(listener._strangers) == len(heirs)
+        assert len(listener._pending) == len(heirs)

@@ -8,7 +8,7 @@ from types import TracebackType
 from slipd.bus.rate_limit import RateLimit
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
-from slipd.zmtp.peer import Manners, Peer
+from slipd.zmtp.peer import Peer, PeerRules
 from slipd.zmtp.wire import ProtocolError
 
 MOST_QUEUED = 1000
@@ -26,7 +26,7 @@ SUBSCRIPTIONS_PER_S = 200.0
 
 _SUBSCRIBE, _UNSUBSCRIBE = b"\x01", b"\x00"
 
-_MANNERS = Manners(
+_RULES = PeerRules(
     kind=b"XPUB",
     serves=frozenset({b"SUB", b"XSUB"}),
     max_bytes=MAX_SUBSCRIPTION_BYTES,
@@ -59,7 +59,7 @@ class Publisher:
         self._readers: dict[str, list[Peer]] = {}  # who wants a topic; made anew when subscriptions change
         self._limit = RateLimit(SUBSCRIPTIONS_PER_S)
         self._listener = Listener(
-            endpoint, _MANNERS, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
+            endpoint, _RULES, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
         )
 
     def __enter__(self) -> Publisher:

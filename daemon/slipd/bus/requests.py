@@ -17,7 +17,7 @@ from slipd.bus.rate_limit import RateLimit
 from slipd.grip.once import URGENT_OPS
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
-from slipd.zmtp.peer import Manners, Peer
+from slipd.zmtp.peer import Peer, PeerRules
 from slipd.zmtp.wire import ProtocolError
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
@@ -30,7 +30,7 @@ PER_SECOND = 50.0
 _BETWEEN = b"\0"
 """Stands between what a client cannot choose and its route; the first holds none."""
 
-_MANNERS = Manners(
+_RULES = PeerRules(
     kind=b"ROUTER",
     serves=frozenset({b"DEALER", b"REQ", b"ROUTER"}),
     max_bytes=REQUEST_LIMITS.data_bytes,  # who sends more is disconnected
@@ -83,7 +83,7 @@ class RequestServer:
         self._urgent = RateLimit(per_second)  # for what must pass where the other is used up
         self._refusals = RateLimit(per_second)
         self._listener = Listener(
-            endpoint, _MANNERS, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
+            endpoint, _RULES, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
         )
 
     def __enter__(self) -> RequestServer:
@@ -118,9 +118,7 @@ class RequestServer:
     def _on_message(self, peer: Peer, frames: list[bytes]) -> None:
         client = self._names[peer]
         try:
-            if len(frames) != 1:
-                raise MessageError("malformed", "a request is one frame, as a DEALER sends it")
-            body = decode(frames[0])
+            body = _decode(frames)
         except MessageError as error:
             if self._in_time(peer, None):
                 self.malformed += 1
@@ -156,3 +154,9 @@ class RequestServer:
         fault = {"code": error.code, "message": error.message, "field": error.field}
         known = number if type(number) in (str, int) else None
         self.reply(client, {"v": PROTOCOL_VERSION, "id": known, "ok": False, "error": fault})
+
+
+def _decode(frames: list[bytes]) -> dict[str, Any]:
+    if len(frames) != 1:
+        raise MessageError("malformed", "a request is one frame, as a DEALER sends it")
+    return decode(frames[0])

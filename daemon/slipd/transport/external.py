@@ -12,7 +12,7 @@ from slipd.pipeline.events import LinkSpec
 from slipd.transport.delivery import Delivery
 from slipd.transport.link import OnBytes
 from slipd.zmtp.listener import Listener
-from slipd.zmtp.peer import Manners, Peer
+from slipd.zmtp.peer import Peer, PeerRules
 
 MAX_MESSAGE_BYTES = 64 * 1024
 """Longest message taken: over ten times one image of 1024 three-axis taxels in float32."""
@@ -20,10 +20,10 @@ MAX_MESSAGE_BYTES = 64 * 1024
 MESSAGES_PER_WAKE = 8
 """Messages handed on before the rest of the loop has its turn: each is a reading, and so a decision."""
 
-_WHOLE = 1.0
-"""Of the loop's time: readings are what it is for, and only the daemon's own user may push them."""
+SHARE = 0.75
+"""Of the loop's time that one pusher gets for long; readings are the main work, and only the daemon's user pushes them."""
 
-_MANNERS = Manners(
+_RULES = PeerRules(
     kind=b"PULL", serves=frozenset({b"PUSH"}), max_bytes=MAX_MESSAGE_BYTES, messages_per_wake=MESSAGES_PER_WAKE
 )
 
@@ -48,7 +48,7 @@ class ExternalConnection:
 
     def __init__(self, endpoint: str, on_bytes: OnBytes) -> None:
         self._delivery = Delivery(on_bytes)
-        self._listener = Listener(endpoint, _MANNERS, self._take, share=_WHOLE)
+        self._listener = Listener(endpoint, _RULES, self._take, share=SHARE)
         self._listener.__enter__()
         self.identity = self._listener.endpoint
 

@@ -71,7 +71,7 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
 def _bind_tcp(server: socket.socket, endpoint: str) -> str:
     host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
     server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    server.bind(("0.0.0.0" if host == "*" else host, 0 if port == _ANY_PORT else int(port)))
+    server.bind(("" if host == "*" else host, 0 if port == _ANY_PORT else int(port)))
     address, number = server.getsockname()
     return f"tcp://{address}:{number}"
 

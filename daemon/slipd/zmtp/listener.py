@@ -13,9 +13,9 @@ from collections.abc import Callable
 from types import TracebackType
 
 from slipd.zmtp.accounts import SHARE, Account, Accounts
-from slipd.zmtp.endpoint import USER_ALONE, Access, bind, is_tcp, release
+from slipd.zmtp.endpoint import USER_ALONE, Access, bind, release
 from slipd.zmtp.mechanisms import Curve, Mechanism, Null
-from slipd.zmtp.peer import Manners, Peer
+from slipd.zmtp.peer import Peer, PeerRules
 from slipd.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256
@@ -43,7 +43,7 @@ LINGER_S = 0.2
 """How long the last messages before a stop may take to leave; a stalled peer delays the exit by no more."""
 
 TELL_EVERY_S = 10.0
-"""How often the log says why connections were ended: often enough to be seen, too seldom for a peer to fill the disk."""
+"""Shortest time between two log lines about ended connections, so that no peer can fill the disk."""
 
 _TOO_MANY = "it has as many connections as one peer may have"
 _RETRY_S = 0.1
@@ -73,7 +73,7 @@ class Listener:
 
     Args:
         endpoint: As for `slipd.zmtp.endpoint.bind`, which says what is wrong with it on entry.
-        manners: What is taken from each peer.
+        rules: What is taken from each peer.
         on_message: Called with each message and its peer.
         access: How peers are let in.
         on_ready: Called with a peer that introduced itself; a `ProtocolError` that it raises ends the connection.
@@ -89,7 +89,7 @@ class Listener:
     def __init__(
         self,
         endpoint: str,
-        manners: Manners,
+        rules: PeerRules,
         on_message: Callable[[Peer, list[bytes]], None],
         access: Access = USER_ALONE,
         *,
@@ -100,10 +100,10 @@ class Listener:
         self.endpoint = endpoint
         self.peers: dict[Peer, None] = {}
         self.refused = 0
-        self._manners, self._access = manners, access
+        self._rules, self._access = rules, access
         self._on_message, self._on_ready, self._on_close = on_message, on_ready, on_close
         self._accounts = Accounts(share)
-        self._strangers: dict[Peer, asyncio.TimerHandle] = {}
+        self._pending: dict[Peer, asyncio.TimerHandle] = {}
         self._accepting = False
         self._pacing = Account(b"", share)
         self._told_s = float("-inf")
@@ -124,13 +124,13 @@ class Listener:
         self._deafen()
         release(self._socket, self.endpoint)
         _flush(list(self.peers))
-        for peer in [*self.peers, *self._strangers]:
+        for peer in [*self.peers, *self._pending]:
             peer.close()
 
     @property
     def full(self) -> bool:
         """Whether new connections are kept out."""
-        return len(self.peers) + len(self._strangers) >= self._most
+        return len(self.peers) + len(self._pending) >= self._most
 
     def _listen(self) -> None:
         if not self._accepting and not self._over and not self.full:
@@ -180,16 +180,16 @@ class Listener:
             self._tell(name, _TOO_MANY)
             return
         peer = Peer(
-            connection, name, account, self._mechanism(), self._manners, self._admit, self._on_message, self._forget
+            connection, name, account, self._mechanism(), self._rules, self._admit, self._on_message, self._forget
         )
         if not peer.closed:
-            self._strangers[peer] = self._loop.call_later(HANDSHAKE_S, peer.close, "the handshake took too long")
+            self._pending[peer] = self._loop.call_later(HANDSHAKE_S, peer.close, "the handshake took too long")
 
     def _mechanism(self) -> Mechanism:
         secret = self._access.secret
         if secret is None:
-            return Null(self._manners.kind)
-        return Curve(self._manners.kind, secret, self._access.admits)
+            return Null(self._rules.kind)
+        return Curve(self._rules.kind, secret, self._access.admits)
 
     def _admit(self, peer: Peer) -> None:
         if peer.key:
@@ -198,11 +198,11 @@ class Listener:
                 raise ProtocolError(_TOO_MANY)
             peer.move(account)
         self._on_ready(peer)
-        self._strangers.pop(peer).cancel()
+        self._pending.pop(peer).cancel()
         self.peers[peer] = None
 
     def _forget(self, peer: Peer) -> None:
-        timer = self._strangers.pop(peer, None)
+        timer = self._pending.pop(peer, None)
         if timer is not None:
             timer.cancel()
         if peer.reason:

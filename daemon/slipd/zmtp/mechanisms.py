@@ -41,7 +41,7 @@ _MESSAGE = b"\x07MESSAGE"
 _SEALED_MORE, _SEALED_COMMAND = 0x01, 0x02
 
 
-class Refused(ProtocolError):
+class KeyRefusedError(ProtocolError):
     """A key that may not connect; `reply` tells the peer so."""
 
     reply = encode_frame(encode_command(b"ERROR", b"\x03400"), COMMAND)
@@ -93,6 +93,7 @@ class Null:
         self._own = _own_properties(socket_type)
 
     def handshake(self, body: bytes) -> bytes:
+        """Answer READY with READY."""
         name, data = decode_command(body)
         if name != b"READY":
             raise ProtocolError("the handshake does not begin with READY")
@@ -100,9 +101,11 @@ class Null:
         return encode_frame(encode_command(b"READY", self._own), COMMAND)
 
     def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
+        """Return the frame as it is."""
         return flags, body
 
     def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
+        """Frame a message or a command."""
         return b"".join(encode_frame(frame, MORE) for frame in frames[:-1]) + encode_frame(frames[-1], flags)
 
 
@@ -130,12 +133,14 @@ class Curve:
         self._sent = 0
 
     def handshake(self, body: bytes) -> bytes:
+        """Answer HELLO with WELCOME, and INITIATE with READY where the key may connect."""
         try:
             return self._initiate(body) if self._cookie else self._hello(body)
         except (CryptoError, RuntimeError) as error:
             raise ProtocolError("a box of the handshake does not open: is the daemon's public key right?") from error
 
     def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
+        """Decrypt a frame, each only once and in order."""
         if body[:8] != _MESSAGE or len(body) < SEAL_BYTES:
             raise ProtocolError("a frame is not sealed")
         self._count(body[8:16])
@@ -147,6 +152,7 @@ class Curve:
         return (MORE if sealed & _SEALED_MORE else 0) | (COMMAND if sealed & _SEALED_COMMAND else 0), plain[1:]
 
     def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
+        """Encrypt a message or a command, frame by frame."""
         last = len(frames) - 1
         kind = _SEALED_COMMAND if flags & COMMAND else 0
         return b"".join(
@@ -187,7 +193,7 @@ class Curve:
             raise ProtocolError("the key of the peer does not vouch for this connection")
         key = z85.encode(client)
         if not self._admits(key):
-            raise Refused(f"key {key.decode()} is not allowed")
+            raise KeyRefusedError(f"key {key.decode()} is not allowed")
         properties = decode_metadata(plain[_INITIATE_BYTES:])
         self.key, self.properties = key, properties
         nonce = self._next_nonce()

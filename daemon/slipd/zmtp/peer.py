@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from slipd.zmtp.accounts import Account
-from slipd.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, Mechanism, Refused
+from slipd.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
 from slipd.zmtp.wire import (
     COMMAND,
     GREETING_BYTES,
@@ -47,7 +47,7 @@ Message = tuple[bytes, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Manners:
+class PeerRules:
     """What an endpoint takes from each of its peers.
 
     Attributes:
@@ -77,7 +77,7 @@ class Peer:
         address: What it cannot choose: its process ("user:group:process") or its address.
         account: Charged until a key is proved.
         mechanism: How it introduces itself.
-        manners: What is taken from it.
+        rules: What is taken from it.
         on_ready: Called once it introduced itself; what it raises as `ProtocolError` ends the connection.
         on_message: Called with each message.
         on_close: Called once, at the end.
@@ -96,7 +96,7 @@ class Peer:
         address: bytes,
         account: Account,
         mechanism: Mechanism,
-        manners: Manners,
+        rules: PeerRules,
         on_ready: Callable[[Peer], None],
         on_message: Callable[[Peer, list[bytes]], None],
         on_close: Callable[[Peer], None],
@@ -106,7 +106,7 @@ class Peer:
         self.closed, self.reason = False, ""
         self.ready = False
         self._connection, self._fd = connection, connection.fileno()
-        self._mechanism, self._manners = mechanism, manners
+        self._mechanism, self._rules = mechanism, rules
         self._on_ready, self._on_message, self._on_close = on_ready, on_message, on_close
         self._loop = asyncio.get_running_loop()
         self._reader = FrameReader(MAX_HANDSHAKE_BYTES)
@@ -114,7 +114,7 @@ class Peer:
         self._frames: list[bytes] = []
         self._count = 0
         self._rest = b""  # of what the kernel took in part
-        self._queue: deque[Message] = deque(maxlen=manners.most_queued if manners.drops_oldest else None)
+        self._queue: deque[Message] = deque(maxlen=rules.most_queued if rules.drops_oldest else None)
         self._behind = False  # complete frames wait in the reader
         self._send_now(encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE"))
         if not self.closed:
@@ -147,7 +147,7 @@ class Peer:
         if not self._rest and not self._queue:
             self._send_now(self._mechanism.seal(message))
             return True
-        if not self._manners.drops_oldest and len(self._queue) >= self._manners.most_queued:
+        if not self._rules.drops_oldest and len(self._queue) >= self._rules.most_queued:
             return False
         self._queue.append(message)
         return True
@@ -198,7 +198,7 @@ class Peer:
                 self._receive()
             done = self._work(begin_s + WAKE_S)
         except ProtocolError as error:
-            if isinstance(error, Refused):
+            if isinstance(error, KeyRefusedError):
                 self._send_now(error.reply)
             self.close(str(error))
         finally:
@@ -246,7 +246,7 @@ class Peer:
         """Handle what is complete; False where some of it was left for later."""
         if not self._greeted and not self._greet():
             return True
-        left = self._manners.messages_per_wake
+        left = self._rules.messages_per_wake
         while not self.closed:
             frame = self._reader.next()
             if frame is None:
@@ -278,7 +278,7 @@ class Peer:
         self._count += 1
         if self._count > MOST_FRAMES:
             raise ProtocolError(f"a message has more than {MOST_FRAMES} frames")
-        if len(self._frames) <= self._manners.max_frames:
+        if len(self._frames) <= self._rules.max_frames:
             self._frames.append(body)
         if flags & MORE:
             return False
@@ -294,13 +294,13 @@ class Peer:
         if properties is None or self.closed:
             return
         kind = properties.get(b"socket-type", b"")
-        if kind not in self._manners.serves:
+        if kind not in self._rules.serves:
             raise ProtocolError(f"a {kind.decode(errors='replace')!r:.20} socket has no business here")
         self.route = properties.get(b"identity", b"")
         if len(self.route) > _MAX_IDENTITY_BYTES or self.route[:1] == b"\0":
             raise ProtocolError("the name that the peer chose is too long or begins with a zero byte")
         sealing = SEAL_BYTES if self.key else 0
-        self._reader.most_bytes = self._manners.max_bytes + sealing
+        self._reader.most_bytes = self._rules.max_bytes + sealing
         self._on_ready(self)
         self.ready = True
 
