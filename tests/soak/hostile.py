@@ -54,8 +54,8 @@ def endless(kind: bytes, part: int) -> Callable[[str, float], None]:
     def run(endpoint: str, seconds: float) -> None:
         for _ in _until(seconds):
             with contextlib.suppress(OSError), connected(endpoint, kind) as peer:
-                while peer.send(data):
-                    pass
+                for _ in _until(seconds):
+                    peer.send(data)
 
     return run
 
@@ -92,8 +92,8 @@ def flooding(endpoint: str, seconds: float) -> None:
     data = (bytes((0, len(body))) + body) * 1000
     for _ in _until(seconds):
         with contextlib.suppress(OSError), connected(endpoint, b"DEALER") as peer:
-            while peer.send(data):
-                pass
+            for _ in _until(seconds):
+                peer.send(data)
 
 
 def polite(endpoint: str, seconds: float) -> None:
@@ -187,6 +187,7 @@ def main() -> None:
     kind, endpoint, seconds = sys.argv[1:]
     print("ready", flush=True)
     KINDS[kind](endpoint, float(seconds))
+    print("done", flush=True)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ MESSAGES_PER_WAKE = 8
 """Messages handed on before the rest of the loop has its turn: each is a reading, and so a decision."""
 
 SHARE = 0.75
-"""Of the loop's time that one pusher gets for long; readings are the main work, and only the daemon's user pushes them."""
+"""Of the loop's time that one pusher gets for long: readings are the main work, and only its own user pushes them."""
 
 _RULES = PeerRules(
     kind=b"PULL", serves=frozenset({b"PUSH"}), max_bytes=MAX_MESSAGE_BYTES, messages_per_wake=MESSAGES_PER_WAKE
