@@ -241,6 +241,40 @@ async def test_who_does_not_heed_it_is_disconnected_and_others_are_not(
         assert len(answering.requests) <= 5 + 2
 
 
+SELDOM = 1e-6
+"""Requests a second: one, and then none as long as a test lasts."""
+
+
+async def test_to_connect_again_brings_no_new_allowance(
+    endpoint: str, peer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    answering = Answering(endpoint, per_second=SELDOM)
+    with answering.server as server:
+        for number in range(20):
+            hasty = peer(zmq.DEALER, endpoint, RECONNECT_IVL=-1)
+            hasty.socket.send(encode(HELLO | {"id": number}))
+            await eventually(lambda: len(answering.requests) + server.busy == number + 1)  # noqa: B023
+            hasty.socket.close()
+            await eventually(lambda: not server._names)
+        assert [body["id"] for body in answering.requests] == [0]
+        assert (server.busy, server.unanswered) == (19, 18)
+
+
+@pytest.mark.parametrize(
+    ("op", "passes"), [("lease.renew", True), ("gripper.stop", True), ("grip.hold", True), ("grip.set", False)]
+)
+async def test_what_is_urgent_passes_where_the_allowance_is_used_up(
+    op: str, passes: bool, endpoint: str, dealer: Callable[..., Peer], eventually: Eventually
+) -> None:
+    answering = Answering(endpoint, per_second=SELDOM)
+    with answering.server:
+        client = dealer()
+        client.socket.send(encode(HELLO))
+        client.socket.send(encode({"v": 1, "id": op, "op": op}))
+        await eventually(lambda: len(client.got) == 2)
+    assert [reply["ok"] for reply in replies(client)] == [True, passes]
+
+
 async def test_the_same_over_tcp(peer: Callable[..., Peer], eventually: Eventually) -> None:
     answering = Answering("tcp://127.0.0.1:*", Access(local_tcp=True), per_second=5.0)
     with answering.server as server:
