@@ -200,7 +200,7 @@ async def test_a_flood_waits_where_it_comes_from_and_others_have_their_turns(
             with contextlib.suppress(BlockingIOError):
                 sent += flood.send(data[sent % len(frame) :])
             await asyncio.sleep(0)
-        assert sent < 2_000_000
+        assert sent < len(data) * 50  # of 200 times that
         calm = peer(zmq.DEALER, endpoint)
         calm.socket.send(b"calm")
         await eventually(lambda: [b"calm"] in server.got)
