@@ -164,10 +164,10 @@ async def test_what_a_peer_does_not_read_is_bounded_and_pings_add_nothing(
         await eventually(lambda: server.listener.peers)
         sent = [server.peer.send((b"%06d" % number + bytes(50_000),)) for number in range(100)]
         assert server.peer.waiting == KEPT + 1
-        rest = len(server.peer._rest)
+        rest = len(server.peer._outbox._rest)
         connection.send(PING * 100)
         await asyncio.sleep(0.05)
-        assert len(server.peer._rest) == rest
+        assert len(server.peer._outbox._rest) == rest
         heard = bytearray()
 
         def all_heard() -> bool:

@@ -1,7 +1,7 @@
-"""One connection of a peer: what arrives becomes messages, what leaves waits in a bounded queue.
+"""One connection of a peer, from the greeting to its end: what arrives becomes messages.
 
-Nothing that a peer sends is kept beyond one frame and the first frames of one message, and everything done for it is
-charged to its account. Nothing that it does not read is kept beyond the queue.
+Nothing that a peer sends is kept beyond what one read brought, one frame, and the first frames of one message; and
+everything done for it is charged to its account.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from slipd.zmtp.accounts import Account
 from slipd.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
+from slipd.zmtp.outbox import Message, Outbox
 from slipd.zmtp.wire import (
     COMMAND,
     GREETING_BYTES,
@@ -30,9 +30,6 @@ from slipd.zmtp.wire import (
 READ_BYTES = 32 * 1024
 """Taken from the kernel at once."""
 
-WRITE_BYTES = 64 * 1024
-"""Given to the kernel at once of what waited."""
-
 WAKE_S = 0.001
 """Time after which the rest of the loop has its turn."""
 
@@ -42,8 +39,6 @@ MOST_FRAMES = 10_000
 _MAX_PING_CONTEXT = 16
 _PING_HEAD = 2  # time to live
 _MAX_IDENTITY_BYTES = 255
-
-Message = tuple[bytes, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +80,10 @@ class Peer:
     Attributes:
         address: As above.
         route: Name that the peer chose, b"" where it chose none.
+        fileno: Descriptor of the connection.
         slot: Its place among the connections of its account.
+        send: Sends a message, or keeps it until the peer reads; False where it is dropped (`Outbox.send`).
+        ready: Whether it introduced itself.
         closed: Whether the connection has ended.
         reason: Why this end ended it; "" where the peer did.
     """
@@ -105,7 +103,7 @@ class Peer:
         self.account, self.slot = account, account.enter()
         self.closed, self.reason = False, ""
         self.ready = False
-        self._connection, self._fd = connection, connection.fileno()
+        self._connection, self.fileno = connection, connection.fileno()
         self._mechanism, self._rules = mechanism, rules
         self._on_ready, self._on_message, self._on_close = on_ready, on_message, on_close
         self._loop = asyncio.get_running_loop()
@@ -113,12 +111,14 @@ class Peer:
         self._greeted = False
         self._frames: list[bytes] = []
         self._count = 0
-        self._rest = b""  # of what the kernel took in part
-        self._queue: deque[Message] = deque(maxlen=rules.most_queued if rules.drops_oldest else None)
         self._behind = False  # complete frames wait in the reader
-        self._send_now(encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE"))
+        self._outbox = Outbox(
+            connection, mechanism.seal, rules.most_queued, drops_oldest=rules.drops_oldest, on_gone=self.close
+        )
+        self.send: Callable[[Message], bool] = self._outbox.send
+        self._outbox.send_now(encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE"))
         if not self.closed:
-            self._loop.add_reader(self._fd, self._run)
+            self._loop.add_reader(self.fileno, self._run)
 
     @property
     def key(self) -> bytes:
@@ -126,36 +126,18 @@ class Peer:
         return self._mechanism.key
 
     @property
-    def fileno(self) -> int:
-        """Descriptor of the connection."""
-        return self._fd
-
-    @property
     def waiting(self) -> int:
-        """Messages that wait until the peer reads, the one that the kernel took in part included."""
-        return len(self._queue) + bool(self._rest)
+        """Messages that wait until it reads."""
+        return self._outbox.waiting
 
     def move(self, account: Account) -> None:
         """Charge another account from here on: the peer proved who it is."""
         self.account.leave(self.slot)
         self.account, self.slot = account, account.enter()
 
-    def send(self, message: Message) -> bool:
-        """Send a message, or keep it until the peer reads; False where it is dropped."""
-        if self.closed:
-            return False
-        if not self._rest and not self._queue:
-            self._send_now(self._mechanism.seal(message))
-            return True
-        if not self._rules.drops_oldest and len(self._queue) >= self._rules.most_queued:
-            return False
-        self._queue.append(message)
-        return True
-
     def flush(self) -> None:
         """Give the kernel what it takes of what waits."""
-        if self.waiting and not self.closed:
-            self._on_writable()
+        self._outbox.flush()
 
     def is_gone(self) -> bool:
         """Whether the peer has closed its end; one that did is closed here too."""
@@ -175,11 +157,9 @@ class Peer:
         if self.closed:
             return
         self.closed, self.reason = True, reason
-        self._loop.remove_reader(self._fd)
-        self._loop.remove_writer(self._fd)
+        self._loop.remove_reader(self.fileno)
+        self._outbox.close()
         self._connection.close()
-        self._queue.clear()
-        self._rest = b""
         self.account.leave(self.slot)
         self._on_close(self)
 
@@ -199,7 +179,7 @@ class Peer:
             done = self._work(begin_s + WAKE_S)
         except ProtocolError as error:
             if isinstance(error, KeyRefusedError):
-                self._send_now(error.reply)
+                self._outbox.send_now(error.reply)
             self.close(str(error))
         finally:
             account.charge(time.monotonic() - begin_s)
@@ -209,24 +189,24 @@ class Peer:
     def _go_on(self, done: bool) -> None:
         if done and self._behind:
             self._behind = False
-            self._loop.add_reader(self._fd, self._run)
+            self._loop.add_reader(self.fileno, self._run)
         elif not done:
             if not self._behind:
                 self._behind = True
-                self._loop.remove_reader(self._fd)
+                self._loop.remove_reader(self.fileno)
             self._loop.call_soon(self._run)
 
     def _pause(self) -> None:
         """Hear nothing until the account has time again."""
         if not self._behind:
-            self._loop.remove_reader(self._fd)
+            self._loop.remove_reader(self.fileno)
         self.account.wait(self._resume)
 
     def _resume(self) -> None:
         if self.closed:
             return
         if not self._behind:
-            self._loop.add_reader(self._fd, self._run)
+            self._loop.add_reader(self.fileno, self._run)
         self._run()
 
     def _receive(self) -> None:
@@ -289,7 +269,7 @@ class Peer:
     def _introduce(self, flags: int, body: bytes) -> None:
         if not flags & COMMAND:
             raise ProtocolError("a message comes before the handshake has ended")
-        self._send_now(self._mechanism.handshake(body))
+        self._outbox.send_now(self._mechanism.handshake(body))
         properties = self._mechanism.properties
         if properties is None or self.closed:
             return
@@ -308,9 +288,9 @@ class Peer:
         """Handle a command; whether it counts as a message."""
         name, data = decode_command(body)
         if name == b"PING":
-            if not self._rest:  # who does not read gets no answers that would pile up
+            if not self.waiting:  # who does not read gets no answers that would pile up
                 pong = encode_command(b"PONG", data[_PING_HEAD : _PING_HEAD + _MAX_PING_CONTEXT])
-                self._send_now(self._mechanism.seal((pong,), COMMAND))
+                self._outbox.send_now(self._mechanism.seal((pong,), COMMAND))
         elif name == b"SUBSCRIBE":
             self._on_message(self, [b"\x01" + data])
         elif name == b"CANCEL":
@@ -318,32 +298,3 @@ class Peer:
         elif name == b"ERROR":
             raise ProtocolError("the peer reports an error")
         return True
-
-    def _send_now(self, data: bytes) -> None:
-        if not data or self.closed:
-            return
-        try:
-            sent = 0 if self._rest else self._connection.send(data)
-        except (BlockingIOError, InterruptedError):
-            sent = 0
-        except OSError:  # the peer is gone
-            self.close()
-            return
-        if sent < len(data):
-            if not self._rest:
-                self._loop.add_writer(self._fd, self._on_writable)
-            self._rest += data[sent:]
-
-    def _on_writable(self) -> None:
-        while self._queue and len(self._rest) < WRITE_BYTES:
-            self._rest += self._mechanism.seal(self._queue.popleft())
-        try:
-            sent = self._connection.send(self._rest)
-        except (BlockingIOError, InterruptedError):
-            return
-        except OSError:  # the peer is gone
-            self.close()
-            return
-        self._rest = self._rest[sent:]
-        if not self._rest and not self._queue:
-            self._loop.remove_writer(self._fd)
