@@ -182,7 +182,9 @@ class Asker:
                     found.unanswered += 1
                     continue
                 found.took_ms.append(1e3 * (time.monotonic() - sent_s))
-                found.refused += not reply["ok"]
+                if not reply["ok"]:
+                    found.refused += 1
+                    self._exchange(holder, "lease.acquire", ttl_ms=LEASE_MS)
             time.sleep(max(0.0, PERIOD_S - (time.monotonic() - begun_s)))
         return found
 
