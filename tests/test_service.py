@@ -23,7 +23,6 @@ import pytest
 import zmq
 
 from slipd import config, service
-from slipd.bus.publisher import Publisher
 from slipd.devices import bota, modbus, pvdf
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.errors import LinkError, RecordingError
@@ -215,15 +214,6 @@ async def test_a_reading_on_the_port_is_a_message_on_the_bus(rig: Rig) -> None:
         assert abs(slip["t_ns"] - time.monotonic_ns()) < PATIENCE_S * 1e9
         assert client.hear("warning")
         await until(lambda: client.hear("tactile.left"), rig.send)
-
-
-async def test_subscriptions_are_looked_for_with_every_tick(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A message may have used up the wake-up of one, and nothing else would ever look."""
-    looks: list[int] = []
-    look = Publisher.look
-    monkeypatch.setattr(Publisher, "look", lambda publisher: (looks.append(1), look(publisher)))
-    async with serving(rig.config):
-        await until(lambda: len(looks) > 3)
 
 
 async def test_a_port_that_is_missing_is_told_and_the_others_are_read(rig: Rig) -> None:

@@ -172,8 +172,6 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, file: str, *, as_json: bool) -> None:
     """Publishes a replay; the waiting between messages is done beside the loop, which serves subscribers meanwhile."""
-    import zmq
-
     from slipd import config
     from slipd.bus.publisher import Publisher
     from slipd.bus.runtime import RuntimeDirectory
@@ -184,9 +182,7 @@ async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, fi
     with contextlib.ExitStack() as stack:
         if endpoint is None:
             stack.enter_context(RuntimeDirectory(runtime_dir()))
-        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        stack.callback(context.term)
-        publisher = stack.enter_context(Publisher(context, endpoint or publish_endpoint()))
+        publisher = stack.enter_context(Publisher(endpoint or publish_endpoint()))
         print(f"publish: {publisher.endpoint}", file=sys.stderr if as_json else sys.stdout, flush=True)
         while (message := await asyncio.to_thread(next, messages, None)) is not None:
             publisher.publish(message[0], encode(message[1]))

@@ -20,9 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import zmq
-
-from slipd.bus.authentication import Authenticator, guard
+from slipd.bus.authentication import guard
 from slipd.bus.publisher import Publisher
 from slipd.bus.requests import RequestServer
 from slipd.bus.runtime import RuntimeDirectory
@@ -36,8 +34,8 @@ from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.writer import Recorder, Room
 from slipd.ticker import Ticker
 from slipd.transport import Links
-from slipd.zeromq.endpoint import check_free
-from slipd.zeromq.gate import raise_descriptor_limit
+from slipd.zmtp.endpoint import check_free
+from slipd.zmtp.listener import raise_descriptor_limit
 from slipd_client.messages import encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
 
@@ -152,14 +150,9 @@ class _Run:
 
     def _open_bus(self, stack: ExitStack) -> None:
         bus, allowed = self._config.bus, self._allowed
-        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        stack.callback(context.term)
-        if allowed.keys:
-            stack.enter_context(Authenticator(context, allowed.keys))
-        publisher = Publisher(context, bus.publish or publish_endpoint(), allowed.publish)
+        publisher = Publisher(bus.publish or publish_endpoint(), allowed.publish)
         self._publisher = stack.enter_context(publisher)
         requests = RequestServer(
-            context,
             bus.requests or requests_endpoint(),
             self._on_request,
             allowed.requests,
@@ -224,7 +217,6 @@ class _Run:
 
     def tick(self, tick: Tick, t_ns: int) -> None:
         """Let time enter the engine, before what became of the recordings meanwhile."""
-        self._publisher.look()
         self.take(tick, t_ns)
         self.tell_recording()
         for change in self._requested.news(time.monotonic_ns()):

@@ -13,13 +13,12 @@ import pytest
 import zmq
 from zmq.utils import z85
 
-from slipd.bus import authentication
-from slipd.bus.authentication import READ, REQUEST, Authenticator, guard
+from slipd.bus.authentication import AllowList, guard
 from slipd.bus.publisher import Publisher
 from slipd.bus.requests import RequestServer
 from slipd.config import Bus
 from slipd.errors import LinkError
-from slipd.zeromq.endpoint import Access
+from slipd.zmtp.endpoint import Access
 from slipd_client.keys import Keys, create, load
 from slipd_client.messages import decode, encode
 
@@ -56,19 +55,18 @@ class Cell:
             (self.folder / each / public.name).write_bytes(public.read_bytes())
         return load(secret, self.server_public)
 
-    def serve(self, context: Context, stack: ExitStack) -> tuple[Publisher, RequestServer, Authenticator]:
+    def serve(self, stack: ExitStack) -> tuple[Publisher, RequestServer]:
         may = guard(self.bus)
-        authenticator = stack.enter_context(Authenticator(context, may.keys))
         assert self.bus.publish is not None
         assert self.bus.requests is not None
-        publisher = stack.enter_context(Publisher(context, self.bus.publish, may.publish))
+        publisher = stack.enter_context(Publisher(self.bus.publish, may.publish))
 
         def answer(client: bytes, body: dict[str, Any]) -> None:
             server.reply(client, {"id": body["id"], "ok": True, "result": {"client": client}})
 
-        server = RequestServer(context, self.bus.requests, answer, may.requests, requesters=may.requesters)
+        server = RequestServer(self.bus.requests, answer, may.requests, requesters=may.requesters)
         stack.enter_context(server)
-        return publisher, server, authenticator
+        return publisher, server
 
 
 @pytest.fixture(params=ADDRESSES, ids=["tcp", "ipc"])
@@ -123,9 +121,7 @@ async def hears(publisher: Publisher, socket: zmq.Socket[bytes], seconds: float)
     return True
 
 
-async def test_each_key_opens_what_its_list_says_and_nothing_else(
-    cell: Cell, context: Context, connect: Connect
-) -> None:
+async def test_each_key_opens_what_its_list_says_and_nothing_else(cell: Cell, connect: Connect) -> None:
     both, reader, requester = (
         cell.client("both", "readers", "requesters"),
         cell.client("reader", "readers"),
@@ -133,7 +129,7 @@ async def test_each_key_opens_what_its_list_says_and_nothing_else(
     )
     unknown = cell.client("unknown")
     with ExitStack() as stack:
-        publisher, server, _ = cell.serve(context, stack)
+        publisher, server = cell.serve(stack)
         for keys, may_read, may_request in (
             (both, True, True),
             (reader, True, False),
@@ -151,23 +147,18 @@ async def test_each_key_opens_what_its_list_says_and_nothing_else(
                 assert (reply["id"], reply["error"]["code"]) == ("7", "read_only")
 
 
-async def test_a_client_that_trusts_another_daemon_does_not_talk_to_this_one(
-    cell: Cell, context: Context, connect: Connect
-) -> None:
+async def test_a_client_that_trusts_another_daemon_does_not_talk_to_this_one(cell: Cell, connect: Connect) -> None:
     keys = cell.client("robot", "requesters")
     with ExitStack() as stack:
-        _, server, authenticator = cell.serve(context, stack)
+        _, server = cell.serve(stack)
         deceived = Keys(keys.public, keys.secret, zmq.curve_keypair()[0])
         assert await ask(connect(zmq.DEALER, server.endpoint, deceived), "1", HANDSHAKE_S) is None
-        assert authenticator.admitted == 0
 
 
-async def test_Z5_the_name_that_a_client_chose_makes_it_nobody_else(
-    cell: Cell, context: Context, connect: Connect
-) -> None:
+async def test_Z5_the_name_that_a_client_chose_makes_it_nobody_else(cell: Cell, connect: Connect) -> None:
     victim, thief = cell.client("victim", "requesters"), cell.client("thief", "requesters")
     with ExitStack() as stack:
-        _, server, _ = cell.serve(context, stack)
+        _, server = cell.serve(stack)
         first = connect(zmq.DEALER, server.endpoint, victim, ROUTING_ID=b"name")
         reply = await ask(first, "1", 30)
         first.close()
@@ -191,111 +182,50 @@ class Raising(frozenset[bytes]):
         return super().__contains__(key)
 
 
-async def test_an_authenticator_that_fails_a_thousand_times_admits_nobody_then_and_the_right_ones_after(
-    context: Context, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+def test_a_list_that_fails_a_thousand_times_admits_nobody_then_and_the_right_ones_after(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Questions as ZeroMQ asks them, so that a thousand take no time."""
     monkeypatch.setattr(Raising, "left", 1000)
-    monkeypatch.setattr(authentication, "_REST_S", 0.0)
-    raw = bytes(range(32))
-    good = z85.encode(raw)
-    with Authenticator(context, {REQUEST: Raising([good])}) as authenticator, context.socket(zmq.DEALER) as asker:
-        asker.connect("inproc://zeromq.zap.01")
-        verdicts = []
-        for number in range(1002):
-            key = raw if number != 1001 else bytes(32)
-            asker.send_multipart([b"", b"1.0", b"%d" % number, REQUEST, b"127.0.0.1", b"", b"CURVE", key])
-            async with asyncio.timeout(30):
-                while not asker.poll(0):  # noqa: ASYNC110 - another thread fills it
-                    await asyncio.sleep(0)
-            reply = asker.recv_multipart()
-            assert reply[:3] == [b"", b"1.0", b"%d" % number]
-            verdicts.append((reply[3], reply[5]))
-    assert verdicts == [(b"400", b"")] * 1000 + [(b"200", good), (b"400", b"")]
-    assert (authenticator.faults, authenticator.refused, authenticator.admitted) == (1000, 1001, 1)
+    good, unknown = z85.encode(bytes(range(32))), z85.encode(bytes(32))
+    allowed = AllowList("requests", Raising([good]))
+    assert [allowed.admits(good) for _ in range(1000)] == [False] * 1000
+    assert allowed.admits(good)
+    assert not allowed.admits(unknown)
+    assert (allowed.faults, allowed.refused, allowed.admitted) == (1000, 1001, 1)
     failures = [record for record in caplog.records if record.levelno >= logging.ERROR]
     assert len(failures) == 1
     assert "what nobody thought of" in caplog.text
 
 
-async def test_the_log_names_a_stranger_in_plain_text(context: Context, caplog: pytest.LogCaptureFixture) -> None:
-    with Authenticator(context, {REQUEST: set()}), context.socket(zmq.DEALER) as asker:
-        asker.connect("inproc://zeromq.zap.01")
-        asker.send_multipart([b"", b"1.0", b"1", REQUEST, b"127.0.0.1", b"", b"CURVE", bytes(32)])
-        async with asyncio.timeout(30):
-            while not asker.poll(0):  # noqa: ASYNC110 - another thread fills it
-                await asyncio.sleep(0.001)
-    assert caplog.messages == [f"slipd.request: key {'0' * 40} at 127.0.0.1 is not allowed and was refused"]
-
-
 async def test_after_failures_over_real_connections_a_valid_client_is_let_in_and_an_unknown_one_is_not(
-    cell: Cell, context: Context, connect: Connect, monkeypatch: pytest.MonkeyPatch, eventually: Eventually
+    cell: Cell, connect: Connect, monkeypatch: pytest.MonkeyPatch, eventually: Eventually
 ) -> None:
     monkeypatch.setattr(Raising, "left", 5)
     valid, unknown = cell.client("valid", "requesters"), cell.client("unknown")
-    with ExitStack() as stack:
-        may = guard(cell.bus)
-        authenticator = stack.enter_context(Authenticator(context, {REQUEST: Raising(may.keys[REQUEST])}))
-        assert cell.bus.requests is not None
-        server = RequestServer(context, cell.bus.requests, lambda *_: None, may.requests)
-        stack.enter_context(server)
+    may = guard(cell.bus)
+    assert may.requesters is not None
+    allowed = AllowList("requests", Raising(may.requesters))
+    assert cell.bus.requests is not None
+    access = Access(may.requests.secret, allowed.admits)
+    with RequestServer(cell.bus.requests, lambda *_: None, access) as server:
         for _ in range(5):
             connect(zmq.DEALER, server.endpoint, valid, RECONNECT_IVL=-1)
-        await eventually(lambda: authenticator.faults == 5)
-        assert authenticator.admitted == 0
+        await eventually(lambda: allowed.faults == 5)
+        assert allowed.admitted == 0
         connect(zmq.DEALER, server.endpoint, unknown, RECONNECT_IVL=-1)
-        await eventually(lambda: authenticator.refused == 6)
-        assert authenticator.admitted == 0
+        await eventually(lambda: allowed.refused == 6)
+        assert allowed.admitted == 0
         connect(zmq.DEALER, server.endpoint, valid)
-        await eventually(lambda: authenticator.admitted == 1)
+        await eventually(lambda: allowed.admitted == 1)
 
 
-@pytest.mark.parametrize("when", ["never started", "ended"])
-async def test_without_an_authenticator_nobody_is_let_in(
-    when: str, cell: Cell, context: Context, connect: Connect
-) -> None:
-    """ZeroMQ by itself would admit every key then."""
+async def test_a_secret_without_a_list_lets_nobody_in(cell: Cell, connect: Connect) -> None:
     keys = cell.client("robot", "requesters")
-    may = guard(cell.bus)
-    if when == "ended":
-        with Authenticator(context, may.keys):
-            pass
     assert cell.bus.requests is not None
-    with RequestServer(context, cell.bus.requests, lambda *_: None, may.requests) as server:
+    with RequestServer(cell.bus.requests, lambda *_: None, Access(guard(cell.bus).requests.secret)) as server:
         dealer = connect(zmq.DEALER, server.endpoint, keys, IMMEDIATE=1)
         await asyncio.sleep(HANDSHAKE_S)
         assert not dealer.poll(0, zmq.POLLOUT)
-
-
-@pytest.mark.parametrize(
-    "question",
-    [
-        [],
-        [b"1.0"],
-        [b"1.0", b"1", READ, b"", b"", b"NULL"],
-        [b"2.0", b"1", READ, b"", b"", b"CURVE", bytes(32)],
-        [b"1.0", b"1", READ, b"", b"", b"CURVE", bytes(31)],
-        [b"1.0", b"1", READ, b"", b"", b"PLAIN", b"admin", b"admin"],
-        [b"1.0", b"1", REQUEST, b"", b"", b"CURVE", bytes(32)],
-        [b"1.0", b"1", b"\xff", b"", b"", b"CURVE", bytes(32)],
-        [b"1.0", b"1", b"", b"", b"", b"CURVE", bytes(32)],
-    ],
-)
-async def test_a_question_that_is_not_exactly_right_is_answered_with_no(
-    question: list[bytes], context: Context, eventually: Eventually
-) -> None:
-    all_zero = z85.encode(bytes(32))
-    with Authenticator(context, {READ: [all_zero]}) as authenticator, context.socket(zmq.DEALER) as asker:
-        asker.connect("inproc://zeromq.zap.01")
-        asker.send_multipart([b"", *question])
-        await eventually(lambda: asker.poll(0))
-        assert asker.recv_multipart()[-3] in (b"key not allowed", b"400")
-        assert (authenticator.refused, authenticator.admitted) == (1, 0)
-
-
-async def test_two_authenticators_of_one_context_are_refused(context: Context) -> None:
-    with Authenticator(context, {}), pytest.raises(LinkError, match="authenticator"):
-        Authenticator(context, {}).__enter__()
 
 
 def test_a_key_file_that_cannot_be_used_keeps_the_daemon_from_starting(cell: Cell) -> None:
@@ -307,7 +237,7 @@ def test_a_key_file_that_cannot_be_used_keeps_the_daemon_from_starting(cell: Cel
 
 def test_without_keys_in_the_config_none_are_asked_for() -> None:
     may = guard(Bus())
-    assert (may.publish.secret, may.requests.secret, may.keys, may.requesters) == (None, None, {}, None)
+    assert (may.publish.secret, may.requests.secret, may.requesters) == (None, None, None)
 
 
 def test_one_endpoint_may_ask_for_keys_and_the_other_not(cell: Cell) -> None:
@@ -315,9 +245,10 @@ def test_one_endpoint_may_ask_for_keys_and_the_other_not(cell: Cell) -> None:
     may = guard(cell.bus.model_copy(update={"requesters": None}))
     assert may.publish.secret is not None
     assert may.requests.secret is None
-    assert may.keys == {READ: {keys.public}}
+    assert may.publish.admits(keys.public)
+    assert not may.requests.admits(keys.public)
 
 
 def test_a_secret_is_not_shown_with_what_it_opens() -> None:
-    secret = zmq.curve_keypair()[1]
-    assert secret.decode() not in repr(Access(READ, secret))
+    secret = bytes(range(32))
+    assert repr(secret) not in repr(Access(secret))

@@ -9,11 +9,10 @@ import tempfile
 from pathlib import Path
 
 import pytest
-import zmq
 
 from slipd.bus.runtime import RuntimeDirectory
 from slipd.errors import LinkError
-from slipd.zeromq.endpoint import open_server
+from slipd.zmtp.endpoint import bind, release
 
 #: Root may give files to any group; one that every machine has.
 GROUP = "daemon"
@@ -77,12 +76,12 @@ CONNECT = "import socket, sys; socket.socket(socket.AF_UNIX).connect(sys.argv[1]
 
 
 @needs_a_group
-def test_a_member_of_the_group_can_connect_and_nobody_else_can(context: zmq.Context[zmq.Socket[bytes]]) -> None:
+def test_a_member_of_the_group_can_connect_and_nobody_else_can() -> None:
     with tempfile.TemporaryDirectory(dir="/tmp") as parent:
         Path(parent).chmod(0o711)
         path = Path(parent) / "slipd"
         with RuntimeDirectory(path, group=GROUP) as home:
-            server, endpoint = open_server(context, zmq.ROUTER, f"ipc://{path}/requests", {})
+            server, endpoint = bind(f"ipc://{path}/requests")
             home.share(endpoint)
             nobody, group = 65534, grp.getgrnam(GROUP).gr_gid
             for groups, connects in ((group, True), (nobody, False)):
@@ -94,7 +93,7 @@ def test_a_member_of_the_group_can_connect_and_nobody_else_can(context: zmq.Cont
                     capture_output=True,
                 )
                 assert (done.returncode == 0) == connects, done.stderr
-            server.close()
+            release(server, endpoint)
 
 
 @needs_a_group

@@ -19,7 +19,6 @@ from typing import Any, cast
 
 import msgpack
 import numpy as np
-import zmq
 from bench.tables import Cell, Table
 from fuzz.asking import CLIENTS, FINGERS, MOST_CAPTURED, Ask, Asker, Captured, Seen
 from fuzz.book import BUDGET_N, CEILING_N, LEAST_N, LOWER_N_PER_S, MOST_N, RAISE_N_PER_S, REFLEX_N_PER_S, STEP_N, Book
@@ -43,7 +42,7 @@ from slipd.pipeline.events import (
     Tick,
     Write,
 )
-from slipd.zeromq.draining import Drain
+from slipd.zmtp.peer import Peer
 from slipd_client.messages import ERROR_CODES, MESSAGE_LIMITS, MessageError, decode, encode
 
 MS = 1_000_000
@@ -183,12 +182,20 @@ class Found:
             self.memory_kb[process] = self.memory_kb.get(process, (first, last))[0], last
 
 
+class _Connection:
+    """What the request server looks at of a peer."""
+
+    key = b""
+    slot = 0
+    account = SimpleNamespace(name=b"process")
+
+
 class _Server(RequestServer):
     """The request server's own judgement, without its socket, and without its limit of requests a second."""
 
     def __init__(self, on_request: Callable[[bytes, dict[str, Any]], None]) -> None:
-        super().__init__(zmq.Context.instance(), "", on_request, per_second=1e12)
-        self._drain = cast("Drain", SimpleNamespace(told=lambda _: b"process"))
+        super().__init__("", on_request, per_second=1e12)
+        self._peer = cast("Peer", _Connection())
         self.sent: list[tuple[bytes, bytes]] = []
 
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
@@ -197,7 +204,8 @@ class _Server(RequestServer):
 
     def take(self, client: bytes, frames: tuple[bytes, ...]) -> None:
         """A message came."""
-        self._on_message([client, *frames])
+        self._names = {self._peer: b"process\0" + client}
+        self._on_message(self._peer, list(frames))
 
 
 class _Run:

@@ -110,3 +110,24 @@ def test_what_is_too_late_is_forgotten_in_whatever_order_it_came(once: OnceOnly)
     left = sum(once.seen(ANN, body(k, ahead_ms=100 + 7 * k % 64), T0 + 131 * MS) == REPLY for k in range(PER_CLIENT))
     assert left == 32
     assert once.seen(ANN, body("new", ahead_ms=400), T0 + 131 * MS) is None
+
+
+def test_seventy_polite_clients_shut_out_nobody(once: OnceOnly) -> None:
+    for k in range(70):
+        for request in range(2):
+            once.keep(b"%d" % k, body(f"{k}.{request}", ahead_ms=500), REPLY, T0)
+    assert once.seen(ANN, body(-1), T0) is None
+
+
+def test_what_is_urgent_passes_in_a_crowd_and_beyond_the_own_measure(once: OnceOnly) -> None:
+    for k in range(MOST_CLIENTS):
+        once.keep(b"%d" % k, body(f"{k}"), REPLY, T0)
+    renewal = body("renewal", op="lease.renew")
+    assert code(once.seen(ANN, renewal, T0)) == "busy"
+    assert once.seen(ANN, renewal, T0, urgent=True) is None
+    once.keep(ANN, renewal, REPLY, T0)
+    assert once.seen(ANN, renewal, T0, urgent=True) == REPLY
+    for k in range(PER_CLIENT):
+        once.keep(ANN, body(k), REPLY, T0)
+    assert once.seen(ANN, body("stop", op="gripper.stop"), T0, urgent=True) is None
+    assert code(once.seen(BEN, renewal, T0, urgent=True)) == "replayed"

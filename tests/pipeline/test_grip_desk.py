@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slipd.grip.once import MOST_CLIENTS, PER_CLIENT
+
 MS = 1_000_000
 FULL = np.full((4, 4), 100)
 Run = Any
@@ -45,6 +47,20 @@ class TestLease:
             run.wait(150)
             assert run.ask("lease.renew")["result"] == {}
         assert run.ask("lease.release")["result"] == {}
+
+    def test_a_crowd_of_clients_keeps_its_holder_from_nothing_urgent(self, run: Run) -> None:
+        """More clients than are remembered, and as many requests of the holder as one client may have waiting."""
+        run.ask("lease.acquire", ttl_ms=200)
+        for _ in range(PER_CLIENT):
+            run.ask("tare.get", finger="left", deadline_ns=run.t_ns + 400 * MS)
+        for number in range(MOST_CLIENTS):
+            run.ask("tare.get", client=b"%d" % number, finger="left", deadline_ns=run.t_ns + 400 * MS)
+        assert run.refusal("tare.get", client=b"newcomer", finger="left") == ("busy", "")
+        assert run.refusal("tare.get", finger="left") == ("busy", "")
+        assert run.refusal("gripper.stop", client=b"newcomer") == ("busy", "")
+        assert run.refusal("lease.renew") is None
+        for op in ("grip.hold", "gripper.stop"):
+            assert run.refusal(op) != ("busy", "")
 
 
 MOVES: dict[str, dict[str, Any]] = {

@@ -1,4 +1,4 @@
-"""The emulated WSG: jaws that move, what blocks them, and what a real one makes of bad manners."""
+"""The emulated WSG: jaws that move, what blocks them, and what a real one makes of bad rules."""
 
 from __future__ import annotations
 

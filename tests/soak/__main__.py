@@ -1,6 +1,6 @@
-"""Long runs on this machine: unplugging, floods, two fingers for ten minutes, and subscribers that never read.
+"""Long runs on this machine: unplugging, floods, two fingers for ten minutes, idle subscribers, hostile peers.
 
-    PYTHONPATH=tests python -m soak [--quick] [--only unplug|flood|backlog|subscribers] [--minutes M]
+    PYTHONPATH=tests python -m soak [--quick] [--only unplug|flood|backlog|subscribers|peers] [--minutes M]
         [--report FILE]
 
 What is measured is the daemon itself, with real pseudo-terminals, sockets and processes. Times are this machine's, and
@@ -19,9 +19,9 @@ from pathlib import Path
 from bench.child import BenchError
 from bench.commit import measured_on
 from bench.tables import Table
-from soak import backlog, flood, subscribers, unplug
+from soak import backlog, flood, peers, subscribers, unplug
 
-PARTS = ("unplug", "flood", "backlog", "subscribers")
+PARTS = ("unplug", "flood", "backlog", "subscribers", "peers")
 
 
 def main() -> int:
@@ -65,6 +65,8 @@ def _sections(parts: tuple[str, ...], long_s: float, *, quick: bool) -> Iterator
             yield from backlog.run(folder, long_s, quick=quick)
         if "subscribers" in parts:
             yield subscribers.run(folder, long_s, quick=quick)
+        if "peers" in parts:
+            yield peers.run(folder, quick=quick)
 
 
 if __name__ == "__main__":

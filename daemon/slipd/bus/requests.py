@@ -1,46 +1,41 @@
 """Takes requests and sends replies, whatever else a client may send, and however much of it.
 
-A client chooses the name under which ZeroMQ routes to it, and may choose that of another. So the daemon knows a client
-by what it cannot choose as well: its key, or the process at the other end of an ipc connection. Who asks too often is
-told so, and who does not heed it is disconnected.
+A client chooses the name under which it is known, and may choose that of another. So the daemon knows a client by what
+it cannot choose as well: its key, or the process at the other end of an ipc connection. Who asks too often is told so,
+and who does not heed it is disconnected; to connect again brings no new allowance.
 """
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Container
 from types import TracebackType
 from typing import Any
 
-import zmq
-
 from slipd.bus.rate_limit import RateLimit
-from slipd.zeromq.draining import Drain
-from slipd.zeromq.endpoint import USER_ALONE, Access, serving
-from slipd.zeromq.gate import cut_off
+from slipd.grip.once import URGENT_OPS
+from slipd.zmtp.endpoint import USER_ALONE, Access
+from slipd.zmtp.listener import Listener
+from slipd.zmtp.peer import Peer, PeerRules
+from slipd.zmtp.wire import ProtocolError
 from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
 
-RECEIVE_HWM = 10_000
-"""Requests kept for one client, 160 MB at most. Who floods is disconnected long before; who meets the limit by being
-quicker than that, and goes with a heartbeat of his own unread, may still abort ZeroMQ (`slipd.zeromq.endpoint`)."""
-
-SEND_HWM = 100
+MOST_QUEUED = 100
 """Replies kept for one client that does not read them; the rest are dropped."""
 
 PER_SECOND = 50.0
 """Requests that one client may send a second: a lease renewed, gravity told for two fingers, and room for steering."""
 
-FRAMES_PER_WAKE, REST_S = 256, 0.002
-"""A flood is read in gulps of 128 requests with rests between them: it gets a quarter of the loop at most."""
-
-SEAL_BYTES = 33
-"""By how much encryption lengthens a message (RFC 26: command name, nonce, authenticator and flags)."""
-
-_FRAMES = 2
-"""Route and request."""
-
 _BETWEEN = b"\0"
 """Stands between what a client cannot choose and its route; the first holds none."""
+
+_RULES = PeerRules(
+    kind=b"ROUTER",
+    serves=frozenset({b"DEALER", b"REQ", b"ROUTER"}),
+    max_bytes=REQUEST_LIMITS.data_bytes,  # who sends more is disconnected
+    most_queued=MOST_QUEUED,
+)
 
 
 class RequestServer:
@@ -49,25 +44,24 @@ class RequestServer:
     Serves from ``with`` to its end, on the running loop. Nothing that a client sends raises.
 
     Args:
-        context: Owner of the socket; lives longer.
-        endpoint: As for `slipd.zeromq.endpoint.open_server`, which says what is wrong with it on entry.
+        endpoint: As for `slipd.zmtp.endpoint.bind`, which says what is wrong with it on entry.
         on_request: Called with the client, to reply to, and the request's map. A client is one connection: its key
             (where keys are asked for) or else the address of its process, and the route that it chose.
         access: How clients are let in.
         requesters: Keys that may request, among those that are let in; None: all may.
-        per_second: Requests that one client may send a second: a key, or a connection where no keys are asked for.
+        per_second: Requests that one client may send a second: a key, or a connection where no keys are asked for. A
+            connection that takes the place of another of the same process goes on with what that one left.
 
     Attributes:
         endpoint: As clients reach it, once served.
         malformed: Requests refused here because of what they are.
         busy: Requests refused because they were too many.
-        unanswered: Those among them that were not even answered.
+        unanswered: Those among them that were not even answered; each cost its client the connection.
         undelivered: Replies to clients that were gone or did not read.
     """
 
     def __init__(
         self,
-        context: zmq.Context[zmq.Socket[bytes]],
         endpoint: str,
         on_request: Callable[[bytes, dict[str, Any]], None],
         access: Access = USER_ALONE,
@@ -80,81 +74,89 @@ class RequestServer:
         self.busy = 0
         self.unanswered = 0
         self.undelivered = 0
-        self._context = context
         self._on_request = on_request
-        self._access = access
         self._requesters = requesters
+        self._clients: dict[bytes, Peer] = {}
+        self._names: dict[Peer, bytes] = {}
+        self._unnamed = itertools.count(1)
         self._limit = RateLimit(per_second)
+        self._urgent = RateLimit(per_second)  # for what must pass where the other is used up
         self._refusals = RateLimit(per_second)
-        self._cut_off = b""
+        self._listener = Listener(
+            endpoint, _RULES, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
+        )
 
     def __enter__(self) -> RequestServer:
-        sealing = 0 if self._access.secret is None else SEAL_BYTES
-        options: dict[int, int] = {
-            zmq.MAXMSGSIZE: REQUEST_LIMITS.data_bytes + sealing,  # who sends more is disconnected
-            zmq.RCVHWM: RECEIVE_HWM,
-            zmq.SNDHWM: SEND_HWM,
-            zmq.ROUTER_MANDATORY: 1,  # a reply that cannot be delivered is counted, not lost unseen
-        }
-        self._serving = serving(self._context, zmq.ROUTER, self.endpoint, options, self._access)
-        self._socket, self.endpoint = self._serving.__enter__()
-        self._drain = Drain(
-            self._socket, self._on_message, _FRAMES, frames_per_wake=FRAMES_PER_WAKE, rest_s=REST_S, identify=True
-        )
-        self._drain.start()
+        self._listener.__enter__()
+        self.endpoint = self._listener.endpoint
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._drain.stop()
-        self._serving.__exit__(kind, error, trace)
+        self._listener.__exit__(kind, error, trace)
 
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
         """Send a reply; that the client is gone or does not read is counted, no error."""
-        try:
-            self._socket.send_multipart((client.partition(_BETWEEN)[2], encode(body)), zmq.NOBLOCK)
-        except zmq.ZMQError as error:
-            if error.errno not in (zmq.EHOSTUNREACH, zmq.EAGAIN):
-                raise
+        peer = self._clients.get(client)
+        if peer is None or not peer.send((encode(body),)):
             self.undelivered += 1
-        self._drain.after_send()
 
-    def _on_message(self, frames: list[bytes]) -> None:
-        sender = self._drain.told("Peer-Address" if self._access.secret is None else "User-Id")
-        client = sender + _BETWEEN + frames[0]
-        account = client if self._access.secret is None else sender
-        now_ns = time.monotonic_ns()
-        in_time = self._limit.allows(account, now_ns)
-        if not in_time:
-            self.busy += 1
-            if not self._refusals.allows(account, now_ns):
-                self.unanswered += 1
-                if client != self._cut_off:
-                    self._cut_off = client
-                    cut_off(self._drain.told("__fd"), self.endpoint)
-                return
-        if len(frames) != _FRAMES:
-            self._refuse(client, MessageError("malformed", "a request is one frame, as a DEALER sends it"))
-            return
+    def _on_ready(self, peer: Peer) -> None:
+        """Name a client; of two connections under the same name the first is served."""
+        route = peer.route or b"\0" + next(self._unnamed).to_bytes(4, "big")
+        client = (peer.key or peer.address) + _BETWEEN + route
+        known = self._clients.get(client)
+        if known is not None and not known.is_gone():
+            raise ProtocolError("another connection of this client has the same name")
+        self._clients[client] = peer
+        self._names[peer] = client
+
+    def _on_close(self, peer: Peer) -> None:
+        del self._clients[self._names.pop(peer)]
+
+    def _on_message(self, peer: Peer, frames: list[bytes]) -> None:
+        client = self._names[peer]
         try:
-            body = decode(frames[1])
+            body = _decode(frames)
         except MessageError as error:
-            self._refuse(client, error)
+            if self._in_time(peer, None):
+                self.malformed += 1
+            self._reply_error(client, None, error)
             return
-        if not in_time:
+        if not self._in_time(peer, body.get("op")):
             self._reply_error(client, body.get("id"), MessageError("busy", "too many requests; ask more slowly"))
-        elif self._requesters is not None and sender not in self._requesters:
+        elif self._requesters is not None and peer.key not in self._requesters:
             reason = "this key may read; ask with one that the daemon's bus.requesters holds"
             self._reply_error(client, body.get("id"), MessageError("read_only", reason))
         else:
             self._on_request(client, body)
 
-    def _refuse(self, client: bytes, error: MessageError) -> None:
-        self.malformed += 1
-        self._reply_error(client, None, error)
+    def _in_time(self, peer: Peer, op: object) -> bool:
+        """Whether a client may ask this now.
+
+        Raises:
+            ProtocolError: It was told often enough that it asks too often.
+        """
+        account = peer.key or b"%b#%d" % (peer.account.name, peer.slot)
+        now_ns = time.monotonic_ns()
+        if self._limit.allows(account, now_ns):
+            return True
+        if isinstance(op, str) and op in URGENT_OPS and self._urgent.allows(account, now_ns):
+            return True
+        self.busy += 1
+        if not self._refusals.allows(account, now_ns):
+            self.unanswered += 1
+            raise ProtocolError("it asks too often, and goes on after it was told so")
+        return False
 
     def _reply_error(self, client: bytes, number: object, error: MessageError) -> None:
         fault = {"code": error.code, "message": error.message, "field": error.field}
         known = number if type(number) in (str, int) else None
         self.reply(client, {"v": PROTOCOL_VERSION, "id": known, "ok": False, "error": fault})
+
+
+def _decode(frames: list[bytes]) -> dict[str, Any]:
+    if len(frames) != 1:
+        raise MessageError("malformed", "a request is one frame, as a DEALER sends it")
+    return decode(frames[0])

@@ -14,8 +14,11 @@ from slipd.grip.policy import Refusal
 OPEN_OPS = frozenset({"hello", "status"})
 #: Requests of one client that are remembered at once: 50 a second with the longest deadline are 25, and a burst.
 PER_CLIENT = 64
-#: Clients that are remembered at once. A crowd of new ones shuts out newcomers, never one that keeps asking.
-MOST_CLIENTS = 64
+#: Clients that are remembered at once: several times as many as can be connected, for some reconnect. A crowd of new
+#: ones shuts out newcomers, never one that keeps asking.
+MOST_CLIENTS = 1024
+#: Ops that keep a grip as it is or make it safer: the holder of the lease is never "busy" for them.
+URGENT_OPS = frozenset({"lease.renew", "grip.hold", "gripper.stop"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +41,18 @@ class OnceOnly:
         self._deadlines: list[tuple[int, int, bytes, str | int]] = []
         self._numbers = itertools.count()
 
-    def seen(self, client: bytes, body: dict[str, Any], t_ns: int) -> dict[str, Any] | Refusal | None:
-        """Reply kept for this request, why it is refused, or None: it is new.
+    def seen(
+        self, client: bytes, body: dict[str, Any], t_ns: int, *, urgent: bool = False
+    ) -> dict[str, Any] | Refusal | None:
+        """Return the reply kept for this request, why it is refused, or None: it is new.
 
         What is new is judged, carried out or refused, and then kept with its reply whatever that was.
+
+        Args:
+            client: Who asks.
+            body: What is asked.
+            t_ns: Now, ns.
+            urgent: It is never refused as "busy".
         """
         if body["op"] in OPEN_OPS:
             return None
@@ -57,7 +68,7 @@ class OnceOnly:
             return Refusal("repeated_id", "this id was used for another request; use each only once", "id")
         if content in self._senders:
             return Refusal("replayed", "another client sent exactly this request")
-        if len(mine) >= PER_CLIENT or (not mine and len(self._clients) >= MOST_CLIENTS):
+        if not urgent and (len(mine) >= PER_CLIENT or (not mine and len(self._clients) >= MOST_CLIENTS)):
             return Refusal("busy", "too many requests whose deadlines have not passed; ask again later")
         return None
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from slipd.config_model import Requests
-from slipd.grip.once import OnceOnly
+from slipd.grip.once import URGENT_OPS, OnceOnly
 from slipd.grip.policy import GripPolicy, Refusal
 from slipd.pipeline.events import RecordingChanged, Reply, Request
 from slipd.pipeline.finger import Finger
@@ -54,6 +54,7 @@ class Desk:
             "record.start": self._record_start,
             "record.stop": self._record_stop,
         }
+        self._policy = policy
         grip_ops = {} if gripper is None else GripDesk(fingers, gripper).ops
         self._ops = dict.fromkeys(OPS, without_gripper) | self._ops | grip_ops
         self._ops |= LeaseDesk(policy).ops | VerdictDesk(fingers, policy, requests).ops
@@ -68,7 +69,8 @@ class Desk:
         refusal = check_request(body, self._boot, t_ns)
         if refusal is not None:
             return _reply(request, refusal, t_ns)
-        seen = self._once.seen(request.client, body, t_ns)
+        urgent = body["op"] in URGENT_OPS and self._holds(request.client, t_ns)
+        seen = self._once.seen(request.client, body, t_ns, urgent=urgent)
         if seen is None:
             found = self._ops[body["op"]](request, t_ns)
             reply = {} if found is None else _reply(request, found, t_ns).body
@@ -89,6 +91,9 @@ class Desk:
         reply = self._unanswered.pop((request.client, request.body["id"]), {})
         reply |= _reply(request, found, t_ns).body  # in place: a copy of the request gets the same reply
         return Reply(request.client, reply)
+
+    def _holds(self, client: bytes, t_ns: int) -> bool:
+        return self._policy.holder(t_ns) == client
 
     def _hello(self, _: Request, t_ns: int) -> Result:
         return {"boot": self._boot, "t_ns": t_ns, "version": PROTOCOL_VERSION, "fingers": list(self._fingers)}

@@ -7,23 +7,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import zmq
-
 from slipd.errors import LinkError
 from slipd.pipeline.events import LinkSpec
 from slipd.transport.delivery import Delivery
 from slipd.transport.link import OnBytes
-from slipd.zeromq.draining import Drain
-from slipd.zeromq.endpoint import open_server
+from slipd.zmtp.listener import Listener
+from slipd.zmtp.peer import Peer, PeerRules
 
 MAX_MESSAGE_BYTES = 64 * 1024
 """Longest message taken: over ten times one image of 1024 three-axis taxels in float32."""
 
-MAX_WAITING = 64
-"""Messages kept of a pusher that the daemon has not read: beyond it the pusher waits, or drops its own."""
-
 MESSAGES_PER_WAKE = 8
 """Messages handed on before the rest of the loop has its turn: each is a reading, and so a decision."""
+
+SHARE = 0.75
+"""Of the loop's time that one pusher gets for long: readings are the main work, and only its own user pushes them."""
+
+_RULES = PeerRules(
+    kind=b"PULL", serves=frozenset({b"PUSH"}), max_bytes=MAX_MESSAGE_BYTES, messages_per_wake=MESSAGES_PER_WAKE
+)
 
 
 async def open_external(spec: LinkSpec, on_bytes: OnBytes) -> ExternalConnection:
@@ -36,14 +38,7 @@ async def open_external(spec: LinkSpec, on_bytes: OnBytes) -> ExternalConnection
     folder = Path(path).parent
     if scheme == "ipc" and not folder.is_dir():
         raise LinkError(f"{spec.address}: there is no directory {folder}; make it, or name one that exists")
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    options: dict[int, int] = {zmq.MAXMSGSIZE: MAX_MESSAGE_BYTES, zmq.RCVHWM: MAX_WAITING}
-    try:
-        server, endpoint = open_server(context, zmq.PULL, spec.address, options)
-    except LinkError:
-        context.term()
-        raise
-    return ExternalConnection(context, server, endpoint, on_bytes)
+    return ExternalConnection(spec.address, on_bytes)
 
 
 class ExternalConnection:
@@ -51,14 +46,11 @@ class ExternalConnection:
 
     overruns = 0
 
-    def __init__(
-        self, context: zmq.Context[zmq.Socket[bytes]], server: zmq.Socket[bytes], endpoint: str, on_bytes: OnBytes
-    ) -> None:
-        self.identity = endpoint
-        self._context, self._server = context, server
+    def __init__(self, endpoint: str, on_bytes: OnBytes) -> None:
         self._delivery = Delivery(on_bytes)
-        self._drain = Drain(server, self._take, max_frames=1, frames_per_wake=MESSAGES_PER_WAKE)
-        self._drain.start()
+        self._listener = Listener(endpoint, _RULES, self._take, share=SHARE)
+        self._listener.__enter__()
+        self.identity = self._listener.endpoint
 
     async def until_lost(self) -> str:
         """Raise what the consumer of the messages raised."""
@@ -71,9 +63,8 @@ class ExternalConnection:
 
     async def close(self) -> None:
         """Close the socket at once; what was not read is lost."""
-        self._drain.stop()
-        self._context.destroy(linger=0)
+        self._listener.__exit__(None, None, None)
 
-    def _take(self, frames: list[bytes]) -> None:
+    def _take(self, _: Peer, frames: list[bytes]) -> None:
         for frame in frames:  # a message is one frame; of longer ones the first two are judged, each by itself
             self._delivery.hand_on(frame)

@@ -17,7 +17,7 @@ from slipd.errors import LinkError
 from slipd.pipeline.events import LinkSpec
 from slipd.transport.link import OnBytes
 from slipd.transport.tcp import TcpConnection
-from slipd.zeromq.endpoint import check_directory
+from slipd.zmtp.endpoint import check_directory
 
 MAX_PATH_BYTES = 107
 """Longest path of a Unix socket (``sun_path`` less its closing zero)."""

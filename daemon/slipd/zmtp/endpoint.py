@@ -1,11 +1,4 @@
-"""Binds the daemon's sockets where only its user reaches them, or only who has a key.
-
-ZeroMQ lets in whoever the umask allows, steals an ipc path that another program serves, deletes a file that lies there,
-keeps a connection that never says a word for half a minute, and takes any key where nobody judges it. Its heartbeats
-abort the process (an assertion in ``stream_engine_base_t::out_event``) when a peer goes while more than RCVHWM of what
-it sent is unread, and a socket without that limit takes in a flood for as long as it lasts: so none has them, and the
-kernel's keepalive serves instead.
-"""
+"""Binds the daemon's sockets where only its user reaches them, or only who has a key."""
 
 from __future__ import annotations
 
@@ -14,29 +7,19 @@ import ipaddress
 import os
 import socket
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import zmq
-
 from slipd.errors import LinkError
-from slipd.zeromq.gate import Gate, most_connections, unwatch, watch
 
 MAX_IPC_PATH_BYTES = 107
 """Longest path of a Unix socket (``sun_path`` less its closing zero)."""
 
-KEEPALIVE_S, KEEPALIVE_PROBES = 1, 2
-"""After so much silence the kernel asks the other machine for a sign of life, so often, as long each."""
+BACKLOG = 64
+"""Connections that the kernel keeps until they are accepted."""
 
-UNANSWERED_MS = 3000
-"""A machine that confirms nothing for this long is gone, and what is kept for it is freed."""
-
-HANDSHAKE_MS = 2000
-"""How long a connection may take to speak ZeroMQ before it is dropped, with the descriptor it holds."""
-
-LINGER_MS = 200
-"""How long the last messages before a stop may take to leave; a stalled peer delays the exit by no more."""
+_ANY_PORT = "*"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +27,13 @@ class Access:
     """How clients are let in.
 
     Attributes:
-        domain: Name under which the authenticator is asked about a key.
-        secret: The daemon's secret key; None: no keys are asked for, which is for ipc endpoints.
+        secret: The daemon's secret key, 32 bytes; None: no keys are asked for, which is for ipc endpoints.
+        admits: Whether a key (40 letters of Z85) may connect.
         local_tcp: A TCP port of this machine may be served without keys; all of its users reach it.
     """
 
-    domain: bytes = b""
     secret: bytes | None = field(default=None, repr=False)
+    admits: Callable[[bytes], bool] = field(default=lambda _: False, repr=False)
     local_tcp: bool = False
 
 
@@ -58,33 +41,11 @@ USER_ALONE = Access()
 """An ipc endpoint without keys: the file system lets in who may come."""
 
 
-@contextlib.contextmanager
-def serving(
-    context: zmq.Context[zmq.Socket[bytes]], kind: int, endpoint: str, options: Mapping[int, int], access: Access
-) -> Iterator[tuple[zmq.Socket[bytes], str]]:
-    """As ``open_server``; closes the socket, and keeps connections over TCP from becoming too many until then."""
-    server, reached = open_server(context, kind, endpoint, options, access)
-    with contextlib.ExitStack() as stack:
-        stack.callback(server.close)
-        if is_tcp(endpoint):
-            stack.enter_context(Gate(server, most_connections()))
-        yield server, reached
-
-
-def open_server(
-    context: zmq.Context[zmq.Socket[bytes]],
-    kind: int,
-    endpoint: str,
-    options: Mapping[int, int],
-    access: Access = USER_ALONE,
-) -> tuple[zmq.Socket[bytes], str]:
-    """Open a socket and bind it.
+def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str]:
+    """Open a listening socket that does not block.
 
     Args:
-        context: Owner of the socket.
-        kind: Socket type, e.g. ``zmq.ROUTER``.
         endpoint: ``ipc:///directory/name``, or ``tcp://address:port`` (``*`` as port: any free one).
-        options: Socket options beside those every server has.
         access: How clients are let in.
 
     Returns:
@@ -94,34 +55,44 @@ def open_server(
         LinkError: The endpoint is none, is in use, cannot be bound, or would let in anybody.
     """
     _check(endpoint, access)
-    server = context.socket(kind)
-    server.setsockopt(zmq.TCP_KEEPALIVE, 1)
-    server.setsockopt(zmq.TCP_KEEPALIVE_IDLE, KEEPALIVE_S)
-    server.setsockopt(zmq.TCP_KEEPALIVE_INTVL, KEEPALIVE_S)
-    server.setsockopt(zmq.TCP_KEEPALIVE_CNT, KEEPALIVE_PROBES)
-    server.setsockopt(zmq.TCP_MAXRT, UNANSWERED_MS)
-    server.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
-    server.setsockopt(zmq.LINGER, LINGER_MS)
-    for option, value in options.items():
-        server.setsockopt(option, value)
-    if access.secret is not None:
-        server.setsockopt(zmq.CURVE_SERVER, 1)
-        server.setsockopt(zmq.CURVE_SECRETKEY, access.secret)
-        server.setsockopt(zmq.ZAP_DOMAIN, access.domain)
-        server.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without it a missing authenticator admits everybody
-    if is_tcp(endpoint):
-        watch(server)
-    umask = os.umask(0o077)  # the mode of an ipc socket is 0777 less this
+    family = socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX
+    server = socket.socket(family, socket.SOCK_STREAM)
     try:
-        server.bind(endpoint)
-    except zmq.ZMQError as error:
-        if is_tcp(endpoint):
-            unwatch(server)
+        reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_ipc(server, endpoint)
+        server.listen(BACKLOG)
+    except (OSError, ValueError, OverflowError) as error:
         server.close()
-        raise LinkError(f"{endpoint}: cannot be bound: {error}; name another endpoint, or free this one") from error
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
+    server.setblocking(False)
+    return server, reached
+
+
+def _bind_tcp(server: socket.socket, endpoint: str) -> str:
+    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
+    server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    server.bind(("" if host == "*" else host, 0 if port == _ANY_PORT else int(port)))
+    address, number = server.getsockname()
+    return f"tcp://{address}:{number}"
+
+
+def _bind_ipc(server: socket.socket, endpoint: str) -> str:
+    path = os.fsencode(endpoint.removeprefix("ipc://"))
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(path)  # noqa: PTH108 - bytes; `_check` found that nobody serves there
+    umask = os.umask(0o077)  # the mode of a socket is 0777 less this
+    try:
+        server.bind(path)
     finally:
         os.umask(umask)
-    return server, server.getsockopt_string(zmq.LAST_ENDPOINT)
+    return endpoint
+
+
+def release(server: socket.socket, endpoint: str) -> None:
+    """Close a listening socket and remove its file."""
+    server.close()
+    if not is_tcp(endpoint):
+        Path(endpoint.removeprefix("ipc://")).unlink(missing_ok=True)
 
 
 def check_free(endpoint: str, access: Access = USER_ALONE) -> None:

@@ -1,0 +1,106 @@
+"""What one peer may take of the loop's time, in however many connections, and again after it reconnected.
+
+An account is what a peer cannot choose: its key, its process (ipc) or its address (TCP without keys). Reading, judging
+and answering for it is charged to it. An account that used its share waits, and its connections with it: what they
+send stays in the kernel, and the senders wait too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable
+
+SHARE = 0.25
+"""Of the loop's time that one account gets for long."""
+
+BURST_S = 0.004
+"""Time it gets at once, s: some fifty requests."""
+
+MOST_ACCOUNTS = 1024
+"""Accounts remembered; who was away for longest is forgotten first, and had its burst again by then."""
+
+
+class Account:
+    """The time of one peer.
+
+    Args:
+        name: What the peer cannot choose.
+        share: Of the loop's time for long.
+    """
+
+    def __init__(self, name: bytes, share: float = SHARE) -> None:
+        self.name = name
+        self._share = share
+        self._left_s = BURST_S
+        self._counted_s = 0.0
+        self._slots: set[int] = set()
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._timer: asyncio.TimerHandle | None = None
+
+    @property
+    def connections(self) -> int:
+        """How many it has now."""
+        return len(self._slots)
+
+    def enter(self) -> int:
+        """Count a connection and return its place: a later connection gets that of one that is gone."""
+        slot = next(number for number in range(len(self._slots) + 1) if number not in self._slots)
+        self._slots.add(slot)
+        return slot
+
+    def leave(self, slot: int) -> None:
+        """Count a connection no more."""
+        self._slots.discard(slot)
+
+    def has_time(self, now_s: float) -> bool:
+        """Whether something may be done for it now."""
+        self._left_s = min(BURST_S, self._left_s + (now_s - self._counted_s) * self._share)
+        self._counted_s = now_s
+        return self._left_s > 0.0
+
+    def charge(self, took_s: float) -> None:
+        """Take what was done for it."""
+        self._left_s -= took_s
+
+    def wait(self, go_on: Callable[[], None]) -> None:
+        """Call ``go_on`` when there is time again; those that wait have their turns in order."""
+        self._waiting.append(go_on)
+        if self._timer is None:
+            self._arm()
+
+    def _arm(self) -> None:
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(max(-self._left_s, 0.0) / self._share + _TURN_S, self._turn)
+
+    def _turn(self) -> None:
+        self._timer = None
+        try:
+            while self._waiting and self.has_time(time.monotonic()):
+                self._waiting.popleft()()
+        finally:
+            if self._waiting:
+                self._arm()
+
+
+_TURN_S = 0.0005
+"""Shortest wait: the rest of the loop has its turn before."""
+
+
+class Accounts:
+    """The accounts of one endpoint by name."""
+
+    def __init__(self, share: float = SHARE) -> None:
+        self._share = share
+        self._accounts: OrderedDict[bytes, Account] = OrderedDict()
+
+    def of(self, name: bytes) -> Account:
+        """Return the account of a peer; new ones begin with a whole burst."""
+        account = self._accounts.pop(name, None) or Account(name, self._share)
+        self._accounts[name] = account
+        if len(self._accounts) > MOST_ACCOUNTS:
+            gone = next((each for each, found in self._accounts.items() if not found.connections), None)
+            if gone is not None:
+                del self._accounts[gone]
+        return account

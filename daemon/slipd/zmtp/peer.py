@@ -1,0 +1,300 @@
+"""One connection of a peer, from the greeting to its end: what arrives becomes messages.
+
+Nothing that a peer sends is kept beyond what one read brought, one frame, and the first frames of one message; and
+everything done for it is charged to its account.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from slipd.zmtp.accounts import Account
+from slipd.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
+from slipd.zmtp.outbox import Message, Outbox
+from slipd.zmtp.wire import (
+    COMMAND,
+    GREETING_BYTES,
+    MORE,
+    FrameReader,
+    ProtocolError,
+    check_greeting,
+    decode_command,
+    encode_command,
+    encode_greeting,
+)
+
+READ_BYTES = 32 * 1024
+"""Taken from the kernel at once."""
+
+WAKE_S = 0.001
+"""Time after which the rest of the loop has its turn."""
+
+MOST_FRAMES = 10_000
+"""Frames of one message; whoever sends more is disconnected."""
+
+_MAX_PING_CONTEXT = 16
+_PING_HEAD = 2  # time to live
+_MAX_IDENTITY_BYTES = 255
+
+
+@dataclass(frozen=True, slots=True)
+class PeerRules:
+    """What an endpoint takes from each of its peers.
+
+    Attributes:
+        kind: Socket type of this end, as ZeroMQ names it.
+        serves: Socket types that may connect.
+        max_bytes: Longest frame.
+        max_frames: Frames kept of one message; of a longer one, ``max_frames + 1`` are handed on to show it.
+        most_queued: Messages kept for a peer that does not read.
+        drops_oldest: Beyond those the oldest is dropped, not the new one.
+        messages_per_wake: Messages handed on before the rest of the loop has its turn.
+    """
+
+    kind: bytes
+    serves: frozenset[bytes]
+    max_bytes: int
+    max_frames: int = 1
+    most_queued: int = 0
+    drops_oldest: bool = False
+    messages_per_wake: int = 16
+
+
+class Peer:
+    """A connection from the greeting to its end.
+
+    Args:
+        connection: Non-blocking; the peer owns it from here on.
+        address: What it cannot choose: its process ("user:group:process") or its address.
+        account: Charged until a key is proved.
+        mechanism: How it introduces itself.
+        rules: What is taken from it.
+        on_ready: Called once it introduced itself; what it raises as `ProtocolError` ends the connection.
+        on_message: Called with each message.
+        on_close: Called once, at the end.
+
+    Attributes:
+        address: As above.
+        route: Name that the peer chose, b"" where it chose none.
+        fileno: Descriptor of the connection.
+        slot: Its place among the connections of its account.
+        send: Sends a message, or keeps it until the peer reads; False where it is dropped (`Outbox.send`).
+        ready: Whether it introduced itself.
+        closed: Whether the connection has ended.
+        reason: Why this end ended it; "" where the peer did.
+    """
+
+    def __init__(
+        self,
+        connection: socket.socket,
+        address: bytes,
+        account: Account,
+        mechanism: Mechanism,
+        rules: PeerRules,
+        on_ready: Callable[[Peer], None],
+        on_message: Callable[[Peer, list[bytes]], None],
+        on_close: Callable[[Peer], None],
+    ) -> None:
+        self.address, self.route = address, b""
+        self.account, self.slot = account, account.enter()
+        self.closed, self.reason = False, ""
+        self.ready = False
+        self._connection, self.fileno = connection, connection.fileno()
+        self._mechanism, self._rules = mechanism, rules
+        self._on_ready, self._on_message, self._on_close = on_ready, on_message, on_close
+        self._loop = asyncio.get_running_loop()
+        self._reader = FrameReader(MAX_HANDSHAKE_BYTES)
+        self._greeted = False
+        self._frames: list[bytes] = []
+        self._count = 0
+        self._behind = False  # complete frames wait in the reader
+        self._outbox = Outbox(
+            connection, mechanism.seal, rules.most_queued, drops_oldest=rules.drops_oldest, on_gone=self.close
+        )
+        self.send: Callable[[Message], bool] = self._outbox.send
+        self._outbox.send_now(encode_greeting(mechanism.name, as_server=mechanism.name == b"CURVE"))
+        if not self.closed:
+            self._loop.add_reader(self.fileno, self._run)
+
+    @property
+    def key(self) -> bytes:
+        """Key that it proved; b"" without keys."""
+        return self._mechanism.key
+
+    @property
+    def waiting(self) -> int:
+        """Messages that wait until it reads."""
+        return self._outbox.waiting
+
+    def move(self, account: Account) -> None:
+        """Charge another account from here on: the peer proved who it is."""
+        self.account.leave(self.slot)
+        self.account, self.slot = account, account.enter()
+
+    def flush(self) -> None:
+        """Give the kernel what it takes of what waits."""
+        self._outbox.flush()
+
+    def is_gone(self) -> bool:
+        """Whether the peer has closed its end; one that did is closed here too."""
+        if not self.closed:
+            try:
+                gone = not self._connection.recv(1, socket.MSG_PEEK)
+            except (BlockingIOError, InterruptedError):
+                gone = False
+            except OSError:
+                gone = True
+            if gone:
+                self.close()
+        return self.closed
+
+    def close(self, reason: str = "") -> None:
+        """End the connection."""
+        if self.closed:
+            return
+        self.closed, self.reason = True, reason
+        self._loop.remove_reader(self.fileno)
+        self._outbox.close()
+        self._connection.close()
+        self.account.leave(self.slot)
+        self._on_close(self)
+
+    def _run(self) -> None:
+        """Take what arrived, as long as the account has time; then the rest of the loop has its turn."""
+        if self.closed:
+            return
+        begin_s = time.monotonic()
+        account = self.account
+        if not account.has_time(begin_s):
+            self._pause()
+            return
+        done = False
+        try:
+            if not self._behind:
+                self._receive()
+            done = self._work(begin_s + WAKE_S)
+        except ProtocolError as error:
+            if isinstance(error, KeyRefusedError):
+                self._outbox.send_now(error.reply)
+            self.close(str(error))
+        finally:
+            account.charge(time.monotonic() - begin_s)
+            if not self.closed:
+                self._go_on(done)
+
+    def _go_on(self, done: bool) -> None:
+        if done and self._behind:
+            self._behind = False
+            self._loop.add_reader(self.fileno, self._run)
+        elif not done:
+            if not self._behind:
+                self._behind = True
+                self._loop.remove_reader(self.fileno)
+            self._loop.call_soon(self._run)
+
+    def _pause(self) -> None:
+        """Hear nothing until the account has time again."""
+        if not self._behind:
+            self._loop.remove_reader(self.fileno)
+        self.account.wait(self._resume)
+
+    def _resume(self) -> None:
+        if self.closed:
+            return
+        if not self._behind:
+            self._loop.add_reader(self.fileno, self._run)
+        self._run()
+
+    def _receive(self) -> None:
+        try:
+            data = self._connection.recv(READ_BYTES)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError:  # the peer is gone
+            self.close()
+            return
+        if data:
+            self._reader.feed(data)
+        else:
+            self.close()
+
+    def _work(self, until_s: float) -> bool:
+        """Handle what is complete; False where some of it was left for later."""
+        if not self._greeted and not self._greet():
+            return True
+        left = self._rules.messages_per_wake
+        while not self.closed:
+            frame = self._reader.next()
+            if frame is None:
+                return True
+            if self._take(*frame):
+                left -= 1
+                if left <= 0:
+                    return False
+            if time.monotonic() > until_s:
+                return False
+        return True
+
+    def _greet(self) -> bool:
+        greeting = self._reader.take(GREETING_BYTES)
+        if greeting is None:
+            return False
+        check_greeting(greeting, self._mechanism.name)
+        self._greeted = True
+        return True
+
+    def _take(self, flags: int, body: bytes) -> bool:
+        """Handle one frame; whether it completed a message."""
+        if not self.ready:
+            self._introduce(flags, body)
+            return False
+        flags, body = self._mechanism.open(flags, body)
+        if flags & COMMAND:
+            return self._command(body)
+        self._count += 1
+        if self._count > MOST_FRAMES:
+            raise ProtocolError(f"a message has more than {MOST_FRAMES} frames")
+        if len(self._frames) <= self._rules.max_frames:
+            self._frames.append(body)
+        if flags & MORE:
+            return False
+        frames, self._frames, self._count = self._frames, [], 0
+        self._on_message(self, frames)
+        return True
+
+    def _introduce(self, flags: int, body: bytes) -> None:
+        if not flags & COMMAND:
+            raise ProtocolError("a message comes before the handshake has ended")
+        self._outbox.send_now(self._mechanism.handshake(body))
+        properties = self._mechanism.properties
+        if properties is None or self.closed:
+            return
+        kind = properties.get(b"socket-type", b"")
+        if kind not in self._rules.serves:
+            raise ProtocolError(f"a {kind.decode(errors='replace')!r:.20} socket has no business here")
+        self.route = properties.get(b"identity", b"")
+        if len(self.route) > _MAX_IDENTITY_BYTES or self.route[:1] == b"\0":
+            raise ProtocolError("the name that the peer chose is too long or begins with a zero byte")
+        sealing = SEAL_BYTES if self.key else 0
+        self._reader.most_bytes = self._rules.max_bytes + sealing
+        self._on_ready(self)
+        self.ready = True
+
+    def _command(self, body: bytes) -> bool:
+        """Handle a command; whether it counts as a message."""
+        name, data = decode_command(body)
+        if name == b"PING":
+            if not self.waiting:  # who does not read gets no answers that would pile up
+                pong = encode_command(b"PONG", data[_PING_HEAD : _PING_HEAD + _MAX_PING_CONTEXT])
+                self._outbox.send_now(self._mechanism.seal((pong,), COMMAND))
+        elif name == b"SUBSCRIBE":
+            self._on_message(self, [b"\x01" + data])
+        elif name == b"CANCEL":
+            self._on_message(self, [b"\x00" + data])
+        elif name == b"ERROR":
+            raise ProtocolError("the peer reports an error")
+        return True
