@@ -103,7 +103,8 @@ class Device:
     def send_wrench(self, normal_n: float = 10.0) -> None:
         self._sent += 1
         self.hear()  # so that the line never fills
-        self.send(bota.encode_frame((1.0, 0.0, -normal_n), (0.0, 0.0, 0.0), 10_000 * self._sent))
+        noise_nm = 1e-6 * (self._sent % 7)  # a sensor whose readings repeat is stuck
+        self.send(bota.encode_frame((1.0, 0.0, -normal_n), (noise_nm, 0.0, 0.0), 10_000 * self._sent))
 
     def send_image(self) -> None:
         self._sent += 1

@@ -110,12 +110,15 @@ class Asking:
                 self.clock.forget()
             raise
 
-    def tare(self, finger: str, seconds: float, timeout_s: float, stream: str | None = None) -> Steps:
+    def tare(
+        self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
+    ) -> Steps:
         """Begin a tare of one stream, or of "all", and wait until it is taken."""
         if not 0 < seconds < math.inf:
             raise ValueError(f"seconds is {seconds}; a tare takes the mean over a positive time, e.g. {TARE_S}")
         named = {} if stream is None else {"stream": stream}
-        begun = yield from self.request("tare", {"finger": finger, "seconds": seconds} | named)
+        assurance = {"unloaded": True} if unloaded else {}
+        begun = yield from self.request("tare", {"finger": finger, "seconds": seconds} | named | assurance)
         until_ns = self._now_ns() + int((seconds + timeout_s) * 1e9)
         verified = {"verified": begun.get("verified")}
         ids = begun.get("tare_ids")

@@ -134,13 +134,14 @@ class Ops(Generic[R]):
         """Say that the latched fault was seen; until then nothing moves."""
         return self.request("fault.ack")
 
-    def tare(self, finger: str, seconds: float = TARE_S, stream: str | None = None) -> R:
+    def tare(self, finger: str, seconds: float = TARE_S, stream: str | None = None, *, unloaded: bool = False) -> R:
         """Take the mean of the next ``seconds`` as zero, and wait until it is taken.
 
         Args:
             finger: Which finger.
             seconds: How long to average, s.
             stream: "wrench", "pad", or "all"; None: what measures the force.
+            unloaded: Nothing touches the finger, although its normal force is clearly negative (reason "pulled").
 
         The result is that of `tare_get`, with ``verified``: whether the daemon knew that nothing touched the finger.
         With "all" it holds ``verified`` and ``streams``, the result of each by its name.
@@ -149,7 +150,7 @@ class Ops(Generic[R]):
             RequestRefused: Beside the daemon's own refusals: the tare was given up meanwhile.
             ValueError: ``seconds`` is no positive time.
         """
-        return self._run(self._asking.tare(finger, seconds, self.timeout_s, stream))
+        return self._run(self._asking.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded))
 
     def tare_get(self, finger: str, stream: str | None = None) -> R:
         """The tare in use, of the stream "wrench" or "pad"; None: of what measures the force."""

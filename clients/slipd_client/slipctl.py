@@ -70,7 +70,7 @@ def _asked(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
     """The result of a command that needs no lease, or not always."""
     command = chosen.command
     if command == "tare take":
-        return client.tare(chosen.finger, chosen.seconds, chosen.stream)
+        return client.tare(chosen.finger, chosen.seconds, chosen.stream, unloaded=chosen.unloaded)
     if command == "tare get":
         return client.tare_get(chosen.finger, chosen.stream)
     if command in ("tare undo", "friction"):

@@ -71,6 +71,9 @@ def _grip(add: Add) -> None:
 def _tare(add: Add) -> None:
     take = add("take", "take a finger's present readings as zero; nothing may touch it")
     take.add_argument("--seconds", type=_positive, default=TARE_S, metavar="S", help="mean over so long (%(default)s)")
+    take.add_argument(
+        "--unloaded", action="store_true", help='nothing touches it, although its level has the reason "pulled"'
+    )
     for each in (take, add("get", "show the tare in use"), add("undo", "go back to the tare before the last one")):
         each.add_argument("finger", metavar="FINGER")
         streams = ("wrench", "pad", "all") if each is take else ("wrench", "pad")

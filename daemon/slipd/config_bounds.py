@@ -116,6 +116,7 @@ ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
 TorqueNoise = Annotated[float, AfterValidator(Bounds(0.0, 1.0, "N·m", "mN·m"))]
 #: From gram-force sensors for fingertips to the largest six-axis sensors of industrial robots.
 Range = Annotated[float, AfterValidator(Bounds(0.1, 1e5, "N"))]
+TorqueRange = Annotated[float, AfterValidator(Bounds(1e-4, 1e5, "N·m", "mN·m"))]
 #: A zero that drifts further belongs to a broken sensor.
 DriftForce = Annotated[float, AfterValidator(Bounds(1e-4, 100.0, "N", "mN"))]
 DriftTorque = Annotated[float, AfterValidator(Bounds(1e-6, 10.0, "N·m", "mN·m"))]

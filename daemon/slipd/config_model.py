@@ -27,6 +27,7 @@ from slipd.config_bounds import (
     SlipWindow,
     StrictModel,
     TorqueNoise,
+    TorqueRange,
 )
 from slipd.config_grasp_model import Grasp, PadPlace, Reflex
 
@@ -113,10 +114,15 @@ class Wrench(Stream):
         force_std_n: Noise of each force component, standard deviation, N.
         torque_std_nm: Likewise of each torque component, N·m.
         range_n: Largest force that the sensor can state, as the length of the vector, N: readings beyond it, and jumps
-            to and fro of a quarter of it, are garbage. None: not known, so garbage is not told.
-        stuck_after: Equal readings running that tell a stuck sensor; 0: never, for a sensor whose readings rest.
+            to and fro of a quarter of it, are garbage. None: not known, so only what no such sensor states, above 1e6
+            N, is garbage.
+        range_nm: Likewise the largest torque, N·m.
+        stuck_after: So many repeats of a reading (over 20 ms or more) mean a stuck sensor. Up to 50, so do repeats over
+            70 ms that this sensor is not used to. More than 50 is for a sensor whose readings rest for long, and only
+            the number counts. 0: a reading may rest for ever, and nothing notices a sensor that hangs.
         drift_tau_s: Time constant with which a drifting zero is followed while nothing touches; None: it is not.
-        drift_limit_n: Most that is followed since the tare, each force component, N.
+        drift_limit_n: Most that is followed since the tare, each force component, N; also part of what a normal force
+            may read below zero without a fault.
         drift_limit_nm: Likewise each torque component, N·m.
     """
 
@@ -127,6 +133,7 @@ class Wrench(Stream):
     force_std_n: ForceNoise = 0.02
     torque_std_nm: TorqueNoise = 0.0005
     range_n: Range | None = None
+    range_nm: TorqueRange | None = None
     stuck_after: int = Field(default=50, ge=0)
     drift_tau_s: DriftTime | None = None
     drift_limit_n: DriftForce = 1.0
@@ -146,6 +153,8 @@ class Pad(Stream):
         full_scale: Largest count of a taxel; None: not known, so a saturated taxel is told as stuck or hot.
         gain_error: Relative error of ``axis_scale`` where it gives newtons, such as 0.05: the sum of the image is then
             compared with the force sensor. None: its unit is not newtons.
+        stuck_after: As of a wrench, where the taxels measure the force by themselves (three axes, no ``wrench``). 0: a
+            pad that hangs is not noticed, because pads without noise may rest as long as their load does.
         charge_tau_s: Leak time constant of charge amplifiers, s; None for pads that read force itself.
     """
 
@@ -161,6 +170,7 @@ class Pad(Stream):
     tare: list[float] = Field(default=[])
     full_scale: Positive | None = None
     gain_error: float | None = Field(default=None, gt=0.0, lt=1.0)
+    stuck_after: int = Field(default=0, ge=0)
     charge_tau_s: Leak | None = None
 
 

@@ -13,6 +13,7 @@ from slipd.pipeline.requests import OPS
 from slipd.samples import WrenchSample
 from slipd_client.messages import (
     ERROR_CODES,
+    IMAGE_REASONS,
     LEVELS,
     MESSAGE_LIMITS,
     PROTOCOL_VERSION,
@@ -40,6 +41,11 @@ def test_every_level_stands_with_its_code(level: str) -> None:
 def test_its_reasons_are_those_of_the_client_with_their_meanings() -> None:
     table = TEXT.partition("| reason | meaning |\n")[2].partition("\n\n")[0]
     assert re.findall(r"^\| `(\w+)` \| (.*) \|$", table, re.MULTILINE) == list(REASONS.items())
+
+
+def test_why_an_image_cannot_be_used_stands_with_its_meaning() -> None:
+    table = TEXT.partition("| reason | why an image cannot be used |\n")[2].partition("\n\n")[0]
+    assert dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", table, re.MULTILINE)) == IMAGE_REASONS
 
 
 def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:

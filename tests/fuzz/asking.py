@@ -27,7 +27,7 @@ READY_NS = 150 * MS
 FIELDS: dict[str, tuple[str, ...]] = {
     "hello": (),
     "status": (),
-    "tare": ("finger", "seconds", "stream"),
+    "tare": ("finger", "seconds", "stream", "unloaded"),
     "tare.get": ("finger", "stream"),
     "tare.undo": ("finger", "stream"),
     "gravity.set": ("finger", "gravity_mps2"),
@@ -293,6 +293,7 @@ class Asker:
         right: Any = {
             "finger": rng.choice(FINGERS),
             "drop": rng.random() < 0.5,
+            "unloaded": rng.random() < 0.5,
             "ttl_ms": rng.choice((0, 1, 50, 199, 200, 201, 1000, -200)),
             "gravity_mps2": [rng.uniform(-10.0, 10.0) for _ in range(3)],
             "width_m": rng.uniform(-0.01, 0.1),

@@ -390,6 +390,7 @@ def malformed(body: dict[str, Any], boot: str, t_ns: int) -> str:
         for value in values if isinstance(values, (list, tuple)) else (values,):
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
                 return f"{name} is no number"
-    if not isinstance(body.get("drop", False), bool):
-        return "drop is no flag"
+    for name in ("drop", "unloaded"):
+        if not isinstance(body.get(name, False), bool):
+            return f"{name} is no flag"
     return ""

@@ -123,6 +123,29 @@ def test_a_reading_that_is_no_number_makes_the_image_unknown(make: Callable[...,
     assert pad.shares(press()) is not None
 
 
+def test_an_image_says_why_it_cannot_be_used(make: Callable[..., PadImage], image: Image) -> None:
+    spoilt = RAMP.copy()
+    spoilt[2, 2] = np.nan
+    charge = make(more="charge_tau_s = 2.0\n")
+    for pad, counts, status, reasons in (
+        (make(), RAMP, (), ()),
+        (make(), RAMP, ("saturated",), ()),
+        (make(), RAMP, ("overload", "invalid"), ("invalid", "overload")),
+        (make(), spoilt, ("invalid",), ("invalid", "not_finite")),
+        (make(), 1e15 * RAMP, (), ("garbage",)),
+        (make(more="gain_error = 0.1\n"), 1e9 * RAMP, (), ("garbage",)),
+        (charge, RAMP, (), ("contact_unseen",)),
+    ):
+        assert pad.reasons == ("stale",)
+        sample = image(T0, counts)
+        sample.status = status
+        pad.take(sample)
+        assert pad.reasons == reasons
+        assert (pad.shape() is not None) is not bool(reasons)
+        pad.forget()
+        assert pad.reasons == ("stale",)
+
+
 def test_a_forgotten_image_is_unknown(make: Callable[..., PadImage], image: Image) -> None:
     pad = make()
     pad.take(image(T0, RAMP))

@@ -31,6 +31,7 @@ RIGHT: dict[str, tuple[Any, ...]] = {
     "width_m": (0.0, 0.02, 0.0425, 0.06, 0.085, 0.0851),
     "speed_mps": (0.02, 0.1, 0.15, 0.2),
     "drop": (True, True, False),
+    "unloaded": (True, False),
     "finger": ("left", "right", "middle"),
     "ttl_ms": (1, 200, 200, 201),
     "mu_s": (0.2, 0.5, 11.0),

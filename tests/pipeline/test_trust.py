@@ -245,11 +245,39 @@ def test_C4_a_reading_that_waited_too_long_is_no_present(hand: Hand) -> None:
     assert hand.finger.age_s(hand.t_ns + 50 * MS) == pytest.approx(0.04)
 
 
-@pytest.mark.parametrize(("pull_n", "spin_nm", "reason"), [(0.0, 1e200, "rotation"), (1e200, 0.0, "translation")])
-def test_N3_a_load_beyond_what_numbers_hold_is_a_danger(hand: Hand, pull_n: float, spin_nm: float, reason: str) -> None:
+@pytest.mark.parametrize(("pull_n", "spin_nm", "reason"), [(0.0, 9e5, "rotation"), (9e5, 0.0, "translation")])
+def test_N3_a_load_beyond_anything_that_is_held_is_a_danger(
+    hand: Hand, pull_n: float, spin_nm: float, reason: str
+) -> None:
     hand.look(8.0)
     hand.send(np.array((pull_n, 0.0, -8.0)), np.array((0.0, 0.0, spin_nm)))
     assert hand.told == ("warning", (reason,))
+
+
+@pytest.mark.parametrize(("force_n", "torque_nm"), [(3e38, 0.0), (-3e38, 0.0), (0.0, 3e38), (1e120, 1e120)])
+@pytest.mark.parametrize("more", ["", "range_n = 80.0", "range_nm = 5.0"])
+def test_F1_a_single_reading_beyond_what_a_sensor_can_state_is_unknown(
+    make: Callable[..., Hand], force_n: float, torque_nm: float, more: str
+) -> None:
+    hand = make(f"stuck_after = 0\n{more}")
+    for _ in range(3):
+        hand.look(8.0)
+        hand.read(8.0)
+        assert hand.told == ("stable", ())
+        hand.send(np.array((0.0, 0.0, force_n - 8.0)), np.array((0.0, 0.0, torque_nm)))
+        assert hand.told == ("unknown", ("garbage",))
+        level, message = hand.finger.conditions("wrench", hand.t_ns)[0]
+        assert level == Health.ERROR
+        assert "out of range_n or range_nm" in message
+        for _ in range(40):
+            hand.read(8.0)
+
+
+def test_F1_readings_that_are_no_numbers_are_told_as_such_however_many(hand: Hand) -> None:
+    for _ in range(10):
+        hand.send(np.full(3, math.nan), np.zeros(3))
+        assert hand.told == ("unknown", ("not_finite",))
+    assert hand.conditions("wrench") == [(Health.ERROR, "its readings are not finite numbers")]
 
 
 def test_a_finger_needs_a_stream_and_takes_only_its_own(left: str, right: str, parse: Parse) -> None:

@@ -33,7 +33,7 @@ def eventful(trial: Recording) -> Iterator[tuple[int, Event]]:
         else:
             yield t_ns, event
         if index == 100:
-            yield t_ns, request(t_ns, "tare", finger="left", stream="pad", seconds=0.2)
+            yield t_ns, request(t_ns, "tare", finger="left", stream="pad", seconds=0.2, unloaded=True)
         if index == 150:
             yield t_ns, request(t_ns, "lease.acquire", ttl_ms=100, id=8)
             yield t_ns, request(t_ns, "friction.set", finger="right", mu_s=0.9, id=9)

@@ -30,12 +30,27 @@ REASONS = {
     "stuck": "the sensor repeats itself while it should not",
     "garbage": "the sensor's readings are beyond its range, or jump to and fro as no force does",
     "not_tared": "the pad was never tared, and reads a load that may be none",
+    "pulled": "the normal force is clearly negative: sign, mounting or configuration of the sensor is wrong",
     "disagreement": "force sensor and pad image contradict each other",
     "disagreement_contact": "about the contact: the sensor feels a clear force, and the image shows none",
     "disagreement_centroid": "about where the contact is",
     "disagreement_force": "about how much presses; only where the image is calibrated to newtons",
 }
 """Reason of a level → its meaning. A newer daemon may send further reasons: show them as they are."""
+
+IMAGE_REASONS = {
+    "stale": "no image came for too long",
+    "not_finite": "a reading is not a finite number",
+    "garbage": "the readings are larger than any pad's",
+    "overload": "the pad is beyond its range",
+    "invalid": "the pad marks its image as invalid",
+    "raw": "the pad sends values that it has not calibrated",
+    "stuck": "the images repeat while the force moves",
+    "not_tared": "the pad was never tared, and reads a load that may be none",
+    "masked": "more than a quarter of the taxels is not believed",
+    "contact_unseen": "the beginning of the contact was not seen, and charge shows only changes",
+}
+"""Why an image cannot be used → its meaning. A newer daemon may send further reasons: show them as they are."""
 
 GRASP_TOPIC = "grasp"
 GRIPPER_TOPIC = "gripper"

@@ -154,6 +154,7 @@ class Tactile(Message):
     pitch_m: float | None = None
     tare_id: int | None = None
     image_ok: bool = False
+    image_reasons: tuple[str, ...] = ()
     force_unit: str | None = None
     loads_n: tuple[float, ...] | None = None
     active: int | None = None

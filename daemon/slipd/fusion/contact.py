@@ -137,8 +137,9 @@ class Carrier(NamedTuple):
 AS_IS = Carrier(np.eye(6), np.zeros(6), np.zeros(6))
 AS_IS.matrix.flags.writeable = False  # as of every mounting: kernels are compiled for either kind
 
-#: What a reading is to the contact: late readings end it, untrusted ones say nothing.
-LATE, UNTRUSTED, FREE, TOUCHING = range(-1, 3)
+#: Contact phase of a reading. A late one ends the contact, and so does one whose normal force is clearly negative
+#: (PULLED): no pad is pulled so. An untrusted one says nothing.
+PULLED, LATE, UNTRUSTED, FREE, TOUCHING = range(-2, 3)
 #: Before it is found out which.
 USABLE = FREE
 #: Column of readings that says USABLE, UNTRUSTED or LATE, behind the six numbers of the wrench and the time, s.
@@ -167,6 +168,7 @@ def find_contacts(
     in_contact: bool,
     force_std_n: float,
     torque_std_nm: float,
+    pulled_n: float = math.inf,
 ) -> Array:
     """`contact_of` of readings that follow each other; a contact lasts down to a lower force than it begins at.
 
@@ -179,14 +181,15 @@ def find_contacts(
         in_contact: The reading before touched.
         force_std_n: Standard deviation of each force component, N.
         torque_std_nm: Standard deviation of each torque component, N·m.
+        pulled_n: A normal force below minus this is clearly negative, N.
 
     Returns:
         The numbers of the `Contact` of each in their order, NaN but for the forces where it does not touch; in place of
-        ``valid`` LATE, UNTRUSTED, FREE or TOUCHING; behind them the torque about the pad's origin, N·m, and the time,
-        s. Shape (n, 15).
+        ``valid`` PULLED, LATE, UNTRUSTED, FREE or TOUCHING; behind them the torque about the pad's origin, N·m, and the
+        time, s. Shape (n, 15).
     """
     rows = np.empty((len(readings), 15))
-    _find(rows, *carrier, readings, *contact_n, in_contact, force_std_n, torque_std_nm)
+    _find(rows, *carrier, readings, *contact_n, in_contact, force_std_n, torque_std_nm, pulled_n)
     return rows
 
 
@@ -216,7 +219,7 @@ def _carry(matrix: Array, offset: Array, weight: Array, readings: Array) -> Arra
 @compiled
 def _find(
     rows: Array, matrix: Array, offset: Array, weight: Array, readings: Array, begins_n: float, lasts_n: float,
-    in_contact: bool, force_std: float, torque_std: float,
+    in_contact: bool, force_std: float, torque_std: float, pulled_n: float,
 ) -> None:  # fmt: skip
     """Fills ``rows``: an array that a kernel returns costs more than the work on one reading."""
     carried = _carry(matrix, offset, weight, readings)
@@ -225,7 +228,7 @@ def _find(
         normal = -fz
         if touch == USABLE:
             pressed = normal >= (lasts_n if in_contact else begins_n)
-            touch = TOUCHING if pressed and math.isfinite(fx + fy + fz) else FREE
+            touch = TOUCHING if pressed and math.isfinite(fx + fy + fz) else PULLED if normal < -pulled_n else FREE
         if touch == TOUCHING:
             row = _contact(fx, fy, normal, mx, my, mz, force_std, torque_std)
             for i in range(10):

@@ -224,6 +224,8 @@ class Engine:
             state = finger.on_time(t_ns, unread_ns)
             if state is not None:
                 self._voices[name].tell(state, out)
+            if finger.loses_image(t_ns, unread_ns):
+                self._voices[name].tell_image(t_ns, out)
         self._watch_gripper(t_ns, out)
 
     def _wake(self, t_ns: int, out: list[Output]) -> None:
@@ -236,6 +238,7 @@ class Engine:
             link.interrupt()
         for name, finger in self._fingers.items():
             finger.disconnect_image()
+            self._voices[name].tell_image(t_ns, out)
             if finger.force is not None:
                 finger.force.gravity.forget()
             self._voices[name].tell(finger.disconnect(t_ns), out)
@@ -247,6 +250,7 @@ class Engine:
             finger = self._fingers.get(owner)
             if finger is not None and kind == "pad":
                 finger.disconnect_image()
+                self._voices[owner].tell_image(t_ns, out)
             if finger is not None and (kind == "wrench" or finger.force is None):
                 self._voices[owner].tell(finger.disconnect(t_ns), out)
             elif finger is None and self._gripper is not None:
@@ -295,11 +299,12 @@ class Engine:
         conditions = [link.level(stream, t_ns, lateness.unread_ns(t_ns), lateness.worst_ns(t_ns))]
         body = link.told(stream, t_ns)
         owner, _, kind = stream.name.partition(".")
-        side = self._fingers[owner].side(kind) if kind else None
-        if side is None:
+        finger = self._fingers[owner] if kind else None
+        side = None if finger is None else finger.side(kind)
+        if finger is None or side is None:
             conditions += cast("GripperControl", self._gripper).conditions()
         else:
-            conditions += side.conditions(t_ns)
+            conditions += finger.conditions(kind, t_ns)
             body |= {"tare_id": side.tare.current.id, "tare_busy": side.tare.busy} | side.told(t_ns)
         worst = max(health for health, _ in conditions)
         message = "; ".join(text for _, text in sorted(conditions, key=lambda told: -told[0]) if text)

@@ -19,11 +19,13 @@ from slipd.pipeline.force import NO_DOUBT, UNTRUSTED_FAULTS, ForceSide, Read
 from slipd.pipeline.freshness import PROMPT, Arrival, Freshness, HeldRead, HeldReads
 from slipd.pipeline.image import UNFELT, Felt, PadImage, pad_image
 from slipd.pipeline.judge import Judge
-from slipd.pipeline.state import HIDDEN, LOST, UNOBSERVED, Judged, State
+from slipd.pipeline.pull import Pull
+from slipd.pipeline.state import HIDDEN, LOST, NEGATIVE, UNOBSERVED, Judged, State
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.agreement import CLEAR, STDS, Agreement
 from slipd.signals.tare import Tare
+from slipd_client.messages import Health
 
 #: The normal force moves where its range between two images is wider than this many times its noise.
 MOVING_STDS = 6.0
@@ -32,7 +34,7 @@ COMPARE_NS = 10_000_000
 #: A tare bears a moment's silence; over a longer one nobody knows what touched the finger.
 LONGEST_TARE_GAP_NS = 500_000_000
 #: Reasons with which nobody knows what the fingers feel.
-DOUBTS = frozenset({"stale", "not_finite", "disagreement", "not_tared"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
+DOUBTS = frozenset({"stale", "not_finite", "disagreement", "not_tared", "pulled"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
 #: Levels that an image alone can reach: without it they are unknown, and what is worse stays as it is.
 RESTS_ON_IMAGE = frozenset({"stable", "caution"})
 #: A grip is raised only on readings acquired no longer ago than this, or so many periods, beside the line's delay.
@@ -84,6 +86,8 @@ class Finger:
         self._held = HeldReads()
         self._undated_wait = False
         self._free = False
+        self._pull = Pull(config)
+        self._unloaded = False
         self._received_ns = self._acquired_ns = 0
         self._unread_ns: int | None = None
 
@@ -96,9 +100,7 @@ class Finger:
 
         A force sensor that was never tared reads its own bias as a contact, so until then only the image counts.
         """
-        pad = self.config.pad
-        tared = self.tare.current.id > 0 or (self.force is None and pad is not None and bool(pad.tare))
-        shown = self._shows_contact()
+        tared, shown = self._tared(), self._shows_contact()
         if shown or (tared and self._judge.in_contact):
             return True
         if self.state.contact is None or self.state.verdict is HIDDEN:
@@ -178,13 +180,25 @@ class Finger:
         """The newest reading is fresh, and nothing speaks against its sensor."""
         return DOUBTS.isdisjoint(self.state.verdict.reasons)
 
+    @property
+    def main_stream(self) -> str:
+        """The stream that measures the force: "wrench" or "pad"."""
+        return "pad" if self.force is None else "wrench"
+
+    @property
+    def pulled(self) -> bool:
+        """The normal force is clearly negative; the counts of a pad that was never tared say nothing of that."""
+        return self.state.verdict is NEGATIVE and (self.force is not None or self._tared())
+
     def feels(self, t_ns: int) -> bool:
-        """Whether its readings, and images where it has a pad, are trusted and fresh enough to raise a grip on them.
+        """Return whether a grip may be raised: its readings, and images, are fresh, usable and beyond doubt.
 
         A late daemon is no excuse here: what it has not read yet, or reads late, may be another situation.
         """
-        image = self.image
-        if image is not None and (image.t_ns is None or t_ns - image.t_ns > self._oldest_image_ns):
+        image, force = self.image, self.force
+        if image is not None and not (image.reliable and t_ns - (image.t_ns or 0) <= self._oldest_image_ns):
+            return False
+        if force is not None and force.suspect:
             return False
         if self._freshness.is_stale(t_ns) or self._received_ns - self._acquired_ns > self._freshness.stale_ns:
             return False
@@ -194,8 +208,29 @@ class Finger:
         """Age of the newest force reading, s; None before the first."""
         return None if self._freshness.came_ns is None else (t_ns - self._acquired_ns) * 1e-9
 
-    def begin_tare(self, t_ns: int, seconds: float, by: str, stream: str | None = None) -> None:
-        """Start to average the unloaded readings of its stream "wrench" or "pad"; None: of what measures the force."""
+    def conditions(self, kind: str, t_ns: int) -> list[tuple[Health, str]]:
+        """What people should know of the readings of the stream "wrench" or "pad"."""
+        side = self.side(kind)
+        found = [] if side is None else side.conditions(t_ns)
+        if self.state.verdict is NEGATIVE and side is (self.force or self.image):
+            normal_n = math.nan if self.state.wrench is None else -self.state.wrench[2]
+            advice = self._pull.advice(normal_n, tared=self._tared(), pressed=self._shows_contact())
+            found.append((Health.ERROR, advice))
+        return found
+
+    def begin_tare(
+        self, t_ns: int, seconds: float, by: str, stream: str | None = None, *, unloaded: bool = False
+    ) -> None:
+        """Start to average unloaded readings.
+
+        Args:
+            t_ns: Now.
+            seconds: For how long, s.
+            by: Who asks for it.
+            stream: "wrench" or "pad"; None: what measures the force.
+            unloaded: Somebody knows that nothing touches the finger, whatever normal force it reads below zero.
+        """
+        self._unloaded = unloaded
         self._part(stream).begin_tare(t_ns, seconds, by)
 
     def undo_tare(self, stream: str | None = None) -> bool:
@@ -285,6 +320,8 @@ class Finger:
         wrench = self.image.wrench()
         if wrench is None:
             words = words or ("not_finite",)
+        elif self.image.is_stuck(wrench, t_ns):
+            words = ("stuck", *words)
         use = UNTRUSTED if words else USABLE
         rows = np.array([(*((math.nan,) * 6 if wrench is None else wrench), t_ns * 1e-9, use)])
         read = Read((t_ns,), sample.t_ns, rows, AS_IS, {0: words} if words else {}, (sample.status,))
@@ -318,6 +355,11 @@ class Finger:
             )
             return self._newest
         return None
+
+    def loses_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
+        """Notice that no image came for too long (see `on_time`); False where there was none, or that is known."""
+        image = self.image
+        return image is not None and image.t_ns is not None and not self._has_image(t_ns, unread_ns) and image.expire()
 
     def disconnect(self, t_ns: int) -> State:
         """The force stream ended: a tare that is being measured would average what lies before and behind."""
@@ -356,17 +398,30 @@ class Finger:
             if until_ns is not None and times_ns[-1] > until_ns:
                 shares_of = None
         doubt, fault = self._doubt(times_ns[-1]), "" if image is None else image.fault
-        judged = self._judge.judge(read, doubt, shares_of, self._disagreement, fault)
+        pulled_n = self._pull.least_n(doubt, tared=self.tare.current.id > 0)
+        judged = self._judge.judge(read, doubt, shares_of, self._disagreement, fault, pulled_n)
         if judged.ends_at < len(judged):
             self._forget_comparison()
         self._newest = judged
         self._free = judged.levels[-1] == NO_CONTACT
         self._note(judged)
-        if self.tare.busy and self.pressed():
-            self.tare.abort("a contact began")
+        if self.tare.busy:
+            self._guard_tare()
         if image is not None and image.tare.busy and self.force_pressed():
             image.tare.abort("a contact began")
         return judged
+
+    def _guard_tare(self) -> None:
+        """Give up a tare that would take a load for zero."""
+        if self.pressed():
+            self.tare.abort("a contact began")
+        elif self.pulled and not self._unloaded:
+            self.tare.abort("the normal force became negative, as if the pad were pulled")
+
+    def _tared(self) -> bool:
+        """Readings have a known zero: by a tare, or of a pad by the config."""
+        pad = self.config.pad
+        return self.tare.current.id > 0 or (self.force is None and pad is not None and bool(pad.tare))
 
     def _felt(self) -> Felt:
         """What the force sensor felt since the image before."""

@@ -13,22 +13,24 @@ from slipd.fusion import AS_IS, UNTRUSTED, USABLE, USE, Carrier, Doubt, carry
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.samples import Array, WrenchSample
 from slipd.signals.drift import DriftCompensation
-from slipd.signals.frozen import WrenchWatch
+from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import Tare
 from slipd_client.messages import Health
 
-#: Where the config states no range, no reading is out of it.
-NO_RANGE_N = 1e9
-NEVER = 1 << 62
 #: Faults with which a reading says nothing. One that flickers is believed while it is there.
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 _FAULTS = {
     "stuck": (Health.ERROR, "its readings repeat: it hangs, or stuck_after is too small for a sensor this still"),
-    "garbage": (Health.ERROR, "its readings are out of range_n, or jump to and fro"),
+    "garbage": (
+        Health.ERROR,
+        "its readings are out of range_n or range_nm, or jump to and fro: check the range and units of the sensor",
+    ),
+    "not_finite": (Health.ERROR, "its readings are not finite numbers"),
     "intermittent": (Health.WARN, "it failed several times within 10 s"),
 }
+GARBAGE, NOT_FINITE = ("garbage",), ("not_finite",)
 NO_WEIGHT = np.zeros(6)
 NO_DOUBT = Doubt()
 
@@ -63,7 +65,7 @@ class ForceSide:
     Attributes:
         tare: Offset of the readings, in the sensor's own frame.
         gravity: The weight of the finger beyond the sensor.
-        fault: What speaks against the newest reading: "stuck", "garbage", "intermittent" or "".
+        fault: What is wrong with the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
     def __init__(self, wrench: Wrench, stale_ns: int) -> None:
@@ -82,10 +84,15 @@ class ForceSide:
             self._drift = DriftCompensation(wrench.drift_tau_s, limit)
         self._offset = self.tare.current
         self._watch = WrenchWatch(
-            wrench.range_n or NO_RANGE_N, repeats=wrench.stuck_after or NEVER, gap_ns=max(stale_ns, 1)
+            wrench.range_n or MOST, wrench.range_nm or MOST, repeats=wrench.stuck_after, gap_ns=max(stale_ns, 1)
         )
         self.fault = ""
         self._status: tuple[str, ...] = ()
+
+    @property
+    def suspect(self) -> bool:
+        """The newest reading repeats the one before or jumped: nothing is to be raised on it."""
+        return self._watch.suspect
 
     @property
     def noise_n(self) -> float:
@@ -162,8 +169,10 @@ class ForceSide:
         self.fault = self._watch.fault
         if not self._watch.lively:
             for at, reading in enumerate(readings):
-                if not all(map(math.isfinite, reading)):
-                    untrusted.setdefault(at, ("not_finite",))
+                if not all(map(math.isfinite, reading)) and untrusted.get(at, GARBAGE) == GARBAGE:
+                    untrusted[at] = NOT_FINITE
+            if untrusted.get(len(readings) - 1) == NOT_FINITE:
+                self.fault = "not_finite"
         return untrusted
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:

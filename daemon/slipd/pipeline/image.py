@@ -8,17 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from slipd.config import Finger, Pad, axes_of
+from slipd.config import Finger, Pad, axes_of, stale_after_ns
 from slipd.fusion import Contact, ContactShape, Loads, Outline, active_loads, contact_shape, grey_loads
 from slipd.samples import UNTRUSTED, Array, TactileSample
+from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge import ChargeReconstruction
-from slipd.signals.frozen import FrozenImage
+from slipd.signals.frozen import MOST, WrenchWatch
+from slipd.signals.frozen_image import FrozenImage
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Offset, Tare
 from slipd.signals.taxel_health import TaxelHealth
 from slipd.signals.untared import UntaredWatch
 from slipd_client.messages import Health
 
+#: Of an image that is too old, or of a pad without one.
+STALE: tuple[str, ...] = ("stale",)
+_UNUSABLE = {
+    "not_finite": "its images hold readings that are not finite numbers",
+    "garbage": "its readings are larger than any pad's: check axis_scale and the configuration of the pad",
+}
+_NO_ROWS: Array = np.empty((0, 6))
 #: Movement of the force that an image must show, over the force sensor's noise.
 FROZEN_STDS = 6.0
 #: What people should do where a pad was never tared.
@@ -82,6 +91,7 @@ class PadImage:
         t_ns: When the image was acquired; None before the first.
         status: Conditions the device reported with it.
         hangs: The images repeat while the force moves.
+        reasons: Why the newest image cannot be used; empty where it can.
     """
 
     def __init__(self, pad: Pad, finger: Finger) -> None:
@@ -95,6 +105,8 @@ class PadImage:
         self.tare = Tare(np.reshape(pad.tare, shape) if pad.tare else np.zeros(shape))
         self._scale = np.array(pad.axis_scale if self.three_axis else pad.axis_scale[0])
         self._threshold = pad.threshold
+        self._least_n = finger.min_normal_n
+        self._most = MOST if pad.gain_error is not None else LARGEST_READING
         self._rule = finger.load_rule
         self._calibrated = pad.gain_error is not None
         self._charge = ChargeReconstruction(taxels, pad.charge_tau_s) if pad.charge_tau_s else None
@@ -107,6 +119,7 @@ class PadImage:
         )
         noise_n = 0.0 if finger.wrench is None else finger.wrench.force_std_n
         self._frozen = FrozenImage(max(FROZEN_STDS * noise_n, finger.min_normal_n))
+        self._watch = WrenchWatch(LARGEST_READING, LARGEST_READING, repeats=pad.stuck_after, gap_ns=stale_after_ns(pad))
         self.hangs = False
         self._stated = bool(pad.tare)
         self._untared = UntaredWatch(finger.min_normal_n, pad.threshold, calibrated=self._calibrated)
@@ -115,6 +128,7 @@ class PadImage:
         self.t_ns: int | None = None
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
+        self.reasons = STALE
         self._known = False
         self._assumed_free = False
         self._shares: Shares | None = None
@@ -144,26 +158,27 @@ class PadImage:
             if self._calibrated and anchored and felt.normal_n is not None:
                 self._charge.anchor(felt.normal_n)
             values = pressure = self._charge.update(values, t_ns * 1e-9, felt.free)
-        free = felt.free if felt.normal_n is not None else None
+        free = felt.normal_n is not None and felt.free and felt.normal_n > -self._least_n
         self._health.update(readings, t_ns, free, felt.moving, pressure)
         if not doubtful and not self.zero_known:
             self._look(values, readings, t_ns, felt)
-        self._believe(values, doubtful=doubtful)
+        self._believe(values, sample)
         self.t_ns, self.status = t_ns, sample.status
         self._assumed_free = self._charge is not None and felt.free
 
-    def _believe(self, values: Array, *, doubtful: bool) -> None:
-        """Makes pressures of forces, with the masked taxels mended."""
+    def _believe(self, values: Array, sample: TactileSample) -> None:
+        """Make pressures of forces, with the masked taxels mended."""
         mend = self._health.repair if self._health.masks else None
         if self.three_axis:
             if mend is not None:
                 values = np.column_stack([mend(component) for component in values.T])
             self._forces = values
-            values = -values[:, 2]
         elif mend is not None:
             values = mend(values)
-        usable = self._health.usable and not self.hangs and not doubtful and not self.untared
-        self._known = usable and math.isfinite(float(np.dot(values, values)))
+        self.reasons = self._find_reasons(values.ravel(), sample)
+        if self.three_axis:
+            values = -values[:, 2]
+        self._known = not self.reasons
         self.pressure = np.where(values > self._threshold, values, 0.0) if self._known else np.zeros_like(values)
         self._shared = False
 
@@ -209,9 +224,33 @@ class PadImage:
         else:
             self._untared.look_beside(readings, t_ns, free=felt.free)
 
+    def _find_reasons(self, values: Array, sample: TactileSample) -> tuple[str, ...]:
+        """Why an image cannot be used that gives these forces on its taxels, in one row."""
+        possible = float(np.dot(values, values)) <= self._most**2  # false for NaN
+        if possible and not (sample.status or self.hangs or self.untared or self._health.masks):
+            return ()
+        found = sorted(UNTRUSTED.intersection(sample.status))
+        if self.hangs:
+            found.append("stuck")
+        if self.untared:
+            found.append("not_tared")
+        if not self._health.usable:
+            found.append("masked")
+        if not possible:
+            unseen = "contact_unseen" if np.isnan(values).any() else "garbage"
+            found.append(unseen if np.isfinite(sample.values).all() else "not_finite")
+        return tuple(found)
+
+    def expire(self) -> bool:
+        """Notice that the newest image is too old; False where that is known."""
+        known = self.reasons == STALE
+        self.reasons = STALE
+        return not known
+
     def forget(self) -> None:
-        """Gives up the newest image: time passed, or the pad was away, and nobody saw what happened."""
+        """Give up the newest image: time passed, or the pad was away, and nobody saw what happened."""
         self._known, self.t_ns, self._shared = False, None, False
+        self.reasons = STALE
         if self._charge is not None:
             self._charge.forget()
 
@@ -219,6 +258,11 @@ class PadImage:
     def known(self) -> bool:
         """The newest image tells the pressures, of its own."""
         return self._known and not self._assumed_free
+
+    @property
+    def reliable(self) -> bool:
+        """The newest image can be used, and is not suspected of repeating the one before."""
+        return self._known and not self._frozen.suspect and not self._watch.suspect
 
     def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the pad's readings."""
@@ -231,6 +275,11 @@ class PadImage:
             found.append((Health.ERROR, UNTARED))
         if self.hangs:
             found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))
+        if self._watch.fault == "stuck":
+            found.append(
+                (Health.ERROR, "its images repeat: it hangs, or stuck_after is too small for a pad this still")
+            )
+        found += [(Health.ERROR, _UNUSABLE[reason]) for reason in self.reasons if reason in _UNUSABLE]
         masked = "; ".join(f"{kind} {', '.join(map(str, at))}" for kind, at in self._health.report().items() if at)
         if masked and not self._health.usable:
             found.append((Health.ERROR, f"too many taxels cannot be believed: {masked}"))
@@ -254,6 +303,11 @@ class PadImage:
             return None
         force, torque = taxel_wrench(self.x, self.y, self._forces)
         return (*force.tolist(), *torque.tolist())
+
+    def is_stuck(self, wrench: tuple[float, ...], t_ns: int) -> bool:
+        """Return whether the images of taxels that measure the force by themselves repeat (``stuck_after``)."""
+        self._watch.update((wrench,), (t_ns,), _NO_ROWS)
+        return self._watch.fault == "stuck"
 
     def shows_contact(self) -> bool | None:
         """Whether a taxel is active; None where the image does not say.

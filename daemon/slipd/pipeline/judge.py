@@ -12,6 +12,7 @@ from slipd.config import Levels
 from slipd.fusion import (
     FREE,
     LATE,
+    PULLED,
     TOUCH,
     TOUCHING,
     UNTRUSTED,
@@ -101,6 +102,7 @@ class Judge:
         shares_of: Callable[[Contact], Shares | None] | None,
         disagreement: tuple[str, ...],
         image_fault: str,
+        pulled_n: float,
     ) -> Judged:
         """Judges the readings of one read.
 
@@ -110,9 +112,10 @@ class Judge:
             shares_of: How the image shares the force of a contact, and None where it cannot; None without a fresh one.
             disagreement: What force sensor and image contradict each other about.
             image_fault: Reason for which no image can be used: "stuck", "not_tared", or "".
+            pulled_n: A normal force below minus this is clearly negative, N.
         """
         noise = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
-        contacts = find_contacts(read.carrier, read.rows, self._contact_n, self.in_contact, *noise)
+        contacts = find_contacts(read.carrier, read.rows, self._contact_n, self.in_contact, *noise, pulled_n)
         touch = [int(touch) for touch in contacts[:, TOUCH].tolist()]
         shares, used, margins_m, turn = None, _NOT_USED, _NO_MARGINS, 0.0
         if shares_of is not None and TOUCHING in touch:
@@ -159,9 +162,9 @@ def _drop(mu_s: float, mu_d: float) -> float:
 
 def _contact_end(touch: list[int], in_contact: bool) -> int:
     """Place of the first reading with which a contact ends; that behind the last where none does."""
-    if FREE in touch or LATE in touch:
+    if FREE in touch or LATE in touch or PULLED in touch:
         for at, now in enumerate(touch):
-            if in_contact and now in (FREE, LATE):
+            if in_contact and now in (FREE, LATE, PULLED):
                 return at
             in_contact = in_contact or now == TOUCHING
     return len(touch)

@@ -9,7 +9,7 @@ from typing import Any
 from slipd.fusion import grip_needed_n, torque_limit
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.image import PadImage
-from slipd.pipeline.state import ForceReading, State
+from slipd.pipeline.state import NEGATIVE, ForceReading, State
 from slipd.samples import Array
 from slipd_client.messages import level_code
 
@@ -49,7 +49,7 @@ def slip_body(finger: Finger, state: State) -> Body:
     return {
         **verdict_body(finger, state),
         "force_unit": _force_unit(finger, state.status),
-        "normal_n": None if state.contact is None else number(state.contact.normal_n),
+        "normal_n": _normal_n(state),
         "tangential_n": None if contact is None else pair(contact.fx_n, contact.fy_n),
         "spin_nm": None if contact is None else number(contact.spin_nm),
         "centroid_m": None if contact is None else pair(contact.cx_m, contact.cy_m),
@@ -75,6 +75,13 @@ def slip_body(finger: Finger, state: State) -> Body:
 
 def _force_unit(finger: Finger, status: Sequence[str]) -> str:
     return NEWTON if finger.in_newtons and "raw" not in status else UNCALIBRATED
+
+
+def _normal_n(state: State) -> float | None:
+    """Normal force, N; also the negative one that is why nothing else is known."""
+    if state.contact is not None:
+        return number(state.contact.normal_n)
+    return number(-state.wrench[2]) if state.verdict is NEGATIVE and state.wrench is not None else None
 
 
 def verdict_body(finger: Finger, state: State) -> Body:
@@ -139,9 +146,9 @@ def wrench_body(finger: Finger, felt: ForceReading) -> Body:
 
 def tactile_body(finger: Finger, image: PadImage) -> Body:
     """``tactile.<finger>``: loads on the taxels in scan order, and the shape of the contact."""
-    shape = image.shape()
+    known = not image.reasons
+    shape = image.shape() if known else None
     geometry = image.geometry
-    known = shape is not None
     return {
         "finger": finger.name,
         "rows": geometry.rows,
@@ -149,6 +156,7 @@ def tactile_body(finger: Finger, image: PadImage) -> Body:
         "pitch_m": geometry.pitch_m,
         "tare_id": image.tare.current.id,
         "image_ok": known,
+        "image_reasons": list(image.reasons),
         "force_unit": NEWTON if finger.image_in_newtons else UNCALIBRATED,
         "loads_n": image.pressure.tolist() if known else None,
         "active": None if shape is None else shape.active,

@@ -43,6 +43,7 @@ OPS: dict[str, dict[str, Field]] = {
         "finger": Field("text"),
         "seconds": Field("number", required=False),
         "stream": Field("text", required=False),
+        "unloaded": Field("flag", required=False),
     },
     "tare.get": {"finger": Field("text"), "stream": Field("text", required=False)},
     "tare.undo": {"finger": Field("text"), "stream": Field("text", required=False)},

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from slipd.fusion import (
     FREE,
     LATE,
+    PULLED,
     UNTRUSTED,
     Contact,
     Found,
@@ -32,8 +33,10 @@ LOST = Verdict("unknown", ("stale",))
 #: The finger's own weight may be a contact, or hide one.
 HIDDEN = Verdict("unknown", ("weight_unknown",))
 NO_MU = Verdict("unknown", ("no_mu",))
+#: The normal force is clearly negative: the sensor, or what the config says of it, is wrong.
+NEGATIVE = Verdict("unknown", ("pulled",))
 #: Without an image translation alone can prove a grip unsafe, and never safe.
-UNOBSERVED, PULLED = Verdict("unknown", ("rotation_unobserved",)), Verdict("warning", ("translation",))
+UNOBSERVED, UNSAFE = Verdict("unknown", ("rotation_unobserved",)), Verdict("warning", ("translation",))
 
 
 class ForceReading(NamedTuple):
@@ -157,6 +160,8 @@ class Judged:
             return State(t_ns, LOST, age_s=age_s)
         if touch == UNTRUSTED:
             return State(t_ns, Verdict("unknown", self.read.untrusted[at]), wrench, status=status, age_s=age_s)
+        if touch == PULLED:
+            return State(t_ns, NEGATIVE, wrench, status=status, age_s=age_s)
         contact = contact_told(self.contacts[at].tolist())
         if touch == FREE:
             verdict = HIDDEN if self.levels[at] == UNKNOWN else NOTHING
@@ -188,8 +193,8 @@ class Judged:
         found, level = Found(*self.found[at].tolist()), LEVELS[self.levels[at]]
         if not self._exact(at):
             if not found.slips:
-                return UNOBSERVED if found.step < WARNING else PULLED
-            return Verdict(level, ("slip_detected", *(UNOBSERVED if found.step < WARNING else PULLED).reasons))
+                return UNOBSERVED if found.step < WARNING else UNSAFE
+            return Verdict(level, ("slip_detected", *(UNOBSERVED if found.step < WARNING else UNSAFE).reasons))
         if found.step == found.tipping == STABLE and not found.slips:
             return HOLDS
         translation = float(self.contacts[at, 8]) / self.mu

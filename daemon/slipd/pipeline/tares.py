@@ -42,14 +42,25 @@ class Tares:
             return Refusal("not_ready", f"finger {finger.name} has no {kind}, only a {next(iter(has))}", "stream")
         return cls(finger, {kind: has[kind]})
 
-    def refuse(self, t_ns: int) -> Refusal | None:
-        """Say why these streams cannot be tared now."""
+    def refuse(self, t_ns: int, *, unloaded: bool) -> Refusal | None:
+        """Say why these streams cannot be tared now.
+
+        Args:
+            t_ns: Now.
+            unloaded: The client states that nothing touches the finger, although its normal force is clearly negative.
+        """
         name = self.finger.name
         for kind in self.sides:
             if not self.finger.is_fresh(kind, t_ns):
                 return Refusal("not_ready", f"finger {name} has no fresh {kind} readings to average", "finger")
         if self.finger.pressed_beside(self.sides) is True:
             return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
+        if self.finger.pulled and self.finger.main_stream in self.sides and not unloaded:
+            message = (
+                f"the normal force of finger {name} is negative, as if the pad were pulled: check what status says of"
+                " it; if this is the bias of an unloaded sensor, send unloaded: true"
+            )
+            return Refusal("not_ready", message, "finger")
         return None
 
     @property
@@ -57,11 +68,11 @@ class Tares:
         """One of them is being measured."""
         return any(side.tare.busy for side in self.sides.values())
 
-    def begin(self, t_ns: int, seconds: float, by: str) -> dict[str, Any]:
-        """Start to average, and return the reply."""
+    def begin(self, t_ns: int, seconds: float, by: str, *, unloaded: bool) -> dict[str, Any]:
+        """Start to average, and return the reply; ``unloaded`` as in `refuse`."""
         verified = self.finger.pressed_beside(self.sides) is False
         for kind in self.sides:
-            self.finger.begin_tare(t_ns, seconds, by, kind)
+            self.finger.begin_tare(t_ns, seconds, by, kind, unloaded=unloaded)
         ids = {kind: side.tare.current.id for kind, side in self.sides.items()}
         return {
             "finger": self.finger.name,

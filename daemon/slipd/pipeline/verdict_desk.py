@@ -70,10 +70,11 @@ class VerdictDesk:
         seconds = request.body.get("seconds", DEFAULT_TARE_S)
         if not 0.0 < seconds <= LONGEST_TARE_S:
             return Refusal("out_of_range", f"seconds must be above 0 and at most {LONGEST_TARE_S:g}", "seconds")
-        refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns)
+        unloaded = request.body.get("unloaded", False)
+        refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)
         if refusal is not None:
             return refusal
-        return tares.begin(t_ns, seconds, named(request.client))
+        return tares.begin(t_ns, seconds, named(request.client), unloaded=unloaded)
 
     def _tare_get(self, request: Request, _: int) -> Result:
         tares = self._tares(request, STREAMS)

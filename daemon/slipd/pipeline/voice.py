@@ -8,6 +8,7 @@ from slipd.config import Rates
 from slipd.pipeline.decision import SEVERITY
 from slipd.pipeline.events import Output
 from slipd.pipeline.finger import Finger
+from slipd.pipeline.image import STALE
 from slipd.pipeline.outlet import Outlet, Pace
 from slipd.pipeline.report import number, slip_body, tactile_body, verdict_body, wrench_body
 from slipd.pipeline.state import ForceReading, Judged, State
@@ -31,6 +32,7 @@ class Voice:
         self._told: Level = "unknown"
         self._slip, self._wrench = Pace(rates.slip_hz), Pace(rates.wrench_hz)
         self._tactile = Pace(rates.tactile_hz)
+        self._image_reasons = STALE
 
     def tell(self, state: State, out: list[Output]) -> None:
         """Adds what is to be said of a new state."""
@@ -54,10 +56,14 @@ class Voice:
                 self._tell_wrench(t_ns, judged.felt(at), out)
 
     def tell_image(self, t_ns: int, out: list[Output]) -> None:
-        """Adds what is to be said of a new image."""
-        finger = self._finger
-        if finger.image is not None and self._tactile.passes(t_ns):
-            body = tactile_body(finger, finger.image)
+        """Add the message of a new image, or of one that is too old; at once where it became usable or unusable."""
+        finger, image = self._finger, self._finger.image
+        if image is None:
+            return
+        changed = image.reasons != self._image_reasons
+        self._image_reasons = image.reasons
+        if self._tactile.passes(t_ns, now=changed):
+            body = tactile_body(finger, image)
             out.append(self._outlet.message(tactile_topic(finger.name), t_ns, self._frame, body))
 
     def _tell_wrench(self, t_ns: int, felt: ForceReading, out: list[Output]) -> None:

@@ -18,72 +18,32 @@ from slipd.fusion.compiled import compiled
 
 Array = NDArray[np.float64]
 
-FROZEN_IMAGES = 3
-"""Images equal to the one before. XELA's server repeats 7 % of its images and never two running."""
-FROZEN_NS = 85_000_000
-"""Time since the last new image; with three repeats it takes at most 100 ms at 30 Hz and more, for the jitter."""
-
 CHANCE = 1e-12
 """A run is told where chance makes it less often than this: at 4 kHz less than once in eight years."""
 STUCK_NS = 20_000_000
-"""No shorter run is told, whatever the noise: a device may hand on several readings of one conversion."""
+"""No shorter run is reported, whatever the noise: a device may hand on several readings of one conversion."""
+HANG_NS = 70_000_000
+"""A run of this length is reported whatever the rate: within 100 ms from 30 Hz on, and else with the third repeat."""
+HABITS = 3
+"""Times the sensor's habit (a run of one in a thousand, or none) that chance next to never makes: once in 1e9."""
+HABIT_NS = 10_000_000_000
+RESTED_NS = 50_000_000
+"""A repeated reading is as old as the first of its run, and nothing is raised on an older one."""
 DEFAULT_REPEATS = 50
 """What `repeats_of_a_stuck_sensor` gives for six components whose noise is 0.3 of a count."""
 
+MOST = 1e6
+"""No sensor of a gripper states more, N or N·m; the range where none is given."""
 JUMPS = 3.0
 """Impossible readings, less those forgotten, from which a stream is garbage: one is a bit error."""
 FORGET = 0.05
 """Of an impossible reading, forgotten with each good one: garbage ends 60 good readings after its last."""
-_NEVER_NS = 1 << 63
-"""Before the first reading: later than any time, so that no gap ends with it."""
+_NEVER = 1 << 63
+"""More repeats than there are; before the first reading, a time later than any, so that no gap ends with it."""
 
 FLICKER_NS = 10_000_000_000
 FLICKERS = 3
 """A stream that failed so often within ``FLICKER_NS`` is intermittent until it has been well for as long."""
-
-
-class FrozenImage:
-    """Tells that a whole tactile image hangs while the force on it moves.
-
-    Args:
-        force_step_n: Change of the normal force that the image must show: several times the force sensor's noise, and
-            what moves a reading of the pad by several counts.
-    """
-
-    def __init__(self, force_step_n: float) -> None:
-        if not 0.0 < force_step_n < math.inf:
-            raise ValueError(f"force_step_n must be positive and finite, not {force_step_n}")
-        self._step_n = force_step_n
-        self._bits = b""
-        self._repeats = 0
-        self._since_ns = 0
-        self._low_n, self._high_n = math.inf, -math.inf
-
-    def update(self, values: Array, t_ns: int, normal_n: float | None) -> bool:
-        """Takes an image; says whether the array hangs.
-
-        Args:
-            values: Readings as they came, any shape.
-            t_ns: Time of the image.
-            normal_n: Normal force that the force sensor reads now; None or NaN where it does not know. Without it
-                nothing is told: a pad without noise may rest as long as its load does.
-        """
-        bits = values.tobytes()
-        if bits != self._bits:
-            self._bits, self._repeats, self._since_ns = bits, 0, t_ns
-            self._low_n, self._high_n = math.inf, -math.inf
-        else:
-            self._repeats += 1
-        if normal_n is not None:
-            if normal_n < self._low_n:
-                self._low_n = normal_n
-            if normal_n > self._high_n:
-                self._high_n = normal_n
-        return (
-            self._repeats >= FROZEN_IMAGES
-            and t_ns - self._since_ns >= FROZEN_NS
-            and self._high_n - self._low_n >= self._step_n
-        )
 
 
 def repeats_of_a_stuck_sensor(std_counts: float, components: int = 6) -> int:
@@ -109,47 +69,61 @@ def repeats_of_a_stuck_sensor(std_counts: float, components: int = 6) -> int:
 
 
 class WrenchWatch:
-    """Tells a force/torque stream that is stuck, garbage or intermittent.
+    """Reports a force/torque stream that is stuck, garbage or intermittent.
 
     Args:
         range_n: Largest force that the sensor can state, as the length of the vector, N; more is impossible.
+        range_nm: Likewise the largest torque, N·m.
         jump_n: A change of the force from one reading to the next, N, that nothing real makes to and fro: a good part
             of the range; None: a quarter.
-        repeats: Equal readings running that tell a stuck sensor: see `repeats_of_a_stuck_sensor`.
+        repeats: So many repeats of a reading mean a stuck sensor: see `repeats_of_a_stuck_sensor`. Up to
+            `DEFAULT_REPEATS`, so does a run of `HANG_NS` that is longer than the sensor's habit. 0: never, for a sensor
+            whose readings rest.
         gap_ns: A longer silence is a failure of the stream.
 
     Raises:
         ValueError: A range that is not positive and finite.
 
     Attributes:
-        fault: What speaks against the newest reading; "" where nothing does.
+        fault: What is wrong with the newest reading; "" where nothing is.
         lively: The newest readings were all numbers, in range, and no two running alike.
+        suspect: The newest reading repeats the one before, longer than this sensor usually does, or jumped. It is
+            believed, but nothing is to be raised on it.
     """
 
     def __init__(
-        self, range_n: float, *, jump_n: float | None = None, repeats: int = DEFAULT_REPEATS, gap_ns: int = 20_000_000
+        self,
+        range_n: float = MOST,
+        range_nm: float = MOST,
+        *,
+        jump_n: float | None = None,
+        repeats: int = DEFAULT_REPEATS,
+        gap_ns: int = 20_000_000,
     ) -> None:
         if not 0.0 < range_n < math.inf:
             raise ValueError(f"range_n must be positive and finite, not {range_n}")
-        self._range_n = range_n
+        if not 0.0 < range_nm < math.inf:
+            raise ValueError(f"range_nm must be positive and finite, not {range_nm}")
+        self._range_n, self._range_nm = range_n, range_nm
         self._jump_n = 0.25 * range_n if jump_n is None else jump_n
-        self._repeats, self._gap_ns = repeats, gap_ns
+        self._repeats, self._gap_ns = repeats or _NEVER, gap_ns
         self._row: Sequence[float] = (math.nan,) * 6
         self._equal = 0
-        self._since_ns = self._last_ns = _NEVER_NS
+        self._since_ns = self._last_ns = _NEVER
+        self._habit = Habit()
         self._step: list[float] | None = None  # the last change, where it was a jump
         self._impossible = 0.0
         self._garbage = self._failing = self._alert = False
         self._failed_ns: list[int] = []
         self.fault = ""
-        self.lively = False
+        self.lively = self.suspect = False
 
     def excuse(self, t_ns: int) -> None:
         """Count no gap until ``t_ns``: the daemon did not read the stream."""
         self._last_ns = t_ns
 
     def update(self, readings: Sequence[Sequence[float]], times_ns: Sequence[int], rows: Array) -> dict[int, str]:
-        """Takes readings as the sensor sent them, before tare and mounting.
+        """Take readings as the sensor sent them, before tare and mounting.
 
         Args:
             readings: Force, N, and torque, N·m (zeros where the device has none) of each: six numbers; at least one.
@@ -157,7 +131,7 @@ class WrenchWatch:
             rows: The same as an array, whose rows may be longer.
 
         Returns:
-            "stuck", "garbage" or "intermittent" of each reading that something speaks against, by its place.
+            "stuck", "garbage" or "intermittent" of each reading with a fault, by its index.
         """
         if len(readings) > 1 and self._take_lively(readings, times_ns[-1], rows):
             return {}
@@ -169,52 +143,87 @@ class WrenchWatch:
         return found
 
     def _take_lively(self, readings: Sequence[Sequence[float]], last_ns: int, rows: Array) -> bool:
-        """Takes readings that are well, all at once; False where one of them is to be looked at."""
+        """Take readings without a fault, all at once; False where one of them needs a closer look."""
         if self._alert or last_ns - self._last_ns > self._gap_ns:
             return False
-        self.lively = _is_lively(np.array(self._row), rows, self._range_n**2, self._jump_n**2)
+        self.lively = _is_lively(np.array(self._row), rows, self._range_n**2, self._range_nm**2, self._jump_n**2)
         if self.lively:
-            self._row, self._last_ns, self._equal, self._step, self.fault = readings[-1], last_ns, 0, None, ""
+            if self._equal:
+                self._end_run(honest=True)
+            self._row, self._last_ns, self._step, self.fault, self.suspect = readings[-1], last_ns, None, "", False
         return self.lively
 
     def _take(self, row: Sequence[float], t_ns: int) -> str:
-        """Takes one reading; returns the fault."""
+        """Take one reading; return its fault."""
         before, self._row = self._row, row
         force_n, last_n = row[:3], before[:3]
         gap = t_ns - self._last_ns > self._gap_ns
-        jumps = not (math.dist(force_n, last_n) < self._jump_n and math.hypot(*force_n) <= self._range_n)
-        if gap or jumps or self._alert or row == before or not math.isfinite(sum(row)):
-            self.lively = False
-            self._count(alike=row == before and not gap)
-            if jumps:
-                self._suspect(force_n, last_n)
-            else:
-                self._step = None
-            told = gap or self._alert or self._equal >= self._repeats
-            self.fault = self._told(gap, t_ns) if told else ""
+        possible = math.hypot(*force_n) <= self._range_n and math.hypot(*row[3:]) <= self._range_nm  # false for NaN
+        jumps = math.dist(force_n, last_n) >= self._jump_n  # false for NaN, such as before the first reading
+        if gap or jumps or self._alert or row == before or not possible:
+            self._look_closer(before, t_ns, gap=gap, jumps=jumps)
         else:
-            self._equal, self._step, self.fault = 0, None, ""
+            if self._equal:
+                self._end_run(honest=True)
+            self._step, self.fault, self.suspect = None, "", False
         self._last_ns = t_ns
         return self.fault
 
-    def _count(self, *, alike: bool) -> None:
-        """Counts readings that repeat the one before."""
-        if alike and self._equal == 0:
-            self._since_ns = self._last_ns
-        self._equal = self._equal + 1 if alike else 0
+    def _look_closer(self, before: Sequence[float], t_ns: int, *, gap: bool, jumps: bool) -> None:
+        """Find out what is wrong with the newest reading, if anything is."""
+        self.lively = False
+        row = self._row
+        wild = not math.hypot(*row[:3]) <= self._range_n or math.hypot(*row[3:]) > self._range_nm
+        self._count(t_ns, alike=row == before, gap=gap)
+        if jumps or wild:
+            self._suspect(row[:3], before[:3], wild=wild)
+        else:
+            self._step = None
+        stuck = self._is_stuck(t_ns)
+        self.fault = self._told(gap, stuck, t_ns) if gap or stuck or self._alert else ""
+        if wild and self.fault != "stuck" and all(map(math.isfinite, row)):
+            self.fault = "garbage"
+        self.suspect = jumps or self._is_suspect(t_ns)
 
-    def _suspect(self, force_n: Sequence[float], last_n: Sequence[float]) -> None:
-        """Takes a reading out of range, or a jump; a single jump may be a blow."""
+    def _count(self, t_ns: int, *, alike: bool, gap: bool) -> None:
+        """Count readings that repeat the one before; behind a gap the count begins anew."""
+        if gap or not alike:
+            self._end_run(honest=not gap)
+        if not alike:
+            return
+        if self._equal == 0:
+            self._since_ns = t_ns if gap else self._last_ns
+            self._habit.look(self._since_ns)
+        self._equal += 1
+
+    def _end_run(self, *, honest: bool) -> None:
+        """The readings move again: a run that was never reported as stuck is a habit of this sensor."""
+        if honest and self.fault != "stuck":
+            self._habit.learn(self._equal)
+        self._equal = 0
+
+    def _is_stuck(self, t_ns: int) -> bool:
+        if self._equal >= self._repeats:
+            return t_ns - self._since_ns >= STUCK_NS
+        unusual = self._equal >= HABITS * (self._habit.repeats + 1)
+        return unusual and self._repeats <= DEFAULT_REPEATS and t_ns - self._since_ns >= HANG_NS
+
+    def _is_suspect(self, t_ns: int) -> bool:
+        if self._equal == 0 or self._repeats == _NEVER:
+            return False
+        return self._equal > self._habit.repeats or t_ns - self._since_ns > RESTED_NS
+
+    def _suspect(self, force_n: Sequence[float], last_n: Sequence[float], *, wild: bool) -> None:
+        """Take a reading out of range, or a jump; a single jump may be a blow."""
         before, self._step = self._step, [now - last for now, last in zip(force_n, last_n, strict=True)]
         back = before is not None and sum(map(mul, before, self._step)) < 0.0
-        if back or not math.hypot(*force_n) <= self._range_n:
+        if back or wild:
             self._impossible = min(self._impossible + 1.0, JUMPS) + FORGET
             self._alert = True
 
-    def _told(self, gap: bool, t_ns: int) -> str:
+    def _told(self, gap: bool, stuck: bool, t_ns: int) -> str:
         self._impossible = max(self._impossible - FORGET, 0.0)
         self._garbage = self._impossible >= JUMPS or (self._garbage and self._impossible > 0.0)
-        stuck = self._equal >= self._repeats and t_ns - self._since_ns >= STUCK_NS
         failing = stuck or gap or self._garbage
         if failing and not self._failing:
             self._failed_ns = [*self._failed_ns[1 - FLICKERS :], t_ns]
@@ -226,19 +235,48 @@ class WrenchWatch:
         return "stuck" if stuck else "garbage" if self._garbage else "intermittent" if often else ""
 
 
+class Habit:
+    """How many repeats running are usual for a sensor: learned from runs that ended by themselves.
+
+    Attributes:
+        repeats: Repeats of the third longest run of the last 10 to 20 s: neither a single longer run, by chance or by a
+            sensor that hung for a moment, nor a second makes a habit.
+    """
+
+    def __init__(self) -> None:
+        self.repeats = 0
+        self._before = 0  # of the 10 s before these
+        self._longest = [0, 0, 0]
+        self._since_ns = 0
+
+    def learn(self, repeats: int) -> None:
+        """Take the length of a run."""
+        if repeats > self._longest[0]:
+            self._longest = sorted((*self._longest[1:], repeats))
+
+    def look(self, t_ns: int) -> None:
+        """Find `repeats` as of now."""
+        age_ns = t_ns - self._since_ns
+        if age_ns > HABIT_NS:
+            self._before = self._longest[0] if age_ns <= 2 * HABIT_NS else 0
+            self._longest, self._since_ns = [0, 0, 0], t_ns
+        self.repeats = max(self._before, self._longest[0])
+
+
 @compiled
-def _is_lively(before: Array, rows: Array, range2: float, jump2: float) -> bool:
-    """Each reading is finite, differs from the one before, by less than a jump, and is in range."""
+def _is_lively(before: Array, rows: Array, range2: float, torque2: float, jump2: float) -> bool:
+    """Return whether each reading is in range and differs from the one before, by less than a jump."""
     for k in range(len(rows)):
         last = before if k == 0 else rows[k - 1]
-        jump = size = total = 0.0
+        jump = force = torque = 0.0
         alike = True
         for i in range(6):
             alike = alike and rows[k, i] == last[i]
-            total += rows[k, i]
             if i < 3:
                 jump += (rows[k, i] - last[i]) ** 2
-                size += rows[k, i] ** 2
-        if alike or not (jump < jump2 and size <= range2 and math.isfinite(total)):
+                force += rows[k, i] ** 2
+            else:
+                torque += rows[k, i] ** 2
+        if alike or not (jump < jump2 and force <= range2 and torque <= torque2):  # true for NaN
             return False
     return True

@@ -1,0 +1,61 @@
+"""Images that look fresh and are not: the same bits again while the force on the pad moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FROZEN_IMAGES = 3
+"""Images equal to the one before. XELA's server repeats 7 % of its images and never two running."""
+FROZEN_NS = 85_000_000
+"""Time since the last new image; with three repeats it takes at most 100 ms at 30 Hz and more, for the jitter."""
+
+
+class FrozenImage:
+    """Reports a tactile array that hangs: its image stays the same while the force on it moves.
+
+    Args:
+        force_step_n: Change of the normal force that the image must show: several times the force sensor's noise, and
+            what moves a reading of the pad by several counts.
+
+    Attributes:
+        suspect: The newest image repeats the one before although the force moved. It may be one that was sent twice;
+            nothing is to be raised on it.
+    """
+
+    def __init__(self, force_step_n: float) -> None:
+        if not 0.0 < force_step_n < math.inf:
+            raise ValueError(f"force_step_n must be positive and finite, not {force_step_n}")
+        self._step_n = force_step_n
+        self._bits = b""
+        self._repeats = 0
+        self._since_ns = 0
+        self._low_n, self._high_n = math.inf, -math.inf
+        self.suspect = False
+
+    def update(self, values: Array, t_ns: int, normal_n: float | None) -> bool:
+        """Take an image; return whether the array hangs.
+
+        Args:
+            values: Readings as they came, any shape.
+            t_ns: Time of the image.
+            normal_n: Normal force that the force sensor reads now; None or NaN where it does not know. Without it
+                no pad hangs: one without noise may rest as long as its load does.
+        """
+        bits = values.tobytes()
+        if bits != self._bits:
+            self._bits, self._repeats, self._since_ns = bits, 0, t_ns
+            self._low_n, self._high_n = math.inf, -math.inf
+        else:
+            self._repeats += 1
+        if normal_n is not None:
+            if normal_n < self._low_n:
+                self._low_n = normal_n
+            if normal_n > self._high_n:
+                self._high_n = normal_n
+        self.suspect = self._repeats > 0 and self._high_n - self._low_n >= self._step_n
+        return self.suspect and self._repeats >= FROZEN_IMAGES and t_ns - self._since_ns >= FROZEN_NS

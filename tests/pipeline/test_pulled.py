@@ -1,0 +1,172 @@
+"""A normal force that is clearly negative is unknown, never "no contact"; engine and real bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slipd_client.messages import Health
+
+MS = 1_000_000
+NOT_READY = ("not_ready", "finger")
+DROP = ("in_contact", "drop")
+Run = Any
+Make = Callable[[str], Run]
+
+
+def health(run: Run, stream: str = "left.wrench") -> tuple[int, str]:
+    told = run.ask("status")["result"]["streams"][stream]
+    return told["health"], told["message"]
+
+
+@pytest.mark.parametrize("normal_n", [-25.0, -71_768.0])
+def test_a_sensor_that_reads_a_pull_is_unknown_and_says_what_to_check(run: Run, normal_n: float) -> None:
+    run.bring_up()
+    run.wrench(normal_n)
+    assert run.level() == ("unknown", ["pulled"])
+    assert run.told("slip.left")[-1]["normal_n"] == pytest.approx(normal_n, rel=1e-6)
+    assert run.told("warning")[-1]["previous"] == "no_contact"
+    level, message = health(run)
+    assert level == Health.ERROR
+    for word in ("sign", "pad_from_sensor", "quat_xyzw", "x, y, z, w", "the sensor's own configuration"):
+        assert word in message
+    run.wrench(0.0)
+    assert run.level() == ("no_contact", [])
+    assert "pulls" not in health(run)[1]
+
+
+def test_nothing_is_tared_or_opened_on_a_pull(run: Run) -> None:
+    run.bring_up()
+    run.feel(0.0)
+    assert run.refusal("gripper.open") is None
+    run.serve_gripper(50)
+    for _ in range(3):
+        run.feel(0.0)
+    run.wrench(-25.0)
+    assert run.refusal("tare", finger="left") == NOT_READY
+    assert run.refusal("gripper.open") == DROP
+    assert run.refusal("gripper.activate") == DROP
+    assert run.refusal("gripper.open", drop=True) is None
+
+
+def test_no_grip_is_raised_on_a_pull(run: Run) -> None:
+    run.bring_up()
+    run.grip(5.0)
+    run.feel(5.0)
+    run.wrench(-5.0)
+    assert run.refusal("grip.adjust", delta_n=1.0) == ("not_ready", "delta_n")
+    run.feel(5.0)
+    assert run.refusal("grip.adjust", delta_n=1.0) is None
+
+
+def test_a_tare_that_is_being_measured_ends_with_a_pull(run: Run) -> None:
+    run.bring_up()
+    assert run.refusal("tare", finger="left", seconds=0.1) is None
+    for _ in range(10):
+        run.wrench(0.0)
+    run.wrench(-25.0)
+    told = run.ask("tare.get", finger="left")["result"]
+    assert (told["tare_id"], told["busy"]) == (1, False)
+    assert told["given_up"] == "the normal force became negative, as if the pad were pulled"
+
+
+def test_the_bias_of_an_unloaded_sensor_is_tared_by_whoever_knows_that_it_is_one(run: Run) -> None:
+    run.wrench(-25.0)
+    run.tick()
+    assert run.level() == ("unknown", ["pulled"])
+    assert "tare it with unloaded = true" in health(run)[1]
+    assert run.refusal("tare", finger="left", seconds=0.01) == NOT_READY
+    assert run.refusal("tare", finger="left", seconds=0.01, unloaded="yes") == ("bad_type", "unloaded")
+    assert run.ask("tare", finger="left", seconds=0.01, unloaded=True)["result"]["verified"] is False
+    for _ in range(20):
+        run.wrench(-25.0)
+    assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
+    assert run.level() == ("no_contact", [])
+
+
+def test_an_unloaded_sensor_is_not_tared_while_its_pad_shows_a_contact(run: Run) -> None:
+    run.image()
+    run.wrench(-25.0)
+    assert run.refusal("tare", finger="left", unloaded=True) == ("in_contact", "finger")
+    assert "the pad image shows a contact, so the force sensor is wrong" in health(run)[1]
+
+
+@pytest.mark.parametrize(
+    ("more", "least_n"),
+    [
+        ("", 0.5 + 1.0),
+        ("drift_limit_n = 0.2", 0.5 + 0.2),
+        ("force_std_n = 0.1", 0.5 + 1.0 + 4 * 0.1),
+        ("mass_kg = 0.1", 0.5 + 1.0 + 0.1 * 2 * 9.80665),
+    ],
+)
+def test_what_is_clear_follows_from_noise_weight_drift_and_the_least_force_of_a_contact(
+    make_run: Make, left: str, more: str, least_n: float
+) -> None:
+    text = left.replace("force_std_n = 0.0\n", "") if "force_std_n" in more else left
+    run = make_run(text.replace("stuck_after = 0", f"stuck_after = 0\n{more}"))
+    run.up()
+    run.wrench(-9.0)
+    assert run.level()[1] != ["pulled"], "before its tare a sensor reads its own bias"
+    run.ask("tare", finger="left", seconds=0.01)
+    for _ in range(20):
+        run.wrench(0.0)
+    assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
+    for normal_n, pulled in ((0.01 - least_n, False), (-0.01 - least_n, True)):
+        run.wrench(normal_n, ms=5.0)
+        assert (run.level()[1] == ["pulled"]) is pulled
+
+
+def test_a_wrong_mounting_is_seen_with_the_first_press(make_run: Make, left: str) -> None:
+    """The quaternion of a half turn about Y, [0, 1, 0, 0], that should have been the identity."""
+    run = make_run(left.replace("stuck_after = 0", "pad_from_sensor = { quat_xyzw = [0.0, 1.0, 0.0, 0.0] }"))
+    run.up()
+    run.wrench(0.0)
+    assert run.refusal("tare", finger="left", seconds=0.01) is None
+    for _ in range(20):
+        run.wrench(0.0)
+    run.wrench(3.0)
+    assert run.level() == ("unknown", ["pulled"])
+
+
+def test_taxels_that_are_pressed_during_a_pull_are_not_hot(run: Run) -> None:
+    """The force sensor has the wrong sign: what it calls a pull presses the pad, first lightly and then hard."""
+    run.bring_up()
+    rng = np.random.default_rng(2)
+    for k in range(400):
+        normal_n = min(0.005 * k, 8.0) if k < 100 else 8.0 + np.sin(0.1 * k)
+        run.wait(7)
+        run.tick()
+        run.wrench(-normal_n, ms=2.0)
+        run.image(np.rint(10.0 * normal_n + rng.normal(size=(4, 4))).astype(int))
+    told = run.ask("status")["result"]["streams"]["left.pad"]
+    assert told["masked"] == []
+    assert run.level() == ("unknown", ["pulled"])
+    assert run.refusal("tare", finger="left") == ("in_contact", "finger"), "the pad knows better"
+
+
+def test_a_pad_that_measures_the_force_by_itself_can_be_pulled_too(make_run: Make, right: str) -> None:
+    """Its axis_scale has the wrong sign."""
+    run = make_run(right.replace("-0.001", "0.001"))
+    run.up()
+    for _ in range(3):
+        run.skin(5.0)
+    assert run.level("right") == ("unknown", ["pulled"])
+    assert run.refusal("tare", finger="right") == NOT_READY
+    level, message = health(run, "right.pad")
+    assert (level, "axis_scale" in message) == (Health.ERROR, True)
+
+
+def test_the_raw_counts_of_a_pad_that_was_never_tared_may_be_tared(make_run: Make, right: str) -> None:
+    run = make_run(right.replace("-0.001", "0.001").partition("tare = ")[0])
+    run.up()
+    for _ in range(3):
+        run.skin(1.0)
+    assert run.level("right") == ("unknown", ["pulled"])
+    assert run.refusal("tare", finger="right", seconds=0.05) is None
+    for _ in range(10):
+        run.skin(1.0)
+    assert run.level("right") == ("no_contact", [])
