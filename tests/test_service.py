@@ -569,14 +569,17 @@ async def test_the_end_of_a_run_gives_the_signals_back(rig: Rig) -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def start(rig: Path, *arguments: str, before: Sequence[str] = (), **options: Any) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [*before, SLIPD, "run", "--config", str(rig), *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
+@contextlib.contextmanager
+def start(rig: Path, *arguments: str, before: Sequence[str] = (), **options: Any) -> Iterator[subprocess.Popen[str]]:
+    """A daemon of its own, which does not outlive a test that fails."""
+    command = [*before, SLIPD, "run", "--config", str(rig), *arguments]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, **(pipes | options)) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
 
 
 def client_of(process: subprocess.Popen[str]) -> Client:
