@@ -95,10 +95,11 @@ class Peers:
     def websocket(self, name: str, handle: Handler) -> str:
         def shake_hands(client: socket.socket) -> None:
             heard = b""
-            while b"\r\n\r\n" not in heard:
-                heard += client.recv(4096)
+            while not heard.endswith(b"\r\n\r\n") and (more := client.recv(4096)):
+                heard += more
             key = re.search(rb"Sec-WebSocket-Key: (.*)\r", heard)
-            assert key is not None
+            if key is None:  # the daemon ended meanwhile
+                return
             accept = base64.b64encode(hashlib.sha1(key[1] + b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11").digest())
             answer = b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             client.sendall(answer + b"Sec-WebSocket-Accept: " + accept + b"\r\n\r\n")
