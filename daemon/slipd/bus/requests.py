@@ -15,6 +15,7 @@ from typing import Any
 
 from slipd.bus.rate_limit import RateLimit
 from slipd.grip.once import URGENT_OPS
+from slipd.zmtp.accounts import SHARE
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
 from slipd.zmtp.peer import Peer, PeerRules
@@ -26,6 +27,12 @@ MOST_QUEUED = 100
 
 PER_SECOND = 50.0
 """Requests that one client may send a second: a lease renewed, gravity told for two fingers, and room for steering."""
+
+REQUEST_S = 100e-6
+"""Time of the loop that a request takes, generously."""
+
+MOST_SHARE = 0.5
+"""Of the loop's time for one client, however many requests the config allows it."""
 
 _BETWEEN = b"\0"
 """Stands between what a client cannot choose and its route; the first holds none."""
@@ -83,7 +90,13 @@ class RequestServer:
         self._urgent = RateLimit(per_second)  # for what must pass where the other is used up
         self._refusals = RateLimit(per_second)
         self._listener = Listener(
-            endpoint, _RULES, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
+            endpoint,
+            _RULES,
+            self._on_message,
+            access,
+            on_ready=self._on_ready,
+            on_close=self._on_close,
+            share=min(MOST_SHARE, max(SHARE, per_second * REQUEST_S)),
         )
 
     def __enter__(self) -> RequestServer:

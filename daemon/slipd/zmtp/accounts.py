@@ -12,8 +12,8 @@ import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
 
-SHARE = 0.25
-"""Of the loop's time that one account gets for long."""
+SHARE = 0.1
+"""Of the loop's time that one account gets for long: a client that asks 50 times a second needs a hundredth."""
 
 BURST_S = 0.004
 """Time it gets at once, s: some fifty requests."""

@@ -7,7 +7,7 @@ import ipaddress
 import os
 import socket
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -57,15 +57,23 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
     _check(endpoint, access)
     family = socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX
     server = socket.socket(family, socket.SOCK_STREAM)
-    try:
-        reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_ipc(server, endpoint)
-        server.listen(BACKLOG)
-    except (OSError, ValueError, OverflowError) as error:
-        server.close()
-        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-        raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
+    with contextlib.ExitStack() as on_failure:
+        on_failure.enter_context(server)
+        with _clear_errors(endpoint):
+            reached = _bind_tcp(server, endpoint) if is_tcp(endpoint) else _bind_ipc(server, endpoint)
+            server.listen(BACKLOG)
+        on_failure.pop_all()
     server.setblocking(False)
     return server, reached
+
+
+@contextlib.contextmanager
+def _clear_errors(endpoint: str) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError, OverflowError) as error:
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from error
 
 
 def _bind_tcp(server: socket.socket, endpoint: str) -> str:
@@ -99,19 +107,12 @@ def check_free(endpoint: str, access: Access = USER_ALONE) -> None:
     """Refuse an endpoint that cannot be served now, without serving it.
 
     Raises:
-        LinkError: As for `open_server`.
+        LinkError: As for `bind`.
     """
     _check(endpoint, access)
-    host, _, port = endpoint.removeprefix("tcp://").rpartition(":")
-    if not is_tcp(endpoint) or port == "*":
-        return
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as ZeroMQ does: who listens keeps the port
-        try:
-            trial.bind(("" if host == "*" else host, int(port)))
-        except (OSError, OverflowError) as error:
-            reason = error.strerror if isinstance(error, OSError) else str(error)
-            raise LinkError(f"{endpoint}: cannot be bound: {reason}; name another endpoint, or free this one") from None
+    if is_tcp(endpoint):
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as trial, _clear_errors(endpoint):
+            _bind_tcp(trial, endpoint)
 
 
 def is_tcp(endpoint: str) -> bool:
