@@ -46,7 +46,7 @@ class Ticker:
             self._tick(quiet=quiet)
             due_s = max(due_s + TICK_S, loop.time())
             if self._unread:
-                quiet = await self._quiet(loop.time() + TICK_S)
+                quiet = await self._quiet()
             else:
                 await asyncio.sleep(due_s - loop.time())
 
@@ -58,13 +58,14 @@ class Ticker:
         self._ticked_ns = t_ns
         self._take(Tick(suspended_ns, self._unread), t_ns)
 
-    async def _quiet(self, until_s: float) -> bool:
-        """Turn the loop until nothing enters the engine; False where that did not happen by ``until_s``.
+    async def _quiet(self) -> bool:
+        """Turn the loop until nothing enters the engine; False where that did not happen within TICK_S.
 
         Each turn asks the system which lines hold something, and reads from all that do.
         """
         loop = asyncio.get_running_loop()
         await asyncio.sleep(QUIET_AFTER_S)
+        until_s = loop.time() + TICK_S  # the sleep itself may have taken longer
         turns = 0
         while turns < QUIET_TURNS and loop.time() < until_s:
             taken = self._taken()

@@ -167,3 +167,15 @@ def test_C4_a_stream_without_a_clock_did_not_fail_while_the_daemon_stood_still(
         for ms in range(101, 200):
             finger.take_wrench(wrench(t_ns + ms * MS, 10.0 + ms / 1000))
         assert finger.force.fault == ""
+
+
+def test_C4_a_stream_without_a_clock_is_believed_again_before_the_lines_are_empty(
+    left: str, parse: Callable[[str], Config], wrench: Wrench, image: Image
+) -> None:
+    """Nothing shows that it was late itself, and an overloaded daemon may not see its lines empty for long."""
+    finger = Finger("left", parse(left).finger["left"], Levels())
+    undated = Arrival(100 * MS, 0, dated=False)
+    finger.take_tactile(image(T0), T0 - 100 * MS, undated)
+    (judged,) = finger.take_wrenches([wrench(T0, 10.0)], [T0 - 100 * MS], undated)
+    assert (judged[0].verdict.level, judged[0].age_s) == ("stable", pytest.approx(0.1))
+    assert not finger.feels(T0)

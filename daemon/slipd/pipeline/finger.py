@@ -307,7 +307,7 @@ class Finger:
             return None
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
         self.image.take(sample, t_ns, self._felt())
-        excused_ns = 0 if self._image_late else arrival.waited_ns
+        excused_ns = 0 if self._image_late and arrival.dated else arrival.waited_ns
         self._image_late = sample.t_ns - t_ns - excused_ns > self._image_freshness.stale_ns
         self._image_freshness.update(sample.t_ns, t_ns, arrival)
         self._image_dated = arrival.dated
@@ -385,7 +385,7 @@ class Finger:
         """Decides on the readings of one read."""
         times_ns, received_ns, waited_ns = read.times_ns, read.received_ns, arrival.waited_ns
         usable_ns = self._freshness.stale_ns
-        if waited_ns and self.state.verdict is not LOST:  # a stream that was late already was not late for the daemon
+        if waited_ns and not (arrival.dated and self.state.verdict is LOST):  # one that was late already is late itself
             usable_ns += waited_ns
         self._received_ns, self._acquired_ns, self._unread_ns = received_ns, times_ns[-1], arrival.unread_ns
         self._freshness.update(received_ns, times_ns[-1], arrival)
