@@ -14,8 +14,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How long an example takes says nothing on a machine that others use as well. The examples are the same in every run,
-# so that a change is judged and not the day; `pytest --hypothesis-profile=explore` draws new ones.
+# so that a change is judged and not the day; `pytest --hypothesis-profile=explore` draws new ones, `long` many of them.
 settings.register_profile("explore", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("long", settings.get_profile("explore"), max_examples=2000, stateful_step_count=60)
 settings.register_profile("repeatable", settings.get_profile("explore"), derandomize=True)
 settings.load_profile("repeatable")
 

@@ -20,9 +20,8 @@ from fuzz.requests import Found, fuzz, tables, verdicts
 from permits import activate, move
 
 from slipd.devices.robotiq_2f import Session
-from slipd.grip import reflex
+from slipd.grip import motion_gate, reflex
 from slipd.grip.once import OnceOnly
-from slipd.grip.policy import GripPolicy
 from slipd.permit import Permit
 from slipd.pipeline.desk import Desk
 from slipd.pipeline.finger import Finger
@@ -63,6 +62,16 @@ def nothing(*_: Any, **__: Any) -> None:
     """Speaks against nothing."""
 
 
+def without(*rules: str) -> object:
+    """The gate's table, but for some rules."""
+    table = tuple(row for row in motion_gate.TABLE if row[0].__name__ not in rules)
+    assert len(table) == len(motion_gate.TABLE) - len(rules)
+    return table
+
+
+CHANGES = ("change_is_within_a_step", "raises_stay_within_the_budget", "change_is_slow_enough")
+
+
 def failing(*_: Any, **__: Any) -> None:
     raise RuntimeError("broken")
 
@@ -75,17 +84,17 @@ def harder(self: Session, permit: Permit, now_ns: int, *, execute: Callable[...,
 @pytest.mark.parametrize(
     ("owner", "name", "broken", "what"),
     [
-        (GripPolicy, "check_lease", nothing, "holds no lease"),
-        (GripPolicy, "check_change", nothing, "in one step"),
-        (GripPolicy, "check_force", nothing, "N asked for"),
-        (GripPolicy, "check_fault", nothing, "a fault stands"),
+        (motion_gate, "TABLE", without("client_holds_the_lease"), "holds no lease"),
+        (motion_gate, "TABLE", without(*CHANGES), "in one step"),
+        (motion_gate, "TABLE", without("force_is_within_limits"), "N asked for"),
+        (motion_gate, "TABLE", without("no_fault_is_latched"), "a fault stands"),
         (Finger, "trusted", True, "good False"),
         (Session, "execute", harder, "N applied"),
         (reflex, "PERIOD_NS", 200_000_000, "the reflex raised by"),
         (OnceOnly, "seen", nothing, "was granted to"),
         (Desk, "answer", failing, "RuntimeError: broken"),
     ],
-    ids=lambda value: value if isinstance(value, str) else "",
+    ids=lambda value: value.replace(" ", "_") if isinstance(value, str) else "",
 )
 def test_what_is_broken_is_found(
     monkeypatch: pytest.MonkeyPatch, owner: object, name: str, broken: object, what: str

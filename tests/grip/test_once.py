@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from slipd.grip.once import MOST_CLIENTS, PER_CLIENT, OnceOnly
-from slipd.grip.policy import Refusal
+from slipd.refusal import Refusal
 
 MS = 1_000_000
 T0 = 50_000_000_000

@@ -6,9 +6,11 @@ import math
 from dataclasses import replace
 
 import pytest
+from judging import ask
 
 from slipd.grip.policy import GripLimits, GripPolicy
 from slipd.grip.reflex import Reflex, ReflexAct, ReflexSettings
+from slipd.permit import Permit
 
 MS = 1_000_000
 T0 = 50_000_000_000
@@ -40,8 +42,9 @@ class Held:
         for _ in range(0, ms, every_ms):
             self.t_ns += every_ms * MS
             act = self.reflex.decide(level, needed_n, internal_n, trusted, self.t_ns)
-            if act is not None:
+            if act is not None and isinstance(ask(self.policy, "reflex", act.force_n, self.t_ns), Permit):
                 acts.append(act)
+                self.reflex.acted(act)
                 steps = math.floor(act.force_n / self.unit_n + 1e-9) * self.unit_n if self.unit_n else act.force_n
                 self.policy.grip(steps, self.t_ns, reflex=True)
         return acts
@@ -349,7 +352,10 @@ def test_A8_a_lowering_without_effect_is_repeated_seldom() -> None:
     acts = []
     for _ in range(200):
         held.t_ns += 5 * MS
-        acts.append(held.reflex.decide("stable", 5.0, None, True, held.t_ns))
+        act = held.reflex.decide("stable", 5.0, None, True, held.t_ns)
+        if act is not None:
+            held.reflex.acted(act)
+        acts.append(act)
     assert 5 <= len([act for act in acts if act]) <= 11
 
 

@@ -9,10 +9,12 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+from judging import ask
 
 from slipd.grip.once import OnceOnly
-from slipd.grip.policy import GripLimits, GripPolicy, Refusal
+from slipd.grip.policy import GripLimits, GripPolicy
 from slipd.grip.reflex import Reflex, ReflexSettings
+from slipd.refusal import Refusal
 
 MS = 1_000_000
 MAX_LEASE_MS = 200
@@ -182,15 +184,12 @@ class Site(RuleBasedStateMachine):
         if body["op"].startswith("lease"):
             return self.lease(client, body)
         force_n = body.get("force_n", math.nan)
-        refusal = (
-            self.policy.check_lease(client, self.t_ns)
-            or self.policy.check_fault()
-            or self.policy.check_change(force_n, self.t_ns)
-        )
-        if refusal is None:
-            assert self.holder == client, "nobody grips but the holder"
-            self.tell("client", force_n)
-        return refusal
+        found = ask(self.policy, "close", force_n, self.t_ns, who=client)
+        if isinstance(found, Refusal):
+            return found
+        assert self.holder == client, "nobody grips but the holder"
+        self.tell("client", force_n)
+        return None
 
     def lease(self, client: bytes, body: dict[str, Any]) -> Refusal | None:
         if body["op"] == "lease.acquire":
@@ -288,8 +287,9 @@ class Site(RuleBasedStateMachine):
             self.look()
             self.watched_ns = max(self.watched_ns, self.t_ns)
             act = self.reflex.decide(level, needed_n, internal_n, trusted, self.t_ns)
-            if act is None:
+            if act is None or isinstance(ask(self.policy, "reflex", act.force_n, self.t_ns), Refusal):
                 continue
+            self.reflex.acted(act)
             assert trusted, "the reflex does nothing on a doubtful finger"
             assert act.from_n == self.force_n
             assert self.watched_ns - self.acted_ns >= PERIOD_NS

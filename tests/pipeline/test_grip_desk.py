@@ -387,6 +387,7 @@ class TestForceOfAHeldObject:
         assert run.refusal("grip.adjust", delta_n=2.0) == ("budget_spent", "delta_n")
         assert run.refusal("gripper.open", drop=True) is None
         run.gripper.found = 3
+        run.feel(0.0)
         run.serve_gripper(50)
         run.grip(8.0)
         assert run.refusal("grip.adjust", delta_n=2.0) is None, "another grasp has a budget of its own"

@@ -92,6 +92,7 @@ ErrorCode = Literal[
     "lease_held",  # another client holds it
     "no_limit",  # the config gives no force limit, so nothing is moved
     "not_active",  # the gripper is not activated
+    "activating",  # the gripper is still activating
     "in_contact",  # opening would drop an object, taring would erase its load
     "gripper_fault",
     "fault_latched",  # something went wrong: say fault.ack once it has been looked at

@@ -8,7 +8,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
-from slipd.grip.policy import Refusal
+from slipd.refusal import Refusal
 
 #: Ops that change nothing and need neither the id of the run nor a deadline: asked again, they are answered again.
 OPEN_OPS = frozenset({"hello", "status"})

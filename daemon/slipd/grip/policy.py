@@ -1,7 +1,7 @@
-"""Who may ask for a grip force, and which: limits, slew, budget, one lease holder, and the fault that is latched.
+"""The state that grip rules rest on: the lease, the force in force, slew and budget spent, and the latched fault.
 
-What may not be is refused, never clamped, and never done later by itself: a set-point that goes on moving after its
-client died is what this avoids. A limit that is not configured means no actuation. The end of a lease moves nothing.
+It keeps the books and judges leases alone. Whether a motion may happen is judged by `slipd.grip.motion_gate`, on the
+snapshot that `GripPolicy.state` returns. The end of a lease moves nothing.
 """
 
 from __future__ import annotations
@@ -9,24 +9,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from slipd.refusal import Refusal
+
 #: Differences of forces are rounded: 5.1 N over 3.1 N is not quite 2 N. Far below what any gripper resolves.
 ROUNDING_N = 1e-9
 _MS = 1_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """Why a request is not carried out.
-
-    Attributes:
-        code: Error code of the message API.
-        message: What is wrong and what would be right.
-        field: Field of the request; "" where it is none.
-    """
-
-    code: str
-    message: str
-    field: str = ""
+NO_LEASE = Refusal("no_lease", "acquire the lease first: lease.acquire {ttl_ms}; it may have expired")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +38,38 @@ class GripLimits:
     budget_n: float
 
 
+@dataclass(frozen=True, slots=True)
+class GripState:
+    """Snapshot of a `GripPolicy`; every force is the normal force on one pad, N.
+
+    Attributes:
+        holder: Client that holds the lease; None: nobody does.
+        fault: The latched fault; "" where there is none.
+        force_n: The force in force; None where nothing is gripped, or where that force is not known.
+        unknown: Something is held by a grip whose force is not known.
+        letting_go: The gripper was sent to let go, and has not been seen to: ``force_n`` may still press.
+        asked_n: The force a client asked for last; None where nothing is gripped.
+        raise_left_n: How far requests may raise the force now.
+        lower_left_n: How far requests may lower it now.
+        budget_left_n: What is left of the raises of this grasp.
+    """
+
+    holder: bytes | None
+    fault: str
+    force_n: float | None
+    unknown: bool
+    letting_go: bool
+    asked_n: float | None
+    raise_left_n: float
+    lower_left_n: float
+    budget_left_n: float
+
+    @property
+    def grips(self) -> bool:
+        """A grip is in force, whether or not its force is known."""
+        return self.unknown or self.force_n is not None
+
+
 class GripPolicy:
     """The lease, the limits, and what is in force.
 
@@ -58,10 +78,13 @@ class GripPolicy:
     Args:
         limits: Limits of the forces.
         max_lease_ms: Longest life of a lease without renewal.
+
+    Attributes:
+        limits: As given.
     """
 
     def __init__(self, limits: GripLimits, max_lease_ms: int) -> None:
-        self._limits = limits
+        self.limits = limits
         self._max_lease_ms = max_lease_ms
         self._now_ns = 0
         self._holder: bytes | None = None
@@ -71,6 +94,7 @@ class GripPolicy:
         self._raising = _Allowance(limits.raise_n_per_s, limits.step_n)
         self._lowering = _Allowance(limits.lower_n_per_s, limits.step_n)
         self._force_n: float | None = None
+        self._unknown = self._letting_go = False
         self._asked_n: float | None = None
         self._raised_n = 0.0
         self._fault = ""
@@ -128,7 +152,7 @@ class GripPolicy:
         """Refuses a client that does not hold the lease."""
         if self.holder(t_ns) == client:
             return None
-        return Refusal("no_lease", "acquire the lease first: lease.acquire {ttl_ms}; it may have expired")
+        return NO_LEASE
 
     def _now(self, t_ns: int) -> int:
         self._now_ns = max(self._now_ns, t_ns)
@@ -136,10 +160,40 @@ class GripPolicy:
 
     # Forces
 
+    def state(self, t_ns: int) -> GripState:
+        """Return what the gate has to know at ``t_ns``."""
+        now_ns = self._now(t_ns)
+        return GripState(
+            self.holder(t_ns),
+            self._fault,
+            self._force_n,
+            self._unknown,
+            self._letting_go,
+            self._asked_n,
+            self._raising.left_n(now_ns),
+            self._lowering.left_n(now_ns),
+            self._budget_left_n(),
+        )
+
     @property
     def force_n(self) -> float | None:
-        """Force that the gripper was told last, N; None where it grips nothing."""
-        return self._force_n
+        """Force that the gripper was sent last, or had when it was found holding, N; None: none, or not known."""
+        return None if self._letting_go else self._force_n
+
+    @property
+    def unknown(self) -> bool:
+        """Something is held by a grip whose force is not known."""
+        return self._unknown and not self._letting_go
+
+    @property
+    def letting_go(self) -> bool:
+        """The gripper was sent to let go, and has not been seen to."""
+        return self._letting_go
+
+    @property
+    def grips(self) -> bool:
+        """A grip is in force, whether or not its force is known."""
+        return self.unknown or self.force_n is not None
 
     @property
     def asked_n(self) -> float | None:
@@ -149,48 +203,9 @@ class GripPolicy:
     @property
     def most_n(self) -> float | None:
         """Largest force that limits and budget leave to this grasp, N; None where nothing is gripped or may be."""
-        if self._limits.max_n is None or self._force_n is None:
+        if self.limits.max_n is None or self.force_n is None:
             return None
-        return min(self._limits.max_n, self._force_n + self._budget_left_n())
-
-    def check_force(self, force_n: float) -> Refusal | None:
-        """Refuses a force that is not finite or outside the limits, and any where no limit is configured."""
-        if self._limits.max_n is None:
-            return Refusal("no_limit", "gripper.max_force_n is not configured, so no force may be requested")
-        if not math.isfinite(force_n):
-            return Refusal("not_finite", f"force_n must be finite, not {force_n}", "force_n")
-        if not self._limits.min_n <= force_n <= self._limits.max_n:
-            allowed = f"{self._limits.min_n:g} to {self._limits.max_n:g} N"
-            return Refusal("out_of_range", f"force_n must be {allowed} on one pad, not {force_n:g}", "force_n")
-        return None
-
-    def check_change(self, force_n: float, t_ns: int) -> Refusal | None:
-        """Refuses a client's change of the force of a held object: limits, step, budget, slew.
-
-        The first force of a grasp meets the limits alone.
-        """
-        refusal = self.check_force(force_n)
-        if refusal is not None or self._force_n is None:
-            return refusal
-        change_n = force_n - self._force_n
-        if abs(change_n) > self._limits.step_n + ROUNDING_N:
-            allowed = f"by at most {self._limits.step_n:g} N from the {self._force_n:g} N in force"
-            return Refusal("out_of_range", f"force_n may change {allowed}, not to {force_n:g}", "force_n")
-        allowance = self._raising if change_n > 0.0 else self._lowering
-        wait_ms = allowance.wait_ms(abs(change_n), self._now(t_ns))
-        too_fast = f"force_n {force_n:g} N may be asked for again in {wait_ms} ms: at most {allowance.rate:g} N/s"
-        return self._check_budget(change_n) or (Refusal("too_fast", too_fast, "force_n") if wait_ms else None)
-
-    def check_reflex(self, force_n: float) -> Refusal | None:
-        """Refuses a force of the reflex: a latched fault, limits, nothing gripped, below what was asked, budget."""
-        refusal = self.check_fault() or self.check_force(force_n)
-        if refusal is not None:
-            return refusal
-        if self._force_n is None or self._asked_n is None:
-            return Refusal("not_ready", "nothing is gripped")
-        if force_n < min(self._asked_n, self._force_n) - ROUNDING_N:
-            return Refusal("out_of_range", f"the reflex does not lower below the {self._asked_n:g} N asked for")
-        return self._check_budget(force_n - self._force_n)
+        return min(self.limits.max_n, self.force_n + self._budget_left_n())
 
     def grip(self, force_n: float, t_ns: int, *, reflex: bool = False) -> None:
         """Notes the force that the gripper was told; spends slew and budget.
@@ -207,28 +222,41 @@ class GripPolicy:
             change_n = force_n - self._force_n
             self._raised_n += max(change_n, 0.0)
             (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), now_ns)
-        self._force_n = force_n
+        self._force_n, self._unknown, self._letting_go = force_n, False, False
         if not reflex:
             self._asked_n = force_n
 
-    def put_back(self, force_n: float | None) -> None:
+    def find(self, force_n: float | None) -> None:
+        """Take a grip that no command began as the one in force; None: its force is not known.
+
+        It is a grasp of its own: nothing of its budget is spent, and the reflex does not lower it.
+        """
+        self._force_n = self._asked_n = force_n
+        self._unknown, self._letting_go = force_n is None, False
+        self._raised_n = 0.0
+
+    def put_back(self, force_n: float | None, *, unknown: bool = False) -> None:
         """What was noted last never reached the gripper: this is in force. What it spent stays spent."""
-        self._force_n = force_n
+        self._force_n, self._unknown, self._letting_go = force_n, unknown, False
         self._asked_n = force_n if force_n is None or self._asked_n is None else min(self._asked_n, force_n)
+
+    def begin_to_let_go(self, force_n: float | None = None) -> None:
+        """The gripper was sent to let go, with ``force_n`` where it was sent a force.
+
+        Nothing is gripped any more for whoever asks, but a new grip that comes before the old one is seen to have ended
+        is a change of its force: it must not be a way around step, slew and budget.
+        """
+        self._letting_go = self._letting_go or self.grips
+        if force_n is not None and self._letting_go:
+            self._force_n, self._unknown = force_n, False
 
     def let_go(self) -> None:
         """The grasp ended: the gripper opened, lost its object or is not active; the next has a budget of its own."""
         self._force_n = self._asked_n = None
+        self._unknown = self._letting_go = False
 
     def _budget_left_n(self) -> float:
-        return max(self._limits.budget_n - self._raised_n, 0.0)
-
-    def _check_budget(self, change_n: float) -> Refusal | None:
-        left_n = self._budget_left_n()
-        if change_n <= 0.0 or change_n <= left_n + ROUNDING_N:
-            return None
-        budget = f"of the {self._limits.budget_n:g} N by which one grasp may be raised {left_n:g} N are left"
-        return Refusal("budget_spent", f"{budget}, not {change_n:g}", "force_n")
+        return max(self.limits.budget_n - self._raised_n, 0.0)
 
     # Faults
 
@@ -245,32 +273,21 @@ class GripPolicy:
         """Forgets the fault; what still is wrong will be latched anew."""
         self._fault = ""
 
-    def check_fault(self) -> Refusal | None:
-        """Refuses to move while a fault is latched."""
-        if not self._fault:
-            return None
-        return Refusal("fault_latched", f"{self._fault}; when that is put right, request fault.ack")
-
 
 class _Allowance:
     """Newtons by which a force may change now: they grow with time, which never runs backwards, up to one step."""
 
     def __init__(self, rate_n_per_s: float, most_n: float) -> None:
-        self.rate = rate_n_per_s
+        self._rate_n_per_s = rate_n_per_s
         self._most_n = self._left_n = most_n
         self._t_ns = 0
 
-    def wait_ms(self, amount_n: float, t_ns: int) -> int:
-        """Whole milliseconds until ``amount_n`` (at most a step) is allowed; 0: it is."""
-        self._grow(t_ns)
-        missing_n = min(amount_n, self._most_n) - self._left_n
-        return 0 if missing_n <= ROUNDING_N else math.ceil(missing_n / self.rate * 1e3)
+    def left_n(self, t_ns: int) -> float:
+        """What may be spent at ``t_ns``, N."""
+        self._left_n = min(self._left_n + self._rate_n_per_s * (t_ns - self._t_ns) * 1e-9, self._most_n)
+        self._t_ns = t_ns
+        return self._left_n
 
     def spend(self, amount_n: float, t_ns: int) -> None:
-        """Takes it away; more than there is (by the reflex) leaves none, and no debt."""
-        self._grow(t_ns)
-        self._left_n = max(self._left_n - amount_n, 0.0)
-
-    def _grow(self, t_ns: int) -> None:
-        self._left_n = min(self._left_n + self.rate * (t_ns - self._t_ns) * 1e-9, self._most_n)
-        self._t_ns = t_ns
+        """Take it away; more than there is (by the reflex) leaves none, and no debt."""
+        self._left_n = max(self.left_n(t_ns) - amount_n, 0.0)

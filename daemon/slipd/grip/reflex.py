@@ -64,7 +64,8 @@ class Reflex:
 
     Args:
         settings: How it acts.
-        policy: Limits, budget, latched fault and force in force. Only what it lets pass is handed out.
+        policy: The force in force, what was asked for, and what limits and budget leave. Whether an act may happen is
+            for the motion gate to say.
     """
 
     def __init__(self, settings: ReflexSettings, policy: GripPolicy) -> None:
@@ -87,7 +88,7 @@ class Reflex:
     def decide(
         self, level: str, needed_n: float | None, internal_n: float | None, trusted: bool, t_ns: int
     ) -> ReflexAct | None:
-        """Decides what to tell the gripper now; whoever does so notes it: `GripPolicy.grip` with ``reflex=True``.
+        """Decide what to send the gripper now; once the gripper has taken it, call `acted`.
 
         Args:
             level: Level of the worse finger, a word of the message API.
@@ -114,6 +115,12 @@ class Reflex:
             wanted_n = None if need_n is None else need_n + self._lack_n
             return self._hand_out(self._raise(wanted_n, level == "slipping", force_n))
         return None
+
+    def acted(self, act: ReflexAct) -> None:
+        """Take note that the gripper took an act that `decide` has just returned."""
+        self._act, self._act_ns = act, self._t_ns
+        if act.force_n > act.from_n:
+            self._raise_ns = self._t_ns
 
     def _follow(self, force_n: float, internal_n: float | None) -> None:
         """Learns by how much the grip felt stays behind the force told, once the gripper had time to follow."""
@@ -156,15 +163,10 @@ class Reflex:
         return ReflexAct(self._line_n, force_n, "calm") if self._line_n <= force_n - DEAD_BAND_N + ROUNDING_N else None
 
     def _hand_out(self, act: ReflexAct | None) -> ReflexAct | None:
-        """Lets an act pass that neither comes too soon, nor repeats the last at once, nor is refused."""
+        """Let an act pass that neither comes too soon nor repeats the last at once."""
         since_ns = self._t_ns - self._act_ns
         if act is None or since_ns < PERIOD_NS or (act == self._act and since_ns < SETTLE_NS):
             return None
-        if self._policy.check_reflex(act.force_n) is not None:
-            return None
-        self._act, self._act_ns = act, self._t_ns
-        if act.force_n > act.from_n:
-            self._raise_ns = self._t_ns
         return act
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from slipd.config_model import Requests
 from slipd.grip.once import URGENT_OPS, OnceOnly
-from slipd.grip.policy import GripPolicy, Refusal
+from slipd.grip.policy import GripPolicy
 from slipd.pipeline.events import RecordingChanged, Reply, Request
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.grip_desk import GripDesk, without_gripper
@@ -16,6 +16,7 @@ from slipd.pipeline.lease_desk import LeaseDesk
 from slipd.pipeline.recordings import Recordings
 from slipd.pipeline.requests import OPS, check_request
 from slipd.pipeline.verdict_desk import VerdictDesk
+from slipd.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
 
@@ -55,7 +56,7 @@ class Desk:
             "record.stop": self._record_stop,
         }
         self._policy = policy
-        grip_ops = {} if gripper is None else GripDesk(fingers, gripper).ops
+        grip_ops = {} if gripper is None else GripDesk(gripper).ops
         self._ops = dict.fromkeys(OPS, without_gripper) | self._ops | grip_ops
         self._ops |= LeaseDesk(policy).ops | VerdictDesk(fingers, policy, requests).ops
 

@@ -118,7 +118,8 @@ class Engine:
     def _make_gripper(self) -> GripperControl | None:
         if self._config.gripper is None:
             return None
-        return GripperControl(self._config.gripper, cast("GripperSession", self._links[GRIPPER_LINK].session))
+        session = cast("GripperSession", self._links[GRIPPER_LINK].session)
+        return GripperControl(self._config.gripper, session, self._fingers)
 
     def _receive(self, link: Link, data: bytes, t_ns: int, out: list[Output]) -> None:
         late_ns, arrival = self._lateness.late_ns, PROMPT
@@ -198,9 +199,8 @@ class Engine:
 
     def _take_gripper(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
         gripper = cast("GripperControl", self._gripper)
-        pressed = any(finger.pressed() for finger in self._fingers.values())
         for sample in samples:
-            gripper.take(sample, pressed=pressed)
+            gripper.take(sample)
             out.append(self._outlet.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, gripper.body(sample.t_ns)))
 
     def _tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:

@@ -107,6 +107,16 @@ class Finger:
             return None
         return False if tared else shown
 
+    def pressed_n(self, t_ns: int) -> float | None:
+        """Normal force of a contact, N; None where there is none, or where the force is not to be believed.
+
+        An image alone does not count: it may hum or drift.
+        """
+        contact = self.state.contact
+        if contact is None or not (self._tared() and self._judge.in_contact and self.feels(t_ns)):
+            return None
+        return contact.normal_n
+
     def force_pressed(self) -> bool | None:
         """Whether the force sensor feels something press on the pad; None where that is not known.
 

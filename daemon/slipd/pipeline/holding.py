@@ -10,6 +10,7 @@ from slipd.pipeline.finger import Finger
 from slipd.pipeline.grasp import GraspView
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.outlet import NO_FRAME, Outlet, Pace
+from slipd.refusal import Refusal
 from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC
 
 GRASP_FRAME = "gripper"
@@ -54,8 +55,9 @@ class Holding:
         state = self._view.update(t_ns, gripper.width_m)
         feels = all(finger.feels(t_ns) for finger in self._fingers)
         act = reflex.decide(state.level, state.grip_needed_n, state.internal_n, feels, t_ns)
-        if act is None or not gripper.react(act.force_n, t_ns):
+        if act is None or isinstance(gripper.carry_out("reflex", t_ns, force_n=act.force_n), Refusal):
             return None
+        reflex.acted(act)
         return self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns) | {"reflex": _told(act)})
 
     def tell(self, t_ns: int, out: list[Output]) -> None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from slipd.grip.policy import Refusal
 from slipd.pipeline.events import Record, RecordingChanged, Request
+from slipd.refusal import Refusal
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 #: A replayed file may state any clock; this one ends in the year 5138.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from slipd.grip.once import OPEN_OPS
-from slipd.grip.policy import Refusal
+from slipd.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
 #: A deadline may lie this far ahead: a request that waited longer was meant for another situation.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from slipd.grip.policy import Refusal
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.force import ForceSide
 from slipd.pipeline.image import PadImage
+from slipd.refusal import Refusal
 
 STREAMS = ("wrench", "pad")
 

@@ -7,12 +7,13 @@ lenient: a tare and its undo move every force, and a larger μ lets a slipping g
 from __future__ import annotations
 
 from slipd.config_model import Requests
-from slipd.grip.policy import GripPolicy, Refusal
+from slipd.grip.policy import GripPolicy
 from slipd.pipeline.events import Request
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.grip_desk import Handler
 from slipd.pipeline.gripper import Result
 from slipd.pipeline.tares import STREAMS, Tares
+from slipd.refusal import Refusal
 from slipd.signals.gravity import FRESH_NS, gravity_fault
 
 DEFAULT_TARE_S = 0.5

@@ -50,7 +50,7 @@ do {
   await new Promise((resolve) => setTimeout(resolve, LEASE_MS / 4));
   await ask("lease.renew");
   closed = await ask("gripper.close", { force_n: Number(force) });
-} while (closed.error?.code === "not_active" && Date.now() < until);
+} while (["not_active", "activating"].includes(closed.error?.code) && Date.now() < until);
 print({ op: "gripper.close", ...closed });
 await show("lease.release");
 socket.close();
