@@ -9,9 +9,11 @@ from collections.abc import AsyncIterator
 import pytest_asyncio
 from hypothesis import HealthCheck, settings
 
-# Started in the background of a shell, this process ignores Ctrl-C, and so would every process it starts.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# Started in the background of a shell or under nohup, this process ignores Ctrl-C or SIGHUP, and so would every process
+# it starts.
+for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
 
 # How long an example takes says nothing on a machine that others use as well. The examples are the same in every run,
 # so that a change is judged and not the day; `pytest --hypothesis-profile=explore` draws new ones, `long` many of them.
