@@ -86,7 +86,7 @@ def harder(self: Session, permit: Permit, now_ns: int, *, execute: Callable[...,
     [
         (motion_gate, "TABLE", without("client_holds_the_lease"), "holds no lease"),
         (motion_gate, "TABLE", without(*CHANGES), "in one step"),
-        (motion_gate, "TABLE", without("force_is_within_limits"), "N asked for"),
+        (motion_gate, "TABLE", without("force_is_within_limits", *CHANGES), "N asked for"),
         (motion_gate, "TABLE", without("no_fault_is_latched"), "a fault stands"),
         (Finger, "trusted", True, "good False"),
         (Session, "execute", harder, "N applied"),
