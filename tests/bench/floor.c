@@ -155,7 +155,8 @@ static void to_pad(const float *reading, double *force, double *torque) {
 
 static size_t pack(uint8_t *message, int64_t t_ns, const double *force, const double *torque) {
     uint8_t *at = message;
-    *at++ = 0x80 | 15;
+    *at++ = 0xDE; /* 16 keys are one too many for the short form */
+    at = big_endian(at, 16, 2);
     at = put_unsigned(put_text(at, "v"), 1);
     at = put_unsigned(put_text(at, "seq"), seq++);
     at = put_text(put_text(at, "boot"), boot);
@@ -164,6 +165,7 @@ static size_t pack(uint8_t *message, int64_t t_ns, const double *force, const do
     at = put_text(put_text(at, "frame"), "left_pad");
     at = put_text(put_text(at, "config_id"), config_id);
     at = put_text(put_text(at, "finger"), "left");
+    at = put_text(put_text(at, "force_unit"), "N");
     at = put_doubles(put_text(at, "force_n"), force, 3);
     at = put_doubles(put_text(at, "torque_nm"), torque, 3);
     at = put_double(put_text(at, "normal_n"), -force[2]);
