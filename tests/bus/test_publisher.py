@@ -211,8 +211,8 @@ async def test_a_subscriber_that_sends_no_subscription_but_a_heap_is_disconnecte
     with Publisher(endpoint):
         rude = peer(zmq.XSUB, endpoint, RECONNECT_IVL=-1)
         monitor = rude.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
-        rude.socket.send(bytes(publisher_module.MAX_SUBSCRIPTION_BYTES))
-        rude.socket.send(b"\x07" * (publisher_module.MAX_SUBSCRIPTION_BYTES + 1))
+        rude.socket.send(bytes(publisher_module.MAX_BEGINNING_BYTES + 1))
+        rude.socket.send(b"\x07" * (publisher_module.MAX_BEGINNING_BYTES + 2))
         await eventually(lambda: monitor.poll(0))
         rude.socket.disable_monitor()
         monitor.close()
@@ -270,6 +270,44 @@ async def test_as_many_subscriptions_as_one_may_have_are_served_to_each_of_many(
             await eventually(lambda: all([topics[-1].encode(), b"heard"] in each.got for each in subscribers))  # noqa: B023
             for each in subscribers:
                 each.socket.close()
+
+
+async def test_the_longest_subscription_is_served_and_a_longer_one_ends_the_connection(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually
+) -> None:
+    """A stock client sends it as a command of ZMTP 3.1, which is longer than the message of ZMTP 3.0."""
+    longest = "x" * publisher_module.MAX_BEGINNING_BYTES
+    with Publisher(endpoint) as publisher:
+        await hear(publisher, subscribe(longest.encode(), RECONNECT_IVL=-1), longest, eventually)
+        beyond = subscribe(f"{longest}y".encode())
+        monitor = beyond.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+        await eventually(lambda: monitor.poll(0))
+        beyond.socket.disable_monitor()
+        monitor.close()
+
+
+async def test_who_subscribes_and_unsubscribes_has_nobody_elses_subscriptions_looked_through(
+    endpoint: str, subscribe: Subscribe, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[bytes] = []
+
+    def count(wanted: set[bytes], topic: bytes) -> bool:
+        looked.append(topic)
+        return any(map(topic.startswith, wanted))
+
+    with Publisher(endpoint) as publisher:
+        others = [subscribe(b"slip") for _ in range(5)]
+        for each in others:
+            await hear(publisher, each, "slip.left", eventually)
+        restless = subscribe(b"slip")
+        await hear(publisher, restless, "slip.left", eventually)
+        monkeypatch.setattr(publisher_module, "_wants", count)
+        restless.socket.setsockopt(zmq.UNSUBSCRIBE, b"slip")
+        await eventually(lambda: publisher.subscriptions == len(others))
+        publisher.publish("slip.left", b"to the others")
+        await eventually(lambda: all([b"slip.left", b"to the others"] in each.got for each in others))
+    assert looked == [b"slip.left"]
+    assert restless.got == []
 
 
 async def test_Z2_a_storm_of_reconnections_leaks_nothing(

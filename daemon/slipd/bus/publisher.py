@@ -15,8 +15,8 @@ MOST_QUEUED = 1000
 """Messages kept for one slow subscriber, about a second of everything; beyond it the oldest are dropped for it, so that
 all slow ones wait for the same messages, which are kept once."""
 
-MAX_SUBSCRIPTION_BYTES = 96
-"""Longest message taken from a subscriber, the beginning of a topic."""
+MAX_BEGINNING_BYTES = 95
+"""Longest beginning of a topic that a subscription may have."""
 
 MOST_SUBSCRIPTIONS = 64
 """Subscriptions of one connection, several times the topics there are; whoever makes more is disconnected."""
@@ -29,7 +29,7 @@ _SUBSCRIBE, _UNSUBSCRIBE = b"\x01", b"\x00"
 _RULES = PeerRules(
     kind=b"XPUB",
     serves=frozenset({b"SUB", b"XSUB"}),
-    max_bytes=MAX_SUBSCRIPTION_BYTES,
+    max_bytes=len(b"\x09SUBSCRIBE") + MAX_BEGINNING_BYTES,  # a command since ZMTP 3.1, one byte before
     most_queued=MOST_QUEUED,
     drops_oldest=True,
 )
@@ -56,7 +56,7 @@ class Publisher:
         self.published = 0
         self._last: dict[str, tuple[bytes, bytes]] = {}  # the topic silent for longest comes first
         self._wanted: dict[Peer, set[bytes]] = {}
-        self._readers: dict[str, list[Peer]] = {}  # who wants a topic; made anew when subscriptions change
+        self._readers: dict[str, dict[Peer, None]] = {}  # who wants a topic, by topic
         self._limit = RateLimit(SUBSCRIPTIONS_PER_S)
         self._listener = Listener(
             endpoint, _RULES, self._on_message, access, on_ready=self._on_ready, on_close=self._on_close
@@ -85,28 +85,31 @@ class Publisher:
         self.published += 1
         readers = self._readers.get(topic)
         if readers is None:
-            readers = self._readers[topic] = [
-                peer for peer, wanted in self._wanted.items() if _wants(wanted, message[0])
-            ]
-        for peer in readers:
+            readers = self._readers[topic] = {
+                peer: None for peer, wanted in self._wanted.items() if _wants(wanted, message[0])
+            }
+        for peer in tuple(readers):  # one that is found to be gone is taken out meanwhile
             peer.send(message)
 
     def _on_ready(self, peer: Peer) -> None:
         self._wanted[peer] = set()
 
     def _on_close(self, peer: Peer) -> None:
-        if self._wanted.pop(peer):
-            self._readers = {}
+        del self._wanted[peer]
+        for readers in self._readers.values():
+            readers.pop(peer, None)
 
     def _on_message(self, peer: Peer, frames: list[bytes]) -> None:
         """Subscribe or unsubscribe; what is neither counts too."""
         if not self._limit.allows(b"%b#%d" % (peer.account.name, peer.slot), time.monotonic_ns()):
             raise ProtocolError(f"it subscribes more than {SUBSCRIPTIONS_PER_S:g} times a second")
         kind, beginning = frames[0][:1], frames[0][1:]
+        if len(beginning) > MAX_BEGINNING_BYTES:
+            raise ProtocolError(f"a subscription has {len(beginning)} bytes; at most {MAX_BEGINNING_BYTES} are allowed")
         wanted = self._wanted[peer]
         if kind == _UNSUBSCRIBE:
             wanted.discard(beginning)
-            self._readers = {}
+            self._update_readers(peer, beginning)
         elif kind == _SUBSCRIBE and beginning not in wanted:
             if len(wanted) >= MOST_SUBSCRIPTIONS:
                 raise ProtocolError(f"it has more than {MOST_SUBSCRIPTIONS} subscriptions")
@@ -116,9 +119,21 @@ class Publisher:
                 if message[0].startswith(beginning) and not _wants(wanted, message[0])
             ]
             wanted.add(beginning)
-            self._readers = {}
+            self._update_readers(peer, beginning)
             for message in new:
                 peer.send(message)
+
+    def _update_readers(self, peer: Peer, beginning: bytes) -> None:
+        """Look again at the topics that begin so, for this peer alone: its account pays for it, not the publishing."""
+        wanted = self._wanted[peer]
+        for topic, readers in self._readers.items():
+            name = topic.encode()
+            if not name.startswith(beginning):
+                continue
+            if _wants(wanted, name):
+                readers[peer] = None
+            else:
+                readers.pop(peer, None)
 
 
 def _wants(wanted: set[bytes], topic: bytes) -> bool:
