@@ -143,6 +143,20 @@ async def test_a_request_of_several_frames_is_refused_once(
     assert len(answering.requests) == 1
 
 
+async def test_a_REQ_gets_its_replies_refusals_too(
+    answering: Answering, peer: Callable[..., Peer], endpoint: str, eventually: Eventually
+) -> None:
+    with answering.server:
+        client = peer(zmq.REQ, endpoint)
+        heard = []
+        for frames in ([encode(HELLO)], [b"x"], [b"x", b"y"], [b"", encode(HELLO)], [encode(HELLO)]):
+            client.socket.send_multipart(frames)
+            await eventually(lambda: client.socket.poll(0))
+            heard.append(decode(client.socket.recv()))
+    assert [reply["ok"] for reply in heard] == [True, False, False, False, True]
+    assert answering.server.malformed == 3
+
+
 async def test_a_request_of_the_largest_size_is_read_and_one_byte_more_ends_the_connection(
     answering: Answering, dealer: Callable[..., Peer], eventually: Eventually
 ) -> None:

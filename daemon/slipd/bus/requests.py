@@ -41,6 +41,7 @@ _RULES = PeerRules(
     kind=b"ROUTER",
     serves=frozenset({b"DEALER", b"REQ", b"ROUTER"}),
     max_bytes=REQUEST_LIMITS.data_bytes,  # who sends more is disconnected
+    max_frames=2,  # of a REQ
     most_queued=MOST_QUEUED,
 )
 
@@ -112,7 +113,7 @@ class RequestServer:
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
         """Send a reply; that the client is gone or does not read is counted, no error."""
         peer = self._clients.get(client)
-        if peer is None or not peer.send((encode(body),)):
+        if peer is None or not peer.send((*_envelope(peer), encode(body))):
             self.undelivered += 1
 
     def _on_ready(self, peer: Peer) -> None:
@@ -131,7 +132,7 @@ class RequestServer:
     def _on_message(self, peer: Peer, frames: list[bytes]) -> None:
         client = self._names[peer]
         try:
-            body = _decode(frames)
+            body = _decode(frames, _envelope(peer))
         except MessageError as error:
             if self._in_time(peer, None):
                 self.malformed += 1
@@ -169,7 +170,13 @@ class RequestServer:
         self.reply(client, {"v": PROTOCOL_VERSION, "id": known, "ok": False, "error": fault})
 
 
-def _decode(frames: list[bytes]) -> dict[str, Any]:
-    if len(frames) != 1:
+def _envelope(peer: Peer) -> tuple[bytes, ...]:
+    """Return the frames that stand before a request and its reply: a REQ puts an empty one there, and expects it."""
+    return (b"",) if peer.kind == b"REQ" else ()
+
+
+def _decode(frames: list[bytes], envelope: tuple[bytes, ...]) -> dict[str, Any]:
+    *before, body = frames
+    if tuple(before) != envelope:
         raise MessageError("malformed", "a request is one frame, as a DEALER sends it")
-    return decode(frames[0])
+    return decode(body)

@@ -80,6 +80,7 @@ class Peer:
     Attributes:
         address: As above.
         route: Name that the peer chose, b"" where it chose none.
+        kind: Its socket type, once it introduced itself.
         fileno: Descriptor of the connection.
         slot: Its place among the connections of its account.
         send: Sends a message, or keeps it until the peer reads; False where it is dropped (`Outbox.send`).
@@ -99,7 +100,7 @@ class Peer:
         on_message: Callable[[Peer, list[bytes]], None],
         on_close: Callable[[Peer], None],
     ) -> None:
-        self.address, self.route = address, b""
+        self.address, self.route, self.kind = address, b"", b""
         self.account, self.slot = account, account.enter()
         self.closed, self.reason = False, ""
         self.ready = False
@@ -276,7 +277,7 @@ class Peer:
         kind = properties.get(b"socket-type", b"")
         if kind not in self._rules.serves:
             raise ProtocolError(f"a {kind.decode(errors='replace')!r:.20} socket has no business here")
-        self.route = properties.get(b"identity", b"")
+        self.kind, self.route = kind, properties.get(b"identity", b"")
         if len(self.route) > _MAX_IDENTITY_BYTES or self.route[:1] == b"\0":
             raise ProtocolError("the name that the peer chose is too long or begins with a zero byte")
         sealing = SEAL_BYTES if self.key else 0
