@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import re
+import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import TYPE_CHECKING
@@ -12,7 +14,14 @@ from websockets.utils import accept_key
 
 from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
 from slipd.transport.delivery import READ_BYTES
-from slipd.transport.websocket import MAX_HANDSHAKE_BYTES, MAX_MESSAGE_BYTES, PIECE_BYTES, WebsocketConnection
+from slipd.transport.websocket import (
+    MAX_HANDSHAKE_BYTES,
+    MAX_MESSAGE_BYTES,
+    PIECE_BYTES,
+    PING_INTERVAL_S,
+    WebsocketConnection,
+    open_websocket,
+)
 
 if TYPE_CHECKING:
     from conftest import Eventually, Serving
@@ -289,3 +298,24 @@ async def test_a_link_given_up_while_it_connects_leaves_nothing_behind(
             await eventually(connected.is_set)
         await left.wait()
     assert events == []
+
+
+async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: Eventually) -> None:
+    """The number of its descriptor may be another port's a moment later."""
+    async with websocket_server(b"") as port:
+        connection = await open_websocket(link_to(port), lambda _: None)
+        await eventually(lambda: connection._reading)
+        connection._socket.shutdown(socket.SHUT_WR)
+        connection._heard_s -= PING_INTERVAL_S
+        connection._look()
+        assert "connection ended" in await connection.until_lost()
+        assert connection._next_look.cancelled()
+        with socket.socket() as heir:
+            descriptor = connection._socket.detach()
+            os.close(descriptor)
+            os.dup2(heir.fileno(), descriptor)
+            try:
+                assert not connection._sender.write(b"to another")
+                await connection.close()
+            finally:
+                os.close(descriptor)

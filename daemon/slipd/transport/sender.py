@@ -20,6 +20,7 @@ class Sender:
         self._fd = fd
         self._on_error = on_error
         self._rest = b""
+        self._stopped = False
 
     @property
     def under_way(self) -> bool:
@@ -28,7 +29,7 @@ class Sender:
 
     def write(self, data: bytes) -> bool:
         """Send at once or not at all; False while the peer does not read."""
-        if self._rest:
+        if self._rest or self._stopped:
             return False
         sent = self._send(data)
         if 0 < sent < len(data):
@@ -37,9 +38,11 @@ class Sender:
         return sent > 0 or not data
 
     def stop(self) -> None:
-        """Send no more; to be called before the descriptor is closed."""
-        self._rest = b""
-        self._loop.remove_writer(self._fd)
+        """Send no more; to be called before the descriptor is closed, for its number may soon be another's."""
+        if not self._stopped:
+            self._stopped = True
+            self._rest = b""
+            self._loop.remove_writer(self._fd)
 
     def _send(self, data: bytes) -> int:
         try:
@@ -53,5 +56,5 @@ class Sender:
     def _send_rest(self) -> None:
         sent = self._send(self._rest)
         self._rest = self._rest[sent:]
-        if not self._rest:
+        if not self._rest and not self._stopped:
             self._loop.remove_writer(self._fd)

@@ -139,7 +139,7 @@ class WebsocketConnection:
 
     async def close(self) -> None:
         """Say farewell, if the server reads, and close at once."""
-        if not self._delivery.ended:
+        if not self._delivery.ended and self._protocol.state is State.OPEN:
             self._protocol.send_close(CloseCode.NORMAL_CLOSURE)
             self._sender.write(b"".join(self._protocol.data_to_send()))
         self._end()
@@ -202,6 +202,8 @@ class WebsocketConnection:
         if silent_s >= PING_INTERVAL_S:
             self._protocol.send_ping(b"")
             self._sender.write(b"".join(self._protocol.data_to_send()))
+        if self._delivery.ended:  # the ping found that the connection is gone
+            return
         self._next_look = self._loop.call_later(PING_INTERVAL_S, self._look)
 
     def _fail(self, error: OSError) -> None:
