@@ -74,34 +74,44 @@ def strangers() -> Iterator[Strangers]:
 @pytest.mark.usefixtures("few")
 @pytest.mark.parametrize("kind", ["tcp", "ipc"])
 async def test_as_many_connect_as_there_may_be_and_others_when_those_are_gone(
-    kind: str, strangers: Strangers, peer: Clients, endpoint: str, eventually: Eventually
+    kind: str, peer: Clients, endpoint: str, eventually: Eventually
 ) -> None:
     with echoing(TCP if kind == "tcp" else endpoint) as listener:
-        first = [strangers(listener.endpoint) for _ in range(MOST)]
+        first = [peer(zmq.DEALER, listener.endpoint) for _ in range(MOST)]
         await eventually(lambda: listener.full)
         late = peer(zmq.DEALER, listener.endpoint)
         late.socket.send(b"let me in")
         await asyncio.sleep(0.1)
         assert late.got == []
+        for number, each in enumerate(first):
+            each.socket.send(b"%d" % number)
+            await eventually(lambda: each.got == [[b"%d" % number]])  # noqa: B023
         for each in first:
-            each.close()
+            each.socket.close()
         await eventually(lambda: late.got == [[b"let me in"]])
 
 
 @pytest.mark.usefixtures("few")
-async def test_a_full_endpoint_costs_those_who_are_in_nothing(
-    strangers: Strangers, peer: Clients, eventually: Eventually
+@pytest.mark.parametrize("kind", ["tcp", "ipc"])
+async def test_those_who_never_introduce_themselves_keep_nobody_out(
+    kind: str,
+    strangers: Strangers,
+    peer: Clients,
+    endpoint: str,
+    eventually: Eventually,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    with echoing(TCP) as listener:
+    monkeypatch.setattr(listener_module, "HANDSHAKE_S", 1000.0)
+    with echoing(TCP if kind == "tcp" else endpoint) as listener:
         inside = peer(zmq.DEALER, listener.endpoint)
-        inside.socket.send(b"0")
-        await eventually(lambda: inside.got)
-        for _ in range(MOST):
+        await eventually(lambda: listener.peers)
+        for _ in range(3 * MOST):
             strangers(listener.endpoint)
-        await eventually(lambda: listener.full)
-        for number in range(1, 20):
-            inside.socket.send(b"%d" % number)
-            await eventually(lambda: len(inside.got) > number)  # noqa: B023
+        await eventually(lambda: listener.refused == 2 * MOST + 1)
+        assert len(listener.peers) + len(listener._pending) == MOST
+        for client in (inside, peer(zmq.DEALER, listener.endpoint)):
+            client.socket.send(b"hello")
+            await eventually(lambda: client.got == [[b"hello"]])  # noqa: B023
 
 
 @pytest.mark.usefixtures("few")
@@ -112,10 +122,10 @@ async def test_strangers_are_dropped_by_themselves_and_others_get_in(
     with echoing(TCP) as listener:
         for _ in range(MOST):
             strangers(listener.endpoint)
-        await eventually(lambda: listener.full)
+        await eventually(lambda: listener.refused == MOST)
+        assert not listener._pending
         client = peer(zmq.DEALER, listener.endpoint, IMMEDIATE=1)
         await eventually(lambda: client.socket.poll(0, zmq.POLLOUT))
-        assert listener.refused >= MOST
 
 
 async def test_one_process_gets_half_of_the_connections_at_most(

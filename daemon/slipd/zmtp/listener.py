@@ -37,7 +37,7 @@ KEEPALIVE_S, KEEPALIVE_PROBES = 1, 2
 """After so much silence the kernel asks the other machine for a sign of life, so often, as long each."""
 
 UNANSWERED_MS = 3000
-"""A machine that confirms nothing for this long is gone, and what is kept for it is freed."""
+"""The kernel ends a TCP connection whose machine confirms nothing for this long, or whose program reads nothing."""
 
 LINGER_S = 0.2
 """How long the last messages before a stop may take to leave; a stalled peer delays the exit by no more."""
@@ -45,6 +45,7 @@ LINGER_S = 0.2
 TELL_EVERY_S = 10.0
 """Shortest time between two log lines about ended connections, so that no peer can fill the disk."""
 
+_TOO_SLOW = "it had not introduced itself when another needed its place"
 _TOO_MANY = "it has as many connections as one peer may have"
 _RETRY_S = 0.1
 _CREDENTIALS = struct.Struct("3i")
@@ -129,8 +130,8 @@ class Listener:
 
     @property
     def full(self) -> bool:
-        """Whether new connections are kept out."""
-        return len(self.peers) + len(self._pending) >= self._most
+        """Whether new connections are kept out: peers that introduced themselves have every place."""
+        return len(self.peers) >= self._most
 
     def _listen(self) -> None:
         if not self._accepting and not self._over and not self.full:
@@ -175,7 +176,7 @@ class Listener:
             )
             name = b":%d:%d:%d" % (user, group, process)
         account = self._accounts.of(name)
-        if account.connections >= self._most_of_one:
+        if not self._make_room(account):
             connection.close()
             self._tell(name, _TOO_MANY)
             return
@@ -184,6 +185,27 @@ class Listener:
         )
         if not peer.closed:
             self._pending[peer] = self._loop.call_later(HANDSHAKE_S, peer.close, "the handshake took too long")
+
+    def _make_room(self, account: Account) -> bool:
+        """End the oldest connection that has not introduced itself where a new one needs its place.
+
+        So whoever connects and never says a word keeps nobody out.
+
+        Args:
+            account: Of the new connection; where it has all of its places, the oldest of its own ends.
+
+        Returns:
+            Whether there is a place.
+        """
+        if account.connections >= self._most_of_one:
+            oldest = next((peer for peer in self._pending if peer.account is account), None)
+        elif len(self.peers) + len(self._pending) >= self._most:
+            oldest = next(iter(self._pending), None)
+        else:
+            return True
+        if oldest is not None:
+            oldest.close(_TOO_SLOW)
+        return oldest is not None
 
     def _mechanism(self) -> Mechanism:
         secret = self._access.secret
