@@ -319,3 +319,15 @@ async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: 
                 await connection.close()
             finally:
                 os.close(descriptor)
+
+
+async def test_a_connection_that_the_server_ends_meanwhile_is_closed_all_the_same() -> None:
+    """Its last message is handed on in pieces, behind which its farewell waits."""
+    message = b"\x82\x7e" + (30_000).to_bytes(2, "big") + bytes(30_000)
+    pieces: asyncio.Queue[bytes] = asyncio.Queue()
+    async with websocket_server(message + b"\x88\x00") as port:
+        connection = await open_websocket(link_to(port), pieces.put_nowait)
+        await pieces.get()
+        assert connection._rest
+        await connection.close()
+        assert connection._socket.fileno() == -1
