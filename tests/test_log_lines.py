@@ -23,6 +23,13 @@ def test_control_characters_are_escaped_and_a_long_text_is_cut() -> None:
     assert len(one_line("\n" * 8000)) < LONGEST + 30
 
 
+def test_a_line_whose_arguments_do_not_fit_harms_only_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = logging.StreamHandler()
+    handler.addFilter(LogGate(lambda: 0.0))
+    handler.handle(line("%d datagrams lost", "many"))
+    assert "Logging error" in capsys.readouterr().err
+
+
 def test_a_line_passes_as_it_would_be_written() -> None:
     record = line("%s: %s", "left.pad", "closed: bye\nERROR forged")
     assert LogGate(lambda: 0.0).filter(record)

@@ -42,12 +42,15 @@ class LogGate(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Say whether a line may pass; it is rewritten on the way."""
+        try:
+            line = one_line(record.getMessage())
+        except (TypeError, ValueError, KeyError):  # its arguments do not fit: the handler shows where, and goes on
+            return True
         kind = self._kind(record)
         if kind.allowed < 1.0:
             kind.left_out += 1
             return False
         kind.allowed -= 1.0
-        line = one_line(record.getMessage())
         record.msg = f"{line} ({kind.left_out} such lines were left out)" if kind.left_out else line
         record.args = ()
         kind.left_out = 0
