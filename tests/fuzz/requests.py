@@ -185,6 +185,7 @@ class Found:
 class _Connection:
     """What the request server looks at of a peer."""
 
+    kind = b"DEALER"
     key = b""
     slot = 0
     account = SimpleNamespace(name=b"process")
