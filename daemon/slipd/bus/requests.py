@@ -176,7 +176,6 @@ def _envelope(peer: Peer) -> tuple[bytes, ...]:
 
 
 def _decode(frames: list[bytes], envelope: tuple[bytes, ...]) -> dict[str, Any]:
-    *before, body = frames
-    if tuple(before) != envelope:
+    if not frames or tuple(frames[:-1]) != envelope:
         raise MessageError("malformed", "a request is one frame, as a DEALER sends it")
-    return decode(body)
+    return decode(frames[-1])
