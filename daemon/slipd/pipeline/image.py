@@ -262,7 +262,8 @@ class PadImage:
     @property
     def reliable(self) -> bool:
         """The newest image can be used, and is not suspected of repeating the one before."""
-        return self._known and not self._frozen.suspect and not self._watch.suspect
+        repeats = self._watch.suspect and not self._watch.rests
+        return self._known and not self._frozen.suspect and not repeats
 
     def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the pad's readings."""
