@@ -154,8 +154,8 @@ class Pad(Stream):
         full_scale: Largest count of a taxel; None: not known, so a saturated taxel is told as stuck or hot.
         gain_error: Relative error of ``axis_scale`` where it gives newtons, such as 0.05: the sum of the image is then
             compared with the force sensor. None: its unit is not newtons.
-        stuck_after: As of a wrench, where the taxels measure the force by themselves (three axes, no ``wrench``). 0: a
-            pad that hangs is not noticed, because pads without noise may rest as long as their load does.
+        stuck_after: As of a wrench, where the taxels measure the force by themselves (three axes, no ``wrench``). 0,
+            because pads without noise may rest as long as their load does; nothing is raised while they do.
         charge_tau_s: Leak time constant of charge amplifiers, s; None for pads that read force itself.
     """
 

@@ -318,6 +318,7 @@ def test_a_force_beyond_the_range_is_unknown_from_its_first_reading_on(
 
 def test_a_pad_that_measures_the_force_and_hangs_raises_nothing_and_is_stuck(make_run: Make, rig: str) -> None:
     run = make_run(rig.replace('sensor = "2"', 'sensor = "2"\nstuck_after = 50'))
+    run.exact = True
     run.up()
     run.bring_up()
     run.grip(5.0)
@@ -343,6 +344,23 @@ def test_a_pad_that_measures_the_force_and_hangs_raises_nothing_and_is_stuck(mak
     live(5.0)
     assert run.level("right") == ("stable", [])
     assert run.refusal("grip.adjust", delta_n=0.2) is None
+
+
+def test_a_pad_whose_images_may_rest_is_never_stuck_and_raises_nothing_while_they_repeat(run: Run) -> None:
+    """Of the default ``stuck_after``, 0."""
+    run.exact = True
+    run.bring_up()
+    run.grip(5.0)
+    for k in range(60):
+        run.serve_gripper(5)
+        run.wrench(5.0)
+        run.image(np.full((4, 4), 100 + run.t_ns // MS % 7))
+        run.skin(5.0 + 0.01 * (k % 2 if k < 40 else 0), ms=4.0)
+        if k == 39:
+            assert run.refusal("grip.adjust", delta_n=0.2) is None
+        if k > 40:
+            assert run.refusal("grip.adjust", delta_n=0.2) == RAISE
+            assert run.level("right") == ("stable", [])
 
 
 def test_a_jump_waits_for_the_next_reading(hold: Callable[..., Hand]) -> None:

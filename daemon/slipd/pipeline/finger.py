@@ -211,7 +211,9 @@ class Finger:
                 to open, for else nothing opens at rest; not to raise, for a sensor that hangs looks the same.
         """
         image, force = self.image, self.force
-        if image is not None and not (image.reliable and t_ns - (image.t_ns or 0) <= self._oldest_image_ns):
+        if image is not None and not image.is_reliable(at_rest=at_rest):
+            return False
+        if image is not None and t_ns - (image.t_ns or 0) > self._oldest_image_ns:
             return False
         if force is not None and force.suspect and not (at_rest and force.rests):
             return False
