@@ -119,7 +119,8 @@ class Wrench(Stream):
         range_nm: Likewise the largest torque, N·m.
         stuck_after: So many repeats of a reading (over 20 ms or more) mean a stuck sensor. Up to 50, so do repeats over
             70 ms that this sensor is not used to. More than 50 is for a sensor whose readings rest for long, and only
-            the number counts. 0: a reading may rest for ever, and nothing notices a sensor that hangs.
+            the number counts. 0: a reading may rest for ever without being stuck. A grip is raised on none that
+            repeats for longer than usual, or for over 50 ms, whatever this says.
         drift_tau_s: Time constant with which a drifting zero is followed while nothing touches; None: it is not.
         drift_limit_n: Most that is followed since the tare, each force component, N; also part of what a normal force
             may read below zero without a fault.
@@ -153,8 +154,8 @@ class Pad(Stream):
         full_scale: Largest count of a taxel; None: not known, so a saturated taxel is told as stuck or hot.
         gain_error: Relative error of ``axis_scale`` where it gives newtons, such as 0.05: the sum of the image is then
             compared with the force sensor. None: its unit is not newtons.
-        stuck_after: As of a wrench, where the taxels measure the force by themselves (three axes, no ``wrench``). 0: a
-            pad that hangs is not noticed, because pads without noise may rest as long as their load does.
+        stuck_after: As of a wrench, where the taxels measure the force by themselves (three axes, no ``wrench``). 0,
+            because pads without noise may rest as long as their load does; nothing is raised while they do.
         charge_tau_s: Leak time constant of charge amplifiers, s; None for pads that read force itself.
     """
 

@@ -37,6 +37,21 @@ def test_an_open_widens_from_where_the_fingers_are_and_goes_on_widening(jaws: ty
     assert cell.code("gripper.open") is None
 
 
+@EACH
+def test_fingers_that_feel_nothing_have_not_let_go_while_they_move(jaws: type[Jaws]) -> None:
+    """A silent sensor shows no contact either: open and close in one breath is no way around step and feeling."""
+    cell = brought_up(jaws, 6.0)
+    cell.state = {"left": "silent", "right": "silent"}
+    cell.run(100)
+    assert cell.code("gripper.open", drop=True) is None
+    cell.run(60)
+    assert cell.body["moving"]
+    assert cell.code("gripper.close", force_n=12.0) == "out_of_range"
+    cell.run(1500)
+    assert not cell.body["moving"]
+    assert cell.code("gripper.close", force_n=12.0) is None, "another grasp"
+
+
 @pytest.mark.parametrize("jaws", [GRIPPERS["robotiq_2f"], GRIPPERS["wsg"]])
 def test_nothing_closes_while_the_gripper_is_still_activating(jaws: type[Jaws]) -> None:
     cell = brought_up(jaws)

@@ -229,7 +229,7 @@ def test_time_alone_ends_no_disagreement(finger: Finger, judge: Judge) -> None:
 
 def test_a_finger_with_a_pad_that_fell_silent_does_not_feel(finger: Finger, judge: Judge) -> None:
     t_ns = judge(10.0).t_ns
-    judge(10.0, ms=50.0, counts=None)
+    judge(10.1, ms=50.0, counts=None)
     assert finger.feels(t_ns + 50 * MS)
     assert not finger.feels(t_ns + 50 * MS + 1)
     finger.disconnect_image()

@@ -91,6 +91,25 @@ class TestGripper:
         run.up()
         assert run.refusal(op, **MOVES.get(op, {})) == ("no_gripper", "")
 
+    @pytest.mark.parametrize("how", ["time", "sleep"])
+    def test_a_rig_without_one_reports_the_end_of_a_lease_at_once(
+        self, make_run: Callable[[str], Run], left: str, how: str
+    ) -> None:
+        run = make_run(left + "[rates]\nstatus_hz = 0.001\n")
+        run.up()
+        run.tick()
+        assert run.refusal("lease.acquire", ttl_ms=200) is None
+        before = len(run.told("status"))
+        run.wait(5)
+        run.tick()
+        assert run.told("status")[before:] == []
+        run.wait(200 if how == "time" else 5)
+        run.tick(0 if how == "time" else 1_000 * MS)
+        assert [body["lease"]["held"] for body in run.told("status")[before:]] == [False]
+        run.wait(5)
+        run.tick(0 if how == "time" else 1_000 * MS)
+        assert len(run.told("status")) == before + 1
+
     def test_opening_without_one_is_no_question_of_contact(self, make_run: Callable[[str], Run], left: str) -> None:
         run = make_run(left)
         run.up()

@@ -295,7 +295,8 @@ class Pad:
     def pressed_n(self, _: int) -> float | None:
         return self._force_n if self._pressed else None
 
-    def feels(self, _: int) -> bool:
+    def feels(self, _: int, *, at_rest: bool = False) -> bool:
+        del at_rest
         return self._feels
 
 

@@ -100,6 +100,11 @@ def hold(rig: str, make_run: Make) -> Callable[..., Hand]:
     return make
 
 
+def acts(hand: Hand) -> list[dict[str, Any]]:
+    """The messages about acts of the reflex."""
+    return [body for body in hand.run.told("gripper") if body["reflex"] is not None]
+
+
 def health(run: Run, stream: str) -> tuple[int, str]:
     told = run.ask("status")["result"]["streams"][stream]
     return told["health"], told["message"]
@@ -159,15 +164,53 @@ def test_a_coarse_sensor_keeps_its_raises_and_never_flickers(hold: Callable[...,
     assert granted > 150
 
 
-def test_a_sensor_whose_readings_rest_for_ever_keeps_its_raises_where_the_config_says_so(
+def test_a_sensor_whose_readings_may_rest_is_never_stuck_and_raises_nothing_while_they_repeat(
     hold: Callable[..., Hand],
 ) -> None:
     hand = hold(**{"stuck_after = 0": "stuck_after = 0\nrange_n = 80.0"})
+    assert hand.raises() is None
     for _ in range(100):
         hand.freeze()
-        hand.image()
+        assert hand.raises() == RAISE
     assert hand.run.level() == ("stable", [])
+    assert hand.run.refusal("grip.set", force_n=4.5) is None, "to ease it is no such danger"
+    hand.live(1)
     assert hand.raises() is None
+
+
+def test_the_reflex_raises_nothing_on_a_sensor_whose_readings_may_rest_and_repeat(hold: Callable[..., Hand]) -> None:
+    hand = hold(GRASP, **{"stuck_after = 0": "stuck_after = 0\nrange_n = 80.0"})
+    hand.wrench(pull_n=PULL_N)
+    before = len(acts(hand))
+    for _ in range(40):
+        hand.freeze()
+    assert hand.run.level()[0] in ("warning", "slipping")
+    assert len(acts(hand)) == before
+    hand.live(4, pull_n=PULL_N)
+    assert len(acts(hand)) > before
+
+
+@pytest.mark.parametrize(("stuck_after", "refusal"), [(0, None), (200, ("in_contact", "drop"))])
+def test_fingers_are_known_to_be_free_by_repeated_readings_only_where_those_may_rest(
+    hold: Callable[..., Hand], stuck_after: int, refusal: tuple[str, str] | None
+) -> None:
+    hand = hold(**{"stuck_after = 0": f"stuck_after = {stuck_after}\nrange_n = 80.0"})
+    run = hand.run
+    for _ in range(2):
+        hand.wrench(np.zeros(3))
+        hand.image([0.0] * 16)
+        run.skin(0.0, ms=0.0)
+    assert run.ask("tare", finger="left", seconds=0.1)["ok"]
+    for k in range(40):
+        hand.wrench(np.array((0.0, 0.0, 1e-3 * (k % 2))))
+        hand.image([0.0] * 16)
+        run.skin(0.0, ms=0.0)
+    for _ in range(30):
+        hand.wrench(*hand.last)
+        hand.image([0.0] * 16)
+        run.skin(0.0, ms=0.0)
+    assert run.level() == ("no_contact", [])
+    assert run.refusal("gripper.open") == refusal
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 3e38])
@@ -275,6 +318,7 @@ def test_a_force_beyond_the_range_is_unknown_from_its_first_reading_on(
 
 def test_a_pad_that_measures_the_force_and_hangs_raises_nothing_and_is_stuck(make_run: Make, rig: str) -> None:
     run = make_run(rig.replace('sensor = "2"', 'sensor = "2"\nstuck_after = 50'))
+    run.exact = True
     run.up()
     run.bring_up()
     run.grip(5.0)
@@ -300,6 +344,23 @@ def test_a_pad_that_measures_the_force_and_hangs_raises_nothing_and_is_stuck(mak
     live(5.0)
     assert run.level("right") == ("stable", [])
     assert run.refusal("grip.adjust", delta_n=0.2) is None
+
+
+def test_a_pad_whose_images_may_rest_is_never_stuck_and_raises_nothing_while_they_repeat(run: Run) -> None:
+    """Of the default ``stuck_after``, 0."""
+    run.exact = True
+    run.bring_up()
+    run.grip(5.0)
+    for k in range(60):
+        run.serve_gripper(5)
+        run.wrench(5.0)
+        run.image(np.full((4, 4), 100 + run.t_ns // MS % 7))
+        run.skin(5.0 + 0.01 * (k % 2 if k < 40 else 0), ms=4.0)
+        if k == 39:
+            assert run.refusal("grip.adjust", delta_n=0.2) is None
+        if k > 40:
+            assert run.refusal("grip.adjust", delta_n=0.2) == RAISE
+            assert run.level("right") == ("stable", [])
 
 
 def test_a_jump_waits_for_the_next_reading(hold: Callable[..., Hand]) -> None:

@@ -317,3 +317,18 @@ class TestNeverTared:
         self.go_on(run, 10, 100)
         run.wrench(8.0)
         assert run.level() == ("stable", [])
+
+
+def test_an_untared_sensor_is_not_tared_while_a_grip_is_in_force(make_run: Callable[[str], Run], rig: str) -> None:
+    """It cannot tell the load from its bias, and nothing else shows the finger to be free."""
+    head, _, rest = rig.partition("[finger.left.pad]")
+    run = make_run(head + rest[rest.index("[finger.right]") :])
+    run.up()
+    run.image = lambda *_: []
+    run.bring_up(tare=False)
+    assert run.ask("tare", finger="left", seconds=0.1)["result"]["verified"] is False, "nothing is held"
+    assert run.ask("tare.undo", finger="left")["ok"]
+    run.grip(5.0)
+    refused = run.ask("tare", finger="left", seconds=0.1)["error"]
+    assert (refused["code"], refused["field"]) == ("in_contact", "finger")
+    assert "a grip is in force" in refused["message"]

@@ -310,12 +310,25 @@ def test_F1_a_run_that_ends_with_readings_that_come_together_is_a_habit_too() ->
 def test_F1_a_sensor_whose_readings_rest_is_not_stuck_by_time(repeats: int) -> None:
     watch = WrenchWatch(200.0, repeats=repeats)
     ones = np.ones(3)
-    said, suspect = [], []
+    said, suspect, rests = [], [], []
     for k in range(150):
         said.append(take(watch, ones, ones, k * MS))
         suspect.append(watch.suspect)
+        rests.append(watch.rests)
     assert set(said) == {""}
-    assert suspect[1:] == [repeats > 0] * 149
+    assert suspect[1:] == [True] * 149, "it may hang all the same"
+    assert rests[1:] == [repeats == 0] * 149
+    take(watch, 2.0 * ones, ones, 150 * MS)
+    assert not watch.suspect
+    assert not watch.rests
+
+
+def test_F1_a_jump_is_no_rest() -> None:
+    watch = WrenchWatch(200.0, repeats=0)
+    for k, force_n in enumerate((0.0, 0.0, 100.0)):
+        take(watch, np.array((0.0, 0.0, force_n)), np.zeros(3), k * MS)
+    assert watch.suspect
+    assert not watch.rests
 
 
 ROWS = st.sampled_from(("well", "well", "well", "again", "jump", "far", "nan", "inf"))

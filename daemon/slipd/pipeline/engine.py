@@ -31,10 +31,11 @@ from slipd.pipeline.freshness import PROMPT, Arrival
 from slipd.pipeline.gripper import GripperControl
 from slipd.pipeline.holding import make_holding
 from slipd.pipeline.lateness import Lateness
-from slipd.pipeline.lease_desk import lease_body, policy_without_gripper
+from slipd.pipeline.lease_desk import policy_without_gripper
 from slipd.pipeline.links import Link, make_links
 from slipd.pipeline.outlet import NO_FRAME, Outlet, Pace
 from slipd.pipeline.recordings import Recordings
+from slipd.pipeline.report import lease_body
 from slipd.pipeline.state import Judged
 from slipd.pipeline.streams import Stream
 from slipd.pipeline.voice import Voice
@@ -150,9 +151,12 @@ class Engine:
         return tuple(LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
 
     def _watch_gripper(self, t_ns: int, out: list[Output]) -> None:
-        """Tells at once what is new with the gripper that no request asked for."""
+        """Report at once what changed at the gripper, or ended a lease, without a request."""
         gripper = self._gripper
-        if gripper is not None and gripper.on_time(t_ns):
+        if gripper is None:
+            if self._policy.lapsed(t_ns):
+                self._publish_status(t_ns, out)
+        elif gripper.on_time(t_ns):
             out.append(self._outlet.message(GRIPPER_TOPIC, t_ns, NO_FRAME, gripper.body(t_ns)))
             self._publish_status(t_ns, out)
 

@@ -113,7 +113,7 @@ class Finger:
         An image alone does not count: it may hum or drift.
         """
         contact = self.state.contact
-        if contact is None or not (self._tared() and self._judge.in_contact and self.feels(t_ns)):
+        if contact is None or not (self._tared() and self._judge.in_contact and self.feels(t_ns, at_rest=True)):
             return None
         return contact.normal_n
 
@@ -200,15 +200,22 @@ class Finger:
         """The normal force is clearly negative; the counts of a pad that was never tared say nothing of that."""
         return self.state.verdict is NEGATIVE and (self.force is not None or self._tared())
 
-    def feels(self, t_ns: int) -> bool:
+    def feels(self, t_ns: int, *, at_rest: bool = False) -> bool:
         """Return whether a grip may be raised: its readings, and images, are fresh, usable and beyond doubt.
 
         A late daemon is no excuse here: what it has not read yet, or reads late, may be another situation.
+
+        Args:
+            t_ns: Now.
+            at_rest: Believe a reading that repeats where the config says that the sensor's readings may rest. Enough
+                to open, for else nothing opens at rest; not to raise, for a sensor that hangs looks the same.
         """
         image, force = self.image, self.force
-        if image is not None and not (image.reliable and t_ns - (image.t_ns or 0) <= self._oldest_image_ns):
+        if image is not None and not image.is_reliable(at_rest=at_rest):
             return False
-        if force is not None and force.suspect:
+        if image is not None and t_ns - (image.t_ns or 0) > self._oldest_image_ns:
+            return False
+        if force is not None and force.suspect and not (at_rest and force.rests):
             return False
         if self._freshness.is_stale(t_ns) or self._received_ns - self._acquired_ns > self._freshness.stale_ns:
             return False

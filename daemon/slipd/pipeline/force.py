@@ -95,6 +95,11 @@ class ForceSide:
         return self._watch.suspect
 
     @property
+    def rests(self) -> bool:
+        """It is suspect only because it repeats, as the config says that readings of this sensor may."""
+        return self._watch.rests
+
+    @property
     def noise_n(self) -> float:
         """Standard deviation of a force component, N."""
         return self._noise[0]

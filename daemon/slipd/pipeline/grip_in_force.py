@@ -64,7 +64,7 @@ class GripInForce:
             self._let_go()
             self.command_n = None
         elif answers_command and self._policy.letting_go:
-            if sample.object != "contact_closing" and self._touch.pressed_n(sample.t_ns) is None:
+            if self._is_released(sample):
                 self._policy.let_go()
         elif answers_command:
             if sample.object.startswith("contact"):
@@ -115,6 +115,12 @@ class GripInForce:
             self.command_n = force_n if self._claimed else None
             self._policy.put_back(force_n, unknown=unknown)
         return done
+
+    def _is_released(self, sample: GripperSample) -> bool:
+        """Whether what was held is seen to be let go; while the fingers move, only those known to be free show it."""
+        if sample.object == "contact_closing" or self._touch.pressed_n(sample.t_ns) is not None:
+            return False
+        return not sample.moving or not self._touch.not_free(sample.t_ns)
 
     def _let_go(self) -> None:
         """The grasp ended, and its force and its budget with it."""

@@ -18,7 +18,7 @@ from slipd.permit import Permit
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.grip_in_force import GripInForce
 from slipd.pipeline.gripper_watch import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperWatch
-from slipd.pipeline.report import number
+from slipd.pipeline.report import lease_body, number
 from slipd.pipeline.touch import Touch
 from slipd.refusal import Refusal
 from slipd.samples import GripperSample
@@ -158,11 +158,6 @@ class GripperControl:
         self._session.acknowledge()
         return {"fault": fault or None}
 
-    def lease(self, t_ns: int) -> dict[str, Any]:
-        """``lease`` of the messages."""
-        expires_in_s = self.policy.expires_in_s(t_ns)
-        return {"held": expires_in_s is not None, "expires_in_s": expires_in_s}
-
     def conditions(self) -> list[tuple[Health, str]]:
         """What ails the gripper, for the status of its stream."""
         fault = self.policy.fault
@@ -183,7 +178,7 @@ class GripperControl:
             "echo_ok": None if sample is None else sample.echo_ok,
             "current_a": None if sample is None else number(sample.current_a),
             "force_n": None if sample is None else number(sample.force_n),
-            "lease": self.lease(t_ns),
+            "lease": lease_body(self.policy, t_ns),
             "reflex": None,
             "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
         }

@@ -259,10 +259,14 @@ class PadImage:
         """The newest image tells the pressures, of its own."""
         return self._known and not self._assumed_free
 
-    @property
-    def reliable(self) -> bool:
-        """The newest image can be used, and is not suspected of repeating the one before."""
-        return self._known and not self._frozen.suspect and not self._watch.suspect
+    def is_reliable(self, *, at_rest: bool = False) -> bool:
+        """Return whether the newest image can be used, and is not suspected of repeating the one before.
+
+        Args:
+            at_rest: Believe one that repeats where the config says that the pad's images may (``stuck_after`` 0).
+        """
+        repeats = self._watch.suspect and not (at_rest and self._watch.rests)
+        return self._known and not self._frozen.suspect and not repeats
 
     def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the pad's readings."""

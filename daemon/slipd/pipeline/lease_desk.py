@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from slipd.grip.policy import GripLimits, GripPolicy
 from slipd.pipeline.events import Request
 from slipd.pipeline.grip_desk import Handler
@@ -40,12 +38,6 @@ class LeaseDesk:
 
     def _release(self, request: Request, t_ns: int) -> Result:
         return self._policy.release(request.client, t_ns) or {}
-
-
-def lease_body(policy: GripPolicy, t_ns: int) -> dict[str, Any]:
-    """Return ``lease`` of the messages."""
-    expires_in_s = policy.expires_in_s(t_ns)
-    return {"held": expires_in_s is not None, "expires_in_s": expires_in_s}
 
 
 def policy_without_gripper() -> GripPolicy:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from slipd.fusion import grip_needed_n, torque_limit
+from slipd.grip.policy import GripPolicy
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.image import PadImage
 from slipd.pipeline.state import NEGATIVE, ForceReading, State
@@ -22,6 +23,12 @@ NEWTON, UNCALIBRATED = "N", "uncalibrated"
 def number(value: float | None) -> float | None:
     """A finite float, or nil."""
     return None if value is None or not math.isfinite(value) else float(value)
+
+
+def lease_body(policy: GripPolicy, t_ns: int) -> Body:
+    """``lease`` of the messages."""
+    expires_in_s = policy.expires_in_s(t_ns)
+    return {"held": expires_in_s is not None, "expires_in_s": expires_in_s}
 
 
 def vector(values: Array | None) -> list[float] | None:

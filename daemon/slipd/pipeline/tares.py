@@ -64,13 +64,18 @@ class Tares:
         return None
 
     @property
+    def verified(self) -> bool:
+        """The finger is known to be untouched, by all but the zeros that these streams are about to get."""
+        return self.finger.pressed_beside(self.sides) is False
+
+    @property
     def busy(self) -> bool:
         """One of them is being measured."""
         return any(side.tare.busy for side in self.sides.values())
 
     def begin(self, t_ns: int, seconds: float, by: str, *, unloaded: bool) -> dict[str, Any]:
         """Start to average, and return the reply; ``unloaded`` as in `refuse`."""
-        verified = self.finger.pressed_beside(self.sides) is False
+        verified = self.verified
         for kind in self.sides:
             self.finger.begin_tare(t_ns, seconds, by, kind, unloaded=unloaded)
         ids = {kind: side.tare.current.id for kind, side in self.sides.items()}

@@ -33,5 +33,7 @@ class Touch:
     def not_free(self, t_ns: int) -> tuple[str, ...]:
         """Fingers that are pressed, or are not known to be free."""
         return tuple(
-            name for name, finger in self._fingers.items() if finger.pressed() is not False or not finger.feels(t_ns)
+            name
+            for name, finger in self._fingers.items()
+            if finger.pressed() is not False or not finger.feels(t_ns, at_rest=True)
         )

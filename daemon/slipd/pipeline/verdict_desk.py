@@ -19,6 +19,7 @@ from slipd.signals.gravity import FRESH_NS, gravity_fault
 DEFAULT_TARE_S = 0.5
 #: A longer average waits for drift, not for noise.
 LONGEST_TARE_S = 10.0
+_HELD = "a tare may erase the load of what is held: a grip is in force"
 
 
 class VerdictDesk:
@@ -75,6 +76,8 @@ class VerdictDesk:
         refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)
         if refusal is not None:
             return refusal
+        if (self._policy.grips or self._policy.letting_go) and not tares.verified:
+            return Refusal("in_contact", f"{_HELD}, and finger {tares.finger.name} is not known to be free", "finger")
         return tares.begin(t_ns, seconds, named(request.client), unloaded=unloaded)
 
     def _tare_get(self, request: Request, _: int) -> Result:

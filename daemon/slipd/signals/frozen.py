@@ -77,8 +77,8 @@ class WrenchWatch:
         jump_n: A change of the force from one reading to the next, N, that nothing real makes to and fro: a good part
             of the range; None: a quarter.
         repeats: So many repeats of a reading mean a stuck sensor: see `repeats_of_a_stuck_sensor`. Up to
-            `DEFAULT_REPEATS`, so does a run of `HANG_NS` that is longer than the sensor's habit. 0: never, for a sensor
-            whose readings rest.
+            `DEFAULT_REPEATS`, so does a run of `HANG_NS` that is longer than the sensor's habit. 0: none does, for a
+            sensor whose readings rest; they are suspect all the same.
         gap_ns: A longer silence is a failure of the stream.
 
     Raises:
@@ -89,6 +89,7 @@ class WrenchWatch:
         lively: The newest readings were all numbers, in range, and no two running alike.
         suspect: The newest reading repeats the one before, longer than this sensor usually does, or jumped. It is
             believed, but nothing is to be raised on it.
+        rests: It is suspect only because it repeats, and ``repeats`` says that readings of this sensor rest.
     """
 
     def __init__(
@@ -116,7 +117,7 @@ class WrenchWatch:
         self._garbage = self._failing = self._alert = False
         self._failed_ns: list[int] = []
         self.fault = ""
-        self.lively = self.suspect = False
+        self.lively = self.suspect = self.rests = False
 
     def excuse(self, t_ns: int) -> None:
         """Count no gap until ``t_ns``: the daemon did not read the stream."""
@@ -150,7 +151,8 @@ class WrenchWatch:
         if self.lively:
             if self._equal:
                 self._end_run(honest=True)
-            self._row, self._last_ns, self._step, self.fault, self.suspect = readings[-1], last_ns, None, "", False
+            self._row, self._last_ns, self._step, self.fault = readings[-1], last_ns, None, ""
+            self.suspect = self.rests = False
         return self.lively
 
     def _take(self, row: Sequence[float], t_ns: int) -> str:
@@ -165,7 +167,7 @@ class WrenchWatch:
         else:
             if self._equal:
                 self._end_run(honest=True)
-            self._step, self.fault, self.suspect = None, "", False
+            self._step, self.fault, self.suspect, self.rests = None, "", False, False
         self._last_ns = t_ns
         return self.fault
 
@@ -183,7 +185,9 @@ class WrenchWatch:
         self.fault = self._told(gap, stuck, t_ns) if gap or stuck or self._alert else ""
         if wild and self.fault != "stuck" and all(map(math.isfinite, row)):
             self.fault = "garbage"
-        self.suspect = jumps or self._is_suspect(t_ns)
+        repeats = self._is_suspect(t_ns)
+        self.suspect = jumps or repeats
+        self.rests = repeats and not jumps and self._repeats == _NEVER
 
     def _count(self, t_ns: int, *, alike: bool, gap: bool) -> None:
         """Count readings that repeat the one before; behind a gap the count begins anew."""
@@ -209,7 +213,7 @@ class WrenchWatch:
         return unusual and self._repeats <= DEFAULT_REPEATS and t_ns - self._since_ns >= HANG_NS
 
     def _is_suspect(self, t_ns: int) -> bool:
-        if self._equal == 0 or self._repeats == _NEVER:
+        if self._equal == 0:
             return False
         return self._equal > self._habit.repeats or t_ns - self._since_ns > RESTED_NS
 
