@@ -188,7 +188,7 @@ def _rule(kind: str, context: Mapping[str, Any]) -> str:
     }
     if kind in bounds:
         relation, key, what = bounds[kind]
-        return f"must {'have' if what else 'be'} {relation} {context[key]:g}{what}"
+        return f"must {'have' if what else 'be'} {relation} {context[key]:.15g}{what}"
     return _TYPE_RULES.get(kind, "")
 
 
