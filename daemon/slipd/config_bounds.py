@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 MARGIN = 1.25
 #: A quaternion written with four digits is still a unit quaternion.
 QUATERNION_TOLERANCE = 1e-3
-#: Rubber on dry, rough glass reaches 2. More is a mistaken unit, and makes every grip look safe.
+#: Rubber on dry, rough glass reaches 2. More is a wrong unit, and makes every grip look safe.
 MOST_FRICTION = 2.0
 #: The longer side of the largest pad that fits between the jaws of a gripper, m.
 LONGEST_PAD_M = 0.5
@@ -127,7 +127,7 @@ Leak = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
 Grip = Annotated[float, Field(gt=0.0), AfterValidator(GRIP)]
 #: From creeping to the full force of the strongest gripper within a tenth of a second.
 Slew = Annotated[float, AfterValidator(Bounds(1e-3, 5e4, "N/s", "mN/s"))]
-#: A contact breaks loose within milliseconds to a second, and nobody waits longer than a minute for a slip to end.
+#: A contact breaks loose within milliseconds to a second, and a slip is over within a minute.
 SlipWindow = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "s", "ms"))]
 SlipHold = Annotated[float, AfterValidator(Bounds(1e-3, 60.0, "s", "ms"))]
 #: A warning comes some seconds before a drop at most.

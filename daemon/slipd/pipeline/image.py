@@ -21,19 +21,19 @@ from slipd.signals.taxel_health import TaxelHealth
 from slipd.signals.untared import UntaredWatch
 from slipd_client.messages import Health
 
-#: Of an image that is too old, or of a pad without one.
+#: Reason for an image that is too old, or missing.
 STALE: tuple[str, ...] = ("stale",)
 _UNUSABLE = {
     "not_finite": "its images hold readings that are not finite numbers",
-    "garbage": "its readings are larger than any pad's: check axis_scale and the configuration of the pad",
+    "garbage": "its readings are larger than those of any pad: check axis_scale and the configuration of the pad",
 }
 _NO_ROWS: Array = np.empty((0, 6))
 #: Movement of the force that an image must show, over the force sensor's noise.
 FROZEN_STDS = 6.0
-#: What people should do where a pad was never tared.
+#: Advice for a pad that was never tared.
 UNTARED = (
-    "it was never tared and reads a load that may be none: with nothing touching it, say `slipctl tare take FINGER "
-    "--stream pad`, or put its unloaded counts into the config as tare"
+    "it was never tared and reads a load that may not exist: with nothing touching it, run `slipctl tare take FINGER "
+    "--stream pad`, or set tare in the config to its unloaded counts"
 )
 
 
