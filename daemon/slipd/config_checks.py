@@ -27,12 +27,12 @@ _ADDRESSES = {
 }
 #: Bits of a byte on a line of 8N1.
 BITS_A_BYTE = 10
-#: By default a stream is stale after so many periods without a reading, and no sooner than after the least.
+#: By default a stream is stale after this many periods without a reading, but not before ``STALE_LEAST_NS``.
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
-#: ``stale_s`` is at least this long and so many periods: silence is judged every 5 ms, and a reading may be missed.
+#: Least ``stale_s``, s and in periods: silence is checked every 5 ms, and a reading may be missed.
 STALE_S, STALE_S_PERIODS = 0.01, 1.5
-#: It is at most this long, or so many periods where these are longer: a verdict must not rest on a dead sensor.
+#: Most ``stale_s``, s or in periods, the longer: a verdict must not rest on a dead sensor.
 STALE_MOST_S, STALE_MOST_PERIODS = 0.5, 10.0
 
 

@@ -187,7 +187,7 @@ class PadImage:
         self.tare.begin(t_ns, seconds, by)
 
     def undo_tare(self) -> bool:
-        """Put the offset before the last tare back in force; False where there is none."""
+        """Restore the offset before the last tare; False if there is none."""
         before = self.tare.current
         if not self.tare.undo():
             return False
@@ -218,7 +218,7 @@ class PadImage:
             self._charge.shift(self._scale * (self.tare.current.value - before.value))
 
     def _look(self, values: Array, readings: Array, t_ns: int, felt: Felt) -> None:
-        """Look whether the pad reads a load that is none."""
+        """Check whether the pad reads a load that does not exist."""
         if self._alone and self.three_axis:
             self._untared.look_alone(values)
         else:
@@ -248,7 +248,7 @@ class PadImage:
         return not known
 
     def forget(self) -> None:
-        """Give up the newest image: time passed, or the pad was away, and nobody saw what happened."""
+        """Drop the newest image, because the pad was not seen for some time."""
         self._known, self.t_ns, self._shared = False, None, False
         self.reasons = STALE
         if self._charge is not None:

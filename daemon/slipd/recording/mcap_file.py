@@ -108,7 +108,7 @@ class RecordingFile:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file; what is not flushed is not in it."""
+        """Size of the file, without what is not flushed."""
         return self._stream.tell()
 
     @property

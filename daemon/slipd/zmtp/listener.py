@@ -72,7 +72,7 @@ class Listener:
     """Serves one endpoint from ``with`` to its end, on the running loop.
 
     Args:
-        endpoint: As for `slipd.zmtp.endpoint.bind`, which says what is wrong with it on entry.
+        endpoint: As for `slipd.zmtp.endpoint.bind`, which is called on entry and refuses a wrong one.
         rules: Limits for each peer.
         on_message: Called with each message and its peer.
         access: Who may connect.
