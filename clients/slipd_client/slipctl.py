@@ -115,7 +115,7 @@ def _moved(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
 
 def _keys(chosen: argparse.Namespace) -> keys.Keys | None:
     if (chosen.key is None) != (chosen.server_key is None):
-        raise ValueError("--key and --server-key belong together: this client's secret, and whom it trusts")
+        raise ValueError("give both --key (this client's secret key) and --server-key (the daemon's public key)")
     return None if chosen.key is None else keys.load(chosen.key, chosen.server_key)
 
 

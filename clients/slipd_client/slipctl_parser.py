@@ -98,14 +98,14 @@ def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
 def _positive(text: str) -> float:
     value = _not_negative(text)
     if value == 0:
-        raise argparse.ArgumentTypeError("must be more than 0")
+        raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
     return value
 
 
 def _not_negative(text: str) -> float:
     value = _finite(text)
     if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is no finite number from 0 up")
+        raise argparse.ArgumentTypeError(f"must be a finite number from 0 up, got {text}")
     return value
 
 
@@ -113,7 +113,7 @@ def _finite(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is no finite number")
+        raise argparse.ArgumentTypeError(f"must be finite, got {text}")
     return value

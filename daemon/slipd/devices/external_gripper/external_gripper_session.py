@@ -146,7 +146,7 @@ class Session(PermittedSession):
                 self._register(message, now_ns)
             elif isinstance(message, Foreign):
                 self.health.bad += 1
-                self._refuse(f"version {message.version} of the format is not spoken here: {wire.VERSION} is", now_ns)
+                self._refuse(f"the format must be version {wire.VERSION}, got {message.version}", now_ns)
             elif self._driver is None:
                 self.health.bad += 1
                 self._refuse(self._refusal or _REGISTER, now_ns)
@@ -285,4 +285,4 @@ class Session(PermittedSession):
 def _check(name: str, value: float, bounds: tuple[float, float]) -> None:
     low, high = bounds
     if not low <= value <= high:  # also where it is no number
-        raise ValueError(f"a {name} of {value} cannot be asked for: {low:g} to {high:g} can")
+        raise ValueError(f"the {name} must be from {low:g} to {high:g}, got {value}")

@@ -294,5 +294,5 @@ def _within(value: float, bounds: tuple[float, float] | None, name: str) -> floa
     """Return thousandths of a value that lies within its bounds."""
     low, high = bounds or (0.0, 0.0)
     if not low <= value <= high:  # also where it is no number
-        raise ValueError(f"a {name} of {value} cannot be asked for: {low:g} to {high:g} can")
+        raise ValueError(f"the {name} must be from {low:g} to {high:g}, got {value}")
     return value * 1000
