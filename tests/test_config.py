@@ -117,17 +117,17 @@ def test_the_id_of_a_config_changes_with_its_text() -> None:
     [
         ("caution = 0.6", "cautoin = 0.6", "levels.cautoin", "unknown key; did you mean 'caution'?"),
         ("caution = 0.6", "zzz = 0.6", "levels.zzz", "unknown key; known here: caution, hysteresis, warning"),
-        ("mu = 0.5", 'mu = "slippery"', "finger.left.mu", "valid number (got 'slippery')"),
+        ("mu = 0.5", 'mu = "slippery"', "finger.left.mu", "must be a number, got 'slippery'"),
         ("mu = 0.5", "mu = nan", "finger.left.mu", "finite number"),
         ("mu = 0.5", "mu = -0.5", "finger.left.mu", "must be from 0.01 to 2, got -0.5"),
         ("mu = 0.5", "load_rul = 0.5", "finger.left.load_rul", "did you mean 'load_rule'?"),
-        ("rows = 8", "rows = 8.5", "finger.left.pad.rows", "valid integer"),
-        ("rows = 8", "rows = 0", "finger.left.pad.rows", "greater than 0"),
-        ("rows = 8", "rows = true", "finger.left.pad.rows", "valid integer"),
+        ("rows = 8", "rows = 8.5", "finger.left.pad.rows", "must be an integer"),
+        ("rows = 8", "rows = 0", "finger.left.pad.rows", "must be above 0, got 0"),
+        ("rows = 8", "rows = true", "finger.left.pad.rows", "must be an integer"),
         ("pitch_m = 0.0032", "pitch_mm = 3.2", "finger.left.pad.pitch_mm", "did you mean 'pitch_m'?"),
         ("rate_hz = 800", "rate_hz = inf", "finger.left.wrench.rate_hz", "finite number"),
         ("max_force_n = 25.0", "max_force_n = inf", "gripper.max_force_n", "finite number"),
-        ('device = "bota"', "device = 7", "finger.left.wrench.device", "valid string"),
+        ('device = "bota"', "device = 7", "finger.left.wrench.device", "must be a text in quotes, got 7"),
     ],
 )
 def test_a_value_that_is_wrong_by_itself_is_told_at_its_line(old: str, new: str, path: str, told: str) -> None:
@@ -184,8 +184,13 @@ MEANING = [
     ('port = "ws://127.0.0.1:5000"', 'port = "/dev/xela"', "finger.right.pad.port", "give ws://HOST:PORT"),
     ('sensor = "2"', "# no sensor", "finger.right.pad.sensor", "say which sensor of the port"),
     ("cols = 16", 'cols = 16\nsensor = "1"', "finger.left.pad.sensor", "leave it out"),
-    ("axis_scale = [0.001, 0.001, -0.001]", "axis_scale = [0.001]", "finger.right.pad.axis_scale", "give 3"),
-    ("axis_scale = [0.001, 0.001", "axis_scale = [0.001, 0", "finger.right.pad.axis_scale", "a 0 leaves nothing"),
+    (
+        "axis_scale = [0.001, 0.001, -0.001]",
+        "axis_scale = [0.001]",
+        "finger.right.pad.axis_scale",
+        "must have 3 value(s)",
+    ),
+    ("axis_scale = [0.001, 0.001", "axis_scale = [0.001, 0", "finger.right.pad.axis_scale", "must not contain 0"),
     ("rate_hz = 800", "rate_hz = 800\ndelay_s = 0.02", "finger.left.wrench.delay_s", "less than 0.02 s"),
     ("rate_hz = 800", "rate_hz = 800\nstale_s = 0.009", "finger.left.wrench.stale_s", "from 0.01 to 0.5 s"),
     ("rate_hz = 800", "rate_hz = 800\nstale_s = 0.51", "finger.left.wrench.stale_s", "got 0.51"),
@@ -193,11 +198,36 @@ MEANING = [
     ("rate_hz = 60.0", "rate_hz = 5.0\nstale_s = 2.1", "finger.right.pad.stale_s", "from 0.3 to 2 s"),
     ("rate_hz = 60.0", "rate_hz = 60.0\nstale_s = 0.1\ndelay_s = 0.1", "finger.right.pad.delay_s", "less than 0.1 s"),
     ("rate_hz = 60.0", "rate_hz = 60.0\ndelay_s = 0.05", "finger.right.pad.delay_s", "less than 0.05 s"),
-    ("electrode_m = 0.0015", "axis_scale = [1.0, 1.0]\nelectrode_m = 0.0015", "finger.left.pad.axis_scale", "give 1"),
-    ("electrode_m = 0.0015", "tare = [1.0]\nelectrode_m = 0.0015", "finger.left.pad.tare", "needs 128 values, not 1"),
-    ("max_force_n = 25.0", "max_force_n = 30.5", "gripper.max_force_n", "above the gripper's own 30.0 N"),
-    ("max_force_n = 25.0", "max_force_n = 3.0", "gripper.max_force_n", "must be above the least force, 3.0 N"),
-    ("max_force_n = 25.0", "max_force_n = 25.0\nmin_force_n = 2.0", "gripper.min_force_n", "below the gripper's own"),
+    (
+        "electrode_m = 0.0015",
+        "axis_scale = [1.0, 1.0]\nelectrode_m = 0.0015",
+        "finger.left.pad.axis_scale",
+        "must have 1 value(s)",
+    ),
+    (
+        "electrode_m = 0.0015",
+        "tare = [1.0]\nelectrode_m = 0.0015",
+        "finger.left.pad.tare",
+        "must have 128 values, got 1",
+    ),
+    (
+        "max_force_n = 25.0",
+        "max_force_n = 30.5",
+        "gripper.max_force_n",
+        "must be at most the largest force of force_table, 30 N, got 30.5",
+    ),
+    (
+        "max_force_n = 25.0",
+        "max_force_n = 3.0",
+        "gripper.max_force_n",
+        "must be above the least force of force_table, 3 N, got 3",
+    ),
+    (
+        "max_force_n = 25.0",
+        "max_force_n = 25.0\nmin_force_n = 2.0",
+        "gripper.min_force_n",
+        "must be at least the smallest force of force_table, 3 N, got 2",
+    ),
     ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[9, 3.0], [0, 30.0]]", "gripper.force_table", "rise"),
     ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[0, 3.0], [256, 30.0]]", "gripper.force_table", "255"),
     ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[-1, 3.0], [9, 30.0]]", "gripper.force_table", "0"),
@@ -214,7 +244,7 @@ MEANING = [
     ("rate_hz = 50.0", 'rate_hz = 50.0\noptions = { unit = "9" }', "gripper.options", "a Modbus address, got '9'"),
     ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { poll_period_s = 1e300 }", "gripper.options", ""),
     ("rate_hz = 800", "rate_hz = 800\noptions = { speed = 9 }", "finger.left.wrench.options", "speed"),
-    ("axis_scale = [0.001", "charge_tau_s = 2.0\naxis_scale = [0.001", "finger.right.pad.charge_tau_s", "no charge"),
+    ("axis_scale = [0.001", "charge_tau_s = 2.0\naxis_scale = [0.001", "finger.right.pad.charge_tau_s", "not charge"),
 ]
 
 
@@ -235,7 +265,7 @@ def test_a_quaternion_that_is_no_rotation_is_told(quaternion: str, length: str) 
     text = broken("rate_hz = 800", f"rate_hz = 800\npad_from_sensor = {{ quat_xyzw = {quaternion} }}")
     [(path, at, message)] = faults(text)
     assert (path, at) == ("finger.left.wrench.pad_from_sensor.quat_xyzw", line("rate_hz = 800") + 1)
-    assert message.endswith(f"this one has length {length}")
+    assert message.endswith(f"got one of length {length}")
 
 
 @pytest.mark.parametrize(
@@ -315,7 +345,7 @@ CANNOT_BE = [
         "rate_hz = 800",
         "rate_hz = 4000",
         "finger.left.wrench.rate_hz",
-        "must be from 50 to 800 Hz, which bota has, got 4000",
+        "must be from 50 to 800 Hz, the rates of bota, got 4000",
     ),
     (
         "rate_hz = 800",
@@ -327,14 +357,19 @@ CANNOT_BE = [
         "rate_hz = 800",
         "rate_hz = 800\nbaud = 115200",
         "finger.left.wrench.rate_hz",
-        "must be less, or baud more: a line of 115200 bit/s carries 311 readings a second of bota, got 800",
+        "must be at most 311 Hz, which is all that bota sends at 115200 bit/s, got 800; lower it or raise baud",
     ),
-    ("rate_hz = 50.0", "rate_hz = 500.0", "gripper.rate_hz", "must be from 1 to 200 Hz, which robotiq_2f has, got 500"),
+    (
+        "rate_hz = 50.0",
+        "rate_hz = 500.0",
+        "gripper.rate_hz",
+        "must be from 1 to 200 Hz, the rates of robotiq_2f, got 500",
+    ),
     (
         "force_table = [[0, 3.0], [255, 30.0]]",
         "force_table = [[0, 3.0], [255, 3000.0]]",
         "gripper.force_table",
-        "must state forces on one pad of at most 235 N, the most that robotiq_2f has, got 3000",
+        "must state forces on one pad of at most 235 N, the most of any robotiq_2f, got 3000",
     ),
     (
         "speed_table = [[0, 0.02], [255, 0.15]]",
@@ -346,7 +381,7 @@ CANNOT_BE = [
         "speed_table = [[0, 0.02], [255, 0.15]]",
         "speed_table = [[0, 0.02], [255, 1.5]]",
         "gripper.speed_table",
-        "must state speeds of at most 0.25 m/s, the most that robotiq_2f has, got 1.5",
+        "must state speeds of at most 0.25 m/s, the most of any robotiq_2f, got 1.5",
     ),
     ("  [0.0, 0.085]", "  [0.0, 85.0]", "gripper.width_table", "must be from 0 to 1 m, got 85: did you mean 85 mm?"),
     ("  [0.0, 0.085]", "  [0.0, 0.85]", "gripper.width_table", "must state a stroke of at most 0.14 m"),
@@ -478,7 +513,7 @@ def test_the_error_is_one_line_a_fault_with_file_and_line() -> None:
         config.parse(GOOD.replace("mu = 0.5", "mu = -1").replace("rows = 8", "rows = 0"), "rig.toml")
     assert str(caught.value).splitlines() == [
         f"rig.toml:{line('mu = 0.5')}: finger.left.mu: must be from 0.01 to 2, got -1",
-        f"rig.toml:{line('rows = 8')}: finger.left.pad.rows: input should be greater than 0 (got 0)",
+        f"rig.toml:{line('rows = 8')}: finger.left.pad.rows: must be above 0, got 0",
     ]
 
 
@@ -540,9 +575,9 @@ def test_two_sensors_of_one_port_are_behind_one_device(key: str, value: str) -> 
 
 PADS = [
     ("tsf85", "7", "4", "", ""),
-    ("tsf85", "4", "4", "finger.right.pad.rows", "4 rows of 4 taxels: tsf85 has 28 a sensor"),
+    ("tsf85", "4", "4", "finger.right.pad.rows", "rows x cols must be 28, the taxels of one tsf85 sensor, got 4 x 4"),
     ("papillarray", "3", "3", "", ""),
-    ("papillarray", "9", "3", "finger.right.pad.rows", "papillarray has 9 a sensor"),
+    ("papillarray", "9", "3", "finger.right.pad.rows", "rows x cols must be 9"),
 ]
 
 

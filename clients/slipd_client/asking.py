@@ -113,7 +113,7 @@ class Asking:
     def tare(
         self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
     ) -> Steps:
-        """Begin a tare of one stream, or of "all", and wait until it is taken."""
+        """Start a tare of one stream, or of "all", and wait until it is done."""
         if not 0 < seconds < math.inf:
             raise ValueError(f"seconds is {seconds}; a tare takes the mean over a positive time, e.g. {TARE_S}")
         named = {} if stream is None else {"stream": stream}
@@ -130,7 +130,7 @@ class Asking:
         return {"finger": finger, "streams": streams} | verified
 
     def _tare_taken(self, fields: dict[str, Any], before: Any, until_ns: int) -> Steps:
-        """Wait until the tare after ``before`` is taken."""
+        """Wait until the tare after ``before`` is done."""
         what = " ".join(fields.values())
         while (taken := (yield from self.request("tare.get", fields))).get("busy"):
             if self._now_ns() > until_ns:

@@ -171,7 +171,7 @@ def _write_new(path: Path, mode: int, text: str, made: list[Path]) -> None:
 
 
 def _read(path: Path) -> tuple[dict[str, bytes], os.stat_result]:
-    """The keys in a file, by what they are called there; and whose file it is."""
+    """Return the keys in a file by their names there, and the owner of the file."""
     try:
         with path.open("rb") as file:
             about = os.fstat(file.fileno())

@@ -135,7 +135,7 @@ class Ops(Generic[R]):
         return self.request("fault.ack")
 
     def tare(self, finger: str, seconds: float = TARE_S, stream: str | None = None, *, unloaded: bool = False) -> R:
-        """Take the mean of the next ``seconds`` as zero, and wait until it is taken.
+        """Take the mean of the next ``seconds`` as zero, and wait until the tare is done.
 
         Args:
             finger: Which finger.
@@ -153,7 +153,7 @@ class Ops(Generic[R]):
         return self._run(self._asking.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded))
 
     def tare_get(self, finger: str, stream: str | None = None) -> R:
-        """The tare in use, of the stream "wrench" or "pad"; None: of what measures the force."""
+        """Return the tare in use of the stream "wrench" or "pad"; None: the one that measures the force."""
         return self.request("tare.get", finger=finger, stream=stream)
 
     def tare_undo(self, finger: str, stream: str | None = None) -> R:
@@ -165,7 +165,7 @@ class Ops(Generic[R]):
         return self.request("gravity.set", finger=finger, gravity_mps2=list(gravity_mps2))
 
     def friction_set(self, finger: str, mu_s: float, mu_d: float | None = None) -> R:
-        """State the static and the dynamic coefficient of friction between a finger's pad and what it holds.
+        """Set the static and the dynamic coefficient of friction between a finger's pad and the object.
 
         What makes verdicts more lenient, such as a larger ``mu_s``, needs the lease, unless the daemon's config says
         otherwise.

@@ -67,7 +67,7 @@ def _run(chosen: argparse.Namespace) -> None:
 
 
 def _asked(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
-    """The result of a command that needs no lease, or not always."""
+    """Return the result of a command that needs no lease, or not always."""
     command = chosen.command
     if command == "tare take":
         return client.tare(chosen.finger, chosen.seconds, chosen.stream, unloaded=chosen.unloaded)
@@ -79,7 +79,7 @@ def _asked(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
 
 
 def _asked_best(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
-    """The result of a command that sometimes needs the lease: with it where nobody else holds it."""
+    """Return the result of a command that sometimes needs the lease; take the lease if no other client holds it."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(RequestRefused):
             stack.enter_context(client.lease())
@@ -115,7 +115,7 @@ def _moved(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
 
 def _keys(chosen: argparse.Namespace) -> keys.Keys | None:
     if (chosen.key is None) != (chosen.server_key is None):
-        raise ValueError("--key and --server-key belong together: this client's secret, and whom it trusts")
+        raise ValueError("give both --key (this client's secret key) and --server-key (the daemon's public key)")
     return None if chosen.key is None else keys.load(chosen.key, chosen.server_key)
 
 

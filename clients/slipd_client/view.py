@@ -43,7 +43,7 @@ Span = tuple[str, str]
 Line = list[Span]
 
 UNCUT = 10_000
-"""Columns and lines where there is no terminal: nothing is that long."""
+"""Columns and lines without a terminal: more than any view needs."""
 
 
 class View:
@@ -100,7 +100,7 @@ class View:
         return f"{self._clock_time()}  {'  |  '.join(parts) or 'no verdict yet'}"
 
     def _stream_lines(self, width: int, height: int) -> list[Line]:
-        """Every stream, or only those that are not well where the others have no room."""
+        """Draw every stream, or only those with a fault if there is no room for the others."""
         streams = {name: as_map(stream) for name, stream in self._status("streams").items()}
         drawn = {name: _stream_lines(name, stream, width) for name, stream in streams.items()}
         if sum(map(len, drawn.values())) <= height:
@@ -144,7 +144,7 @@ def change_line(body: dict[str, Any]) -> str:
 
 
 def _finger_of(topic: str) -> str | None:
-    """The finger that a topic is about; None where it is about none."""
+    """Return the finger of a topic; None if it has none."""
     _, separator, finger = topic.partition(".")
     return finger if separator else None
 
@@ -193,7 +193,7 @@ def _gripper_lines(body: dict[str, Any], width: int) -> list[Line]:
 
 
 def _recording_lines(recording: dict[str, Any], what: str, width: int) -> list[Line]:
-    """A recording that runs, or that ended by itself; one that was stopped as asked is no news."""
+    """Draw a recording that runs or ended by itself; one that was stopped on request is not shown."""
     state = recording.get("state")
     failure = recording.get("failure")
     if recording.get("running") is not True and not failure:
@@ -226,7 +226,7 @@ def _stream_lines(name: str, stream: dict[str, Any], width: int) -> list[Line]:
 
 
 def _with_reason(facts: Line, reason: str, colour: str, width: int) -> list[Line]:
-    """Facts with the reason behind them where both fit, else the reason in lines of its own: it is never cut."""
+    """Put the reason behind the facts if both fit, else on lines of its own; never cut the reason."""
     if not reason:
         return [facts]
     if sum(len(text) for text, _ in facts) + 2 + len(reason) <= width:

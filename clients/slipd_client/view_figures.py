@@ -1,4 +1,4 @@
-"""Figures and words of a message as the live view shows them: what is not known is "–", never 0."""
+"""Format the values of a message for the live view; an unknown value is "–", never 0."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def clock_time(timestamp: float) -> str:
 
 
 def in_newtons(body: dict[str, Any]) -> bool:
-    """Whether forces are in newtons; an older daemon does not say, and meant newtons."""
+    """Whether forces are in newtons; so they are if an older daemon does not say."""
     return bool(body.get("force_unit", "N") == "N")
 
 
 def utilisation(body: dict[str, Any]) -> str:
-    """The utilisation, or what bounds it."""
+    """The utilisation, or its bounds."""
     for field, sign in (("utilisation", ""), ("utilisation_upper", "≤"), ("utilisation_lower", "≥")):
         value = number(body.get(field))
         if value is not None:
@@ -35,7 +35,7 @@ def utilisation(body: dict[str, Any]) -> str:
 
 
 def bar(body: dict[str, Any]) -> str:
-    """Full blocks up to the utilisation, shaded up to its upper bound; empty where neither is known."""
+    """Draw full blocks up to the utilisation, shaded ones up to its upper bound; empty if neither is known."""
     upper = _cells(body.get("utilisation_upper"))
     sure = _cells(body.get("utilisation"))
     return ("█" * sure + "▒" * (upper - sure)).ljust(BAR_CELLS, "·")
@@ -47,7 +47,7 @@ def _cells(value: Any) -> int:
 
 
 def reasons_of(body: dict[str, Any]) -> str:
-    """The reasons of a level, most telling first."""
+    """The reasons of a level, the most important first."""
     reasons = body.get("reasons")
     return ", ".join(plain(reason) for reason in reasons) if isinstance(reasons, list) else ""
 
@@ -59,7 +59,7 @@ def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
 
 
 def number(value: Any) -> float | None:
-    """A number; None for whatever is none."""
+    """The value as a number; None if it is not one."""
     return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
@@ -77,12 +77,12 @@ def either(value: Any, yes: str, no: str) -> str:
 
 
 def as_map(value: Any) -> dict[str, Any]:
-    """A map; empty for whatever is none."""
+    """The value as a map; empty if it is not one."""
     return value if isinstance(value, dict) else {}
 
 
 def plain(value: Any) -> str:
-    """A string of the daemon, without anything that would move the terminal's cursor."""
+    """A string from the daemon without control characters that would move the cursor."""
     if not isinstance(value, str):
         return UNKNOWN
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value) or UNKNOWN

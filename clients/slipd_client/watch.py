@@ -166,5 +166,5 @@ def _colour(stream: TextIO) -> bool:
 
 
 def _dumb() -> bool:
-    """Whether the terminal knows no escape sequences, by its own word."""
+    """Whether TERM says that the terminal knows no escape sequences."""
     return os.environ.get("TERM") == "dumb"

@@ -56,27 +56,29 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="run the daemon on the virtual gripper")
     demo.add_argument("--seconds", type=_positive, default=None, metavar="N", help="end after N seconds")
     demo.add_argument("--headless", action="store_true", help="show no live view, only the summary")
-    demo.add_argument("--seed", type=int, default=0, metavar="N", help="of all noise")
+    demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise")
     demo.add_argument("--record", type=Path, metavar="FILE", help="write every event and message to this new file")
     demo.set_defaults(command=_demo)
 
-    check = commands.add_parser("check", help="tell every fault of a config")
+    check = commands.add_parser("check", help="report every fault of a config")
     check.add_argument("file", type=Path, metavar="FILE")
     check.set_defaults(command=_check)
 
     replay = commands.add_parser("replay", help="run a recording through the same engine")
     replay.add_argument("file", type=Path, metavar="FILE")
-    replay.add_argument("--speed", type=_speed, default=1.0, metavar="X|max", help="times real time (default 1)")
-    replay.add_argument("--json", action="store_true", help="print every message, one a line")
+    replay.add_argument("--speed", type=_speed, default=1.0, metavar="X|max", help="factor on real time (default 1)")
+    replay.add_argument("--json", action="store_true", help="print every message, one per line")
     replay.add_argument("--publish", action="store_true", help="publish the messages on the bus of the recorded config")
     replay.set_defaults(command=_replay)
 
-    identify = commands.add_parser("identify", help="find a finger's mass and centre from a recording of several poses")
+    identify = commands.add_parser(
+        "identify", help="find a finger's mass and centre of mass from a recording of several poses"
+    )
     identify.add_argument("file", type=Path, metavar="FILE", help="a recording with gravity.set requests")
     identify.add_argument("--finger", required=True, metavar="NAME")
     identify.set_defaults(command=_identify)
 
-    importer = commands.add_parser("import", help="make a recording of foreign data")
+    importer = commands.add_parser("import", help="convert foreign data to a recording")
     formats = importer.add_subparsers(required=True, metavar="FORMAT")
     grips = formats.add_parser("grips", help="a trial folder with xela_sensor1.csv, xela_sensor2.csv, robot_state.csv")
     grips.add_argument("source", type=Path, metavar="SRC")
@@ -211,9 +213,9 @@ def _positive(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
     if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a positive number, not {text}")
+        raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
     return value
 
 

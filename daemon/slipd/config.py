@@ -10,6 +10,7 @@ import contextlib
 import difflib
 import re
 import tomllib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -149,6 +150,17 @@ def _take_out(tree: Any, location: tuple[int | str, ...]) -> None:
         tree = tree[key]
 
 
+#: Type of a fault that pydantic finds → the rule in the words of a config's author.
+_TYPE_RULES = {
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be an integer",
+    "bool_type": "must be true or false",
+    "string_type": "must be a text in quotes",
+    "list_type": "must be a list",
+}
+
+
 def _told(location: tuple[int | str, ...], fault: Any) -> tuple[tuple[str, ...], str]:
     path = tuple(str(part) for part in location)
     if fault["type"] == "extra_forbidden":
@@ -160,8 +172,24 @@ def _told(location: tuple[int | str, ...], fault: Any) -> tuple[tuple[str, ...],
         return path, "is missing"
     if fault["type"] == "value_error":  # one of our own, which says what was found
         return path, str(fault["ctx"]["error"])
-    message = str(fault["msg"])
-    return path, f"{message[0].lower()}{message[1:]} (got {fault['input']!r})"
+    rule = _rule(fault["type"], fault.get("ctx", {})) or str(fault["msg"]).replace("Input should", "must")
+    return path, f"{rule[0].lower()}{rule[1:]}, got {fault['input']!r}"
+
+
+def _rule(kind: str, context: Mapping[str, Any]) -> str:
+    """State the rule behind a fault that pydantic finds, by its type; "" if pydantic's own text will do."""
+    bounds = {
+        "greater_than": ("above", "gt", ""),
+        "greater_than_equal": ("at least", "ge", ""),
+        "less_than": ("below", "lt", ""),
+        "less_than_equal": ("at most", "le", ""),
+        "too_short": ("at least", "min_length", " values"),
+        "too_long": ("at most", "max_length", " values"),
+    }
+    if kind in bounds:
+        relation, key, what = bounds[kind]
+        return f"must {'have' if what else 'be'} {relation} {context[key]:.15g}{what}"
+    return _TYPE_RULES.get(kind, "")
 
 
 def _keys_beside(path: tuple[str, ...]) -> list[str]:

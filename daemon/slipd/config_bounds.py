@@ -1,6 +1,6 @@
-"""Bounds on what a config may state: what lies beyond them is a mistaken unit or a slip of the keyboard.
+"""Bounds on the values of a config: what lies beyond them is a wrong unit or a typing error.
 
-The bounds are wide. They refuse what no rig can be, not what is unusual.
+The bounds are wide: they refuse what no rig can have, not what is unusual.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-#: A value that was measured, or rounded, may lie beyond what a data sheet states by this factor.
+#: A measured or rounded value may exceed that of the data sheet by this factor.
 MARGIN = 1.25
 #: A quaternion written with four digits is still a unit quaternion.
 QUATERNION_TOLERANCE = 1e-3
-#: Rubber on dry, rough glass reaches 2. More is a mistaken unit, and makes every grip look safe.
+#: Rubber on dry, rough glass reaches 2. More is a wrong unit, and makes every grip look safe.
 MOST_FRICTION = 2.0
 #: The longer side of the largest pad that fits between the jaws of a gripper, m.
 LONGEST_PAD_M = 0.5
@@ -26,14 +26,14 @@ MOST_MIN_NORMAL_N = 50.0
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The values that a quantity can have; as a call, a validator of pydantic.
+    """Range of a quantity; calling it validates a value for pydantic.
 
     Attributes:
         least: Smallest value.
         most: Largest value.
         unit: Unit of both; "" for plain numbers.
-        thousandth: Unit a thousand times smaller, in which people state this quantity too; "" where there is none.
-        zero: 0 is good too, and means "none".
+        thousandth: Unit a thousand times smaller that is also in use for this quantity; "" where there is none.
+        zero: Whether 0 is accepted too, as "none".
     """
 
     least: float
@@ -43,7 +43,7 @@ class Bounds:
     zero: bool = False
 
     def fault(self, value: float) -> str:
-        """Say what is wrong with a value, and what is likely meant; "" where it is good."""
+        """Return what is wrong with a value and what was probably meant; "" if it is within the bounds."""
         if self._holds(value):
             return ""
         unit = f" {self.unit}" if self.unit else ""
@@ -54,10 +54,10 @@ class Bounds:
         return f"{rule}: did you mean {value:g} {self.thousandth}? write {meant:g}"
 
     def __call__(self, value: Any) -> Any:
-        """Refuse a number, or a list of numbers, that is out of bounds.
+        """Return a number or a list of numbers unchanged.
 
         Raises:
-            ValueError: It is, or one of them.
+            ValueError: A number is out of bounds.
         """
         for number in value if isinstance(value, list) else (value,):
             if fault := self.fault(number):
@@ -69,13 +69,13 @@ class Bounds:
 
 
 class StrictModel(BaseModel):
-    """A table of a config: no unknown key, no other type, no NaN and nothing infinite."""
+    """A table of a config; refuses unknown keys, wrong types, NaN and infinity."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 def table_fault(rows: Iterable[Iterable[float]], *columns: Bounds | None) -> str:
-    """Say what is wrong with the first value of a table that is out of its column's bounds; "" where none is."""
+    """Describe the first value of a table that is out of its column's bounds; "" if there is none."""
     for row in rows:
         for value, bounds in zip(row, columns, strict=True):
             if bounds is not None and (fault := bounds.fault(value)):
@@ -84,14 +84,14 @@ def table_fault(rows: Iterable[Iterable[float]], *columns: Bounds | None) -> str
 
 
 def unit_quaternion(quat_xyzw: list[float]) -> list[float]:
-    """Refuse a quaternion that is no rotation.
+    """Return a unit quaternion unchanged.
 
     Raises:
-        ValueError: Its length is not 1.
+        ValueError: The length is not 1.
     """
     length = math.hypot(*quat_xyzw)
     if abs(length - 1.0) > QUATERNION_TOLERANCE:
-        raise ValueError(f"must be a unit quaternion x, y, z, w; this one has length {length:.4g}")
+        raise ValueError(f"must be a unit quaternion in the order x, y, z, w, got one of length {length:.4g}")
     return quat_xyzw
 
 
@@ -127,7 +127,7 @@ Leak = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
 Grip = Annotated[float, Field(gt=0.0), AfterValidator(GRIP)]
 #: From creeping to the full force of the strongest gripper within a tenth of a second.
 Slew = Annotated[float, AfterValidator(Bounds(1e-3, 5e4, "N/s", "mN/s"))]
-#: A contact breaks loose within milliseconds to a second, and nobody waits longer than a minute for a slip to end.
+#: A contact breaks loose within milliseconds to a second, and a slip is over within a minute.
 SlipWindow = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "s", "ms"))]
 SlipHold = Annotated[float, AfterValidator(Bounds(1e-3, 60.0, "s", "ms"))]
 #: A warning comes some seconds before a drop at most.

@@ -27,17 +27,17 @@ _ADDRESSES = {
 }
 #: Bits of a byte on a line of 8N1.
 BITS_A_BYTE = 10
-#: By default a stream is stale after so many periods without a reading, and no sooner than after the least.
+#: By default a stream is stale after this many periods without a reading, but not before ``STALE_LEAST_NS``.
 STALE_PERIODS = 3.0
 STALE_LEAST_NS = 20_000_000
-#: ``stale_s`` is at least this long and so many periods: silence is judged every 5 ms, and a reading may be missed.
+#: Least ``stale_s``, s and in periods: silence is checked every 5 ms, and a reading may be missed.
 STALE_S, STALE_S_PERIODS = 0.01, 1.5
-#: It is at most this long, or so many periods where these are longer: a verdict must not rest on a dead sensor.
+#: Most ``stale_s``, s or in periods, the longer: a verdict must not rest on a dead sensor.
 STALE_MOST_S, STALE_MOST_PERIODS = 0.5, 10.0
 
 
 def meaning_faults(config: Config) -> list[Fault]:
-    """Faults that no single value shows."""
+    """Find the faults that no single value shows."""
     faults = [*_finger_names(config), *_ports(config), *bus_faults(config)]
     for name, finger in config.finger.items():
         faults += _finger(f"finger.{name}", finger)
@@ -86,7 +86,7 @@ def _finger(path: str, finger: Finger) -> list[Fault]:
 
 
 def _threshold(path: str, finger: Finger, wrench: Wrench) -> list[Fault]:
-    """A threshold of contact that a force sensor never reaches, or that would hide a grip."""
+    """Find a contact threshold that the force sensor never reaches, or that would hide a grip."""
     least_n = finger.min_normal_n
     if least_n > MOST_MIN_NORMAL_N:
         return [(f"{path}.min_normal_n", f"must be at most {MOST_MIN_NORMAL_N:g} N, got {least_n:g}")]
@@ -99,24 +99,36 @@ def _pad(path: str, pad: Pad) -> list[Fault]:
     faults = []
     axes = axes_of(pad)
     if axes not in (1, 3):
-        faults.append((f"{path}.axis_scale", "give 1 for taxels that feel pressure, 3 for those that feel shear too"))
+        faults.append(
+            (
+                f"{path}.axis_scale",
+                f"must have 1 value for taxels that measure pressure, 3 for those that measure shear too, got {axes}",
+            )
+        )
     elif 0.0 in pad.axis_scale:
-        faults.append((f"{path}.axis_scale", "a 0 leaves nothing of what is felt: give newtons a count, or 1"))
+        faults.append(
+            (f"{path}.axis_scale", "must not contain 0, which discards an axis: give newtons per count, or 1")
+        )
     elif len(pad.axis_scale) != axes:
-        faults.append((f"{path}.axis_scale", f"{pad.device} measures {axes} component(s) a taxel: give {axes}"))
+        faults.append(
+            (
+                f"{path}.axis_scale",
+                f"must have {axes} value(s), one per axis of a {pad.device} taxel, got {len(pad.axis_scale)}",
+            )
+        )
     taxels = DEVICES[pad.device].taxels
     if taxels not in (None, pad.rows * pad.cols):
-        message = f"{pad.rows} rows of {pad.cols} taxels: {pad.device} has {taxels} a sensor"
+        message = f"rows x cols must be {taxels}, the taxels of one {pad.device} sensor, got {pad.rows} x {pad.cols}"
         faults.append((f"{path}.rows", message))
     if axes == 3 and pad.charge_tau_s is not None:
-        faults.append((f"{path}.charge_tau_s", f"{pad.device} measures force itself, no charge: leave it out"))
+        faults.append((f"{path}.charge_tau_s", f"must be left out: {pad.device} measures force, not charge"))
     if pad.tare and len(pad.tare) != axes * pad.rows * pad.cols:
-        faults.append((f"{path}.tare", f"needs {axes * pad.rows * pad.cols} values, not {len(pad.tare)}"))
+        faults.append((f"{path}.tare", f"must have {axes * pad.rows * pad.cols} values, got {len(pad.tare)}"))
     return faults + _size(path, pad)
 
 
 def _size(path: str, pad: Pad) -> list[Fault]:
-    """Taxels that overlap, and a pad that fits no gripper."""
+    """Find taxels that overlap, and a pad that fits no gripper."""
     if pad.electrode_m > pad.pitch_m:
         return [(f"{path}.electrode_m", f"must be at most pitch_m, {pad.pitch_m:g} m, got {pad.electrode_m:g}")]
     longest_m = max(pad.rows, pad.cols) * pad.pitch_m
@@ -174,10 +186,10 @@ def _stream(path: str, stream: Stream, kind: str) -> list[Fault]:
 
 
 def _rate(path: str, stream: Stream, device: Device) -> list[Fault]:
-    """A rate that the device does not have, or that its line does not carry."""
+    """Find a rate that the device does not have, or that its line cannot carry."""
     low_hz, high_hz = device.rates_hz
     if not low_hz / MARGIN <= stream.rate_hz <= high_hz * MARGIN:
-        rule = f"must be from {low_hz:.4g} to {high_hz:.4g} Hz, which {stream.device} has, got {stream.rate_hz:g}"
+        rule = f"must be from {low_hz:.4g} to {high_hz:.4g} Hz, the rates of {stream.device}, got {stream.rate_hz:g}"
         seconds = f": did you mean a period of {stream.rate_hz:g} s? write {1.0 / stream.rate_hz:g}"
         meant = low_hz <= 1.0 / stream.rate_hz <= high_hz and stream.rate_hz < low_hz
         return [(f"{path}.rate_hz", rule + seconds if meant else rule)]
@@ -185,8 +197,9 @@ def _rate(path: str, stream: Stream, device: Device) -> list[Fault]:
     needed = stream.rate_hz * device.frame_bytes * BITS_A_BYTE
     if baud is None or transport_of(stream.port) != "serial" or needed <= baud:
         return []
-    carried = f"a line of {baud} bit/s carries {baud / (device.frame_bytes * BITS_A_BYTE):.0f} readings a second"
-    return [(f"{path}.rate_hz", f"must be less, or baud more: {carried} of {stream.device}, got {stream.rate_hz:g}")]
+    carried_hz = baud / (device.frame_bytes * BITS_A_BYTE)
+    rule = f"must be at most {carried_hz:.0f} Hz, which is all that {stream.device} sends at {baud} bit/s"
+    return [(f"{path}.rate_hz", f"{rule}, got {stream.rate_hz:g}; lower it or raise baud")]
 
 
 def transport_of(port: str) -> str:

@@ -1,4 +1,4 @@
-"""What may stand in ``[grasp]`` and ``[reflex]``, key by key, with units and defaults."""
+"""Keys of ``[grasp]`` and ``[reflex]``, with units and defaults."""
 
 from __future__ import annotations
 
@@ -35,10 +35,11 @@ class Reflex(StrictModel):
         enabled: It acts.
         raise_n_per_s: How fast it raises the force on one pad, N/s.
         ceiling_n: Most that it asks for, N on one pad; None: ``gripper.max_force_n``.
-        slip_gain: Where a finger slips although the grip should hold, μ was believed too high: it then asks for so many
-            times the present force.
-        lead_time_s: How long before the drop a warning comes, s; `slipd check` tells what can be gained in it.
-        calm_s: It lowers again only after so long without need, s.
+        slip_gain: Factor on the present force where a finger slips although the grip should hold, because the assumed μ
+            is too high.
+        lead_time_s: How long before the drop a warning comes, s; `slipd check` prints how much force the reflex can add
+            within it.
+        calm_s: Time without need after which it lowers again, s.
         lower_n_per_s: How fast it lowers to what is needed, N/s; 0: never.
     """
 

@@ -26,17 +26,17 @@ def gripper_faults(gripper: Gripper) -> list[Fault]:
     tables = {"force_table": gripper.force_table, "width_table": gripper.width_table}
     for key, table in tables.items():
         if device.tabled and table is None:
-            faults.append((f"gripper.{key}", f"is missing: {gripper.device} knows only units of its own"))
+            faults.append((f"gripper.{key}", f"is missing: it maps the device units of {gripper.device} to SI units"))
     for key, table in (tables | {"speed_table": gripper.speed_table}).items():
         if not device.tabled and table is not None:
-            faults.append((f"gripper.{key}", f"leave it out: {gripper.device} is told metres and newtons"))
+            faults.append((f"gripper.{key}", f"must be left out: {gripper.device} takes SI units"))
     if gripper.force_table is not None and gripper.width_table is not None and device.tabled:
         faults += _tables(gripper, gripper.force_table, gripper.width_table)
     return faults or _reach(gripper, device)
 
 
 def _reach(gripper: Gripper, device: Device) -> list[Fault]:
-    """What is beyond every gripper, or beyond the largest that this device drives."""
+    """Find what is beyond every gripper, or beyond the largest one of this device."""
     faults = [
         (f"gripper.{key}", fault)
         for key, table, bounds in (
@@ -50,13 +50,13 @@ def _reach(gripper: Gripper, device: Device) -> list[Fault]:
         return faults
     for key, what, value, most, unit in _stated(gripper, device.grip):
         if value > most * MARGIN:
-            rule = f"must state {what} of at most {most:g} {unit}, the most that {gripper.device} has"
+            rule = f"must state {what} of at most {most:g} {unit}, the most of any {gripper.device}"
             faults.append((f"gripper.{key}", f"{rule}, got {value:g}"))
     return faults
 
 
 def _stated(gripper: Gripper, grip: GripRange) -> Iterator[tuple[str, str, float, float, str]]:
-    """What the config says the gripper can do: key, quantity, value, the device's most, unit."""
+    """Yield what the config says the gripper can do: key, quantity, value, the device's maximum, unit."""
     if gripper.max_force_n is not None:
         yield "max_force_n", "a force on one pad", gripper.max_force_n, grip.force_n, "N"
     if gripper.force_table is not None:
@@ -71,7 +71,7 @@ def _stated(gripper: Gripper, grip: GripRange) -> Iterator[tuple[str, str, float
 def _limits(gripper: Gripper) -> list[Fault]:
     low = gripper.min_force_n
     if gripper.max_force_n is not None and low is not None and low >= gripper.max_force_n:
-        return [("gripper.max_force_n", f"must be above the least force, {low} N")]
+        return [("gripper.max_force_n", f"must be above min_force_n, {low:g} N, got {gripper.max_force_n:g}")]
     return []
 
 
@@ -88,16 +88,31 @@ def _tables(gripper: Gripper, force_table: Table, width_table: Table) -> list[Fa
     if gripper.max_force_n is None:
         return faults
     if gripper.max_force_n > forces[-1]:
-        faults.append(("gripper.max_force_n", f"is above the gripper's own {forces[-1]} N of force_table"))
+        faults.append(
+            (
+                "gripper.max_force_n",
+                f"must be at most the largest force of force_table, {forces[-1]:g} N, got {gripper.max_force_n:g}",
+            )
+        )
     if gripper.min_force_n is not None and gripper.min_force_n < forces[0]:
-        faults.append(("gripper.min_force_n", f"is below the gripper's own {forces[0]} N of force_table"))
+        faults.append(
+            (
+                "gripper.min_force_n",
+                f"must be at least the smallest force of force_table, {forces[0]:g} N, got {gripper.min_force_n:g}",
+            )
+        )
     if gripper.min_force_n is None and forces[0] >= gripper.max_force_n:
-        faults.append(("gripper.max_force_n", f"must be above the least force, {forces[0]} N"))
+        faults.append(
+            (
+                "gripper.max_force_n",
+                f"must be above the least force of force_table, {forces[0]:g} N, got {gripper.max_force_n:g}",
+            )
+        )
     return faults
 
 
 def grasp_faults(config: Config) -> list[Fault]:
-    """Pads that are not two known fingers, or cannot be placed."""
+    """Find pads that belong to no known finger, or that cannot be placed."""
     if config.grasp is None:
         return []
     faults = []
@@ -106,19 +121,20 @@ def grasp_faults(config: Config) -> list[Fault]:
         if name not in config.finger:
             faults.append((path, f"there is no finger {name!r}; known: {', '.join(config.finger)}"))
         if not _rising(tuple(row[0] for row in place.positions)):
-            faults.append((f"{path}.positions", "the widths, first of each row, must rise"))
+            faults.append((f"{path}.positions", "the width, the first value of each row, must rise from row to row"))
         if fault := table_fault(place.positions, WIDTH, PLACE, PLACE, PLACE):
             faults.append((f"{path}.positions", fault))
     return faults or _facing(config.grasp)
 
 
 def _facing(config: Grasp) -> list[Fault]:
-    """Pads that do not face each other: the forces of one would be taken for a push of the world on the other."""
+    """Find pads that do not face each other: grip forces would look like an external push."""
     first, second = (_outward(place.quat_xyzw) for place in config.pads.values())
     if sum(a * b for a, b in zip(first, second, strict=True)) <= FACING:
         return []
-    right = "quat_xyzw must turn their Z axes against each other"
-    return [("grasp.pads", f"the pads {' and '.join(config.pads)} do not face each other: {right}")]
+    one, other = config.pads
+    rule = f"must turn the pad's Z axis against that of {one} (they face each other): is its order x, y, z, w?"
+    return [(f"grasp.pads.{other}.quat_xyzw", rule)]
 
 
 def _outward(quat_xyzw: list[float]) -> tuple[float, float, float]:
@@ -128,7 +144,7 @@ def _outward(quat_xyzw: list[float]) -> tuple[float, float, float]:
 
 
 def reflex_faults(config: Config) -> list[Fault]:
-    """A reflex that could not act, or that would be asked for more than the gripper may."""
+    """Find a reflex that could not act, or that may ask for more than the gripper's limit."""
     reflex, gripper = config.reflex, config.gripper
     if not reflex.enabled:
         return []
@@ -137,7 +153,12 @@ def reflex_faults(config: Config) -> list[Fault]:
     if config.grasp is None:
         return [("reflex.enabled", "needs [grasp], which tells what grip the object needs")]
     if reflex.ceiling_n is not None and reflex.ceiling_n > gripper.max_force_n:
-        return [("reflex.ceiling_n", f"is above gripper.max_force_n, {gripper.max_force_n} N")]
+        return [
+            (
+                "reflex.ceiling_n",
+                f"must be at most gripper.max_force_n, {gripper.max_force_n:g} N, got {reflex.ceiling_n:g}",
+            )
+        ]
     return []
 
 

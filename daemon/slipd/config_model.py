@@ -50,7 +50,7 @@ __all__ = [
     "Wrench",
 ]
 
-#: `friction.set` may state this many times the configured μ, where ``mu_max`` does not say otherwise.
+#: `friction.set` accepts up to this many times the configured μ, unless ``mu_max`` says otherwise.
 MU_RAISE = 2.0
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -75,9 +75,9 @@ class Stream(StrictModel):
             first in a run.
         baud: Line speed of a serial port, bit/s; None: the device's own default.
         rate_hz: Readings a second that are expected.
-        stale_s: The stream is stale after so long without a reading, s, and so is a reading that is older when it
-            arrives; time in which the daemon itself stood still does not count. None: three periods, at least 20 ms.
-            Raises of the grip have a limit of their own. Of a gripper: for its health alone.
+        stale_s: Time without a reading after which the stream is stale, s; a reading that is older on arrival is stale
+            too. Time in which the daemon itself stood still does not count. None: three periods, at least 20 ms.
+            Raises of the grip have their own limit. For a gripper it affects only the health.
         delay_s: Known time from the acquisition of a reading to its earliest receipt, s, such as a filter's delay.
         poll_s: How often the host asks the line what came, s, where a reading may wait for that and nothing shows it:
             0.001 for most USB adapters at 1 kHz. Half of it is taken off, all of it is doubt.
@@ -113,17 +113,17 @@ class Wrench(Stream):
         com_m: Its centre of mass in the pad frame, m.
         force_std_n: Noise of each force component, standard deviation, N.
         torque_std_nm: Likewise of each torque component, N·m.
-        range_n: Largest force that the sensor can state, as the length of the vector, N: readings beyond it, and jumps
+        range_n: Largest force that the sensor can report, as the length of the vector, N: readings beyond it, and jumps
             to and fro of a quarter of it, are garbage. None: not known, so only what no such sensor states, above 1e6
             N, is garbage.
         range_nm: Likewise the largest torque, N·m.
-        stuck_after: So many repeats of a reading (over 20 ms or more) mean a stuck sensor. Up to 50, so do repeats over
-            70 ms that this sensor is not used to. More than 50 is for a sensor whose readings rest for long, and only
-            the number counts. 0: a reading may rest for ever without being stuck. A grip is raised on none that
-            repeats for longer than usual, or for over 50 ms, whatever this says.
+        stuck_after: This many repeats of a reading (over 20 ms or more) mean a stuck sensor. Up to 50, so do repeats
+            over 70 ms that are unusual for this sensor. Above 50, for a sensor whose readings rest for long, only the
+            number counts. 0: a reading may repeat for ever without being stuck. Whatever this says, no grip is raised
+            on a reading that repeats for longer than usual, or for over 50 ms.
         drift_tau_s: Time constant with which a drifting zero is followed while nothing touches; None: it is not.
-        drift_limit_n: Most that is followed since the tare, each force component, N; also part of what a normal force
-            may read below zero without a fault.
+        drift_limit_n: Largest compensation of each force component since the tare, N; also part of the tolerance for a
+            negative normal force.
         drift_limit_nm: Likewise each torque component, N·m.
     """
 
@@ -154,7 +154,7 @@ class Pad(Stream):
         full_scale: Largest count of a taxel; None: not known, so a saturated taxel is told as stuck or hot.
         gain_error: Relative error of ``axis_scale`` where it gives newtons, such as 0.05: the sum of the image is then
             compared with the force sensor. None: its unit is not newtons.
-        stuck_after: As of a wrench, where the taxels measure the force by themselves (three axes, no ``wrench``). 0,
+        stuck_after: As for a wrench, if the taxels measure the force by themselves (three axes, no ``wrench``). 0,
             because pads without noise may rest as long as their load does; nothing is raised while they do.
         charge_tau_s: Leak time constant of charge amplifiers, s; None for pads that read force itself.
     """
@@ -189,7 +189,7 @@ class Finger(StrictModel):
 
     Attributes:
         mu: Safe estimate of the coefficient of static friction; None: every level is "unknown".
-        mu_max: Most that `friction.set` may state; None: twice ``mu``, and never more than 2.
+        mu_max: Largest value that `friction.set` accepts; None: twice ``mu``, and never more than 2.
         min_normal_n: Below this normal force there is no contact, N.
         load_rule: How the normal force is shared among the taxels.
         contact_growth: Exponent of the contact's size over the normal force: 0 rigid, 1/3 Hertz.
@@ -208,7 +208,7 @@ class Finger(StrictModel):
 
     @property
     def most_mu(self) -> float:
-        """Most that `friction.set` may state: an object is rarely twice as rough as the safe estimate for all."""
+        """Largest μ that `friction.set` accepts: an object is rarely twice as rough as the safe estimate for all."""
         if self.mu_max is not None:
             return self.mu_max
         return MOST_FRICTION if self.mu is None else min(MU_RAISE * self.mu, MOST_FRICTION)
@@ -303,8 +303,8 @@ class Recording(StrictModel):
 
     Attributes:
         max_bytes: Size of one file, bytes: a recording that reaches it ends in good order, at most 0.1 s later.
-        max_files: Number of files that are kept; ``record.start`` is refused while there are as many. None is deleted.
-        min_free_bytes: Free space of the disk, bytes: below it no recording begins, and the one that runs ends.
+        max_files: Number of files; at this number ``record.start`` is refused. None is deleted.
+        min_free_bytes: Free disk space, bytes; below it no recording begins, and the running one ends.
     """
 
     max_bytes: int = Field(default=1_000_000_000, ge=1_000_000)

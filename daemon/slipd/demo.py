@@ -100,7 +100,7 @@ def _rig_file(ports: Path) -> Path:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """Take a request to end, or the end of the terminal, as Ctrl-C: no part may go on alone, its recording open."""
+    """Treat SIGTERM and SIGHUP like Ctrl-C, so that no part goes on alone with an open recording."""
     numbers = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
     for number in numbers:
         signal.signal(number, signal.default_int_handler)

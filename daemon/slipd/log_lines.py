@@ -1,4 +1,4 @@
-"""The one gate of the log: what devices and peers make the daemon say is escaped, cut, and limited in number."""
+"""The one gate of the log: lines that devices and peers cause are escaped, cut, and limited in number."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from slipd.device_text import one_line
 
 BURST = 10
-"""Lines of one kind that may follow each other at once."""
+"""Lines of one kind that may pass at once."""
 
 EVERY_S = 5.0
-"""Behind them one more may pass each so often."""
+"""Interval at which one more may pass after them, s."""
 
 KINDS = 256
-"""Kinds of lines that are told apart; with more of them all counts begin anew."""
+"""Kinds of lines that are counted apart; beyond that number all counts begin again."""
 
 
 @dataclass(slots=True)
@@ -41,10 +41,10 @@ class LogGate(logging.Filter):
         self._kinds: dict[tuple[str, str, str], _Kind] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Say whether a line may pass; it is rewritten on the way."""
+        """Return whether a line may pass; rewrite it on the way."""
         try:
             line = one_line(record.getMessage())
-        except (TypeError, ValueError, KeyError):  # its arguments do not fit: the handler shows where, and goes on
+        except (TypeError, ValueError, KeyError):  # its arguments do not fit: the handler reports where
             return True
         kind = self._kind(record)
         if kind.allowed < 1.0:
@@ -57,7 +57,7 @@ class LogGate(logging.Filter):
         return True
 
     def _kind(self, record: logging.LogRecord) -> _Kind:
-        """Return the kind of a line, with what it may say by now."""
+        """Return the kind of a line, with its present allowance."""
         first = record.args[0] if isinstance(record.args, tuple) and record.args else ""
         key = record.name, str(record.msg), str(first)
         now_s = self._now()

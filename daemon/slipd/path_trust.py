@@ -1,10 +1,10 @@
-"""Who else may change a file: whoever writes the config decides what moves.
+"""Check who else may change a file: whoever can write the config decides what moves.
 
 The rule is that of OpenSSH's ``StrictModes``, as Debian ships it: the file and every folder on its path belong to root
-or to the user who runs slipd, and nobody else may write to them; a group that holds nobody else is nobody else. It
-departs from it in two things. Links are followed here one by one, so that the folder of a link counts too. And a folder
-with the sticky bit, such as ``/tmp``, is good where root or that user owns it: others may add files there, but neither
-replace nor rename those of its owner.
+or to the user who runs slipd, and nobody else may write to them; a private group of that user counts as the user. It
+differs in two ways. Links are followed one by one, so the folder of a link counts too. And a folder with the sticky
+bit, such as ``/tmp``, is accepted if root or that user owns it: others may add files there, but can neither replace nor
+rename those of its owner.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT_UID = 0
-#: As many as the kernel follows.
+#: The kernel follows this many.
 MOST_LINKS = 40
 
 
 def trust_faults(path: Path) -> list[str]:
-    """Find what lets another user change a file: its owner or mode, or those of a folder or link on its path.
+    """Find what lets another user change a file: its owner or mode, or that of a folder or link on its path.
 
     Raises:
         OSError: The file is not there, or a folder cannot be entered.
@@ -35,7 +35,7 @@ def trust_faults(path: Path) -> list[str]:
 
 
 def _walk(path: Path) -> Iterator[tuple[Path, os.stat_result]]:
-    """Every folder, link and file that the kernel passes on its way to a file, without those that links leave again."""
+    """Yield every folder, link and file that the kernel visits when it resolves a path."""
     here, links = Path("/"), 0
     pending = [*reversed((Path.cwd() / path).parts[1:])]
     yield here, here.lstat()
@@ -74,7 +74,7 @@ def _faults(path: Path, entry: os.stat_result) -> list[str]:
 
 
 def _is_own_group(gid: int) -> bool:
-    """Nobody is in the group but root and the user who runs this, as in the group of the same name that many have."""
+    """Whether the group has no member but root and the user who runs this, as a private group of that user."""
     mine = {ROOT_UID, os.geteuid()}
     try:
         members = {pwd.getpwnam(name).pw_uid for name in grp.getgrgid(gid).gr_mem}

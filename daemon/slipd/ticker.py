@@ -1,7 +1,7 @@
-"""Lets time enter the engine, and says whether the lines were read since.
+"""Feed time to the engine, and whether the lines were read since the last tick.
 
-The engine measures how late the daemon is by its ticks. What it cannot see is whether bytes that came meanwhile still
-wait to be read: that is asked of the loop here, and enters with the tick.
+The engine measures by its ticks how late the daemon is. It cannot see whether bytes that arrived meanwhile still wait
+to be read: the ticker asks the event loop, and the answer enters with the tick.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from slipd.pipeline.lateness import LATE_NS
 #: How often time enters the engine: sessions and staleness (20 ms at the least, by default) are judged by it.
 TICK_S = 0.005
 
-#: After a stall the lines count as read empty once so many turns of the loop running brought no event: a WebSocket's
+#: After a stall the lines count as read empty once so many turns of the loop in a row brought no event: a WebSocket's
 #: message takes two turns from its socket to the engine.
 QUIET_TURNS = 3
 
-#: ZeroMQ's own thread, which stood still too, first gets this time to look at its sockets.
+#: First the kernel gets this time to hand over what arrived: its worker fills a pseudo-terminal, and may be late too.
 QUIET_AFTER_S = 0.001
 
 

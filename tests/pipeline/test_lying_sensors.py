@@ -255,7 +255,7 @@ def test_an_image_that_cannot_be_used_says_why_and_says_when_it_can_again(hold: 
     assert said == [(False, ["invalid", "not_finite"]), (True, []), (False, ["garbage"]), (True, [])]
     assert told[1][0] == Health.ERROR
     assert "not finite numbers" in told[1][1]
-    assert "larger than any pad's" in told[4][1]
+    assert "larger than those of any pad" in told[4][1]
     assert all(level == Health.OK for level, _ in (told[0], told[3], told[5]))
 
 

@@ -60,7 +60,7 @@ class MessageError(ValueError):
 
 
 def fault_text(code: str, message: str, field: str) -> str:
-    """Return a fault in one line for people; the field is named once, by the message where that begins with it."""
+    """Return a fault in one line for people; the field is named once."""
     named = not field or message.startswith((f"{field} ", f"{field}: "))
     return f"{code}: {message}" if named else f"{code}: {field}: {message}"
 

@@ -1,4 +1,4 @@
-"""Which keys may connect to which endpoint; whatever fails in judging one, nobody unknown gets in."""
+"""Decide which keys may connect to which endpoint; on any error nobody unknown is admitted."""
 
 from __future__ import annotations
 
@@ -70,11 +70,11 @@ class AllowList:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """Who may do what.
+    """Access to both endpoints.
 
     Attributes:
-        publish: How clients are let in where messages are published.
-        requests: How they are where requests are taken.
+        publish: Who may connect to the publish endpoint.
+        requests: Who may connect to the request endpoint.
         requesters: The keys that may request; None: whoever can connect may.
     """
 

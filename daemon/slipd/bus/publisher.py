@@ -43,7 +43,7 @@ class Publisher:
     Serves from ``with`` to its end, on the running loop.
 
     Args:
-        endpoint: As for `slipd.zmtp.endpoint.bind`, which says what is wrong with it on entry.
+        endpoint: As for `slipd.zmtp.endpoint.bind`, which is called on entry and refuses a wrong one.
         access: How clients are let in, likewise.
 
     Attributes:
@@ -74,7 +74,7 @@ class Publisher:
 
     @property
     def subscriptions(self) -> int:
-        """How many there are of all subscribers."""
+        """Number of subscriptions of all subscribers."""
         return sum(map(len, self._wanted.values()))
 
     def publish(self, topic: str, payload: bytes) -> None:
@@ -100,7 +100,7 @@ class Publisher:
             readers.pop(peer, None)
 
     def _on_message(self, peer: Peer, frames: list[bytes]) -> None:
-        """Subscribe or unsubscribe; what is neither counts too."""
+        """Subscribe or unsubscribe; other messages count against the limit too."""
         if not self._limit.allows(b"%b#%d" % (peer.account.name, peer.slot), time.monotonic_ns()):
             raise ProtocolError(f"it subscribes more than {SUBSCRIPTIONS_PER_S:g} times a second")
         kind, beginning = frames[0][:1], frames[0][1:]

@@ -29,10 +29,10 @@ PER_SECOND = 50.0
 """Requests that one client may send a second: a lease renewed, gravity told for two fingers, and room for steering."""
 
 REQUEST_S = 100e-6
-"""Time of the loop that a request takes, generously."""
+"""Upper estimate of the loop's time for one request, s."""
 
 MOST_SHARE = 0.5
-"""Of the loop's time for one client, however many requests the config allows it."""
+"""Largest share of the loop's time for one client, however many requests the config allows it."""
 
 _BETWEEN = b"\0"
 """Stands between what a client cannot choose and its route; the first holds none."""
@@ -52,7 +52,7 @@ class RequestServer:
     Serves from ``with`` to its end, on the running loop. Nothing that a client sends raises.
 
     Args:
-        endpoint: As for `slipd.zmtp.endpoint.bind`, which says what is wrong with it on entry.
+        endpoint: As for `slipd.zmtp.endpoint.bind`, which is called on entry and refuses a wrong one.
         on_request: Called with the client, to reply to, and the request's map. A client is one connection: its key
             (where keys are asked for) or else the address of its process, and the route that it chose.
         access: How clients are let in.
@@ -64,7 +64,7 @@ class RequestServer:
         endpoint: As clients reach it, once served.
         malformed: Requests refused here because of what they are.
         busy: Requests refused because they were too many.
-        unanswered: Those among them that were not even answered; each cost its client the connection.
+        unanswered: Those of them without any answer; each ended its client's connection.
         undelivered: Replies to clients that were gone or did not read.
     """
 
@@ -117,7 +117,7 @@ class RequestServer:
             self.undelivered += 1
 
     def _on_ready(self, peer: Peer) -> None:
-        """Name a client; of two connections under the same name the first is served."""
+        """Name a client; of two connections with the same name only the first is served."""
         route = peer.route or b"\0" + next(self._unnamed).to_bytes(4, "big")
         client = (peer.key or peer.address) + _BETWEEN + route
         known = self._clients.get(client)
@@ -147,7 +147,7 @@ class RequestServer:
             self._on_request(client, body)
 
     def _in_time(self, peer: Peer, op: object) -> bool:
-        """Whether a client may ask this now.
+        """Return whether a client may ask this now.
 
         Raises:
             ProtocolError: It was told often enough that it asks too often.

@@ -1,4 +1,4 @@
-"""One file or folder a device: bytes in, samples out, and back; pure.
+"""One file or folder per device: bytes to samples, permits to bytes; pure.
 
 `DEVICES` holds them all by name. A device is what a module of this folder says in ``DEVICE``; it is loaded when
 somebody asks for it (docs/adding_a_device.md).
@@ -82,7 +82,7 @@ class GripperSession(Session, Protocol):
 
     @property
     def activating(self) -> bool:
-        """Whether an activation is queued or under way; no move and no force is taken until it is over."""
+        """Whether an activation is queued or under way; until it is over no move and no force is accepted."""
         ...
 
     @property
@@ -139,14 +139,14 @@ class GripperSession(Session, Protocol):
         ...
 
     def drop(self) -> bool:
-        """Forget what was not sent yet but for a stop; return whether there was any.
+        """Drop what is not sent yet, except a stop; return whether there was anything.
 
         What was sent and is not answered stays, but is not repeated.
         """
         ...
 
     def acknowledge(self) -> None:
-        """Forget that a command was lost, and let the gripper know that its fault was seen; moves nothing."""
+        """Forget that a command was lost, and acknowledge the fault to the gripper; moves nothing."""
         ...
 
 
@@ -207,7 +207,7 @@ class Device:
             ``speed_table`` (None where there is none).
         clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
         host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
-        grip: The most that a gripper of this kind can do; None for other devices, and where it tells by itself.
+        grip: The most that a gripper of this kind can do; None for other devices, and if it reports that itself.
         inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
             nothing is ever asked.
         frame: What it sends, for people and with an article, such as "a Bota frame".

@@ -16,7 +16,7 @@ class DecoderHealth:
         bad_bytes: Bytes that belong to no valid frame.
         duplicates: Readings that came again, or after a newer one; they are not handed on.
         restarts: Times that the device's own numbering began anew.
-        note: What people should know of how the bytes are read, or why they give no reading; "" for nothing.
+        note: For people: how the bytes are read, or why they give no reading; "" for nothing.
     """
 
     good: int = 0

@@ -52,7 +52,7 @@ _Walk = Callable[[bytes, int, int], int]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pad:
-    """What a frame says of one sensor.
+    """Content of a frame for one sensor.
 
     Attributes:
         entries: Six numbers a pillar, shape (pillars, 6): force, N, and displacement, mm, in one order or the other.
@@ -97,7 +97,7 @@ def read(buffer: bytes, at: int) -> tuple[int, Body | None]:
 
 
 def _pads(body: bytes, blocks: dict[int, int]) -> list[Pad | None]:
-    """Return what the blocks say of each sensor."""
+    """Return the content of the blocks, sensor by sensor."""
     if PILLAR_FORCES not in blocks:
         return []
     wholes = [_VECTORS.unpack_from(body, place)[1:4] for place in _items(body, blocks.get(TOTALS))]
@@ -164,13 +164,13 @@ def _block_end(body: bytes, kind: int, begin: int, follower: int | None) -> int:
 
 
 def _is_end(body: bytes, at: int) -> bool:
-    """Say whether the blocks end at ``at``: their sum and the end marker follow."""
+    """Return whether the blocks end at ``at``: their sum and the end marker follow."""
     tail = body[at : within(body, at + _SUM_LENGTH + len(END))]
     return tail.endswith(END) and sum(body[:at]) & 0xFFFF == int.from_bytes(tail[:_SUM_LENGTH], "little")
 
 
 def _found_end(body: bytes, at: int) -> int:
-    """Return where the blocks end behind ``at``, given that nothing but the sum tells."""
+    """Return where the blocks after ``at`` end, which only the sum shows."""
     total, counted = 0, 0
     marker = body.find(END, at + _SUM_LENGTH)
     while marker >= 0:

@@ -1,8 +1,8 @@
-"""Which three numbers of a pillar's entry are its force: two documents disagree, so the stream decides.
+"""Find which three numbers of a pillar's entry are its force: two documents disagree, so the stream decides.
 
 The vendor's PTSCOM 2.0 puts the displacement first, and a public parser of the same protocol the force. The controller
-also sends the whole force of each sensor, and in one layout alone do the pillars' forces add up to it. Without a load
-both add up to nothing, and nothing is decided.
+also sends the total force of each sensor, and only in the right layout do the pillars' forces add up to it. Without a
+load both sums are about zero, and nothing is decided.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ LOAD = 0.5
 TOLERANCE, RELATIVE_TOLERANCE = 0.02, 0.01
 """N, and share of the whole force: how well the right sum fits. It differs by the rounding of float32 alone."""
 CLEARLY = 10.0
-"""The other sum must miss by so many tolerances."""
+"""The other sum must miss by this many tolerances."""
 FRAMES = 5
-"""Frames in a row, of those that say anything, that must say the same: 10 ms at 500 Hz."""
+"""This many conclusive frames in a row must agree: 10 ms at 500 Hz."""
 
 _NEITHER = -1
 
@@ -52,13 +52,13 @@ class Layout:
 
     @property
     def note(self) -> str:
-        """What was found, for people."""
+        """The finding, for people."""
         if self._found is None:
             return UNDECIDED
         return NEITHER if self.force_at is None else f"pillars hold {NAMES[self.force_at]}"
 
     def fits(self, pads: list[Pad | None]) -> bool:
-        """Take the pads of one frame, and say whether their forces are known by the layout found so far."""
+        """Update with the pads of one frame; return whether the layout found so far gives their forces."""
         shown = {layout for pad in pads if pad is not None for layout in _shown(pad)}
         if shown:
             said = shown.pop() if len(shown) == 1 else _NEITHER

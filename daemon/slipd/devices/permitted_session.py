@@ -1,4 +1,4 @@
-"""The one way to make a gripper do something: its session is handed a permit."""
+"""The only way to command a gripper: hand its session a permit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slipd.permit import Permit
 
 
 class PermittedSession(ABC):
-    """The part of a gripper session that carries out permits; how, is the device's own."""
+    """Carries out permits; each device implements the motions."""
 
     def execute(self, permit: Permit, now_ns: int) -> bool:
         """Carry out a permit; see `slipd.devices.GripperSession.execute`.

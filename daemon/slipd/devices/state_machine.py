@@ -1,7 +1,7 @@
 """State machines as tables: for each state, the events that it takes and the state that follows.
 
-A table is the whole truth about its machine. An event that a state's row does not hold is refused there: the state
-stays, and `StateMachine.handle` returns False. There is no other case, and so none that nobody thought of.
+A table defines its machine completely. An event that is not in the row of the present state is refused: the state
+stays, and `StateMachine.handle` returns False.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ EventT = TypeVar("EventT", bound=Enum)
 
 
 class StateMachine(Generic[StateT, EventT]):
-    """A state that only its table changes.
+    """A state that changes only by its table.
 
     Args:
         table: For each state, the events that it takes and the state that follows.

@@ -138,7 +138,7 @@ AS_IS = Carrier(np.eye(6), np.zeros(6), np.zeros(6))
 AS_IS.matrix.flags.writeable = False  # as of every mounting: kernels are compiled for either kind
 
 #: Contact phase of a reading. A late one ends the contact, and so does one whose normal force is clearly negative
-#: (PULLED): no pad is pulled so. An untrusted one says nothing.
+#: (PULLED): no pad is pulled so. An untrusted one is ignored.
 PULLED, LATE, UNTRUSTED, FREE, TOUCHING = range(-2, 3)
 #: Before it is found out which.
 USABLE = FREE

@@ -1,4 +1,4 @@
-"""What somebody wants of the gripper, and the situation in which the motion gate judges it; plain and immutable."""
+"""Input of the motion gate: the wanted motion and the situation in which it is judged; plain and immutable."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """A motion or a change of force that somebody wants.
+    """A wanted motion or change of force.
 
     Attributes:
         kind: What is wanted. "reflex" is a raise or lowering by the reflex, "lease_end" the end of a lease that its
@@ -44,13 +44,13 @@ class GripperState:
     """What the gripper reports, what it can do, and where it was sent; ranges are (least, largest).
 
     Attributes:
-        answers: It is heard.
+        answers: It sends readings.
         active: It takes commands.
         activating: An activation is under way.
         fault: The fault that it reports; "" where there is none.
         moving: The fingers move, or were sent somewhere and have not reported since.
         goals_m: Narrowest and widest goal of the motions that may be under way, m: a newer command may have replaced an
-            older one before it was sent, or not. None: the fingers rest, or move to where nobody knows.
+            older one before it was sent, or not. None: the fingers rest, or move to an unknown place.
         closed_to_m: Where the grip in force was closed to, m; None: not known.
         width_range_m: Widths between the pads, m; (0, inf) while it has not reported them.
         speed_range_mps: Speeds, m/s; None: no speed may be asked for.
@@ -73,7 +73,7 @@ class GripperState:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """All that a judgement rests on.
+    """Everything that a decision depends on.
 
     Attributes:
         limits: Limits from the config.

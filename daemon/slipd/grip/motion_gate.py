@@ -1,8 +1,8 @@
-"""The one place that answers "may this motion happen?"; pure. docs/grip_rules.md says the same in words.
+"""The one place that decides whether a motion may happen; pure. docs/grip_rules.md is the table in words.
 
-Every way in which fingers can move or a force can change is an `Intent`. `judge` holds it against `TABLE`, on a plain
-view of the situation, and returns the refusal of the first rule that it breaks, or a permit. Gripper sessions carry out
-permits, and nobody else issues them.
+Every way in which fingers can move or a force can change is an `Intent`. `judge` checks it against `TABLE` in a given
+situation and returns the refusal of the first rule that it breaks, or a permit. Gripper sessions carry out permits, and
+only this module issues them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def _rows(*rows: tuple[Rule, str]) -> tuple[tuple[Rule, frozenset[IntentKind]], 
     return tuple((rule, frozenset(kind for kind, mark in marks if mark == "x")) for rule, marks in marked)
 
 
-#: The decision table: rules in the order in which they are asked, and the kinds of intent that each of them binds.
+#: The decision table: rules in the order in which they are checked, and the kinds of intent that each binds.
 # fmt: off
 TABLE = _rows(
     # rule                                             activate open close set adjust reflex hold stop lease_end
@@ -60,7 +60,7 @@ def judge(intent: Intent, situation: Situation) -> Refusal | Permit | None:
     """Judge an intent: the refusal of the first rule in `TABLE` that it breaks, or a permit.
 
     Returns:
-        None where the intent is allowed and nothing has to be sent: what is wanted is so already.
+        None if the intent is allowed and nothing has to be sent, because the gripper is already as wanted.
     """
     for rule, kinds in TABLE:
         if intent.kind in kinds and (refusal := rule(intent, situation)) is not None:
@@ -69,7 +69,7 @@ def judge(intent: Intent, situation: Situation) -> Refusal | Permit | None:
 
 
 def not_taken(situation: Situation) -> Refusal:
-    """Say why a session took a permit of the gate and nothing will be sent: the gripper cannot be told anything."""
+    """Return why a session sends nothing for a permit: the gripper cannot receive commands."""
     for rule in (rules.limit_is_configured, rules.no_fault_is_latched, rules.gripper_answers):
         if (refusal := rule(Intent("stop"), situation)) is not None:
             return refusal

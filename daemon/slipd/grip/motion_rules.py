@@ -1,6 +1,6 @@
 """The rules of the motion gate: each returns why an intent may not be carried out, or None.
 
-Which kinds of intent a rule binds, and in which order rules are asked, is in `slipd.grip.motion_gate.TABLE`.
+Which kinds of intent a rule binds, and in which order rules are checked, is in `slipd.grip.motion_gate.TABLE`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def no_fault_is_latched(_: Intent, situation: Situation) -> Refusal | None:
 
 
 def gripper_answers(_: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to move a gripper that is not heard."""
+    """Refuse to move a gripper that does not answer."""
     return None if situation.gripper.answers else _NO_ANSWER
 
 
@@ -112,7 +112,7 @@ def unknown_grip_begins_with_the_least_force(intent: Intent, situation: Situatio
 
 
 def grip_is_in_force(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to change the force of a grip where none is in force, or none is known."""
+    """Refuse to change the force of a grip if none is in force, or its force is not known."""
     if situation.grip.unknown and not situation.grip.letting_go:
         begin = f"gripper.close with the least, {situation.least_n:g} N, begins a known grip"
         return Refusal("not_ready", f"the force of the grip in force is not known: {begin}")
@@ -167,7 +167,7 @@ def reflex_feels(_: Intent, situation: Situation) -> Refusal | None:
 
 
 def reflex_keeps_what_was_asked(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse the reflex what is below the force a client asked for."""
+    """Refuse to let the reflex lower below the force a client asked for."""
     asked_n = situation.grip.asked_n
     if asked_n is None or _change_n(intent) >= 0.0 or (intent.force_applied_n or 0.0) >= asked_n - ROUNDING_N:
         return None
@@ -214,7 +214,7 @@ def least_force_is_allowed(_: Intent, situation: Situation) -> Refusal | None:
 
 
 def present_width_is_known(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse a width where it is not known what it would be compared with."""
+    """Refuse a width if the width to compare it with is not known."""
     gripper = situation.gripper
     if intent.width_wanted_m is None:
         return None

@@ -1,4 +1,4 @@
-"""The state that grip rules rest on: the lease, the force in force, slew and budget spent, and the latched fault.
+"""State behind the grip rules: the lease, the force in force, slew and budget spent, and the latched fault.
 
 It keeps the books and judges leases alone. Whether a motion may happen is judged by `slipd.grip.motion_gate`, on the
 snapshot that `GripPolicy.state` returns. The end of a lease moves nothing.
@@ -161,7 +161,7 @@ class GripPolicy:
     # Forces
 
     def state(self, t_ns: int) -> GripState:
-        """Return what the gate has to know at ``t_ns``."""
+        """Return the snapshot for the motion gate at ``t_ns``."""
         now_ns = self._now(t_ns)
         return GripState(
             self.holder(t_ns),
@@ -227,7 +227,7 @@ class GripPolicy:
             self._asked_n = force_n
 
     def find(self, force_n: float | None) -> None:
-        """Take a grip that no command began as the one in force; None: its force is not known.
+        """Adopt a grip that no command began as the one in force; None: its force is not known.
 
         It is a grasp of its own: nothing of its budget is spent, and the reflex does not lower it.
         """
@@ -241,7 +241,7 @@ class GripPolicy:
         self._asked_n = force_n if force_n is None or self._asked_n is None else min(self._asked_n, force_n)
 
     def begin_to_let_go(self, force_n: float | None = None) -> None:
-        """The gripper was sent to let go, with ``force_n`` where it was sent a force.
+        """Note that the gripper was sent to let go, with ``force_n`` if it was sent a force.
 
         Nothing is gripped any more for whoever asks, but a new grip that comes before the old one is seen to have ended
         is a change of its force: it must not be a way around step, slew and budget.

@@ -117,7 +117,7 @@ class Reflex:
         return None
 
     def acted(self, act: ReflexAct) -> None:
-        """Take note that the gripper took an act that `decide` has just returned."""
+        """Note that the gripper accepted the act that `decide` has just returned."""
         self._act, self._act_ns = act, self._t_ns
         if act.force_n > act.from_n:
             self._raise_ns = self._t_ns

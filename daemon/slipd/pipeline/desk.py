@@ -61,7 +61,7 @@ class Desk:
         self._ops |= LeaseDesk(policy).ops | VerdictDesk(fingers, policy, requests).ops
 
     def answer(self, request: Request, t_ns: int) -> Reply | None:
-        """Judge a request at ``t_ns`` and carry it out where no rule forbids it.
+        """Check a request at ``t_ns`` and carry it out unless a rule forbids it.
 
         Returns:
             The reply; None where it must wait for the disk (`note_recording`), also for a copy sent meanwhile.
@@ -84,7 +84,7 @@ class Desk:
         return Reply(request.client, seen) if seen else None
 
     def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
-        """Note what became of a recording, and answer the request that waited for it."""
+        """Note the new state of a recording, and answer the request that waited for it."""
         settled = self._recordings.settle(event)
         if settled is None:
             return None

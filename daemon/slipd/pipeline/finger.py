@@ -108,7 +108,7 @@ class Finger:
         return False if tared else shown
 
     def pressed_n(self, t_ns: int) -> float | None:
-        """Normal force of a contact, N; None where there is none, or where the force is not to be believed.
+        """Normal force of a contact, N; None if there is none, or if the force is not trusted.
 
         An image alone does not count: it may hum or drift.
         """
@@ -118,7 +118,7 @@ class Finger:
         return contact.normal_n
 
     def force_pressed(self) -> bool | None:
-        """Whether the force sensor feels something press on the pad; None where that is not known.
+        """Whether the force sensor measures a contact; None if that is not known.
 
         This is the witness while the pad beside it is tared, whose own image has no zero yet.
         """
@@ -127,7 +127,7 @@ class Finger:
         return self._judge.in_contact if self.tare.current.id > 0 else None
 
     def pressed_beside(self, streams: Collection[str]) -> bool | None:
-        """Whether something presses, by all but the zeros that these streams are about to get; None: not known.
+        """Whether something presses, judged without the streams that are about to be tared; None: not known.
 
         Args:
             streams: "wrench", "pad", or both.
@@ -182,7 +182,7 @@ class Finger:
         return self._judge.loosens(mu_s, mu_d)
 
     def friction_body(self) -> dict[str, Any]:
-        """Return the friction in use, and who stated it, as ``status`` and replies have it."""
+        """Return the friction in use and who set it, as in ``status`` and replies."""
         return {"mu": self.mu, "mu_source": self.mu_source, "mu_by": self._mu_by, "mu_t_ns": self._mu_t_ns}
 
     @property
@@ -251,7 +251,7 @@ class Finger:
         self._part(stream).begin_tare(t_ns, seconds, by)
 
     def undo_tare(self, stream: str | None = None) -> bool:
-        """Put the offset before the last tare of a stream back in force; False where there is none."""
+        """Restore the offset before the last tare of a stream; False if there is none."""
         return self._part(stream).undo_tare()
 
     def _part(self, stream: str | None) -> ForceSide | PadImage:

@@ -22,7 +22,7 @@ from slipd_client.messages import Health
 #: Faults with which a reading says nothing. One that flickers is believed while it is there.
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 _FAULTS = {
-    "stuck": (Health.ERROR, "its readings repeat: it hangs, or stuck_after is too small for a sensor this still"),
+    "stuck": (Health.ERROR, "its readings repeat: it hangs, or stuck_after is too small for this sensor"),
     "garbage": (
         Health.ERROR,
         "its readings are out of range_n or range_nm, or jump to and fro: check the range and units of the sensor",

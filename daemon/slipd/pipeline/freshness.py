@@ -1,4 +1,4 @@
-"""When a stream is stale: its readings are missing, not merely unread by a daemon that stood still.
+"""Decide when a stream is stale: its readings are missing, not merely unread by a daemon that stood still.
 
 Silence and age count against a stream only for the time in which the daemon read its line. From a gap between the
 daemon's ticks until its lines are read empty (see `slipd.pipeline.lateness`), that time is taken off both.
@@ -94,7 +94,7 @@ class HeldReads:
         return len(self._reads)
 
     def hold(self, read: HeldRead) -> None:
-        """Add a read behind those that wait."""
+        """Add a read to those that wait."""
         self._reads.append(read)
 
     def clear(self) -> None:

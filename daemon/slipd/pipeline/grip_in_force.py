@@ -1,4 +1,4 @@
-"""The grip in force: what began it, whether it holds something, and what is in force where a command was dropped."""
+"""The grip in force: how it began, whether it holds something, and what is in force after a dropped command."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class _Before(NamedTuple):
 class GripInForce:
     """Keeps the policy's force in force true to what the gripper was sent and reports.
 
-    A grip is begun by a command of this run, or it is found: after a start, or after the gripper was out of sight, an
-    object may be held by a grip that no command of this run began. Such a grip counts as in force.
+    A grip begins with a command of this run, or it is found: after a start, or after the gripper was lost from view, a
+    grip that no command of this run began may hold an object. Such a grip counts as in force.
 
     Args:
         policy: Where the force in force is kept.
         session: The conversation with the gripper.
-        touch: What the fingers feel.
+        touch: What the fingers measure.
 
     Attributes:
         command_n: Force that the gripper was sent last, N; None where it was sent none, or is not active.
@@ -54,7 +54,7 @@ class GripInForce:
         self._before = _Before(None, unknown=False, claimed=False)
 
     def take(self, sample: GripperSample, *, answers_command: bool) -> None:
-        """Take a status reading; while a finger is pressed, no word of the gripper ends a grasp.
+        """Update with a status reading; while a finger is pressed, no report of the gripper ends a grasp.
 
         Args:
             sample: The reading.
@@ -75,7 +75,7 @@ class GripInForce:
                 self._find(sample)
 
     def lose_sight(self) -> None:
-        """Others may move the gripper from here on, and grip with it where no grip is in force."""
+        """Allow for others that move the gripper from here on, and may grip where no grip is in force."""
         self._claimed = self._claimed and self._policy.grips
 
     def prepare(self) -> None:
@@ -84,7 +84,7 @@ class GripInForce:
             self._before = _Before(self._policy.force_n, self._policy.unknown, self._claimed)
 
     def sent(self, permit: Permit, kind: IntentKind, t_ns: int) -> None:
-        """Take note that the session took a permit for a motion or a force."""
+        """Note that the session accepted a permit for a motion or a force."""
         self.command_n = applied_n = cast("float", self._session.force_told_n)
         if permit.kind == "move":
             self._held = self._held and self._policy.grips
@@ -97,7 +97,7 @@ class GripInForce:
         self._claimed = True
 
     def renew(self) -> None:
-        """The gripper is about to be activated: what it was sent is void, and what it does with its grip is its own."""
+        """Forget what was sent: an activation makes it void, and the gripper decides what becomes of its grip."""
         self._held = self._claimed = False
         self._policy.begin_to_let_go()
         self.command_n = None
@@ -123,13 +123,13 @@ class GripInForce:
         return not sample.moving or not self._touch.not_free(sample.t_ns)
 
     def _let_go(self) -> None:
-        """The grasp ended, and its force and its budget with it."""
+        """End the grasp, its force and its budget."""
         self._policy.let_go()
         self._held = self._claimed = False
         self.closed_to_m = None
 
     def _find(self, sample: GripperSample) -> None:
-        """Take a grip that no command of this run began as the one in force.
+        """Adopt a grip that no command of this run began as the one in force.
 
         Until a command changes it, its force is what the session knows to have been sent last, or else what the gripper
         reports, or else the larger that the fingers feel. A force outside the limits counts as the nearer limit, so

@@ -117,7 +117,7 @@ class GripperControl:
         speed_mps: float | None = None,
         drop: bool = False,
     ) -> Result:
-        """Do what is wanted if the motion gate permits it; see `Intent` for the arguments.
+        """Carry out an intent if the motion gate permits it; see `Intent` for the arguments.
 
         Returns:
             The result of the request, or why it was refused; then nothing has changed.

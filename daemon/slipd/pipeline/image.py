@@ -21,19 +21,19 @@ from slipd.signals.taxel_health import TaxelHealth
 from slipd.signals.untared import UntaredWatch
 from slipd_client.messages import Health
 
-#: Of an image that is too old, or of a pad without one.
+#: Reason for an image that is too old, or missing.
 STALE: tuple[str, ...] = ("stale",)
 _UNUSABLE = {
     "not_finite": "its images hold readings that are not finite numbers",
-    "garbage": "its readings are larger than any pad's: check axis_scale and the configuration of the pad",
+    "garbage": "its readings are larger than those of any pad: check axis_scale and the configuration of the pad",
 }
 _NO_ROWS: Array = np.empty((0, 6))
 #: Movement of the force that an image must show, over the force sensor's noise.
 FROZEN_STDS = 6.0
-#: What people should do where a pad was never tared.
+#: Advice for a pad that was never tared.
 UNTARED = (
-    "it was never tared and reads a load that may be none: with nothing touching it, say `slipctl tare take FINGER "
-    "--stream pad`, or put its unloaded counts into the config as tare"
+    "it was never tared and reads a load that may not exist: with nothing touching it, run `slipctl tare take FINGER "
+    "--stream pad`, or set tare in the config to its unloaded counts"
 )
 
 
@@ -187,7 +187,7 @@ class PadImage:
         self.tare.begin(t_ns, seconds, by)
 
     def undo_tare(self) -> bool:
-        """Put the offset before the last tare back in force; False where there is none."""
+        """Restore the offset before the last tare; False if there is none."""
         before = self.tare.current
         if not self.tare.undo():
             return False
@@ -218,7 +218,7 @@ class PadImage:
             self._charge.shift(self._scale * (self.tare.current.value - before.value))
 
     def _look(self, values: Array, readings: Array, t_ns: int, felt: Felt) -> None:
-        """Look whether the pad reads a load that is none."""
+        """Check whether the pad reads a load that does not exist."""
         if self._alone and self.three_axis:
             self._untared.look_alone(values)
         else:
@@ -248,7 +248,7 @@ class PadImage:
         return not known
 
     def forget(self) -> None:
-        """Give up the newest image: time passed, or the pad was away, and nobody saw what happened."""
+        """Drop the newest image, because the pad was not seen for some time."""
         self._known, self.t_ns, self._shared = False, None, False
         self.reasons = STALE
         if self._charge is not None:

@@ -1,4 +1,4 @@
-"""Answers the requests about the lease, which every rig has: with a gripper it moves, without one it still decides."""
+"""Handlers of the lease requests. Every rig has a lease; without a gripper it decides who may loosen verdicts."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from slipd.pipeline.events import Request
 from slipd.pipeline.grip_desk import Handler
 from slipd.pipeline.gripper import Result
 
-#: Longest life of a lease without renewal on a rig without gripper; with one, ``gripper.max_lease_ms`` says it.
+#: Longest life of a lease without renewal on a rig without gripper; with one, it is ``gripper.max_lease_ms``.
 LONGEST_LEASE_MS = 200
 
 
 class LeaseDesk:
-    """Gives the lease to one client at a time.
+    """Grants the lease to one client at a time.
 
     Args:
         policy: Keeps the lease.
 
     Attributes:
-        ops: What answers each op.
+        ops: Handler of each op.
     """
 
     def __init__(self, policy: GripPolicy) -> None:
@@ -41,5 +41,5 @@ class LeaseDesk:
 
 
 def policy_without_gripper() -> GripPolicy:
-    """Return what keeps the lease of a rig without gripper: it grants no force."""
+    """Return the policy that keeps the lease of a rig without a gripper; it permits no force."""
     return GripPolicy(GripLimits(0.0, None, 0.0, 0.0, 0.0, 0.0), LONGEST_LEASE_MS)

@@ -23,7 +23,7 @@ FLOOD_FACTOR = 4.0
 BURST_S = 1.0
 #: Slow streams too come in bunches.
 LEAST_BURST = 32.0
-#: A flood is told for so long after the last reading that was dropped; so is a fault in reading the bytes.
+#: A flood, or a fault in reading the bytes, is reported for this long after the last one.
 FLOOD_TOLD_NS = 1_000_000_000
 #: A stream that is silent for longer is looked into; bytes that came within it arrive now.
 SILENT_NS = 1_000_000_000

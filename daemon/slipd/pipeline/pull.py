@@ -1,6 +1,6 @@
-"""When a normal force is clearly negative, and what to check then.
+"""Detect a clearly negative normal force, and say what to check.
 
-Nothing pulls on a pad: such a force means a wrong sign, a wrong mounting, or a sensor that is configured otherwise.
+Nothing pulls on a pad: such a force means a wrong sign, a wrong mounting, or a wrong configuration of the sensor.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ LARGEST_BIAS_N = 10.0
 
 
 class Pull:
-    """The pull that nothing but a fault explains.
+    """Limit of the negative normal force beyond which only a fault explains it.
 
-    The zero of a force sensor may have drifted by the least force of a contact, and by what is followed of its drift.
+    The zero of a force sensor may drift by the least force of a contact plus the drift that is compensated.
     A pad adds the threshold of each taxel.
 
     Args:
@@ -38,7 +38,7 @@ class Pull:
         return least_n if tared or not self._by_force else least_n + LARGEST_BIAS_N
 
     def advice(self, normal_n: float, *, tared: bool, pressed: bool | None) -> str:
-        """What people should check.
+        """Return what people should check.
 
         Args:
             normal_n: Normal force, N.

@@ -36,7 +36,7 @@ class Recordings:
         self._due: list[Record] = []
 
     def start(self, request: Request, t_ns: int) -> Refusal | None:
-        """Begin a recording; None: the answer waits for the disk, see `settle`."""
+        """Start a recording; None: the answer waits for the disk, see `settle`."""
         if self._running:
             return Refusal("not_ready", f"{self._requested.name} is being recorded: record.stop ends it")
         self._count += 1
@@ -78,7 +78,7 @@ class Recordings:
         return waiting, Refusal(_CODES.get(event.state, "record_failed"), event.reason)
 
     def due(self) -> list[Record]:
-        """Return what is to be begun or ended since the last call."""
+        """Return the recordings to start or end since the last call."""
         due, self._due = self._due, []
         return due
 

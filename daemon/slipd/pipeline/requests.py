@@ -92,7 +92,7 @@ def _check_freshness(body: dict[str, Any], op: str, boot: str, t_ns: int) -> Ref
         return None  # it is how a client learns of another run
     for name in ("boot", "deadline_ns"):
         if name not in body and op not in OPEN_OPS:
-            return Refusal("missing_field", f"{name} is missing; op hello tells boot and t_ns", name)
+            return Refusal("missing_field", f"{name} is missing; op hello returns boot and t_ns", name)
     if body.get("boot", boot) != boot:
         return Refusal("wrong_boot", f"the request is meant for run {body['boot']!r:.40}; this is {boot!r}", "boot")
     if "deadline_ns" not in body:

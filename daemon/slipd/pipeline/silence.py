@@ -1,4 +1,4 @@
-"""Why an open link gives no reading, as a question to whoever can look at the device."""
+"""Explain why an open link gives no reading, and what to check at the device."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slipd.pipeline.events import LinkSpec
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What came over a link that gives no reading.
+    """What arrived over a link that gives no reading.
 
     Attributes:
         bytes_come: Bytes arrive.
@@ -26,13 +26,13 @@ class Heard:
 
 
 def why_silent(device: Device, spec: LinkSpec, sensor: str, heard: Heard) -> str:
-    """Return what is known of the silence, and what to look at.
+    """Return why the stream may be silent, and what to check.
 
     Args:
         device: What is expected on the link.
         spec: The link.
         sensor: Which sensor of the port is silent; "" where it carries one.
-        heard: What came instead.
+        heard: What arrived instead.
     """
     if heard.others:
         return f"readings arrive, none of sensor {sensor!r}: is it plugged in? is `sensor` right?"
@@ -56,7 +56,7 @@ def _no_bytes(spec: LinkSpec) -> str:
 
 
 def _line(device: Device, spec: LinkSpec) -> str:
-    """Ask for what makes the bytes of the right device unreadable, or those of another one come."""
+    """Ask about the setting that makes a device unreadable, or selects another one."""
     if spec.transport != "serial":
         return f"is {spec.address} its address?"
     default = f" (the default is {device.baud})" if spec.baud != device.baud else ""

@@ -33,7 +33,7 @@ LOST = Verdict("unknown", ("stale",))
 #: The finger's own weight may be a contact, or hide one.
 HIDDEN = Verdict("unknown", ("weight_unknown",))
 NO_MU = Verdict("unknown", ("no_mu",))
-#: The normal force is clearly negative: the sensor, or what the config says of it, is wrong.
+#: The normal force is clearly negative: the sensor or its config is wrong.
 NEGATIVE = Verdict("unknown", ("pulled",))
 #: Without an image translation alone can prove a grip unsafe, and never safe.
 UNOBSERVED, UNSAFE = Verdict("unknown", ("rotation_unobserved",)), Verdict("warning", ("translation",))

@@ -1,4 +1,4 @@
-"""The tares of one finger: its force sensor's and its pad's, each asked for, read and taken back by itself."""
+"""Tares of one finger: those of its force sensor and its pad are requested, read and undone separately."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Tares:
 
     Attributes:
         finger: The finger.
-        sides: What stands behind each, by its kind, "wrench" or "pad"; ``tare_id`` of a reply is that of the first.
+        sides: The channel of each, by its kind, "wrench" or "pad"; ``tare_id`` of a reply is that of the first.
     """
 
     finger: Finger
@@ -43,7 +43,7 @@ class Tares:
         return cls(finger, {kind: has[kind]})
 
     def refuse(self, t_ns: int, *, unloaded: bool) -> Refusal | None:
-        """Say why these streams cannot be tared now.
+        """Return why these streams cannot be tared now; None if they can.
 
         Args:
             t_ns: Now.
@@ -57,8 +57,8 @@ class Tares:
             return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
         if self.finger.pulled and self.finger.main_stream in self.sides and not unloaded:
             message = (
-                f"the normal force of finger {name} is negative, as if the pad were pulled: check what status says of"
-                " it; if this is the bias of an unloaded sensor, send unloaded: true"
+                f"the normal force of finger {name} is negative, as if the pad were pulled: status says what to"
+                " check; if this is the bias of an unloaded sensor, send unloaded: true"
             )
             return Refusal("not_ready", message, "finger")
         return None
@@ -70,7 +70,7 @@ class Tares:
 
     @property
     def busy(self) -> bool:
-        """One of them is being measured."""
+        """Whether a tare of one of them is in progress."""
         return any(side.tare.busy for side in self.sides.values())
 
     def begin(self, t_ns: int, seconds: float, by: str, *, unloaded: bool) -> dict[str, Any]:
@@ -88,7 +88,7 @@ class Tares:
         }
 
     def undo(self) -> dict[str, Any] | Refusal:
-        """Put the offset before the last tare back in force, and return what holds then."""
+        """Restore the offset before the last tare, and return the tare then in use."""
         [kind] = self.sides
         if not self.finger.undo_tare(kind):
             message = f"the {kind} of finger {self.finger.name} has no earlier tare to go back to"

@@ -1,4 +1,4 @@
-"""What all fingers feel together, as far as it decides whether the gripper may move."""
+"""Contact state of all fingers, as far as the motion gate needs it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Touch:
         return any(finger.pressed() for finger in self._fingers.values())
 
     def pressed_n(self, t_ns: int) -> float | None:
-        """The larger normal force of a contact, N; None where there is none, or none that is to be believed."""
+        """The larger normal force of a contact, N; None where there is none, or none that is trusted."""
         forces_n = (finger.pressed_n(t_ns) for finger in self._fingers.values())
         return max((force_n for force_n in forces_n if force_n is not None), default=None)
 

@@ -1,7 +1,7 @@
-"""Answers the requests that change what the verdicts rest on: tares, gravity and friction.
+"""Handlers of the requests that change the basis of verdicts: tares, gravity and friction.
 
-Whoever holds the lease moves the gripper on these verdicts. So while a client holds it, nobody else makes them more
-lenient: a tare and its undo move every force, and a larger μ lets a slipping grip pass for a stable one.
+The lease holder moves the gripper on these verdicts. While a client holds the lease, no other may make them more
+lenient: a tare and its undo shift every force, and a larger μ makes a slipping grip look stable.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _HELD = "a tare may erase the load of what is held: a grip is in force"
 
 
 class VerdictDesk:
-    """Judges these requests and carries them out.
+    """Checks these requests and carries them out.
 
     Args:
         fingers: The fingers by name.
@@ -31,7 +31,7 @@ class VerdictDesk:
         config: ``[requests]``.
 
     Attributes:
-        ops: What answers each op.
+        ops: Handler of each op.
     """
 
     def __init__(self, fingers: dict[str, Finger], policy: GripPolicy, config: Requests) -> None:
@@ -56,7 +56,7 @@ class VerdictDesk:
         return finger
 
     def _tares(self, request: Request, known: tuple[str, ...]) -> Tares | Refusal:
-        """The streams of a finger that a request is about."""
+        """Return the streams of a finger that a request names."""
         finger = self._finger(request)
         if isinstance(finger, Refusal):
             return finger
@@ -105,7 +105,7 @@ class VerdictDesk:
         teller, told_ns = self._told_gravity.get(finger.name, (request.client, t_ns))
         held = self._policy.holder(t_ns) not in (None, request.client)
         if held and teller == self._policy.holder(t_ns) and t_ns - told_ns <= FRESH_NS:
-            message = f"the client that holds the lease states the gravity of finger {finger.name}: nobody else may"
+            message = f"the client that holds the lease sends the gravity of finger {finger.name}: no other client may"
             return Refusal("lease_held", message, "gravity_mps2")
         self._told_gravity[finger.name] = request.client, t_ns
         finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
@@ -132,10 +132,10 @@ class VerdictDesk:
         return {"finger": finger.name, **finger.friction_body()}
 
     def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
-        """Refuses to move forces on which another client steers."""
+        """Refuse to shift forces on which another client relies."""
         if self._policy.holder(t_ns) in (None, request.client):
             return None
-        return Refusal("lease_held", f"another client holds the lease: only it may have its sensors {done} now")
+        return Refusal("lease_held", f"another client holds the lease: its sensors may not be {done} by others")
 
 
 def _change(finger: Finger, mu_s: float) -> str:
@@ -145,5 +145,5 @@ def _change(finger: Finger, mu_s: float) -> str:
 
 
 def named(client: bytes) -> str:
-    """Return who a client is, for people: its key, or its process as the kernel names it; not the route it chose."""
+    """Return a readable name of a client: its key, or its process; never the route that it chose."""
     return client.partition(b"\0")[0].decode(errors="replace")

@@ -67,7 +67,7 @@ def check_new(path: Path) -> None:
     if not path.parent.is_dir():
         raise RecordingError(f"{path}: cannot be created: there is no folder {path.parent}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise RecordingError(f"{path}: cannot be created: this user must not write to {path.parent}")
+        raise RecordingError(f"{path}: cannot be created: this user may not write to {path.parent}")
 
 
 def _exists(path: Path) -> RecordingError:
@@ -108,7 +108,7 @@ class RecordingFile:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file; what is not flushed is not in it."""
+        """Size of the file, without what is not flushed."""
         return self._stream.tell()
 
     @property

@@ -1,6 +1,6 @@
-"""The records of an MCAP file, one after the other: only those that slipd writes, and none longer than it writes them.
+"""Read the records of an MCAP file: only the kinds that slipd writes, and none longer than slipd writes them.
 
-The ``mcap`` library decodes a record; which one is decoded, and of what length, is decided here.
+The ``mcap`` library decodes each record; this module decides which records it gets, and up to what length.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ class RecordStream:
         return found.f_bavail * found.f_frsize
 
     def cut_back(self) -> None:
-        """Remove what stands behind the last `flush`; a device file stays as it is."""
+        """Remove everything after the last `flush`; leave a device file unchanged."""
         with suppress(OSError):
             os.ftruncate(self._file.fileno(), self._whole)
             self._file.seek(self._whole)

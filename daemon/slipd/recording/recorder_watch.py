@@ -1,4 +1,4 @@
-"""Reports what becomes of a recorder: to the log, and as events for the engine."""
+"""Reports the state of a recorder to the log and, as events, to the engine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 
 
 class RecorderWatch:
-    """Looks at a recorder now and then; what it sees is logged and returned once.
+    """Polls a recorder; each change is logged and returned once.
 
     Args:
         name: Name of the recording, "" for that of the whole run.
@@ -38,13 +38,13 @@ class RecorderWatch:
         return self._reported is not None and self._reported.state != "running"
 
     def look(self, t_ns: int) -> RecordingChanged | None:
-        """Return what is new since the last report; None where nothing is.
+        """Return what changed since the last report; None if nothing did.
 
         A file that the disk does not create in time is given up here: its recorder removes it as soon as it can.
         """
         change = self._state(t_ns)
         before = self._reported
-        if change is None or change == before or self.over:  # what is lost behind the end, `close` says
+        if change is None or change == before or self.over:  # `close` reports what is lost after the end
             return None
         if before is not None and change.state == before.state and t_ns < self._losses_due_ns:
             return None

@@ -72,7 +72,7 @@ class WrenchWatch:
     """Reports a force/torque stream that is stuck, garbage or intermittent.
 
     Args:
-        range_n: Largest force that the sensor can state, as the length of the vector, N; more is impossible.
+        range_n: Largest force that the sensor can report, as the length of the vector, N; more is impossible.
         range_nm: Likewise the largest torque, N·m.
         jump_n: A change of the force from one reading to the next, N, that nothing real makes to and fro: a good part
             of the range; None: a quarter.
@@ -172,7 +172,7 @@ class WrenchWatch:
         return self.fault
 
     def _look_closer(self, before: Sequence[float], t_ns: int, *, gap: bool, jumps: bool) -> None:
-        """Find out what is wrong with the newest reading, if anything is."""
+        """Check the newest reading for faults."""
         self.lively = False
         row = self._row
         wild = not math.hypot(*row[:3]) <= self._range_n or math.hypot(*row[3:]) > self._range_nm

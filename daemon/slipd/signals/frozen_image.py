@@ -1,4 +1,4 @@
-"""Images that look fresh and are not: the same bits again while the force on the pad moves."""
+"""Detect images that look fresh and are not: they repeat bit for bit while the force on the pad changes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class FrozenImage:
             what moves a reading of the pad by several counts.
 
     Attributes:
-        suspect: The newest image repeats the one before although the force moved. It may be one that was sent twice;
-            nothing is to be raised on it.
+        suspect: The newest image repeats the one before although the force moved. It may have been sent twice; no
+            grip is raised on it.
     """
 
     def __init__(self, force_step_n: float) -> None:
@@ -38,7 +38,7 @@ class FrozenImage:
         self.suspect = False
 
     def update(self, values: Array, t_ns: int, normal_n: float | None) -> bool:
-        """Take an image; return whether the array hangs.
+        """Update with an image; return whether the array hangs.
 
         Args:
             values: Readings as they came, any shape.

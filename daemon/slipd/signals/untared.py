@@ -1,7 +1,7 @@
-"""Whether a pad that was never tared reads tens of newtons with nothing on it.
+"""Detect a pad that was never tared and reads tens of newtons with nothing on it.
 
-Raw counts begin anywhere. Without a tare they would pass for a load, so until somebody tares the pad, or it is seen
-near zero, its readings count for nothing.
+Raw counts may have any offset. Without a tare the offset would look like a load, so the readings do not count until the
+pad is tared or reads about zero.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ AHEAD_NS = 200_000_000
 
 
 class UntaredWatch:
-    """Watches the images of a pad whose zero nobody stated.
+    """Watches the images of a pad without a known zero.
 
     Args:
         min_normal: Least normal force of a contact, in the unit of the readings where they state forces.
@@ -31,7 +31,7 @@ class UntaredWatch:
         calibrated: The readings of a pad beside a force sensor are newtons.
 
     Attributes:
-        missing: The pad needs a tare: it reads a load that cannot be one, or that nobody can tell from its offset.
+        missing: The pad needs a tare: it reads a load that is impossible, or that cannot be told from its offset.
     """
 
     def __init__(self, min_normal: float, threshold: float, *, calibrated: bool = False) -> None:
@@ -44,7 +44,7 @@ class UntaredWatch:
         self._high_ns: int | None = None
 
     def forget(self) -> None:
-        """Begin anew: another zero is in force."""
+        """Start over, because the zero changed."""
         self.missing = self._decided = False
         self._high_ns = None
 
@@ -55,7 +55,7 @@ class UntaredWatch:
         nothing.
 
         Args:
-            forces: Force on each taxel, shape (taxels, 3); one that is not finite says nothing.
+            forces: Force on each taxel, shape (taxels, 3); values that are not finite are ignored.
         """
         if self._decided and not self.missing:
             return
@@ -73,7 +73,7 @@ class UntaredWatch:
         Args:
             readings: Normal reading of each taxel, shape (taxels,).
             t_ns: Time of the image.
-            free: The force sensor feels nothing; anything else says nothing of the pad's zero.
+            free: The force sensor measures no contact; only then does the image show the pad's zero.
         """
         if not (free and self._reads_much(readings)):
             self._high_ns = None

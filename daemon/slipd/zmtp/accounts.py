@@ -1,8 +1,8 @@
-"""What one peer may take of the loop's time, in however many connections, and again after it reconnected.
+"""Limit the loop's time that one peer gets, over all its connections and across reconnects.
 
-An account is what a peer cannot choose: its key, its process (ipc) or its address (TCP without keys). Reading, judging
-and answering for it is charged to it. An account that used its share waits, and its connections with it: what they
-send stays in the kernel, and the senders wait too.
+An account is identified by what a peer cannot choose: its key, its process (ipc) or its address (TCP without keys). All
+work for the peer is charged to it. An account that used up its share waits, and its connections with it: what they send
+stays in the kernel, and the senders wait too.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from collections import OrderedDict, deque
 from collections.abc import Callable
 
 SHARE = 0.1
-"""Of the loop's time that one account gets for long: a client that asks 50 times a second needs a hundredth."""
+"""Long-term share of the loop's time for one account; a client with 50 requests per second needs a hundredth."""
 
 BURST_S = 0.004
-"""Time it gets at once, s: some fifty requests."""
+"""Time that it may use at once, s: about fifty requests."""
 
 MOST_ACCOUNTS = 1024
-"""Accounts remembered; who was away for longest is forgotten first, and had its burst again by then."""
+"""Accounts remembered; the one away for longest is forgotten first, when its burst is full again."""
 
 
 class Account:
@@ -41,7 +41,7 @@ class Account:
 
     @property
     def connections(self) -> int:
-        """How many it has now."""
+        """Number of its connections."""
         return len(self._slots)
 
     def enter(self) -> int:
@@ -51,17 +51,17 @@ class Account:
         return slot
 
     def leave(self, slot: int) -> None:
-        """Count a connection no more."""
+        """Stop counting a connection."""
         self._slots.discard(slot)
 
     def has_time(self, now_s: float) -> bool:
-        """Whether something may be done for it now."""
+        """Whether it has time left now."""
         self._left_s = min(BURST_S, self._left_s + (now_s - self._counted_s) * self._share)
         self._counted_s = now_s
         return self._left_s > 0.0
 
     def charge(self, took_s: float) -> None:
-        """Take what was done for it."""
+        """Charge the time spent on it."""
         self._left_s -= took_s
 
     def wait(self, go_on: Callable[[], None]) -> None:

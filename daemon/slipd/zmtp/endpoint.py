@@ -1,4 +1,4 @@
-"""Binds the daemon's sockets where only its user reaches them, or only who has a key."""
+"""Bind the daemon's sockets so that only its user, or only clients with a key, can connect."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ANY_PORT = "*"
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """How clients are let in.
+    """Who may connect.
 
     Attributes:
         secret: The daemon's secret key, 32 bytes; None: no keys are asked for, which is for ipc endpoints.
@@ -38,7 +38,7 @@ class Access:
 
 
 USER_ALONE = Access()
-"""An ipc endpoint without keys: the file system lets in who may come."""
+"""An ipc endpoint without keys: file permissions decide who may connect."""
 
 
 def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str]:
@@ -46,13 +46,13 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
 
     Args:
         endpoint: ``ipc:///directory/name``, or ``tcp://address:port`` (``*`` as port: any free one).
-        access: How clients are let in.
+        access: Who may connect.
 
     Returns:
         The socket, and the endpoint as clients reach it.
 
     Raises:
-        LinkError: The endpoint is none, is in use, cannot be bound, or would let in anybody.
+        LinkError: The endpoint is malformed, in use, cannot be bound, or would admit anybody.
     """
     _check(endpoint, access)
     family = socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX
@@ -121,7 +121,7 @@ def is_tcp(endpoint: str) -> bool:
 
 
 def check_directory(endpoint: str, directory: Path) -> None:
-    """Refuse one in which others could put a socket of their own in the place of this one.
+    """Refuse a directory in which others could replace this socket by their own.
 
     Raises:
         LinkError: It belongs to a user who is neither root nor oneself, or others may change it (but for a sticky one).

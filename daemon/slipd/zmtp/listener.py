@@ -1,4 +1,4 @@
-"""Accepts the peers of one endpoint, as many as there may be, and knows them until they leave."""
+"""Accept the peers of one endpoint, up to a limit, and keep track of them until they leave."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ ACCEPTED_PER_WAKE = 4
 """Connections accepted before the rest of the loop has its turn."""
 
 HANDSHAKE_S = 2.0
-"""How long a connection may take to introduce itself before it is dropped, with the descriptor it holds."""
+"""Longest handshake; then the connection is dropped, which frees its descriptor."""
 
 KEEPALIVE_S, KEEPALIVE_PROBES = 1, 2
 """After so much silence the kernel asks the other machine for a sign of life, so often, as long each."""
 
 UNANSWERED_MS = 3000
-"""The kernel ends a TCP connection whose machine confirms nothing for this long, or whose program reads nothing."""
+"""The kernel ends a TCP connection whose peer acknowledges nothing, or reads nothing, for this long."""
 
 LINGER_S = 0.2
 """How long the last messages before a stop may take to leave; a stalled peer delays the exit by no more."""
@@ -73,10 +73,10 @@ class Listener:
     """Serves one endpoint from ``with`` to its end, on the running loop.
 
     Args:
-        endpoint: As for `slipd.zmtp.endpoint.bind`, which says what is wrong with it on entry.
-        rules: What is taken from each peer.
+        endpoint: As for `slipd.zmtp.endpoint.bind`, which is called on entry and refuses a wrong one.
+        rules: Limits for each peer.
         on_message: Called with each message and its peer.
-        access: How peers are let in.
+        access: Who may connect.
         on_ready: Called with a peer that introduced itself; a `ProtocolError` that it raises ends the connection.
         on_close: Called with a peer that had introduced itself and is gone.
         share: Of the loop's time that one account gets for long.
@@ -84,7 +84,7 @@ class Listener:
     Attributes:
         endpoint: As clients reach it, once served.
         peers: Those that introduced themselves.
-        refused: Connections ended here, whatever for.
+        refused: Connections ended by this side, for any reason.
     """
 
     def __init__(
@@ -234,7 +234,7 @@ class Listener:
         self._listen()
 
     def _tell(self, name: bytes, reason: str) -> None:
-        """Log why a connection was ended, but not as often as somebody may bring it about."""
+        """Log why a connection was ended, at a limited rate."""
         self.refused += 1
         now_s = time.monotonic()
         if now_s - self._told_s >= TELL_EVERY_S:
@@ -256,7 +256,7 @@ def _set_tcp_options(connection: socket.socket) -> None:
 
 
 def _flush(peers: list[Peer]) -> None:
-    """Give the peers what waits for them, for a moment at the end."""
+    """Send the peers what waits for them, for a moment at the end."""
     until_s = time.monotonic() + LINGER_S
     while (waiting := {peer.fileno: peer for peer in peers if peer.waiting and not peer.closed}) and (
         left_s := until_s - time.monotonic()

@@ -1,7 +1,7 @@
-"""The two ways in which a peer may introduce itself: without keys (NULL), or with a key that is proved (CURVE).
+"""The two security mechanisms of a connection: without keys (NULL), or with a proven key (CURVE).
 
-CURVE is ZeroMQ RFC 26. The primitives are libsodium's; this file is the order in which they are used. The server's
-cookie is only compared: one connection is one handshake here, so nothing has to be forgotten in between.
+CURVE is ZeroMQ RFC 26. The primitives are libsodium's; this file implements their sequence. The server's cookie is
+only compared: one connection is one handshake here, so its state can be kept.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class KeyRefusedError(ProtocolError):
 
 
 class Mechanism(Protocol):
-    """How one connection introduces itself, and how its frames travel from then on.
+    """Handshake of one connection, and the coding of its frames afterwards.
 
     Attributes:
         name: As the greeting names it.
-        properties: What the peer said of itself; None until the handshake ends.
+        properties: Metadata of the peer; None until the handshake ends.
         key: Key that the peer proved, 40 letters of Z85; b"" without keys.
     """
 
@@ -61,7 +61,7 @@ class Mechanism(Protocol):
     key: bytes
 
     def handshake(self, body: bytes) -> bytes:
-        """Take one command of the handshake and return the bytes that answer it.
+        """Handle one command of the handshake and return the answer.
 
         Raises:
             ProtocolError: It is not the command that comes next, or is not well formed.

@@ -1,4 +1,4 @@
-"""What leaves on one connection: given to the kernel at once, or kept in a bounded queue until the peer reads."""
+"""Send queue of one connection: messages go to the kernel at once, or wait in a bounded queue until the peer reads."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Outbox:
 
     Args:
         connection: Non-blocking; whoever owns it closes the outbox first.
-        seal: Makes of a message what goes on the wire. Messages are kept unsealed, so that all peers that wait for the
+        seal: Encodes a message for the wire. Messages are kept unsealed, so that all peers that wait for the
             same one share it.
         most: Messages kept for a peer that does not read.
         drops_oldest: Beyond those the oldest is dropped, not the new one.
@@ -72,7 +72,7 @@ class Outbox:
             self._loop.add_writer(self._fd, self.flush)
 
     def flush(self) -> None:
-        """Give the kernel what it takes of what waits."""
+        """Hand the kernel as much as it takes of what waits."""
         if self._closed or not self.waiting:
             return
         while self._queue and len(self._rest) < WRITE_BYTES:

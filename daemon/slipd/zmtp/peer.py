@@ -1,7 +1,7 @@
 """One connection of a peer, from the greeting to its end: what arrives becomes messages.
 
-Nothing that a peer sends is kept beyond what one read brought, one frame, and the first frames of one message; and
-everything done for it is charged to its account.
+Of what a peer sends, only the bytes of one read, one frame, and the first frames of one message are kept; all work for
+it is charged to its account.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ WAKE_S = 0.001
 """Time after which the rest of the loop has its turn."""
 
 MOST_FRAMES = 10_000
-"""Frames of one message; whoever sends more is disconnected."""
+"""Frames of one message; a peer that sends more is disconnected."""
 
 _MAX_PING_CONTEXT = 16
 _PING_HEAD = 2  # time to live
@@ -43,7 +43,7 @@ _MAX_IDENTITY_BYTES = 255
 
 @dataclass(frozen=True, slots=True)
 class PeerRules:
-    """What an endpoint takes from each of its peers.
+    """Limits that an endpoint sets each of its peers.
 
     Attributes:
         kind: Socket type of this end, as ZeroMQ names it.
@@ -72,7 +72,7 @@ class Peer:
         address: What it cannot choose: its process ("user:group:process") or its address.
         account: Charged until a key is proved.
         mechanism: How it introduces itself.
-        rules: What is taken from it.
+        rules: Its limits.
         on_ready: Called once it introduced itself; what it raises as `ProtocolError` ends the connection.
         on_message: Called with each message.
         on_close: Called once, at the end.
@@ -132,12 +132,12 @@ class Peer:
         return self._outbox.waiting
 
     def move(self, account: Account) -> None:
-        """Charge another account from here on: the peer proved who it is."""
+        """Charge another account from here on, because the peer proved its identity."""
         self.account.leave(self.slot)
         self.account, self.slot = account, account.enter()
 
     def flush(self) -> None:
-        """Give the kernel what it takes of what waits."""
+        """Hand the kernel as much as it takes of what waits."""
         self._outbox.flush()
 
     def is_gone(self) -> bool:
@@ -198,7 +198,7 @@ class Peer:
             self._loop.call_soon(self._run)
 
     def _pause(self) -> None:
-        """Hear nothing until the account has time again."""
+        """Stop reading until the account has time again."""
         if not self._behind:
             self._loop.remove_reader(self.fileno)
         self.account.wait(self._resume)
@@ -224,7 +224,7 @@ class Peer:
             self.close()
 
     def _work(self, until_s: float) -> bool:
-        """Handle what is complete; False where some of it was left for later."""
+        """Handle what is complete; return False if some of it is left for later."""
         if not self._greeted and not self._greet():
             return True
         left = self._rules.messages_per_wake
@@ -249,7 +249,7 @@ class Peer:
         return True
 
     def _take(self, flags: int, body: bytes) -> bool:
-        """Handle one frame; whether it completed a message."""
+        """Handle one frame; return whether it completed a message."""
         if not self.ready:
             self._introduce(flags, body)
             return False
@@ -286,7 +286,7 @@ class Peer:
         self.ready = True
 
     def _command(self, body: bytes) -> bool:
-        """Handle a command; whether it counts as a message."""
+        """Handle a command; return whether it counts as a message."""
         name, data = decode_command(body)
         if name == b"PING":
             if not self.waiting:  # who does not read gets no answers that would pile up

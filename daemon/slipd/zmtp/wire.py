@@ -57,7 +57,7 @@ def encode_greeting(mechanism: bytes, *, as_server: bool) -> bytes:
 
 
 def check_greeting(greeting: bytes, mechanism: bytes) -> None:
-    """Refuse a peer that speaks something else.
+    """Refuse a peer with another protocol.
 
     Args:
         greeting: What the peer sent, ``GREETING_BYTES`` of it.

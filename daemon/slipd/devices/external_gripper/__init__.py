@@ -1,7 +1,7 @@
-"""A gripper that another driver holds: the daemon sends set-points to that driver, and believes its answers or not.
+"""A gripper behind another driver: the daemon sends set-points to that driver and checks its answers.
 
-For labs whose own driver speaks to the gripper. One driver is connected at a time; it registers, reports the state of
-its gripper all the time, and answers every set-point. The format is written down in docs/devices.md.
+For labs with a driver of their own. One driver is connected at a time; it registers, reports the state of its gripper
+continuously, and answers every set-point. docs/devices.md describes the format.
 """
 
 from __future__ import annotations

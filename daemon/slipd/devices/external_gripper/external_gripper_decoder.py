@@ -25,18 +25,18 @@ class Decoder:
         self._in_garbage = False
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
-        """Take bytes received at ``t_ns`` and return the readings they complete."""
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
         samples = [sample(message, t_ns) for message in self.messages(data) if isinstance(message, Report)]
         self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:
-        """Drop a begun message: the line was closed."""
+        """Drop a partial message, because the line was closed."""
         self._drop(len(self._tail))
         self._tail = b""
 
     def messages(self, data: bytes) -> list[Message]:
-        """Take bytes and return every message they complete."""
+        """Decode bytes; return every message they complete."""
         buffer = self._tail + data
         found: list[Message] = []
         done = at = 0

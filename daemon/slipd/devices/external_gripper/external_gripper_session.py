@@ -1,4 +1,4 @@
-"""The conversation with somebody else's driver: permits become set-points, reports become samples."""
+"""Session with an external driver: permits become set-points, reports become samples."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ ANSWER_MS = 100
 """For the answer to a set-point: a driver that polls its gripper at 20 Hz can answer within two polls."""
 SHORTEST_MS, LONGEST_MS = 5, 1000
 SILENCE_NS = 500_000_000
-"""A driver that reports nothing for so long has no gripper to be told anything."""
+"""A driver that reports nothing for this long has no gripper that takes commands."""
 WIDTH_TOLERANCE_M = 0.001
-"""Beyond the registered range a width is not believed; a calibration may be off by so much."""
+"""A width this far beyond the registered range is still accepted, because a calibration may be off."""
 
 _REGISTER = "a driver registers before all else"
 _ANOTHER = "another driver registered here: connect anew"
@@ -30,13 +30,13 @@ class Session(PermittedSession):
 
     `state` is "closed", "waiting" (for the registration or the first report), "inactive", "activating", "active", a
     fault, "no reply" (no report of late), "command lost" with the reason, or why the driver was refused. `identity` is
-    the name that it registered. What the gripper takes in which state, `external_gripper_states` says.
-    A driver may register again by the same name; under another the connection tells nobody anything until it does.
+    the name that it registered. `external_gripper_states` lists what the gripper accepts in each state.
+    A driver may register again under the same name; after another name its messages are ignored until it does.
     `health.lost` counts unanswered set-points, `duplicates` answers to none, `restarts` registrations after the first;
-    a report that lies (before a registration, of a width beyond the registered range, an answer without the applied
-    force) is `bad` and not believed.
+    an impossible report (before a registration, of a width beyond the registered range, an answer without the applied
+    force) is `bad` and ignored.
 
-    ``echo_ok`` of a sample: the force that the driver says it applied last is not above the one it was told.
+    ``echo_ok`` of a sample: the force that the driver last reported as applied is not above the one requested.
 
     Args:
         answer_ms: How long the answer to a set-point may take, 5 to 1000 ms; then it is sent again, with its id.
@@ -73,7 +73,7 @@ class Session(PermittedSession):
 
     @property
     def state(self) -> str:
-        """A short word for people."""
+        """The state in a word, for people."""
         state = self._machine.state
         if state is State.UNREGISTERED:
             return f"refused: {self._refusal}" if self._refusal else "waiting"
@@ -106,7 +106,7 @@ class Session(PermittedSession):
         return (0.0, math.inf) if self._driver is None else self._driver.force_range_n
 
     def start(self, now_ns: int) -> bytes:
-        """Begin with a driver that has just connected: it speaks first."""
+        """Begin with a driver that has just connected; it sends the first message."""
         self._reset(State.UNREGISTERED)
         self._silent_at_ns = now_ns + SILENCE_NS
         return b""
@@ -126,7 +126,7 @@ class Session(PermittedSession):
         return force_n
 
     def drop(self) -> bool:
-        """Forget what was not sent yet but for a stop; what is unanswered is not repeated."""
+        """Drop what is not sent yet, except a stop; do not repeat what is unanswered."""
         dropped = self._setpoints.forget()
         self._follow_activation()
         return dropped
@@ -146,7 +146,7 @@ class Session(PermittedSession):
                 self._register(message, now_ns)
             elif isinstance(message, Foreign):
                 self.health.bad += 1
-                self._refuse(f"version {message.version} of the format is not spoken here: {wire.VERSION} is", now_ns)
+                self._refuse(f"the format must be version {wire.VERSION}, got {message.version}", now_ns)
             elif self._driver is None:
                 self.health.bad += 1
                 self._refuse(self._refusal or _REGISTER, now_ns)
@@ -208,7 +208,7 @@ class Session(PermittedSession):
         return True
 
     def _follow_activation(self) -> None:
-        """Follow what became of an activation."""
+        """Update the state with the outcome of an activation."""
         if self._setpoints.activation_waits:
             return
         if self._setpoints.activation_is_sent:
@@ -285,4 +285,4 @@ class Session(PermittedSession):
 def _check(name: str, value: float, bounds: tuple[float, float]) -> None:
     low, high = bounds
     if not low <= value <= high:  # also where it is no number
-        raise ValueError(f"a {name} of {value} cannot be asked for: {low:g} to {high:g} can")
+        raise ValueError(f"the {name} must be from {low:g} to {high:g}, got {value}")

@@ -1,4 +1,4 @@
-"""What the gripper of another driver is to do, as set-points, and what the driver's answers say of them."""
+"""Set-points that wait for an external driver, and the driver's answers to them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from slipd.devices.external_gripper.external_gripper_message import Report
 from slipd.devices.health import DecoderHealth
 
 FORCE_TOLERANCE = 1e-6
-"""Share by which an applied force may be above the one asked for: what single precision makes of it."""
+"""Relative excess of an applied force over the requested one that single precision can cause."""
 
 _SETS = ("move", "force")
 
@@ -64,7 +64,7 @@ class SetPoints(Commands):
         self.interrupt(self._make("stop"))
 
     def forget(self) -> bool:
-        """Forget what was not sent yet but for a stop; return whether there was any."""
+        """Drop what is not sent yet, except a stop; return whether there was anything."""
         return self.drop(("stop",))
 
     def acknowledge(self) -> None:
@@ -77,13 +77,13 @@ class SetPoints(Commands):
             self.give_up(trouble)
 
     def is_sound(self, report: Report) -> bool:
-        """Return whether a report, where it answers a force, says which was applied."""
+        """Return whether a report that answers a force states the applied one."""
         command = self.outstanding
         answers = command is not None and report.id == command.number and command.kind in _SETS
         return not answers or report.applied_n is not None or bool(report.error)
 
     def take_answer(self, report: Report, now_ns: int) -> bool:
-        """Take the answer to the outstanding set-point; return False where it is none."""
+        """Handle the answer to the outstanding set-point; return False if it is not one."""
         command = self.outstanding
         if command is None or report.id != command.number:
             return False

@@ -1,7 +1,7 @@
-"""What is known of a gripper behind another driver, and what changes it: the whole state machine of its session.
+"""State machine of the session with an external driver.
 
-An activation is the driver's own affair: it is under way until the driver answers the set-point that asks for it. What
-the driver reports counts all the time, but while an activation is queued or under way the gripper takes no motion.
+The driver carries out an activation on its own: it is under way until the driver answers the set-point that asks for
+it. What the driver reports always counts, but while an activation is queued or under way the gripper takes no motion.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enum import Enum
 
 
 class State(Enum):
-    """What is known of the driver and its gripper."""
+    """State of the driver and its gripper."""
 
     CLOSED = "closed"
     UNREGISTERED = "unregistered"
@@ -29,7 +29,7 @@ class State(Enum):
 
 
 class Event(Enum):
-    """What can happen; the first four are the kinds of a permit."""
+    """Events; the first four are the kinds of a permit."""
 
     ACTIVATE = "activate"
     MOVE = "move"
@@ -37,7 +37,7 @@ class Event(Enum):
     HALT = "halt"
     ACTIVATION_SENT = "activation sent"
     ACTIVATION_OVER = "activation over"
-    """It was forgotten, the driver answered it, or never will."""
+    """It was dropped, the driver answered it, or never will."""
     REGISTERED = "registered"
     STRANGER = "stranger"
     """A driver of another name registered on the same connection."""

@@ -1,8 +1,8 @@
 """Robotiq 2F-85, 2F-140 and Hand-E grippers, spoken to as a Modbus RTU master.
 
-Three registers are written (what to do), three are read (what is). Nothing moves but on a permit: the session polls,
-and sends a command only when `Session.execute` was handed one. Positions, speeds and forces are the gripper's own
-bytes; what they are in metres and newtons the tables of the config say.
+Three registers are written (what to do), three are read (what is). Nothing moves without a permit: the session
+polls, and sends a command only when `Session.execute` receives one. Positions, speeds and forces are the gripper's own
+bytes; tables in the config convert them to metres and newtons.
 Source: Robotiq 2F instruction manual, control over Modbus RTU.
 """
 

@@ -1,4 +1,4 @@
-"""The status replies of a Robotiq gripper in a stream of bytes, whoever asked for them."""
+"""Decoder of the status replies of a Robotiq gripper, whoever requested them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _STATUS_LENGTH = _STATUS_AT + _STATUS.size + 2
 class Decoder:
     """Makes gripper samples of the status replies in a stream; everything else in it is passed over.
 
-    ``echo_ok`` and ``width_m`` are None: the replies alone do not say what was requested, nor how far apart the pads
-    are. `Session` knows.
+    ``echo_ok`` and ``width_m`` are None: the replies contain neither what was requested nor the width in metres.
+    `Session` adds them.
 
     Args:
         unit: Modbus address of the gripper.
@@ -30,7 +30,7 @@ class Decoder:
         self._frames = FixedFrames(bytes((unit,)), _STATUS_LENGTH, _is_status, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
-        """Take bytes received at ``t_ns`` and return the status readings they complete."""
+        """Decode bytes received at ``t_ns``; return the status readings they complete."""
         buffer, found = self._frames.receive(data)
         self.health.good += len(found)
         return [parse_status(_STATUS.unpack_from(buffer, at + _STATUS_AT), t_ns, None) for at, _ in found]

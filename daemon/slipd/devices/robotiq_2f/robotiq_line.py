@@ -11,9 +11,9 @@ COMMAND_PAUSE_NS = 5_000_000
 REPLY_TIMEOUT_NS = 100_000_000
 """A reply takes 5 to 10 ms; a USB adapter under load may hold it for several times its 16 ms."""
 ATTEMPTS = 3
-"""So many unanswered transactions in a row are silence; a command repeated later would come as a surprise."""
+"""Unanswered transactions in a row that count as silence; a command repeated later would come as a surprise."""
 COMMANDS_IN_A_ROW = 2
-"""A command goes before a poll that is due, but no flood of them hides what becomes of them."""
+"""Commands go before a poll that is due, but at most this many in a row."""
 
 
 class RobotiqLine:

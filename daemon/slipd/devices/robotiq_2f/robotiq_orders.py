@@ -1,8 +1,8 @@
-"""What a Robotiq gripper is to do, as register writes: those that wait, and what those sent have set.
+"""Queue of register writes to a Robotiq gripper, and what the sent ones have set.
 
-A newer order takes the place of an older one that it makes void. The register writes are few: a whole one sends the
-fingers to a position, one of the force register alone changes the force (and speed), one of the action register alone
-stops the fingers.
+A newer order replaces an older one that it makes void. There are three kinds of motion: a full write sends the fingers
+to a position, a write of the force register alone changes the force (and speed), and a write of the action register
+alone stops the fingers.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Orders:
         return force
 
     def void(self) -> None:
-        """Take note that the gripper does not know its force any more: it is not active."""
+        """Forget the force: the gripper is not active and no longer has one."""
         self._force = None
 
     def activate(self) -> None:
@@ -123,7 +123,7 @@ class Orders:
         self.waiting = [self._halt] if begins else [self._halt, *map(self._set, forces[-1:])]
 
     def drop(self) -> bool:
-        """Forget what waits but for a halt; return whether there was any."""
+        """Drop what waits, except a halt; return whether there was anything."""
         kept = [order for order in self.waiting if order.kind is OrderKind.HALT]
         dropped = len(kept) < len(self.waiting)
         self.waiting = kept

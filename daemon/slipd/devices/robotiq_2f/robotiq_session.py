@@ -1,4 +1,4 @@
-"""The conversation with a Robotiq gripper: permits become orders, status replies become samples."""
+"""Session with a Robotiq gripper: permits become orders, status replies become samples."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Session(PermittedSession):
     """Polls the gripper and carries out permits, one transaction at a time.
 
     `state` is "closed", "waiting" (for a status), "inactive", "activating", "active", "command lost" or "no reply".
-    What the gripper takes in which state, `robotiq_states` says.
+    `robotiq_states` lists what the gripper accepts in each state.
 
     Attributes:
         health: Its ``lost`` counts unanswered transactions.
         command_lost: The last command was refused, never acknowledged, or met a gripper that was no longer active.
 
     ``echo_ok`` of a sample compares the position last sent with the gripper's echo of it, in every status while they
-    differ. Force and speed are not echoed; that they arrived is known by the acknowledgement of the write alone.
+    differ. Force and speed are not echoed; only the acknowledgement of the write shows that they arrived.
 
     Args:
         unit: Modbus address of the gripper.
@@ -41,7 +41,7 @@ class Session(PermittedSession):
         speed_table: (speed byte, m/s), both rising; None: no speed can be asked for.
 
     Raises:
-        ValueError: The poll period is shorter than the gripper's own pause, or the address is none of Modbus.
+        ValueError: The poll period is shorter than the gripper's own pause, or the address is not a Modbus address.
     """
 
     identity = ""
@@ -73,7 +73,7 @@ class Session(PermittedSession):
 
     @property
     def state(self) -> str:
-        """A short word for people."""
+        """The state in a word, for people."""
         state = self._machine.state
         if state is State.CLOSED:
             return "closed"
@@ -126,7 +126,7 @@ class Session(PermittedSession):
         return b""
 
     def drop(self) -> bool:
-        """Forget what was not sent yet but for a halt; what is unanswered is not repeated."""
+        """Drop what is not sent yet, except a halt; do not repeat what is unanswered."""
         dropped = self._orders.drop()
         if self._unanswered is not None and self._unanswered.kind is not OrderKind.HALT:
             self._unanswered = None

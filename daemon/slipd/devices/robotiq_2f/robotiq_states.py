@@ -1,7 +1,7 @@
-"""What is known of a Robotiq gripper, and what changes it: the whole state machine of its session.
+"""State machine of the session with a Robotiq gripper.
 
-An activation is two writes, "clear" and "activate", behind which the fingers open and close fully. While it is queued
-the gripper is still as it was; once "clear" was sent it is not active, whatever a reading says that was on its way.
+An activation is two writes, "clear" and "activate", after which the fingers open and close fully. While it is queued
+the gripper is unchanged; once "clear" was sent it is not active, even if a reading that was on its way says so.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enum import Enum
 
 
 class State(Enum):
-    """What is known of the gripper."""
+    """State of the gripper."""
 
     CLOSED = "closed"
     WAITING = "waiting"
@@ -27,16 +27,16 @@ class State(Enum):
 
 
 class Event(Enum):
-    """What can happen; the first four are the kinds of a permit."""
+    """Events; the first four are the kinds of a permit."""
 
     ACTIVATE = "activate"
     MOVE = "move"
     SET_FORCE = "set_force"
     HALT = "halt"
     DROP = "drop"
-    """What was not sent is forgotten."""
+    """What was not sent is dropped."""
     GIVE_UP = "give up"
-    """What was not sent is forgotten because the gripper refused a command."""
+    """What was not sent is dropped because the gripper refused a command."""
     CLEAR_SENT = "clear sent"
     CLEAR_REPEATED = "clear repeated"
     """"Clear" was not answered: both writes are queued again."""

@@ -70,7 +70,7 @@ class Units:
         Raises:
             ValueError: The gripper has no such width.
         """
-        _check("a width", "m", width_m, self.width_range_m)
+        _check("the width", "m", width_m, self.width_range_m)
         return round(FULL * interpolate(self._closures, width_m))
 
     def width_m(self, position: int) -> float:
@@ -87,11 +87,11 @@ class Units:
             return MIDDLE_SPEED
         if self._speeds is None or self.speed_range_mps is None:
             raise ValueError("there is no speed_table: leave the speed out")
-        _check("a speed", "m/s", speed_mps, self.speed_range_mps)
+        _check("the speed", "m/s", speed_mps, self.speed_range_mps)
         return round(interpolate(self._speeds, speed_mps))
 
 
 def _check(what: str, unit: str, value: float, bounds: tuple[float, float]) -> None:
     low, high = bounds
     if not low - _ROUNDING_M <= value <= high + _ROUNDING_M:  # also where it is no number
-        raise ValueError(f"{what} of {value} {unit} cannot be asked for: {low:g} to {high:g} {unit} can")
+        raise ValueError(f"{what} must be from {low:g} to {high:g} {unit}, got {value}")

@@ -1,10 +1,10 @@
 """Weiss and Schunk WSG grippers over TCP, in their binary command protocol.
 
-The gripper sends width, force and state by itself, and answers one command at a time. Nothing moves but on a permit.
+The gripper sends width, force and state by itself, and answers one command at a time. Nothing moves without a permit.
 A grip is a pre-position to a width narrower than the part, which clamps what blocks the way: unlike the gripper's own
-"grasp" it may be given again while something is held, it never gives up by itself, and it opens only where a wider
-goal than the present width is asked for. The force is changed by setting the limit and giving the goal of the grip
-again; where that is not known, as behind a stop, by setting the limit alone.
+"grasp" it may be repeated while something is held, it never gives up by itself, and it opens only if the goal is wider
+than the present width. To change the force, the session sets the limit and repeats the goal of
+the grip; if the goal is not known, as after a stop, it sets only the limit.
 """
 
 from __future__ import annotations

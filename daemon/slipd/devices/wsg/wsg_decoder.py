@@ -1,4 +1,4 @@
-"""The readings of a WSG gripper in a stream of replies."""
+"""Decoder of the readings of a WSG gripper."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ class Decoder:
     """Makes a gripper sample of each system state and of the width, force and grasping state that came since the last.
 
     The gripper sends the four one by one, each at the same period. Where one is missing there is no sample.
-    ``active`` means referenced; ``echo_ok`` is None: the updates do not say what was requested. `Session` knows.
-    ``force_n`` is half of what the gripper says, which is the sum of both fingers.
+    ``active`` means referenced; ``echo_ok`` is None, because the updates do not contain what was requested; `Session`
+    adds it. ``force_n`` is half of the force that the gripper sends, which is the sum of both fingers.
     """
 
     def __init__(self) -> None:
@@ -23,12 +23,12 @@ class Decoder:
         self._round: dict[int, bytes] = {}
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
-        """Take bytes received at ``t_ns`` and return the readings they complete."""
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
         samples = (self.take(reply, t_ns) for reply in self.replies(data))
         return [sample for sample in samples if sample is not None]
 
     def forget(self) -> None:
-        """Drop what has begun: the line was closed."""
+        """Drop a partial reading, because the line was closed."""
         self._scanner.forget()
         self._round.clear()
 

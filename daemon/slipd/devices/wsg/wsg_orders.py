@@ -1,7 +1,7 @@
-"""What a WSG gripper is to do, as commands, and what its answers say of them.
+"""Queue of commands to a WSG gripper, and its answers to them.
 
-A grip is a force limit, a pre-position and a look at the limit: where the goal is known, a change of force gives it
-again, so that what is held is clamped anew; where it is not, the limit alone changes and nothing moves.
+A grip is a force limit, a pre-position and a read-back of the limit. A change of force repeats the goal if it is known,
+so that the object is clamped anew; if not, only the limit changes and nothing moves.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class WsgOrders(Commands):
         self.interrupt(_STOP)
 
     def forget(self) -> bool:
-        """Forget what was not sent yet but for a stop; return whether there was any."""
+        """Drop what is not sent yet, except a stop; return whether there was anything."""
         dropped = self.drop((wire.STOP,))
         if dropped:
             self._goal = None
@@ -99,13 +99,13 @@ class WsgOrders(Commands):
         self.replace([_ACKNOWLEDGE], keep=(_STOP, HOME))
 
     def lose_grip(self, trouble: str) -> None:
-        """Forget the goal, which is not taken up again behind the back of whoever mends this, and grips on the way."""
+        """Drop the goal and the grips that wait, so that nothing moves by itself once the fault is cleared."""
         self._goal = None
         if self.holds(_SETS):
             self.give_up(trouble)
 
     def take_answer(self, reply: Reply, now_ns: int) -> bool:
-        """Take the answer to the outstanding command; return False where it is none.
+        """Handle the answer to the outstanding command; return False if it is not one.
 
         The end of an older motion that a newer one of its kind has aborted is none.
         """
@@ -122,7 +122,7 @@ class WsgOrders(Commands):
         return True
 
     def take_end(self, reply: Reply) -> None:
-        """Take what else is said of a motion: how it ended, at any time."""
+        """Handle a later report of how a motion ended."""
         if reply.status not in _WELL.get(reply.id, (reply.status,)):
             name = "homing" if reply.id == wire.HOME else "pre-position"
             self.trouble = f"{name}: {weiss.status_word(reply.status)}"

@@ -1,4 +1,4 @@
-"""The conversation with a WSG gripper: permits become commands, one at a time, and updates become samples."""
+"""Session with a WSG gripper: permits become commands, one at a time, and updates become samples."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Session(PermittedSession):
     """Asks for the updates, and carries out permits, one command at a time.
 
     `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
-    lost" with the reason, or what the gripper refuses; behind "active" stand the gripper's warnings. `identity` is its
-    serial number. What the gripper takes in which state, `wsg_states` says.
+    lost" with the reason, or what the gripper refuses; the gripper's warnings follow "active". `identity` is its
+    serial number. `wsg_states` lists what the gripper accepts in each state.
 
     Attributes:
         health: Its ``lost`` counts unanswered commands.
@@ -85,7 +85,7 @@ class Session(PermittedSession):
 
     @property
     def state(self) -> str:
-        """A short word for people."""
+        """The state in a word, for people."""
         state = self._machine.state
         if state in (State.CLOSED, State.WAITING):
             return self._talk.state
@@ -141,13 +141,13 @@ class Session(PermittedSession):
         return self.on_time(now_ns)
 
     def stop(self) -> bytes:
-        """End, and say so: a connection that merely breaks is a fault to the gripper. It keeps what it holds."""
+        """End with a goodbye, because the gripper takes a broken connection for a fault. It keeps what it holds."""
         self._reset(State.CLOSED)
         self._talk.stop()
         return wire.encode(wire.DISCONNECT)
 
     def drop(self) -> bool:
-        """Forget what was not sent yet but for a stop; what is unanswered is not repeated."""
+        """Drop what is not sent yet, except a stop; do not repeat what is unanswered."""
         dropped = self._orders.forget()
         self._follow_homing()
         return dropped
@@ -229,7 +229,7 @@ class Session(PermittedSession):
             self._machine.handle(self._reported)
 
     def _follow_homing(self) -> None:
-        """Follow what became of homing that was queued."""
+        """Update the state with the outcome of queued homing."""
         if self._machine.state not in QUEUED or self._orders.home_waits:
             return
         if self._orders.home_is_sent:
@@ -294,5 +294,5 @@ def _within(value: float, bounds: tuple[float, float] | None, name: str) -> floa
     """Return thousandths of a value that lies within its bounds."""
     low, high = bounds or (0.0, 0.0)
     if not low <= value <= high:  # also where it is no number
-        raise ValueError(f"a {name} of {value} cannot be asked for: {low:g} to {high:g} can")
+        raise ValueError(f"the {name} must be from {low:g} to {high:g}, got {value}")
     return value * 1000

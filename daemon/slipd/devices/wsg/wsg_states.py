@@ -1,7 +1,7 @@
-"""What is known of a WSG gripper, and what changes it: the whole state machine of its session.
+"""State machine of the session with a WSG gripper.
 
-An activation is the command to home, which moves the fingers over their whole stroke. While it is queued the gripper
-is still as it was; once it was sent nothing is believed of the gripper's readiness until homing ended.
+An activation is the command to home, which moves the fingers over their whole stroke. While it is queued the gripper is
+unchanged; once it was sent, the gripper does not count as ready until homing ends.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from enum import Enum
 
 
 class State(Enum):
-    """What is known of the gripper."""
+    """State of the gripper."""
 
     CLOSED = "closed"
     WAITING = "waiting"
-    """It was not asked all yet, or has sent no reading."""
+    """Its configuration is not complete, or it has sent no reading."""
     SILENT = "silent"
     """It sent readings, and sends none any more: it is asked anew."""
     INACTIVE = "inactive"
@@ -32,7 +32,7 @@ class State(Enum):
 
 
 class Event(Enum):
-    """What can happen; the first four are the kinds of a permit."""
+    """Events; the first four are the kinds of a permit."""
 
     ACTIVATE = "activate"
     MOVE = "move"
@@ -40,9 +40,9 @@ class Event(Enum):
     HALT = "halt"
     HOMING_SENT = "homing sent"
     HOMING_DROPPED = "homing dropped"
-    """It was forgotten before it was sent."""
+    """It was dropped before it was sent."""
     HOMING_ENDED = "homing ended"
-    """The gripper says so, or it took too long."""
+    """The gripper reports it, or it took too long."""
     REPORTED_INACTIVE = "reported inactive"
     REPORTED_ACTIVE = "reported active"
     REPORTED_FAULT = "reported fault"
