@@ -5,7 +5,6 @@ A failure prints the call that repeats it: ``PYTHONPATH=tests python -m fuzz --o
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from random import Random
@@ -27,7 +26,7 @@ from slipd.pipeline.desk import Desk
 from slipd.pipeline.finger import Finger
 from slipd.pipeline.requests import OPS
 
-SEED = int.from_bytes(os.urandom(4), "big")
+SEED = 20261122  # the same every time; `python -m fuzz` draws others
 AGAIN = f"PYTHONPATH=tests python -m fuzz --only requests --seed {SEED} --rounds 1"
 SHARE, BROKEN = 5_000, 5_000
 BROKEN_SEEDS = (7, 9, 11, 1, 2)
