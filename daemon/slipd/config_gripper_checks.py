@@ -151,7 +151,7 @@ def reflex_faults(config: Config) -> list[Fault]:
     if gripper is None or gripper.max_force_n is None:
         return [("reflex.enabled", "needs [gripper] with max_force_n: without a limit nothing is moved")]
     if config.grasp is None:
-        return [("reflex.enabled", "needs [grasp], which tells what grip the object needs")]
+        return [("reflex.enabled", "needs [grasp], from which the grip that the object needs is computed")]
     if reflex.ceiling_n is not None and reflex.ceiling_n > gripper.max_force_n:
         return [
             (

@@ -75,7 +75,7 @@ class Guard:
     Attributes:
         publish: Who may connect to the publish endpoint.
         requests: Who may connect to the request endpoint.
-        requesters: The keys that may request; None: whoever can connect may.
+        requesters: The keys that may request; None: every connected client may.
     """
 
     publish: Access
