@@ -10,9 +10,9 @@ READY := $(VENV)/.ready
 MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
-ROOMS := tests/devices tests/signals tests/pipeline
+ROOMS := $(addprefix tests/unit/,devices signals finger grasp gripper requests publish engine)
 # Tests that compute only: two at a time. Those on real lines and sockets have the machine to themselves.
-PURE := $(addprefix tests/,chart fusion fuzz grip simulation)
+PURE := tests/unit/fusion $(addprefix tests/lab/,chart fuzz motions simulation)
 
 .PHONY: demo test lint portable bench chart fuzz soak clean
 
@@ -25,14 +25,14 @@ ifdef TESTS
 	@echo "== tests"
 	@$(BIN)/pytest $(TESTS)
 else
-	@echo "== tests of devices, signals and pipeline, with coverage"
+	@echo "== tests of the rooms from devices to the engine, with coverage"
 	@$(BIN)/pytest --numprocesses=2 --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== other tests that only compute"
 	@$(BIN)/pytest --numprocesses=2 $(PURE)
 	@echo "== a share of the numeric tests, as on a processor without vector instructions"
-	@PYTHONPATH=tests $(BIN)/python -m portable --quick
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
 	@echo "== tests on real lines and sockets"
 	@$(BIN)/pytest $(addprefix --ignore=,$(ROOMS) $(PURE))
 endif
@@ -46,24 +46,24 @@ lint: $(READY)
 
 portable: $(READY)
 	@echo "== numeric tests as on older processors (about 10 minutes)"
-	@PYTHONPATH=tests $(BIN)/python -m portable --report docs/portability.md $(PORTABLE)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --report docs/portability.md $(PORTABLE)
 
 bench: $(MEASURES)
 	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 16 minutes)"
-	@$(BIN)/python tests/bench/latency.py --report docs/bench.md
+	@$(BIN)/python tests/lab/bench/latency.py --report docs/bench.md
 
 chart: $(MEASURES)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
-	@PYTHONPATH=tests $(BIN)/python -m chart $(CHART)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m chart $(CHART)
 
 fuzz: $(READY)
 	@echo "== every split of every device's frames, 10 million damaged frames, 10 GB of noise, a million requests (about 20 minutes)"
-	@PYTHONPATH=tests $(BIN)/python -m fuzz --strict --report docs/fuzz.md $(FUZZ)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fuzz --strict --report docs/fuzz.md $(FUZZ)
 
 soak: $(READY)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults (about an hour)"
-	@PYTHONPATH=tests $(BIN)/python -m soak --report docs/soak.md $(SOAK)
-	@PYTHONPATH=tests $(BIN)/python -m simulation $(SIMULATION)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
 
 # What only the measurements need: rival solvers and a plotting library.
 $(MEASURES): $(READY)
@@ -79,7 +79,7 @@ $(READY): pyproject.toml
 	@$(PYTHON) -m venv $(VENV) || { echo "venv failed; on Debian: apt install python3-venv"; exit 2; }
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@echo "== compiling the kernels (once)"
-	@$(BIN)/python -c 'from slipd.pipeline.warm_up import warm_up; warm_up()'
+	@$(BIN)/python -c 'from slipd.engine.warm_up import warm_up; warm_up()'
 	@touch $@
 
 clean:

@@ -119,7 +119,7 @@ def _served(serving: Any) -> int:
 
 
 def _identify(arguments: argparse.Namespace) -> int:
-    from slipd.recording.identify import identify_recording, tell
+    from slipd.recording.identify_mass import identify_recording, tell
 
     print(tell(identify_recording(arguments.file, arguments.finger), arguments.finger))
     return DONE
@@ -127,7 +127,7 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> int:
     from slipd import config
-    from slipd.config_hints import hints
+    from slipd.config.hints import hints
 
     rig = config.load(arguments.file)
     for name, stream in rig.streams().items():
@@ -142,7 +142,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _reach(rig: Config) -> str:
     """What the reflex can do in the time that the config says there is."""
-    from slipd.grip.reflex import PERIOD_NS
+    from slipd.gripper.reflex import PERIOD_NS
 
     reflex, gripper = rig.reflex, rig.gripper
     ceiling_n = reflex.ceiling_n or (gripper.max_force_n if gripper is not None else None) or 0.0

@@ -69,7 +69,7 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
         gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
         with (
             _ended_by_signals(),
-            _part("slipd.sim", gripper_log, "--dir", name, "--seed", str(seed)) as gripper,
+            _part("slipd.sim.virtual_gripper", gripper_log, "--dir", name, "--seed", str(seed)) as gripper,
             _part("slipd", daemon_log, "run", "--config", str(_rig_file(ports)), *recording) as daemon,
         ):
             _say(gripper, 1, gripper_log)

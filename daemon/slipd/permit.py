@@ -1,6 +1,6 @@
 """Permission for one motion: a gripper session carries out a permit and nothing else.
 
-Only the motion gate (`slipd.grip.motion_gate`) issues permits, after it has judged an intent against every rule in
+Only the motion gate (`slipd.gripper.motion_gate`) issues permits, after it has judged an intent against every rule in
 docs/grip_rules.md. This module is a leaf, so that sessions depend on the permit and not on the gate.
 """
 

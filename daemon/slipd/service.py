@@ -22,12 +22,12 @@ from typing import Any
 
 from slipd.bus.authentication import guard
 from slipd.bus.publisher import Publisher
-from slipd.bus.requests import RequestServer
+from slipd.bus.request_server import RequestServer
 from slipd.bus.runtime import RuntimeDirectory
 from slipd.config import Config
-from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Event, Publish, Record, Reply, Request, Tick, Write
-from slipd.pipeline.warm_up import warm_up
+from slipd.engine.engine import Engine
+from slipd.engine.warm_up import warm_up
+from slipd.events import Event, Publish, Record, Reply, Request, Tick, Write
 from slipd.recording.mcap_file import check_new
 from slipd.recording.on_request import RequestedRecordings, check_room, private_directory, state_dir
 from slipd.recording.recorder_watch import RecorderWatch

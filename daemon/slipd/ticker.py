@@ -10,8 +10,8 @@ import asyncio
 import time
 from collections.abc import Callable
 
-from slipd.pipeline.events import Tick
-from slipd.pipeline.lateness import LATE_NS
+from slipd.engine.lateness import LATE_NS
+from slipd.events import Tick
 
 #: How often time enters the engine: sessions and staleness (20 ms at the least, by default) are judged by it.
 TICK_S = 0.005

@@ -13,7 +13,7 @@ from typing import Any
 import msgpack
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd_client import messages
 
 _CRC_BYTES = 4

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from slipd import config
 from slipd.devices import xela
+from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
-from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Bytes, Event, LinkSpec, LinkUp, Tick
+from slipd.events import Bytes, Event, LinkSpec, LinkUp, Tick
 from slipd.recording.mcap_file import RecordingFile
 
 SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}

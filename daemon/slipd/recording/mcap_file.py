@@ -28,7 +28,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Event
+from slipd.events import Event
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_stream import RecordStream
 

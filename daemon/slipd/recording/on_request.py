@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Event, Record, RecordingChanged
+from slipd.events import Event, Record, RecordingChanged
 from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.writer import CLOSE_LIMIT_S, Recorder, RecordingLimitError, Room
 

@@ -21,7 +21,7 @@ from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadat
 from mcap.well_known import MessageEncoding
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Event
+from slipd.events import Event
 from slipd.recording import mcap_file
 from slipd.recording.event_codec import decode_event
 from slipd.recording.mcap_records import (

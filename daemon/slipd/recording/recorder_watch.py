@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 
-from slipd.pipeline.events import RecordingChanged
+from slipd.events import RecordingChanged
 from slipd.recording.writer import CLOSE_LIMIT_S, Recorder
 
 LOSSES_PERIOD_NS = 1_000_000_000

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from slipd import config
+from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
-from slipd.pipeline.engine import Engine
-from slipd.pipeline.events import Bytes, LinkDown, LinkUp, Publish
+from slipd.events import Bytes, LinkDown, LinkUp, Publish
 from slipd.recording.reader import Recording
 
 

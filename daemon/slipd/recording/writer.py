@@ -16,7 +16,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 
 from slipd.errors import RecordingError
-from slipd.pipeline.events import Event
+from slipd.events import Event
 from slipd.recording.mcap_file import RecordingFile
 
 QUEUE_LIMIT = 65_536  # a disk may stall for 5 s at the 10,000 entries/s of two fingers at 4 kHz; about 30 MB

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from slipd.sim.contact import Load, Pad, finger_load, pad_wrench
 from slipd.sim.emulated_bota import BotaMount, BotaSensor
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.sim.emulated_robotiq_2f import Gripper2F
 from slipd.sim.scene import Scene, Truth
+from slipd.sim.true_contact import Load, Pad, finger_load, pad_wrench
 
 LINES = ("left-wrench", "left-pad", "right-wrench", "right-pad", "gripper")
 """The devices, by the names of their lines."""

@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from slipd.sim.contact import FrictionLimit, Load, Need, Patch
 from slipd.sim.script import Script
+from slipd.sim.true_contact import FrictionLimit, Load, Need, Patch
 
 LARGEST_STEP_S = 0.002
 """Longer steps are cut: the hand's spring and damper are integrated explicitly and need this."""

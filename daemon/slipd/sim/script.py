@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slipd.sim.contact import Load
+from slipd.sim.true_contact import Load
 
 GRAVITY_MPS2 = 9.81
 

@@ -103,8 +103,8 @@ class VirtualGripper:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """``python -m slipd.sim``: the virtual gripper; ends on SIGTERM, SIGINT, or when standard input closes."""
-    parser = argparse.ArgumentParser(prog="python -m slipd.sim", description=main.__doc__)
+    """Run the virtual gripper until SIGTERM, SIGINT, or the end of standard input."""
+    parser = argparse.ArgumentParser(prog="python -m slipd.sim.virtual_gripper", description=main.__doc__)
     parser.add_argument("--dir", type=Path, required=True, help="where to put the ports: " + ", ".join(LINES))
     parser.add_argument("--seed", type=int, default=0, help="of all noise (default 0)")
     parser.add_argument("--seconds", type=float, help="end after this long (default: never)")
@@ -136,3 +136,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _print(event: dict[str, Any]) -> None:
     print(json.dumps(event), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

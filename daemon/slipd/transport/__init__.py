@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Callable, Iterable
 from types import TracebackType
 
-from slipd.pipeline.events import Event, LinkSpec
+from slipd.events import Event, LinkSpec
 from slipd.transport.link import Link, Look, Opener
 
 __all__ = ["Links"]
@@ -93,7 +93,7 @@ def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
         case "websocket":
             from slipd.transport.websocket import open_websocket as opener
         case "external":
-            from slipd.transport.external import open_external as opener
+            from slipd.transport.push_socket import open_external as opener
         case "local":
             from slipd.transport.local import open_local as opener
         case _:

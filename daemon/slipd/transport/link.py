@@ -15,7 +15,7 @@ from collections.abc import Awaitable, Callable
 from typing import NoReturn, Protocol
 
 from slipd.errors import LinkError
-from slipd.pipeline.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
 from slipd.transport.inquiry import inquire
 
 STEADY_S = 0.5

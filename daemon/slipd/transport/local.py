@@ -14,7 +14,7 @@ from pathlib import Path
 
 from slipd.devices.external_gripper.external_gripper_message import REFUSED, encode_notice
 from slipd.errors import LinkError
-from slipd.pipeline.events import LinkSpec
+from slipd.events import LinkSpec
 from slipd.transport.link import OnBytes
 from slipd.transport.tcp import TcpConnection
 from slipd.zmtp.endpoint import check_directory

@@ -20,7 +20,7 @@ import serial_asyncio
 from serial.tools.list_ports_linux import SysFS
 
 from slipd.errors import LinkError
-from slipd.pipeline.events import LinkSpec
+from slipd.events import LinkSpec
 from slipd.transport.delivery import Delivery
 from slipd.transport.link import OnBytes
 from slipd.transport.sender import Sender

@@ -9,7 +9,7 @@ import array
 import asyncio
 import socket
 
-from slipd.pipeline.events import LinkSpec
+from slipd.events import LinkSpec
 from slipd.transport.address import connected
 from slipd.transport.delivery import READ_BYTES, Delivery
 from slipd.transport.link import OnBytes

@@ -17,7 +17,7 @@ from websockets.protocol import State
 from websockets.uri import WebSocketURI, parse_uri
 
 from slipd.errors import LinkError
-from slipd.pipeline.events import LinkSpec
+from slipd.events import LinkSpec
 from slipd.transport.address import connected
 from slipd.transport.delivery import READ_BYTES, Delivery
 from slipd.transport.link import OnBytes

@@ -1,0 +1,1 @@
+"""Events in, messages and commands out: the engine, its links and streams; pure."""

@@ -1,0 +1,64 @@
+"""How late the daemon itself is: what it reads after it stood still may have waited as long."""
+
+from __future__ import annotations
+
+from slipd.events import Event, Tick
+
+#: Ticks come every 5 ms. A longer gap is a daemon that was not scheduled, and half the least silence of a stale stream.
+LATE_NS = 10_000_000
+#: A line that brings nothing counts as unread for at most as long again as the daemon stood still, within these bounds.
+#: A daemon that is not done by then is overloaded: a dead sensor must not hide behind it.
+LEAST_CATCH_UP_NS, MOST_CATCH_UP_NS = 100_000_000, 1_000_000_000
+#: A reading that waited for longer is stale, whoever was late: its verdict is of no use any more.
+LONGEST_WAIT_NS = 1_000_000_000
+#: The worst stall is reported for so long.
+TOLD_NS = 1_000_000_000
+
+
+class Lateness:
+    """Measures the gaps between ticks.
+
+    Attributes:
+        late_ns: The longest stall since the lines were last read empty; 0 while the daemon runs freely.
+    """
+
+    def __init__(self) -> None:
+        self.late_ns = 0
+        self._tick_ns: int | None = None
+        self._since_ns = self._unread_since_ns = self._unread_until_ns = 0
+        self._worst: tuple[int, int] = (0, 0)
+
+    def note(self, event: Event, t_ns: int) -> None:
+        """Update with the time of an event, before the event is handled."""
+        if self._tick_ns is not None and t_ns - self._tick_ns > LATE_NS:
+            self._stall(self._tick_ns, t_ns)
+        if isinstance(event, Tick):
+            self._tick_ns = t_ns
+            if not event.unread:
+                self.late_ns = 0
+
+    def waited_ns(self, t_ns: int) -> int:
+        """Return how long bytes that are read at ``t_ns`` may have waited: since the lines were last read empty."""
+        return min(t_ns - self._since_ns, LONGEST_WAIT_NS) if self.late_ns else 0
+
+    def unread_ns(self, t_ns: int) -> int | None:
+        """Return for how long until ``t_ns`` a line that brought nothing counts as unread; None: it is empty."""
+        if not self.late_ns:
+            return None
+        return t_ns - self._unread_since_ns if t_ns <= self._unread_until_ns else 0
+
+    def worst_ns(self, t_ns: int) -> int:
+        """Return the longest stall of the last second, ns."""
+        stall_ns, at_ns = self._worst
+        return stall_ns if t_ns - at_ns <= TOLD_NS else 0
+
+    def _stall(self, tick_ns: int, t_ns: int) -> None:
+        stall_ns = t_ns - tick_ns
+        if not self.late_ns:
+            self._since_ns = tick_ns
+        if not self.late_ns or t_ns > self._unread_until_ns:
+            self._unread_since_ns = tick_ns
+            self._unread_until_ns = t_ns + min(max(stall_ns, LEAST_CATCH_UP_NS), MOST_CATCH_UP_NS)
+        self.late_ns = max(self.late_ns, stall_ns)
+        if stall_ns > self.worst_ns(t_ns):
+            self._worst = (stall_ns, t_ns)

@@ -1,0 +1,191 @@
+"""One stream of a link: when its readings were acquired, how many came, and how it is doing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Any, cast
+
+from slipd.config import Pad, Wrench, axes_of, stale_after_ns
+from slipd.config import Stream as StreamConfig
+from slipd.devices import DEVICES
+from slipd.finger.freshness import PROMPT, Arrival, Freshness
+from slipd.publish.message_bodies import number
+from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
+from slipd.signals.clock import DeviceClock, host_time
+from slipd_client.messages import Health
+
+#: A rate that is off by more than this share of the expected one is told.
+RATE_TOLERANCE = 0.2
+#: The rate is counted over at least this time: a shorter one counts jitter.
+RATE_WINDOW_NS = 500_000_000
+#: A pusher whose times are no times of this host is told for so long after the last of them.
+BAD_TIME_TOLD_NS = 1_000_000_000
+
+
+@dataclass(slots=True)
+class StreamMeter:
+    """The readings of one sensor.
+
+    Attributes:
+        name: e.g. ``left.wrench``.
+        expected_hz: Rate that the config expects.
+        freshness: Whether readings are missing.
+        kind: What its readings are.
+        shape: Of an image; empty where the readings are no images.
+        last_ns: When the newest reading was received; None before the first.
+        count: Readings handed on.
+        misfit: Why the newest reading does not fit the config; "" where it does.
+    """
+
+    name: str
+    expected_hz: float
+    freshness: Freshness
+    host_clock: bool
+    clock: DeviceClock
+    kind: type[Sample]
+    shape: tuple[int, ...] = ()
+    last_ns: int | None = None
+    count: int = 0
+    rate_hz: float | None = None
+    damage: int = 0
+    misfit: str = ""
+    _acquired_ns: int = field(default=0, repr=False)
+    _bad_time_ns: int | None = field(default=None, repr=False)
+    _since_ns: int | None = field(default=None, repr=False)
+    _counted: int = field(default=0, repr=False)
+    _bad_bytes: int = field(default=0, repr=False)
+
+    def take(self, samples: Sequence[Sample], late_ns: int) -> tuple[Sequence[Sample], list[int]]:
+        """Counts the readings of one read; returns those that fit, and when each was acquired, CLOCK_MONOTONIC.
+
+        Args:
+            samples: The readings, at least one.
+            late_ns: How long they may have waited for the daemon; nothing else tells where the device has no clock.
+        """
+        self.misfit = self._misfit(samples[-1])
+        if self.misfit or len(samples) > 1:
+            samples = [sample for sample in samples if not self._misfit(sample)]
+            if not samples:
+                return samples, []
+        self.last_ns = received_ns = samples[-1].t_ns
+        self.count += len(samples)
+        times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
+        if self.host_clock or times_ns[0] < self._acquired_ns:  # what integrates needs times that never go back
+            times_ns = list(accumulate(times_ns, max, initial=self._acquired_ns))[1:]
+        self._acquired_ns = times_ns[-1]
+        self.freshness.update(received_ns, times_ns[-1], Arrival(late_ns, dated=self.dated) if late_ns else PROMPT)
+        return samples, times_ns
+
+    @property
+    def dated(self) -> bool:
+        """The newest times are those of a clock, not of their receipts."""
+        return self.host_clock or self.clock.state == "locked"
+
+    def _host_times(self, samples: Sequence[Sample]) -> list[int]:
+        times_ns = []
+        for sample in samples:
+            acquired_ns, believed = host_time(sample.device_time_ns, sample.t_ns)
+            if not believed and sample.device_time_ns is not None:
+                self._bad_time_ns = sample.t_ns
+            times_ns.append(acquired_ns)
+        return times_ns
+
+    def _device_times(self, samples: Sequence[Sample], late_ns: int) -> list[int]:
+        map_time = self.clock.map
+        if self.kind is TactileSample:
+            times_ns = [map_time(_scanned_ns(cast("TactileSample", sample)), sample.t_ns) for sample in samples]
+        else:
+            times_ns = [map_time(sample.device_time_ns, sample.t_ns) for sample in samples]
+        if late_ns and self.clock.state != "locked":
+            return [t_ns - late_ns for t_ns in times_ns]
+        return times_ns
+
+    def forget(self) -> None:
+        """The link was opened anew, or the host slept: what was learned of the device's clock is over."""
+        self.clock.forget()
+
+    def _misfit(self, sample: Sample) -> str:
+        if not isinstance(sample, self.kind):
+            return f"readings of kind {type(sample).__name__}, which this stream does not have"
+        if isinstance(sample, TactileSample) and sample.values.shape != self.shape:
+            return f"images of {_shape(sample.values.shape)}, where the config says {_shape(self.shape)}"
+        return ""
+
+    def measure(self, t_ns: int, bad_bytes: int, late_ns: int = 0) -> None:
+        """Update rate and damage, counted since the last update.
+
+        Args:
+            t_ns: Now.
+            bad_bytes: The link's running count.
+            late_ns: The daemon's longest stall of late: what came in it is counted late, so a long one spoils the rate.
+        """
+        if self._since_ns is not None and late_ns > RATE_TOLERANCE * RATE_WINDOW_NS:
+            self._since_ns = None
+        if self._since_ns is not None and t_ns - self._since_ns >= RATE_WINDOW_NS:
+            self.rate_hz = (self.count - self._counted) * 1e9 / (t_ns - self._since_ns)
+            self.damage = bad_bytes - self._bad_bytes
+            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
+        elif self._since_ns is None and self.last_ns is not None:
+            self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
+
+    def level(self, t_ns: int, unread_ns: int | None = None, late_ns: int = 0) -> tuple[Health, str]:
+        """Return how the stream of an open link is doing, and a message for people; see `Link.level`."""
+        if self.misfit:
+            return Health.ERROR, self.misfit
+        if self.last_ns is None:
+            return Health.STALE, "open, but no reading yet"
+        if self.freshness.is_stale(t_ns, unread_ns):
+            return Health.STALE, f"no reading for {self.freshness.silent_ns(t_ns, unread_ns) * 1e-9:.2f} s"
+        if late_ns > self.freshness.stale_ns:
+            return Health.WARN, f"the daemon was late by {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
+        if self.damage > 0:
+            return Health.WARN, f"{self.damage} bytes of late belong to no frame"
+        if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_TOLD_NS:
+            return Health.WARN, "its times are not those of this host's CLOCK_MONOTONIC: the receipt counts"
+        if self.clock.state == "not_a_clock":
+            return Health.WARN, "its clock is none (stuck, jumping, or off by more than 1000 ppm): the receipt counts"
+        rate = self.rate_hz
+        if rate is not None and abs(rate - self.expected_hz) > RATE_TOLERANCE * self.expected_hz:
+            return Health.WARN, f"{rate:.0f} Hz instead of {self.expected_hz:.0f} Hz"
+        return Health.OK, ""
+
+    def told(self, t_ns: int) -> dict[str, Any]:
+        """What ``status.streams.<name>`` says of the stream itself."""
+        uncertainty_ns = self.clock.uncertainty_ns
+        return {
+            "expected_hz": self.expected_hz,
+            "rate_hz": number(self.rate_hz),
+            "age_s": None if self.last_ns is None else (t_ns - self.last_ns) * 1e-9,
+            "samples": self.count,
+            "clock": "host" if self.host_clock else self.clock.state,
+            "clock_uncertainty_s": None if uncertainty_ns is None else uncertainty_ns * 1e-9,
+            "clock_drift_ppm": number(self.clock.drift_ppm),
+        }
+
+
+def make_stream(name: str, config: StreamConfig) -> StreamMeter:
+    """The stream of a config's table."""
+    device = DEVICES[config.device]
+    poll_ns = round(config.poll_s * 1e9)
+    clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9), poll_ns=poll_ns)
+    kind: type[Sample] = GripperSample
+    shape: tuple[int, ...] = ()
+    if isinstance(config, Wrench):
+        kind = WrenchSample
+    elif isinstance(config, Pad):
+        taxels = config.rows * config.cols
+        kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)
+    return StreamMeter(name, config.rate_hz, Freshness(stale_after_ns(config)), device.host_clock, clock, kind, shape)
+
+
+def _scanned_ns(sample: TactileSample) -> int | None:
+    """Device time of the end of a scan: what was sent at once."""
+    start_ns = sample.device_time_ns
+    return None if start_ns is None else start_ns + (len(sample.values) - 1) * sample.dwell_ns
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    axes = "three axes" if len(shape) > 1 else "one axis"
+    return f"{shape[0]} taxels of {axes}"

@@ -1,0 +1,52 @@
+"""Compiles every kernel before the first reading needs it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slipd.config import Finger as FingerConfig
+from slipd.config import Levels, Pad, Wrench
+from slipd.finger.finger import Finger
+from slipd.fusion import (
+    AS_IS,
+    carry,
+    contact_of,
+    contact_shape,
+    grip_needed_n,
+    matched_loads,
+    tipping_margin,
+    torque_limit,
+    utilisation,
+)
+from slipd.samples import TactileSample, WrenchSample
+from slipd.signals.charge import ChargeReconstruction
+
+
+def warm_up() -> None:
+    """Calls each kernel with arrays of the kinds that a run has; from a warm cache this takes some 10 ms."""
+    x, y = np.array((0.0, 0.01, 0.0, 0.01)), np.array((0.0, 0.0, 0.01, 0.01))
+    centre, force = np.array((0.005, 0.005)), np.array((0.1, 0.0))
+    loads = matched_loads(x, y, np.ones(4), 1.0, centre).loads
+    torque_limit(x, y, loads, 0.5, force, centre)
+    utilisation(x, y, loads, 0.5, force, 0.001, centre)
+    grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
+    tipping_margin(x, y, centre)
+    contact_of((0.1, 0.0, -1.0, 0.0, 0.0, 0.001), 0.5)
+    carry(AS_IS, np.zeros((1, 8)))
+    contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
+    charge = ChargeReconstruction(4, 1.0)
+    charge.update(np.zeros(4), 0.0, True)
+    charge.update(np.ones(4), 0.01, False)
+    _hold()
+
+
+def _hold() -> None:
+    """A finger that holds something, its force with torque and without."""
+    wrench = Wrench(device="bota", port="-", rate_hz=1000.0)
+    pad = Pad(device="pvdf", port="-", rate_hz=100.0, rows=2, cols=2, pitch_m=0.01, electrode_m=0.005)
+    finger = Finger("warm", FingerConfig(mu=0.5, wrench=wrench, pad=pad), Levels())
+    finger.take_tactile(TactileSample(0, None, np.ones(4)))
+    for torque in (np.zeros(3), None):
+        samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(2)]
+        for _ in finger.take_wrenches(samples, (0, 1)):
+            pass

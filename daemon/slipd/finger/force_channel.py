@@ -1,0 +1,248 @@
+"""The force side of one finger: from the readings of its force/torque sensor to the force on the pad."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slipd.config import Wrench
+from slipd.fusion import AS_IS, UNTRUSTED, USABLE, USE, Carrier, Doubt, carry
+from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.samples import Array, WrenchSample
+from slipd.signals.drift import DriftCompensation
+from slipd.signals.frozen import MOST, WrenchWatch
+from slipd.signals.gravity import FingerWeight, GravityCompensation
+from slipd.signals.mounting import Mounting
+from slipd.signals.tare import Tare
+from slipd_client.messages import Health
+
+#: Faults with which a reading says nothing. One that flickers is believed while it is there.
+UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
+_FAULTS = {
+    "stuck": (Health.ERROR, "its readings repeat: it hangs, or stuck_after is too small for this sensor"),
+    "garbage": (
+        Health.ERROR,
+        "its readings are out of range_n or range_nm, or jump to and fro: check the range and units of the sensor",
+    ),
+    "not_finite": (Health.ERROR, "its readings are not finite numbers"),
+    "intermittent": (Health.WARN, "it failed several times within 10 s"),
+}
+GARBAGE, NOT_FINITE = ("garbage",), ("not_finite",)
+NO_WEIGHT = np.zeros(6)
+NO_DOUBT = Doubt()
+
+
+class WrenchBatch(NamedTuple):
+    """The readings of one read of a finger's force, conditioned.
+
+    Attributes:
+        times_ns: When each was acquired, CLOCK_MONOTONIC.
+        received_ns: When they were received.
+        rows: As `find_contacts` takes them, shape (n, 8).
+        carrier: Moves them onto the pad.
+        untrusted: What speaks against the untrusted ones, by their place.
+        statuses: What the device reported with each.
+    """
+
+    times_ns: Sequence[int]
+    received_ns: int
+    rows: Array
+    carrier: Carrier
+    untrusted: dict[int, tuple[str, ...]]
+    statuses: Sequence[tuple[str, ...]]
+
+
+class ForceChannel:
+    """A force/torque sensor behind a pad. In this order: tare, mounting, weight of the finger, drift.
+
+    Args:
+        wrench: ``[finger.X.wrench]``.
+        stale_ns: A longer silence is a failure of the stream.
+
+    Attributes:
+        tare: Offset of the readings, in the sensor's own frame.
+        gravity: The weight of the finger beyond the sensor.
+        fault: What is wrong with the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
+    """
+
+    def __init__(self, wrench: Wrench, stale_ns: int) -> None:
+        self._noise = (wrench.force_std_n, wrench.torque_std_nm)
+        self.tare = Tare(np.zeros(6), np.repeat(self._noise, 3))
+        self._mass_kg = wrench.mass_kg
+        self._noise_alone = Doubt(*self._noise)
+        self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
+        pose = wrench.pad_from_sensor
+        self._carrier = Carrier(
+            Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix, self.tare.current.value, NO_WEIGHT
+        )
+        self._drift = None
+        if wrench.drift_tau_s is not None:
+            limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
+            self._drift = DriftCompensation(wrench.drift_tau_s, limit)
+        self._offset = self.tare.current
+        self._watch = WrenchWatch(
+            wrench.range_n or MOST, wrench.range_nm or MOST, repeats=wrench.stuck_after, gap_ns=max(stale_ns, 1)
+        )
+        self.fault = ""
+        self._status: tuple[str, ...] = ()
+
+    @property
+    def suspect(self) -> bool:
+        """The newest reading repeats the one before or jumped: nothing is to be raised on it."""
+        return self._watch.suspect
+
+    @property
+    def rests(self) -> bool:
+        """It is suspect only because it repeats, as the config says that readings of this sensor may."""
+        return self._watch.rests
+
+    @property
+    def noise_n(self) -> float:
+        """Standard deviation of a force component, N."""
+        return self._noise[0]
+
+    def take(
+        self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: Callable[[], bool | None]
+    ) -> WrenchBatch:
+        """Takes the readings of one read; while a tare is being measured, one at a time.
+
+        Args:
+            samples: The readings.
+            times_ns: When each was acquired.
+            untouched: Says whether nothing touches the finger; None where that is not known.
+        """
+        readings, statuses = [sample.numbers for sample in samples], [sample.status for sample in samples]
+        rows = np.array([(*six, t_ns * 1e-9, USABLE) for six, t_ns in zip(readings, times_ns, strict=True)])
+        untrusted = self._check(readings, rows, statuses, times_ns)
+        for at in untrusted:
+            rows[at, USE] = UNTRUSTED
+        if self.tare.busy and 0 not in untrusted:
+            self.tare.apply(rows[0, :6], times_ns[0])
+        if self.tare.current is not self._offset:
+            self._take_offset()
+        carrier = self._carries()
+        if self._drift is not None:
+            rows = self._less_drift(self._drift, carry(carrier, rows), times_ns, untouched())
+            carrier = AS_IS
+        for at, sample in enumerate(samples):
+            if not sample.has_torque:
+                rows[at, 3:6] = math.nan
+        return WrenchBatch(times_ns, samples[-1].t_ns, rows, carrier, untrusted, statuses)
+
+    def excuse(self, t_ns: int) -> None:
+        """Count no gap of the stream until ``t_ns``: the daemon did not read it."""
+        self._watch.excuse(t_ns)
+
+    def _carries(self) -> Carrier:
+        """What moves readings onto the pad, with the offset and the weight in force."""
+        weight = self.gravity.correction
+        if weight is None:
+            weight = NO_WEIGHT
+        if weight is not self._carrier.weight or self._offset.value is not self._carrier.offset:
+            self._carrier = Carrier(self._carrier.matrix, self._offset.value, weight)
+        return self._carrier
+
+    def _less_drift(
+        self, drift: DriftCompensation, rows: Array, times_ns: Sequence[int], untouched: bool | None
+    ) -> Array:
+        """Takes the drift from readings on the pad, and learns it from them."""
+        for row, t_ns in zip(rows, times_ns, strict=True):
+            learns = row[USE] == USABLE and self._may_learn(t_ns)
+            drift.update(row[:6], t_ns, untouched if learns else None)
+            row[:6] -= drift.value
+        return rows
+
+    def _check(
+        self,
+        readings: Sequence[Sequence[float]],
+        rows: Array,
+        statuses: Sequence[tuple[str, ...]],
+        times_ns: Sequence[int],
+    ) -> dict[int, tuple[str, ...]]:
+        """What speaks against each reading, by its place."""
+        untrusted: dict[int, tuple[str, ...]] = {}
+        self._status = statuses[-1]
+        if any(statuses):
+            words = (UNTRUSTED_WORDS.intersection(status) for status in statuses)
+            untrusted = {at: tuple(sorted(found)) for at, found in enumerate(words) if found}
+        for at, fault in self._watch.update(readings, times_ns, rows).items():
+            if fault in UNTRUSTED_FAULTS:
+                untrusted[at] = (*untrusted.get(at, ()), fault)
+        self.fault = self._watch.fault
+        if not self._watch.lively:
+            for at, reading in enumerate(readings):
+                if not all(map(math.isfinite, reading)) and untrusted.get(at, GARBAGE) == GARBAGE:
+                    untrusted[at] = NOT_FINITE
+            if untrusted.get(len(readings) - 1) == NOT_FINITE:
+                self.fault = "not_finite"
+        return untrusted
+
+    def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
+        """Starts to average readings; the weight at the present orientation becomes part of the offset."""
+        self.tare.begin(t_ns, seconds, by, self.gravity.gravity(t_ns))
+
+    def undo_tare(self) -> bool:
+        """Puts the offset before the last tare back in force; False where there is none."""
+        if not self.tare.undo():
+            return False
+        if self.tare.current is not self._offset:
+            self._take_offset()
+        return True
+
+    def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
+        """Takes the apparent gravity in the pad frame, m/s²; a tare that is being measured must not be turned."""
+        before = self.gravity.gravity(t_ns)
+        self.gravity.set(gravity_mps2, t_ns)
+        if self.tare.busy and before is not None:
+            turned_n = self._mass_kg * math.dist(before, gravity_mps2)
+            if turned_n > self._noise[0]:
+                self.tare.abort("the finger was turned")
+
+    def doubt(self, t_ns: int) -> Doubt:
+        """How far a reading at ``t_ns`` may be off."""
+        if self._mass_kg == 0.0:
+            return self._noise_alone
+        return Doubt(*self._noise, *self.gravity.uncertainty(t_ns))
+
+    def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
+        """What people should know of the sensor's readings."""
+        found = [_FAULTS[self.fault]] if self.fault else []
+        if self._status:
+            level = Health.WARN if UNTRUSTED_WORDS.isdisjoint(self._status) else Health.ERROR
+            found.append((level, f"the device reports: {', '.join(self._status)}"))
+        if self.gravity.state(t_ns) == "unknown_orientation":
+            force_n = self.gravity.uncertainty(t_ns)[0]
+            found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))
+        if self.gravity.state(t_ns) == "unknown_orientation" and self._offset.gravity_mps2 is None:
+            found.append((Health.OK, "tare it once more while gravity.set runs: the last tare holds an unknown weight"))
+        if self._drift is not None and self._drift.total >= 1.0:
+            found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))
+        if self.tare.aborted_reason:
+            found.append((Health.OK, f"the last tare was given up: {self.tare.aborted_reason}"))
+        return found
+
+    def told(self, t_ns: int) -> dict[str, Any]:
+        """What ``status.streams.<name>`` says of the conditioning."""
+        drift = self._drift
+        return {
+            "gravity": self.gravity.state(t_ns),
+            "drift": None if drift is None else drift.value.tolist(),
+            "drift_frozen": None if drift is None else drift.frozen,
+        }
+
+    def _may_learn(self, t_ns: int) -> bool:
+        """A zero is learned only from readings of which nothing else is in doubt."""
+        return not self.tare.busy and self.gravity.state(t_ns) != "unknown_orientation"
+
+    def _take_offset(self) -> None:
+        """Another offset is in force: by a tare, or by its undo, which has a lower id."""
+        now, before = self.tare.current, self._offset
+        self._offset = now
+        self.gravity.retare(now.gravity_mps2)
+        if self._drift is not None and now.id > before.id:
+            self._drift.reset()
+        elif self._drift is not None:
+            self._drift.restore()

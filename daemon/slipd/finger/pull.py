@@ -1,0 +1,54 @@
+"""Detect a clearly negative normal force, and say what to check.
+
+Nothing pulls on a pad: such a force means a wrong sign, a wrong mounting, or a wrong configuration of the sensor.
+"""
+
+from __future__ import annotations
+
+from slipd.config import Finger
+from slipd.fusion import Doubt
+from slipd.signals.agreement import CLEAR, STDS
+
+#: Before its first tare a force sensor reads its own bias, N.
+LARGEST_BIAS_N = 10.0
+
+
+class PullDetector:
+    """Limit of the negative normal force beyond which only a fault explains it.
+
+    The zero of a force sensor may drift by the least force of a contact plus the drift that is compensated.
+    A pad adds the threshold of each taxel.
+
+    Args:
+        finger: ``[finger.X]``.
+    """
+
+    def __init__(self, finger: Finger) -> None:
+        wrench, pad = finger.wrench, finger.pad
+        self._by_force = wrench is not None
+        if wrench is not None:
+            self._drift_n = finger.min_normal_n + wrench.drift_limit_n
+        else:
+            taxels = 0 if pad is None else pad.rows * pad.cols
+            self._drift_n = CLEAR * finger.min_normal_n + taxels * (0.0 if pad is None else pad.threshold)
+
+    def least_n(self, doubt: Doubt, *, tared: bool) -> float:
+        """Least pull that neither drift, noise, unknown weight nor (untared) bias explains, in the readings' unit."""
+        least_n = self._drift_n + STDS * doubt.force_std_n + doubt.force_n
+        return least_n if tared or not self._by_force else least_n + LARGEST_BIAS_N
+
+    def advice(self, normal_n: float, *, tared: bool, pressed: bool | None) -> str:
+        """Return what people should check.
+
+        Args:
+            normal_n: Normal force, N.
+            tared: The sensor was tared.
+            pressed: The image of the pad shows a contact; None: nothing is known.
+        """
+        text = f"its normal force is {normal_n:.6g} N, and nothing pulls on a pad: check "
+        if not self._by_force:
+            return text + "the signs of axis_scale, and tare it"
+        text += "sign, pad_from_sensor (quat_xyzw is in the order x, y, z, w) and the sensor's own configuration"
+        if pressed:
+            return text + "; the pad image shows a contact, so the force sensor is wrong"
+        return text if tared else text + "; if it is the bias of an unloaded sensor, tare it with unloaded = true"

@@ -1,0 +1,1 @@
+"""Both fingers as one grasp; pure."""

@@ -1,1 +1,0 @@
-"""What a grip request may do; pure."""

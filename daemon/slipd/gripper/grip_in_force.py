@@ -1,0 +1,150 @@
+"""The grip in force: how it began, whether it holds something, and what is in force after a dropped command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, cast
+
+from slipd.devices import GripperSession
+from slipd.gripper.finger_contact import FingerContact
+from slipd.gripper.grip_policy import GripPolicy
+from slipd.gripper.intent import IntentKind
+from slipd.permit import Permit
+from slipd.publish.message_bodies import number
+from slipd.samples import GripperSample
+
+
+class _Before(NamedTuple):
+    """What was in force before the session was sent any force.
+
+    Attributes:
+        force_n: Force of the grip, N; None: there was none, or its force was not known.
+        unknown: There was one, and its force was not known.
+        claimed: As `GripInForce._claimed`.
+    """
+
+    force_n: float | None
+    unknown: bool
+    claimed: bool
+
+
+class GripInForce:
+    """Keeps the policy's force in force true to what the gripper was sent and reports.
+
+    A grip begins with a command of this run, or it is found: after a start, or after the gripper was lost from view, a
+    grip that no command of this run began may hold an object. Such a grip counts as in force.
+
+    Args:
+        policy: Where the force in force is kept.
+        session: The conversation with the gripper.
+        touch: What the fingers measure.
+
+    Attributes:
+        command_n: Force that the gripper was sent last, N; None where it was sent none, or is not active.
+        closed_to_m: Width to which the grip in force was closed, m; None: there is none, or it is not known.
+    """
+
+    def __init__(self, policy: GripPolicy, session: GripperSession, touch: FingerContact) -> None:
+        self._policy, self._session, self._touch = policy, session, touch
+        self.command_n: float | None = None
+        self.closed_to_m: float | None = None
+        self._held = False  # in this grasp, something has stopped the gripper or pressed on a finger
+        self._claimed = False  # what the gripper holds, or that it holds nothing, is the doing of a command of this run
+        self._before = _Before(None, unknown=False, claimed=False)
+
+    def take(self, sample: GripperSample, *, answers_command: bool) -> None:
+        """Update with a status reading; while a finger is pressed, no report of the gripper ends a grasp.
+
+        Args:
+            sample: The reading.
+            answers_command: It came after the last motion was sent.
+        """
+        if not sample.active:
+            self._let_go()
+            self.command_n = None
+        elif answers_command and self._policy.letting_go:
+            if self._is_released(sample):
+                self._policy.let_go()
+        elif answers_command:
+            if sample.object.startswith("contact"):
+                self._held = True
+            elif self._held and sample.object == "none" and not self._touch.pressed():
+                self._let_go()
+            if not self._claimed:
+                self._find(sample)
+
+    def lose_sight(self) -> None:
+        """Allow for others that move the gripper from here on, and may grip where no grip is in force."""
+        self._claimed = self._claimed and self._policy.grips
+
+    def prepare(self) -> None:
+        """Note what is in force before a command; a session that began anew knows nothing of a grip from before."""
+        if self._session.force_told_n is None:
+            self._before = _Before(self._policy.force_n, self._policy.unknown, self._claimed)
+
+    def sent(self, permit: Permit, kind: IntentKind, t_ns: int) -> None:
+        """Note that the session accepted a permit for a motion or a force."""
+        self.command_n = applied_n = cast("float", self._session.force_told_n)
+        if permit.kind == "move":
+            self._held = self._held and self._policy.grips
+        if kind == "open":
+            self._held = False
+            self._policy.begin_to_let_go(applied_n)
+        else:
+            self.closed_to_m = permit.width_m if permit.kind == "move" else self.closed_to_m
+            self._policy.grip(applied_n, t_ns, reflex=kind == "reflex")
+        self._claimed = True
+
+    def renew(self) -> None:
+        """Forget what was sent: an activation makes it void, and the gripper decides what becomes of its grip."""
+        self._held = self._claimed = False
+        self._policy.begin_to_let_go()
+        self.command_n = None
+
+    def undo(self, forget: Callable[[], bool]) -> bool:
+        """Let the session forget what was not sent yet, and put back the force that it would have changed."""
+        to_be_n = self._session.force_told_n
+        done = forget()
+        sent_n = self._session.force_told_n
+        if sent_n != to_be_n and sent_n is not None:
+            self.command_n = sent_n
+            self._policy.put_back(sent_n)
+        elif sent_n != to_be_n:
+            force_n, unknown, self._claimed = self._before
+            self.command_n = force_n if self._claimed else None
+            self._policy.put_back(force_n, unknown=unknown)
+        return done
+
+    def _is_released(self, sample: GripperSample) -> bool:
+        """Whether what was held is seen to be let go; while the fingers move, only those known to be free show it."""
+        if sample.object == "contact_closing" or self._touch.pressed_n(sample.t_ns) is not None:
+            return False
+        return not sample.moving or not self._touch.not_free(sample.t_ns)
+
+    def _let_go(self) -> None:
+        """End the grasp, its force and its budget."""
+        self._policy.let_go()
+        self._held = self._claimed = False
+        self.closed_to_m = None
+
+    def _find(self, sample: GripperSample) -> None:
+        """Adopt a grip that no command of this run began as the one in force.
+
+        Until a command changes it, its force is what the session knows to have been sent last, or else what the gripper
+        reports, or else the larger that the fingers feel. A force outside the limits counts as the nearer limit, so
+        that every step from there can be judged.
+        """
+        felt_n = self._touch.pressed_n(sample.t_ns)
+        if not sample.object.startswith("contact") and felt_n is None:
+            return
+        self._held, self.closed_to_m = True, None
+        sent_n = self._session.force_told_n
+        if sent_n is not None:
+            self._policy.put_back(sent_n)
+            return
+        reported_n = number(sample.force_n) or 0.0
+        force_n = reported_n if reported_n > 0.0 else felt_n
+        limits, least_n = self._policy.limits, self._session.force_range_n[0]
+        most_n = math.inf if limits.max_n is None else limits.max_n
+        self._policy.find(None if force_n is None else min(max(force_n, least_n, limits.min_n), most_n))

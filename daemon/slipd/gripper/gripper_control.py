@@ -1,0 +1,270 @@
+"""The gripper behind its session: intents in, permitted commands out, and what it reports of itself.
+
+Whether a motion may happen is for `slipd.gripper.motion_gate` to say: nothing is sent here but what it permits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, cast
+
+from slipd.config import Gripper as GripperConfig
+from slipd.devices import GripperSession
+from slipd.finger.finger import Finger
+from slipd.gripper.finger_contact import FingerContact
+from slipd.gripper.grip_in_force import GripInForce
+from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperWatch
+from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
+from slipd.gripper.motion_gate import judge, not_taken
+from slipd.permit import Permit
+from slipd.publish.message_bodies import lease_body, number
+from slipd.refusal import Refusal
+from slipd.samples import GripperSample
+from slipd_client.messages import Health
+
+Result = dict[str, Any] | Refusal
+
+#: A gripper that was not heard for so long, or for three of its periods, does not answer. A session that repeats an
+#: unanswered command twice gives it up first.
+SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
+#: Of the time from one look at the clock to the next so much counts: beyond it the daemon itself stood still, what the
+#: gripper said meanwhile waits to be read, and what it was to be told was meant for another situation.
+LONGEST_LOOK_NS = 50_000_000
+#: A motion that no reading has shown for so long has ended, or was none.
+LONGEST_BEGIN_NS = 1_000_000_000
+#: Fingers so near to their goal have arrived.
+ARRIVED_M = 5e-4
+
+
+class GripperControl:
+    """One gripper: what the motion gate permits becomes a command of its session.
+
+    Args:
+        config: ``[gripper]``.
+        session: The conversation with it.
+        fingers: The fingers by name: what they feel decides with.
+
+    Attributes:
+        policy: The lease, the limits, the force in force and the latched fault.
+        sample: The newest reading; None while nothing is known.
+    """
+
+    def __init__(self, config: GripperConfig, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
+        self._config = config
+        self._session = session
+        self._touch = FingerContact(fingers)
+        self._watch = GripperWatch()
+        self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
+        self.policy = GripPolicy(_limits(config), config.max_lease_ms)
+        self._grip = GripInForce(self.policy, session, self._touch)
+        self.sample: GripperSample | None = None
+        self._goal_m: float | None = None  # of the last motion; None: not known
+        self._goals_m: tuple[float, float] | None = None  # of the motions that may be under way
+        self._seen_moving = False  # since the last motion was asked for
+        self._moves = False  # the fingers, as far as is known
+        self._moved_ns = 0  # when they were sent somewhere
+        self._looked_ns = self._silent_ns = 0
+        self._told_fault = ""
+
+    def take(self, sample: GripperSample) -> None:
+        """Take a status reading."""
+        self.sample, self._silent_ns = sample, 0
+        self._latch(self._watch.take(sample))
+        self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
+        self._follow(sample)
+        self._grip.take(sample, answers_command=sample.t_ns > self._moved_ns)
+
+    def look(self, t_ns: int) -> None:
+        """Looks at the clock before anything is written: after a stall nothing is sent that was asked for before it."""
+        passed_ns, self._looked_ns = t_ns - self._looked_ns, t_ns
+        self._silent_ns += min(passed_ns, LONGEST_LOOK_NS)
+        if passed_ns > LONGEST_LOOK_NS:
+            self._drop()
+
+    def wake(self) -> None:
+        """The host slept: nothing is sent that was asked for before, leases are over, and what was heard is old."""
+        self._drop()
+        self.policy.end_lease()
+        self._lose_sight()
+
+    def on_time(self, t_ns: int) -> bool:
+        """Lets time pass; True where there is news: the latched fault is another, or a lease ended by itself."""
+        self.look(t_ns)
+        self._latch(self._watch.take_command(lost=self._session.command_lost))
+        if self.sample is not None and self._silent_ns > self._silence_ns:
+            self._forget(NO_ANSWER)
+        lapsed = self.policy.lapsed(t_ns)
+        if lapsed:
+            self.carry_out("lease_end", t_ns)
+        told, self._told_fault = self._told_fault, self.policy.fault
+        return lapsed or self._told_fault != told
+
+    def lose(self) -> None:
+        """The link went down: nothing is known of the gripper, and nobody holds the lease."""
+        self._forget(LINK_LOST)
+        self.policy.end_lease()
+
+    def carry_out(
+        self,
+        kind: IntentKind,
+        t_ns: int,
+        who: bytes | None = None,
+        *,
+        force_n: float | None = None,
+        width_m: float | None = None,
+        speed_mps: float | None = None,
+        drop: bool = False,
+    ) -> Result:
+        """Carry out an intent if the motion gate permits it; see `Intent` for the arguments.
+
+        Returns:
+            The result of the request, or why it was refused; then nothing has changed.
+        """
+        situation, applied_n = self._situation(t_ns), self._applied_n(force_n)
+        held_n = situation.grip.force_n if kind == "close" else self.policy.force_n
+        intent = Intent(kind, who, self.width_m, width_m, held_n, force_n, applied_n, speed_mps, drop)
+        found = judge(intent, situation)
+        if isinstance(found, Refusal):
+            return found
+        if found is not None and not self._carry_out(found, kind, t_ns):
+            return not_taken(situation)
+        match kind:
+            case "open" | "close" | "set" | "adjust" | "reflex":
+                return {"applied_n": self.force_command_n}
+            case "hold":
+                return {"force_n": number(self.policy.force_n)}
+            case _:
+                return {}
+
+    @property
+    def force_command_n(self) -> float | None:
+        """Force that the gripper was sent last, N; None where it was sent none, or is not active."""
+        return self._grip.command_n
+
+    @property
+    def width_m(self) -> float | None:
+        """Width between the pads, m; None where it is not known."""
+        return None if self.sample is None else number(self.sample.width_m)
+
+    def acknowledge(self) -> Result:
+        """Clears the latched fault; returns which it was. What is held by a gripper that is not heard stays a fault."""
+        if self.sample is None and self.policy.grips:
+            return Refusal("not_ready", "nothing is heard of the gripper, which had a grip in force: wait until it is")
+        fault = self.policy.fault
+        self.policy.acknowledge()
+        self._watch.acknowledge()
+        self._session.acknowledge()
+        return {"fault": fault or None}
+
+    def conditions(self) -> list[tuple[Health, str]]:
+        """What ails the gripper, for the status of its stream."""
+        fault = self.policy.fault
+        return [(Health.ERROR, f"{fault} is latched: say fault.ack once it was looked at")] if fault else []
+
+    def body(self, t_ns: int) -> dict[str, Any]:
+        """The ``gripper`` message."""
+        sample = self.sample
+        return {
+            "width_m": None if sample is None else number(sample.width_m),
+            "force_command_n": number(self.force_command_n),
+            "force_limit_n": self._config.max_force_n,
+            "active": None if sample is None else sample.active,
+            "object": None if sample is None else sample.object,
+            "moving": None if sample is None else sample.moving,
+            "fault": None if sample is None else sample.fault,
+            "latched_fault": self.policy.fault,
+            "echo_ok": None if sample is None else sample.echo_ok,
+            "current_a": None if sample is None else number(sample.current_a),
+            "force_n": None if sample is None else number(sample.force_n),
+            "lease": lease_body(self.policy, t_ns),
+            "reflex": None,
+            "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
+        }
+
+    def _latch(self, fault: str) -> None:
+        if fault:
+            self.policy.latch(fault)
+
+    def _forget(self, fault: str) -> None:
+        """Nothing is heard of the gripper any more; a fault only where it has something to hold."""
+        if self.policy.grips:
+            self.policy.latch(fault)
+        self._watch.forget()
+        self._lose_sight()
+
+    def _lose_sight(self) -> None:
+        """Others may move the gripper from here on, and grip with it where no grip is in force."""
+        self._grip.lose_sight()
+        self.sample = self._goal_m = self._goals_m = None
+
+    def _follow(self, sample: GripperSample) -> None:
+        """Find out whether the motions that were asked for are over; a reading may be older than what they began."""
+        since_ns = sample.t_ns - self._moved_ns
+        self._seen_moving = self._seen_moving or sample.moving
+        if sample.moving or since_ns <= 0:
+            return
+        arrived = self._goal_m is not None and math.isclose(sample.width_m or 0.0, self._goal_m, abs_tol=ARRIVED_M)
+        if arrived or self._seen_moving or since_ns > LONGEST_BEGIN_NS:
+            self._goals_m = None
+
+    def _situation(self, t_ns: int) -> Situation:
+        """All that the gate judges by."""
+        sample, session = self.sample, self._session
+        gripper = GripperState(
+            answers=sample is not None,
+            active=sample is not None and sample.active,
+            activating=session.activating,
+            fault="" if sample is None else sample.fault,
+            moving=self._moves,
+            goals_m=self._goals_m,
+            closed_to_m=self._grip.closed_to_m,
+            width_range_m=session.width_range_m,
+            speed_range_mps=session.speed_range_mps,
+            force_range_n=session.force_range_n,
+            stops_at_lease_end=self._config.lease_end == "stop",
+        )
+        touch, policy = self._touch, self.policy
+        return Situation(policy.limits, policy.state(t_ns), gripper, touch.blind(t_ns), touch.not_free(t_ns))
+
+    def _applied_n(self, force_n: float | None) -> float | None:
+        """The force of the gripper's setting for ``force_n``: its settings may be steps."""
+        return None if force_n is None or not math.isfinite(force_n) else self._session.applied_n(force_n)
+
+    def _carry_out(self, permit: Permit, kind: IntentKind, t_ns: int) -> bool:
+        """Hand a permit to the session and take note of what it changes; False: nothing will be sent."""
+        if permit.kind == "halt":
+            return self._grip.undo(lambda: self._session.execute(permit, t_ns))
+        self._grip.prepare()
+        if not self._session.execute(permit, t_ns):
+            return False
+        if permit.kind == "activate":
+            self._watch.activate(t_ns)
+            self._grip.renew()
+            self._goal_m = self._goals_m = None
+            return True
+        self._grip.sent(permit, kind, t_ns)
+        if permit.kind == "move":
+            self._goal_m = goal_m = cast("float", permit.width_m)
+            narrowest_m, widest_m = self._goals_m or (goal_m, goal_m)
+            self._goals_m = min(narrowest_m, goal_m), max(widest_m, goal_m)
+            self._moves, self._seen_moving, self._moved_ns = True, False, t_ns
+        return True
+
+    def _drop(self) -> None:
+        """Forget what was not sent yet; that it never will be is a fault."""
+        if self._grip.undo(self._session.drop):
+            self.policy.latch(COMMAND_LOST)
+
+
+def _limits(config: GripperConfig) -> GripLimits:
+    budget_n = config.max_force_n if config.budget_n is None else config.budget_n
+    return GripLimits(
+        min_n=config.min_force_n or 0.0,
+        max_n=config.max_force_n,
+        step_n=config.step_n,
+        raise_n_per_s=config.raise_n_per_s,
+        lower_n_per_s=config.lower_n_per_s,
+        budget_n=budget_n or 0.0,
+    )

@@ -1,0 +1,286 @@
+"""The rules of the motion gate: each returns why an intent may not be carried out, or None.
+
+Which kinds of intent a rule binds, and in which order rules are checked, is in `slipd.gripper.motion_gate.TABLE`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slipd.gripper.grip_policy import NO_LEASE, ROUNDING_N
+from slipd.gripper.intent import Intent, Situation
+from slipd.refusal import Refusal
+
+ACTIVATING = Refusal("activating", "the gripper is still activating")
+NOT_ACTIVE = Refusal("not_active", "request gripper.activate first; it moves the fingers fully")
+_NO_LIMIT = Refusal("no_limit", "gripper.max_force_n is not configured, so nothing may be moved")
+_NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
+_NOTHING_GRIPPED = Refusal("not_ready", "no grip is in force: gripper.close begins one")
+
+#: Widths in messages are rounded to this, towards what would be accepted.
+_SHOWN_M = 1e-4
+#: Share of that within which a width counts as shown exactly.
+_SHOWN_ROUNDING = 1e-6
+
+
+# -- who asks, and whether the gripper can be moved at all
+
+
+def client_holds_the_lease(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a client that does not hold the lease."""
+    return None if intent.who is not None and intent.who == situation.grip.holder else NO_LEASE
+
+
+def limit_is_configured(_: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to move anything without a configured force limit."""
+    return _NO_LIMIT if situation.limits.max_n is None else None
+
+
+def no_fault_is_latched(_: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to move while a fault is latched."""
+    fault = situation.grip.fault
+    return Refusal("fault_latched", f"{fault} is latched: put it right, then request fault.ack") if fault else None
+
+
+def gripper_answers(_: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to move a gripper that does not answer."""
+    return None if situation.gripper.answers else _NO_ANSWER
+
+
+def gripper_has_no_fault(_: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to move a gripper that reports a fault."""
+    fault = situation.gripper.fault
+    return Refusal("gripper_fault", f"the gripper reports {fault}") if fault else None
+
+
+def gripper_is_active(_: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to move a gripper that is not active, or not yet."""
+    if situation.gripper.activating:
+        return ACTIVATING
+    return None if situation.gripper.active else NOT_ACTIVE
+
+
+# -- what may fall
+
+
+def fingers_are_free_or_may_drop(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to open where something is held or may be, unless the client accepts that it falls."""
+    if intent.drop or not situation.not_free:
+        return None
+    names = ", ".join(situation.not_free)
+    return Refusal("in_contact", f"not known to be free: {names}; drop: true opens all the same", "drop")
+
+
+# -- forces
+
+
+def force_is_within_limits(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a force that is not finite, or outside the configured limits."""
+    wanted_n, limits = intent.force_wanted_n, situation.limits
+    if wanted_n is None:
+        return None
+    if not math.isfinite(wanted_n):
+        return _force("not_finite", f"must be finite, got {wanted_n}", intent)
+    if limits.max_n is None or not limits.min_n <= wanted_n <= limits.max_n:
+        allowed = f"must be from {limits.min_n:g} to {limits.max_n or 0.0:g} N on one pad"
+        return _force("out_of_range", f"{allowed}, got {wanted_n:g}", intent)
+    return None
+
+
+def gripper_has_the_force(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a force that the gripper does not have, or whose setting falls below the least."""
+    wanted_n, applied_n = intent.force_wanted_n, intent.force_applied_n
+    least_n, most_n = situation.gripper.force_range_n
+    if wanted_n is None or applied_n is None:
+        return None
+    if not least_n <= wanted_n <= most_n:
+        allowed = f"must be from {least_n:g} to {most_n:g} N on one pad for this gripper"
+        return _force("out_of_range", f"{allowed}, got {wanted_n:g}", intent)
+    if applied_n < situation.limits.min_n:
+        steps = f"is too low: the gripper's next setting down is {applied_n:g} N"
+        return _force("out_of_range", f"{steps}, below min_force_n, {situation.limits.min_n:g} N", intent)
+    return None
+
+
+def unknown_grip_begins_with_the_least_force(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse all but the least force for a grip whose force is not known: from there steps can be judged."""
+    wanted_n = intent.force_wanted_n
+    if not situation.grip.unknown or wanted_n is None or wanted_n <= situation.least_n + ROUNDING_N:
+        return None
+    found = "an object is held with a force that is not known"
+    return _force("not_ready", f"must begin with the least, {situation.least_n:g} N: {found}", intent)
+
+
+def grip_is_in_force(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to change the force of a grip if none is in force, or its force is not known."""
+    if situation.grip.unknown and not situation.grip.letting_go:
+        begin = f"gripper.close with the least, {situation.least_n:g} N, begins a known grip"
+        return Refusal("not_ready", f"the force of the grip in force is not known: {begin}")
+    return _NOTHING_GRIPPED if intent.force_in_force_n is None else None
+
+
+def change_is_within_a_step(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a change of the force in force by more than a step."""
+    step_n, change_n = situation.limits.step_n, _change_n(intent)
+    if abs(change_n) <= step_n + ROUNDING_N:
+        return None
+    allowed = f"may change by at most {step_n:g} N from the {intent.force_in_force_n:g} N in force"
+    got = f"got {intent.force_wanted_n:g} N"
+    if intent.force_applied_n != intent.force_wanted_n:
+        got += f", for which the gripper's setting is {intent.force_applied_n:g} N"
+    return _force("out_of_range", f"{allowed}, {got}", intent)
+
+
+def raises_stay_within_the_budget(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a raise beyond what is left of the budget of this grasp."""
+    left_n, raise_n = situation.grip.budget_left_n, _change_n(intent)
+    if raise_n <= 0.0 or raise_n <= left_n + ROUNDING_N:
+        return None
+    budget = f"of the {situation.limits.budget_n:g} N by which one grasp may be raised {left_n:g} N are left"
+    return Refusal("budget_spent", f"{budget}, got {raise_n:g}", _force_field(intent))
+
+
+def change_is_slow_enough(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a change that comes too soon after the last."""
+    limits, change_n = situation.limits, _change_n(intent)
+    raises = change_n > 0.0
+    left_n = situation.grip.raise_left_n if raises else situation.grip.lower_left_n
+    missing_n = min(abs(change_n), limits.step_n) - left_n
+    if missing_n <= ROUNDING_N:
+        return None
+    rate = limits.raise_n_per_s if raises else limits.lower_n_per_s
+    wait_ms = math.ceil(missing_n / rate * 1e3)
+    return _force("too_fast", f"may change at most {rate:g} N/s: ask again in {wait_ms} ms", intent)
+
+
+def raise_is_felt(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a raise while a sensor is stale or doubtful."""
+    if _change_n(intent) <= 0.0 or not situation.blind:
+        return None
+    names = ", ".join(situation.blind)
+    return _force("not_ready", f"must not be raised on a stale or doubtful sensor: {names}; see status", intent)
+
+
+def reflex_feels(_: Intent, situation: Situation) -> Refusal | None:
+    """Refuse every act of the reflex while a sensor is stale or doubtful."""
+    return Refusal("not_ready", f"stale or doubtful: {', '.join(situation.blind)}") if situation.blind else None
+
+
+def reflex_keeps_what_was_asked(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to let the reflex lower below the force a client asked for."""
+    asked_n = situation.grip.asked_n
+    if asked_n is None or _change_n(intent) >= 0.0 or (intent.force_applied_n or 0.0) >= asked_n - ROUNDING_N:
+        return None
+    return Refusal("out_of_range", f"the reflex does not lower below the {asked_n:g} N asked for")
+
+
+# -- widths and speeds
+
+
+def gripper_has_the_width(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a width that the gripper does not have."""
+    width_m, (least_m, most_m) = intent.width_wanted_m, situation.gripper.width_range_m
+    if width_m is None or least_m <= width_m <= most_m:
+        return None
+    return _width("out_of_range", f"must be from {least_m:g} to {most_m:g} m, got {width_m:g}")
+
+
+def gripper_has_the_speed(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a speed that the gripper does not have."""
+    speed_mps, speeds = intent.speed_mps, situation.gripper.speed_range_mps
+    if speed_mps is None:
+        return None
+    if speeds is None:
+        return Refusal("out_of_range", "this gripper takes no speed: leave speed_mps out", "speed_mps")
+    if speeds[0] <= speed_mps <= speeds[1]:
+        return None
+    allowed = f"speed_mps must be from {speeds[0]:g} to {speeds[1]:g} m/s"
+    return Refusal("out_of_range", f"{allowed}, got {speed_mps:g}", "speed_mps")
+
+
+def open_width_is_known(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to open fully where it is not known how wide that is."""
+    if intent.width_wanted_m is not None or math.isfinite(situation.gripper.width_range_m[1]):
+        return None
+    return _width("not_ready", "is needed: the gripper has not reported its widths yet")
+
+
+def least_force_is_allowed(_: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to open with a force above the limit: the gripper has none that is lower."""
+    most_n = situation.limits.max_n or 0.0
+    if situation.least_n <= most_n:
+        return None
+    return Refusal("out_of_range", f"the gripper's least force, {situation.least_n:g} N, is above max_force_n")
+
+
+def present_width_is_known(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse a width if the width to compare it with is not known."""
+    gripper = situation.gripper
+    if intent.width_wanted_m is None:
+        return None
+    if intent.width_now_m is None:
+        return _width("not_ready", "must be left out: the present width is not known")
+    if gripper.moving and gripper.goals_m is None:
+        return _width("not_ready", "must be left out: the fingers move, and it is not known where to")
+    if intent.kind == "close" and situation.grip.grips and gripper.closed_to_m is None:
+        return _width("not_ready", "must be left out: it is not known where the grip in force was closed to")
+    return None
+
+
+def open_only_widens(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to narrow. Fingers that move may be as wide as their goal already; fully open is always allowed."""
+    gripper, wanted_m = situation.gripper, intent.width_wanted_m
+    if wanted_m is None:
+        return None
+    least_m = _widest(intent.width_now_m, None if gripper.goals_m is None else gripper.goals_m[1])
+    least_m = min(least_m, gripper.width_range_m[1])
+    if wanted_m >= least_m:
+        return None
+    least = f"the present {math.ceil(least_m / _SHOWN_M - _SHOWN_ROUNDING) * _SHOWN_M:.4f} m"
+    rule = f"must be at least {least}, got {wanted_m:g}; use gripper.close to close"
+    return _width("out_of_range", rule, "gripper.open only widens: ")
+
+
+def close_only_narrows(intent: Intent, situation: Situation) -> Refusal | None:
+    """Refuse to widen.
+
+    Fingers that move may be as narrow as their goal already, and a grip in force presses towards where it was closed
+    to: a wider goal would open, or take away what presses on the object.
+    """
+    gripper, wanted_m = situation.gripper, intent.width_wanted_m
+    if wanted_m is None:
+        return None
+    goal_m = None if gripper.goals_m is None else gripper.goals_m[0]
+    most_m = _narrowest(intent.width_now_m, goal_m, gripper.closed_to_m if situation.grip.grips else None)
+    if wanted_m <= most_m:
+        return None
+    most = f"{math.floor(most_m / _SHOWN_M + _SHOWN_ROUNDING) * _SHOWN_M:.4f} m"
+    rule = f"must be at most {most}, got {wanted_m:g}; use gripper.open to open"
+    return _width("out_of_range", rule, "gripper.close only narrows: ")
+
+
+def _widest(*widths_m: float | None) -> float:
+    return max((width_m for width_m in widths_m if width_m is not None), default=0.0)
+
+
+def _narrowest(*widths_m: float | None) -> float:
+    return min((width_m for width_m in widths_m if width_m is not None), default=math.inf)
+
+
+def _change_n(intent: Intent) -> float:
+    """By how much the force in force would change, N; 0 where none is in force or asked for."""
+    if intent.force_in_force_n is None or intent.force_applied_n is None:
+        return 0.0
+    return intent.force_applied_n - intent.force_in_force_n
+
+
+def _force_field(intent: Intent) -> str:
+    return {"adjust": "delta_n", "reflex": ""}.get(intent.kind, "force_n")
+
+
+def _force(code: str, rule: str, intent: Intent) -> Refusal:
+    return Refusal(code, f"force_n {rule}", _force_field(intent))
+
+
+def _width(code: str, rule: str, opening: str = "") -> Refusal:
+    return Refusal(code, f"{opening}width_m {rule}", "width_m")

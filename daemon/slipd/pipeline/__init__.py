@@ -1,1 +1,0 @@
-"""One finger, and the engine that every event passes; pure."""

@@ -1,0 +1,1 @@
+"""Requests of clients: checked, done at most once, and answered; pure."""

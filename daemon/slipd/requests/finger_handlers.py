@@ -1,0 +1,149 @@
+"""Handlers of the requests that change the basis of verdicts: tares, gravity and friction.
+
+The lease holder moves the gripper on these verdicts. While a client holds the lease, no other may make them more
+lenient: a tare and its undo shift every force, and a larger μ makes a slipping grip look stable.
+"""
+
+from __future__ import annotations
+
+from slipd.config.model import Requests
+from slipd.events import Request
+from slipd.finger.finger import Finger
+from slipd.finger.finger_tares import STREAMS, Tares
+from slipd.gripper.grip_policy import GripPolicy
+from slipd.gripper.gripper_control import Result
+from slipd.refusal import Refusal
+from slipd.requests.gripper_handlers import Handler
+from slipd.signals.gravity import FRESH_NS, gravity_fault
+
+DEFAULT_TARE_S = 0.5
+#: A longer average waits for drift, not for noise.
+LONGEST_TARE_S = 10.0
+_HELD = "a tare may erase the load of what is held: a grip is in force"
+
+
+class FingerHandlers:
+    """Checks these requests and carries them out.
+
+    Args:
+        fingers: The fingers by name.
+        policy: Keeps the lease.
+        config: ``[requests]``.
+
+    Attributes:
+        ops: Handler of each op.
+    """
+
+    def __init__(self, fingers: dict[str, Finger], policy: GripPolicy, config: Requests) -> None:
+        self._fingers = fingers
+        self._policy = policy
+        self._config = config
+        self._told_gravity: dict[str, tuple[bytes, int]] = {}
+        self.ops: dict[str, Handler] = {
+            "tare": self._tare,
+            "tare.get": self._tare_get,
+            "tare.undo": self._tare_undo,
+            "gravity.set": self._gravity_set,
+            "friction.set": self._friction_set,
+        }
+
+    def _finger(self, request: Request) -> Finger | Refusal:
+        name = request.body["finger"]
+        finger = self._fingers.get(name)
+        if finger is None:
+            known = ", ".join(self._fingers)
+            return Refusal("unknown_finger", f"there is no finger {name!r:.40}; known: {known}", "finger")
+        return finger
+
+    def _tares(self, request: Request, known: tuple[str, ...]) -> Tares | Refusal:
+        """Return the streams of a finger that a request names."""
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
+        stream = request.body.get("stream")
+        if stream not in (None, *known):
+            return Refusal("out_of_range", f"stream must be one of {', '.join(known)}, not {stream!r:.40}", "stream")
+        return Tares.of(finger, stream)
+
+    def _tare(self, request: Request, t_ns: int) -> Result:
+        tares = self._tares(request, (*STREAMS, "all"))
+        if isinstance(tares, Refusal):
+            return tares
+        seconds = request.body.get("seconds", DEFAULT_TARE_S)
+        if not 0.0 < seconds <= LONGEST_TARE_S:
+            return Refusal("out_of_range", f"seconds must be above 0 and at most {LONGEST_TARE_S:g}", "seconds")
+        unloaded = request.body.get("unloaded", False)
+        refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)
+        if refusal is not None:
+            return refusal
+        if (self._policy.grips or self._policy.letting_go) and not tares.verified:
+            return Refusal("in_contact", f"{_HELD}, and finger {tares.finger.name} is not known to be free", "finger")
+        return tares.begin(t_ns, seconds, named(request.client), unloaded=unloaded)
+
+    def _tare_get(self, request: Request, _: int) -> Result:
+        tares = self._tares(request, STREAMS)
+        return tares if isinstance(tares, Refusal) else tares.body()
+
+    def _tare_undo(self, request: Request, t_ns: int) -> Result:
+        tares = self._tares(request, STREAMS)
+        if isinstance(tares, Refusal):
+            return tares
+        refusal = self._check_others_lease(request, t_ns, "changed")
+        if refusal is None and not tares.busy and tares.finger.pressed() is True:
+            refusal = self._policy.check_lease(request.client, t_ns)
+        return refusal or tares.undo()
+
+    def _gravity_set(self, request: Request, t_ns: int) -> Result:
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
+        if finger.force is None:
+            return Refusal("not_ready", f"finger {finger.name} has no force sensor that weighs it", "finger")
+        fault = gravity_fault(request.body["gravity_mps2"])
+        if fault is not None:
+            return Refusal("out_of_range", fault, "gravity_mps2")
+        teller, told_ns = self._told_gravity.get(finger.name, (request.client, t_ns))
+        held = self._policy.holder(t_ns) not in (None, request.client)
+        if held and teller == self._policy.holder(t_ns) and t_ns - told_ns <= FRESH_NS:
+            message = f"the client that holds the lease sends the gravity of finger {finger.name}: no other client may"
+            return Refusal("lease_held", message, "gravity_mps2")
+        self._told_gravity[finger.name] = request.client, t_ns
+        finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
+        return {"gravity": finger.force.gravity.state(t_ns)}
+
+    def _friction_set(self, request: Request, t_ns: int) -> Result:
+        finger = self._finger(request)
+        if isinstance(finger, Refusal):
+            return finger
+        body, most = request.body, finger.config.most_mu
+        mu_s = float(body["mu_s"])
+        mu_d = float(body["mu_d"]) if "mu_d" in body else None
+        if not 0.0 < mu_s <= most:
+            limit = f"mu_s must be above 0 and at most {most:g}, the mu_max of finger {finger.name}, not {mu_s:g}"
+            return Refusal("out_of_range", limit, "mu_s")
+        if mu_d is not None and not 0.0 < mu_d <= mu_s:
+            return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, not {mu_d:g}", "mu_d")
+        if finger.loosens(mu_s, mu_d) and not self._config.friction_without_lease:
+            refusal = self._policy.check_lease(request.client, t_ns)
+            if refusal is not None:
+                why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
+                return Refusal(refusal.code, f"{why}: acquire the lease first (lease.acquire)", "")
+        finger.set_friction(mu_s, mu_d, named(request.client), t_ns)
+        return {"finger": finger.name, **finger.friction_body()}
+
+    def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
+        """Refuse to shift forces on which another client relies."""
+        if self._policy.holder(t_ns) in (None, request.client):
+            return None
+        return Refusal("lease_held", f"another client holds the lease: its sensors may not be {done} by others")
+
+
+def _change(finger: Finger, mu_s: float) -> str:
+    if finger.mu is None:
+        return f"mu_s {mu_s:g}, where none was known,"
+    return f"mu_s {mu_s:g} over {finger.mu:g}" if mu_s > finger.mu else "a lower mu_d"
+
+
+def named(client: bytes) -> str:
+    """Return a readable name of a client: its key, or its process; never the route that it chose."""
+    return client.partition(b"\0")[0].decode(errors="replace")

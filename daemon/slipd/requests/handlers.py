@@ -1,0 +1,117 @@
+"""Answers requests: each op is a method that returns its result, or why it is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from slipd.config.model import Requests
+from slipd.events import RecordingChanged, Reply, Request
+from slipd.finger.finger import Finger
+from slipd.gripper.grip_policy import GripPolicy
+from slipd.gripper.gripper_control import GripperControl, Result
+from slipd.refusal import Refusal
+from slipd.requests.finger_handlers import FingerHandlers
+from slipd.requests.gripper_handlers import GripperHandlers, without_gripper
+from slipd.requests.idempotency import URGENT_OPS, IdempotencyCache
+from slipd.requests.lease_handlers import LeaseHandlers
+from slipd.requests.recording_state import RecordingState
+from slipd.requests.request_check import OPS, check_request
+from slipd_client.messages import PROTOCOL_VERSION
+
+
+class RequestHandlers:
+    """Judges requests and carries them out, each at most once.
+
+    Args:
+        boot: Id of this run.
+        fingers: The fingers by name.
+        gripper: The gripper; None where the config names none.
+        policy: Keeps the lease.
+        requests: ``[requests]``.
+        recordings: The recordings on request.
+        status: Makes the body of the ``status`` message for an instant.
+    """
+
+    def __init__(
+        self,
+        boot: str,
+        fingers: dict[str, Finger],
+        gripper: GripperControl | None,
+        policy: GripPolicy,
+        requests: Requests,
+        recordings: RecordingState,
+        status: Callable[[int], dict[str, Any]],
+    ) -> None:
+        self._boot = boot
+        self._fingers = fingers
+        self._recordings = recordings
+        self._once = IdempotencyCache()
+        self._status = status
+        self._unanswered: dict[tuple[bytes, str | int], dict[str, Any]] = {}
+        self._ops: dict[str, Callable[[Request, int], Result | None]] = {
+            "hello": self._hello,
+            "status": self._status_now,
+            "record.start": self._record_start,
+            "record.stop": self._record_stop,
+        }
+        self._policy = policy
+        grip_ops = {} if gripper is None else GripperHandlers(gripper).ops
+        self._ops = dict.fromkeys(OPS, without_gripper) | self._ops | grip_ops
+        self._ops |= LeaseHandlers(policy).ops | FingerHandlers(fingers, policy, requests).ops
+
+    def answer(self, request: Request, t_ns: int) -> Reply | None:
+        """Check a request at ``t_ns`` and carry it out unless a rule forbids it.
+
+        Returns:
+            The reply; None where it must wait for the disk (`note_recording`), also for a copy sent meanwhile.
+        """
+        body = request.body
+        refusal = check_request(body, self._boot, t_ns)
+        if refusal is not None:
+            return _reply(request, refusal, t_ns)
+        urgent = body["op"] in URGENT_OPS and self._holds(request.client, t_ns)
+        seen = self._once.seen(request.client, body, t_ns, urgent=urgent)
+        if seen is None:
+            found = self._ops[body["op"]](request, t_ns)
+            reply = {} if found is None else _reply(request, found, t_ns).body
+            if found is None:
+                self._unanswered[request.client, body["id"]] = reply
+            self._once.keep(request.client, body, reply, t_ns)
+            return Reply(request.client, reply) if reply else None
+        if isinstance(seen, Refusal):
+            return _reply(request, seen, t_ns)
+        return Reply(request.client, seen) if seen else None
+
+    def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
+        """Note the new state of a recording, and answer the request that waited for it."""
+        settled = self._recordings.settle(event)
+        if settled is None:
+            return None
+        request, found = settled
+        reply = self._unanswered.pop((request.client, request.body["id"]), {})
+        reply |= _reply(request, found, t_ns).body  # in place: a copy of the request gets the same reply
+        return Reply(request.client, reply)
+
+    def _holds(self, client: bytes, t_ns: int) -> bool:
+        return self._policy.holder(t_ns) == client
+
+    def _hello(self, _: Request, t_ns: int) -> Result:
+        return {"boot": self._boot, "t_ns": t_ns, "version": PROTOCOL_VERSION, "fingers": list(self._fingers)}
+
+    def _status_now(self, _: Request, t_ns: int) -> Result:
+        return self._status(t_ns)
+
+    def _record_start(self, request: Request, t_ns: int) -> Refusal | None:
+        return self._recordings.start(request, t_ns)
+
+    def _record_stop(self, _: Request, __: int) -> Result:
+        return self._recordings.stop()
+
+
+def _reply(request: Request, found: Result, t_ns: int) -> Reply:
+    head = {"v": PROTOCOL_VERSION, "id": request.body.get("id"), "t_ns": t_ns}
+    if isinstance(found, Refusal):
+        error = {"code": found.code, "message": found.message, "field": found.field}
+        return Reply(request.client, head | {"ok": False, "error": error})
+    return Reply(request.client, head | {"ok": True, "result": found})

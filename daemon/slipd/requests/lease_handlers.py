@@ -1,0 +1,45 @@
+"""Handlers of the lease requests. Every rig has a lease; without a gripper it decides who may loosen verdicts."""
+
+from __future__ import annotations
+
+from slipd.events import Request
+from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.gripper_control import Result
+from slipd.requests.gripper_handlers import Handler
+
+#: Longest life of a lease without renewal on a rig without gripper; with one, it is ``gripper.max_lease_ms``.
+LONGEST_LEASE_MS = 200
+
+
+class LeaseHandlers:
+    """Grants the lease to one client at a time.
+
+    Args:
+        policy: Keeps the lease.
+
+    Attributes:
+        ops: Handler of each op.
+    """
+
+    def __init__(self, policy: GripPolicy) -> None:
+        self._policy = policy
+        self.ops: dict[str, Handler] = {
+            "lease.acquire": self._acquire,
+            "lease.renew": self._renew,
+            "lease.release": self._release,
+        }
+
+    def _acquire(self, request: Request, t_ns: int) -> Result:
+        ttl_ms = request.body["ttl_ms"]
+        return self._policy.acquire(request.client, ttl_ms, t_ns) or {"ttl_ms": ttl_ms}
+
+    def _renew(self, request: Request, t_ns: int) -> Result:
+        return self._policy.renew(request.client, t_ns) or {}
+
+    def _release(self, request: Request, t_ns: int) -> Result:
+        return self._policy.release(request.client, t_ns) or {}
+
+
+def policy_without_gripper() -> GripPolicy:
+    """Return the policy that keeps the lease of a rig without a gripper; it permits no force."""
+    return GripPolicy(GripLimits(0.0, None, 0.0, 0.0, 0.0, 0.0), LONGEST_LEASE_MS)

@@ -1,0 +1,103 @@
+"""Runs all methods and writes ``speed_accuracy``, ``failure_atlas`` and ``time``, .md and .png."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from bench.commit import measured_on
+from project import DOCS
+
+SCENES, QUICK_SCENES = 1500, 45
+SOLVER_SCENES = 200
+"""On which the cone solver is timed without its set-up."""
+
+PARTS = ("speed", "atlas", "time")
+PACKAGES = ("numpy", "scipy", "numba", "clarabel")
+
+
+def main() -> int:
+    """Runs and writes; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="make chart", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="few scenes, to see that it works")
+    parser.add_argument("--scenes", type=int, metavar="N", help=f"default {SCENES}")
+    parser.add_argument("--only", choices=PARTS, action="append", help="one report; may be repeated; default all")
+    parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="default docs")
+    options = parser.parse_args()
+    if missing := [name for name in ("matplotlib", "clarabel") if not _is_installed(name)]:
+        print(f"chart: needs {' and '.join(missing)}: pip install -e '.[chart,dev]'", file=sys.stderr)
+        return 1
+    parts = options.only or PARTS
+    header = measured_on(*(f"{name} {version(name)}" for name in PACKAGES))
+    _say(f"slipd chart: {header}")
+    if "speed" in parts:
+        count = options.scenes or (QUICK_SCENES if options.quick else SCENES)
+        _write_speed(options.into, header, count, quick=options.quick)
+    if "atlas" in parts:
+        _write_atlas(options.into, header, quick=options.quick)
+    if "time" in parts:
+        _write_time(options.into, header, quick=options.quick)
+    return 0
+
+
+def _write_speed(folder: Path, header: str, count: int, *, quick: bool) -> None:
+    from chart import model_error, picture, pushes, scaling
+    from chart.rivals import cone
+    from chart.scores import questions, scores
+    from chart.speed_accuracy import Report
+
+    _say(f"right answers of {count} contacts, to 25 digits")
+    asked = questions(count)
+    _say("every method on each of them")
+    report = Report(asked, scores(asked))
+    solver_s = float(np.median([cone.solver_seconds(question.scene) for question in asked[:SOLVER_SCENES]]))
+    _say("cost against taxels")
+    cost = scaling.run(quick)
+    _say("model error")
+    model = model_error.run(quick)
+    pages = [f"# Speed against accuracy\n\n{header}.", report.text(solver_s)]
+    for table in (*report.tables(cost), *model.tables(), *pushes.tables()):
+        _say(table.text())
+        pages.append(table.markdown())
+    (folder / "speed_accuracy.md").write_text("\n\n".join(pages) + "\n", encoding="utf-8")
+    picture.save(folder / "speed_accuracy.png", report.scores, solver_s, cost, model)
+
+
+def _write_atlas(folder: Path, header: str, *, quick: bool) -> None:
+    from chart import atlas
+
+    _say("failure atlas")
+    page = f"# Failure atlas\n\n{header}.\n\n{atlas.run(quick)}"
+    (folder / "failure_atlas.md").write_text(page.rstrip() + "\n", encoding="utf-8")
+
+
+def _write_time(folder: Path, header: str, *, quick: bool) -> None:
+    from chart import clocks, skew, skew_picture
+
+    _say("device clocks")
+    runs = clocks.run(quick)
+    _say("taxels at their own instants")
+    skewed = skew.run(quick)
+    pages = [f"# Time\n\n{header}.", skew_picture.TEXT]
+    for table in (*clocks.tables(runs), *skewed.tables()):
+        _say(table.text())
+        pages.append(table.markdown())
+    (folder / "time.md").write_text("\n\n".join(pages) + "\n", encoding="utf-8")
+    skew_picture.save(folder / "time.png", runs, skewed)
+
+
+def _is_installed(name: str) -> bool:
+    from importlib.util import find_spec
+
+    return find_spec(name) is not None
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

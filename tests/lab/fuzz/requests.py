@@ -1,0 +1,559 @@
+"""Random and hostile requests at a daemon without sockets: nothing beyond the limits ever reaches the gripper.
+
+A round is one seed: clients, devices, faults and clocks. The messages take the way of real ones, from their frames
+through the request server's own judgement to the engine and the bytes for the gripper.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from types import SimpleNamespace
+from typing import Any, cast
+
+import msgpack
+import numpy as np
+from bench.tables import Cell, Table
+from fuzz.asking import CLIENTS, FINGERS, MOST_CAPTURED, Ask, Asker, Captured, Seen
+from fuzz.book import BUDGET_N, CEILING_N, LEAST_N, LOWER_N_PER_S, MOST_N, RAISE_N_PER_S, REFLEX_N_PER_S, STEP_N, Book
+from fuzz.hand import FAULTS, FORCE_TABLE, OPEN_M, Hand, Said
+from numpy.typing import NDArray
+
+from slipd import config
+from slipd.bus.request_server import RequestServer
+from slipd.devices import bota
+from slipd.engine.engine import Engine
+from slipd.events import (
+    Bytes,
+    Event,
+    LinkDown,
+    LinkUp,
+    Publish,
+    Record,
+    RecordingChanged,
+    Reply,
+    Request,
+    Tick,
+    Write,
+)
+from slipd.zmtp.peer import Peer
+from slipd_client.messages import ERROR_CODES, MESSAGE_LIMITS, MessageError, decode, encode
+
+MS = 1_000_000
+STRICT, ROUND = 1_000_000, 10_000
+"""Messages in all of a strict run, and of a round."""
+
+RESTART_EVERY = 2_500
+"""Messages from one run of the daemon to the next: what was captured in one is sent to the others."""
+
+BEGIN_NS = 1_000_000 * MS
+TICK_NS = 5 * MS
+READING_NS = 10 * MS
+REPLY_NS = 6 * MS
+WANTED_NS = 1_000_000
+LOOKED_AT_NS = 500_000
+"""A message that took longer is timed again, so that the machine is not taken for the daemon."""
+
+AGAIN = 3
+GROWTH_KB = 4096
+"""What a process may take up for good beyond its first round: arenas of the allocator, and no more."""
+
+OVERLOAD = 2
+"""Status bits with which the force sensor says that its reading is beyond its range."""
+
+NEVER_DONE = ("hello", "status")
+"""Ask for nothing to be done, so that there is nothing to repeat."""
+
+UNJUDGED = ("busy", "deadline_too_far", "repeated_id", "replayed")
+"""Refused so, a request is as new to the daemon as before: sent again later, it is done for the first time."""
+
+CONFIG = f"""
+[rates]
+slip_hz = 1.0
+wrench_hz = 1.0
+status_hz = 1.0
+[finger.left]
+mu = 0.5
+[finger.left.wrench]
+device = "bota"
+port = "left"
+rate_hz = 100.0
+[finger.right]
+mu = 0.5
+[finger.right.wrench]
+device = "bota"
+port = "right"
+rate_hz = 100.0
+[gripper]
+device = "robotiq_2f"
+port = "gripper"
+rate_hz = 50.0
+force_table = {[list(row) for row in FORCE_TABLE]}
+width_table = [[0.0, {OPEN_M}], [1.0, 0.0]]
+speed_table = [[0, 0.02], [255, 0.15]]
+min_force_n = {LEAST_N}
+max_force_n = {MOST_N}
+step_n = {STEP_N}
+raise_n_per_s = {RAISE_N_PER_S}
+lower_n_per_s = {LOWER_N_PER_S}
+budget_n = {BUDGET_N}
+"""
+
+REFLEX = f"""
+[grasp.pads.left]
+positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {OPEN_M / 2}, 0.0]]
+quat_xyzw = [0.5, -0.5, 0.5, 0.5]
+[grasp.pads.right]
+positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {-OPEN_M / 2}, 0.0]]
+quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+[reflex]
+enabled = true
+ceiling_n = {CEILING_N}
+raise_n_per_s = {REFLEX_N_PER_S}
+calm_s = 0.1
+lower_n_per_s = 1.0
+"""
+"""Of every second round: the object slips now and then, and the reflex acts on it."""
+
+MOST_PULL = 0.6
+"""Of the grip; friction carries 0.5 of it."""
+
+
+@dataclass
+class Found:
+    """What one or more rounds found.
+
+    Attributes:
+        messages: Sent, by how they were made.
+        granted: By op; repetitions are not counted.
+        replays: Captured requests that were sent again.
+        cached: Those answered as the first time, with nothing done.
+        late: Those granted that had been refused without being judged.
+        commands: Frames that told the gripper something.
+        acts: Of the reflex.
+        violations: What was done beyond what is allowed, in words.
+        accepted_replays: Captured requests that were done again, in words.
+        took_ns: CPU time of each message, ns.
+        slowest: The slowest messages: ns, how it was made, seed, number.
+        memory_kb: Process → its memory behind the first and behind the last of its rounds.
+        faults: Whatever else must not happen, in words.
+    """
+
+    messages: Counter[str] = field(default_factory=Counter)
+    granted: Counter[str] = field(default_factory=Counter)
+    replays: int = 0
+    cached: int = 0
+    late: int = 0
+    commands: int = 0
+    acts: int = 0
+    violations: list[str] = field(default_factory=list)
+    accepted_replays: list[str] = field(default_factory=list)
+    took_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    slowest: list[tuple[int, str, int, int]] = field(default_factory=list)
+    memory_kb: dict[int, tuple[int, int]] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+
+    @property
+    def bad(self) -> list[str]:
+        """All that must not be."""
+        return self.violations + self.accepted_replays + self.faults
+
+    def add(self, other: Found) -> None:
+        """Takes in another round."""
+        self.messages += other.messages
+        self.granted += other.granted
+        self.replays += other.replays
+        self.cached += other.cached
+        self.late += other.late
+        self.commands += other.commands
+        self.acts += other.acts
+        self.violations += other.violations
+        self.accepted_replays += other.accepted_replays
+        self.took_ns = np.concatenate((self.took_ns, other.took_ns))
+        self.slowest = sorted(self.slowest + other.slowest, reverse=True)[:5]
+        self.faults += other.faults
+        for process, (first, last) in other.memory_kb.items():
+            self.memory_kb[process] = self.memory_kb.get(process, (first, last))[0], last
+
+
+class _Connection:
+    """What the request server looks at of a peer."""
+
+    kind = b"DEALER"
+    key = b""
+    slot = 0
+    account = SimpleNamespace(name=b"process")
+
+
+class _Server(RequestServer):
+    """The request server's own judgement, without its socket, and without its limit of requests a second."""
+
+    def __init__(self, on_request: Callable[[bytes, dict[str, Any]], None]) -> None:
+        super().__init__("", on_request, per_second=1e12)
+        self._peer = cast("Peer", _Connection())
+        self.sent: list[tuple[bytes, bytes]] = []
+
+    def reply(self, client: bytes, body: dict[str, Any]) -> None:
+        """Packs a reply as it would be sent."""
+        self.sent.append((client.partition(b"\0")[2], encode(body)))
+
+    def take(self, client: bytes, frames: tuple[bytes, ...]) -> None:
+        """A message came."""
+        self._names = {self._peer: b"process\0" + client}
+        self._on_message(self._peer, list(frames))
+
+
+class _Run:
+    """One round while it is played."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = Random(seed)
+        self.found = Found()
+        self.book, self.seen, self.hand = Book(), Seen(), Hand(self.rng)
+        self._asker = Asker(self.rng, self.seen)
+        self._seed = seed
+        self._settings = config.parse(CONFIG + (REFLEX if seed % 2 else ""), "fuzz.toml")
+        self._server = _Server(self.ask)
+        self.now_ns = BEGIN_NS
+        self._runs = 0
+        self._suspended_ns = 0
+        self._answers: list[tuple[int, bytes, Said | None]] = []
+        self._writes: list[bytes] = []
+        self._state = dict.fromkeys(FINGERS, "good")
+        self._pull = dict.fromkeys(FINGERS, 0.0)
+        self._up: set[str] = set()
+        self.took_ns: list[int] = []
+        self.kinds: list[str] = []
+        self._restart()
+
+    # -- messages
+
+    def play(self, count: int) -> None:
+        """Sends so many messages."""
+        for number in range(count):
+            self._pass_time()
+            if number % RESTART_EVERY == RESTART_EVERY - 1:
+                self._restart()
+            elif self.rng.random() < 0.006:
+                self._strike()
+            self._look()
+            self._send(self._asker.next(), number)
+
+    def _send(self, ask: Ask, number: int) -> None:
+        self.found.messages[ask.kind] += 1
+        self._server.sent.clear()
+        try:
+            begun_ns = time.process_time_ns()
+            self._server.take(ask.client, ask.frames)
+            took_ns = time.process_time_ns() - begun_ns
+        except Exception as error:
+            self.found.faults.append(f"message {number} ({ask.kind}): {type(error).__name__}: {error}")
+            took_ns = 0
+        self.took_ns.append(took_ns)
+        self.kinds.append(ask.kind)
+        self._estimator(ask, number)
+        self._deliver()
+
+    def ask(self, client: bytes, body: dict[str, Any]) -> None:
+        """The engine's part, as in the service; what it writes is looked at behind the message."""
+        self._engage(Request(client, body))
+
+    def _estimator(self, ask: Ask, number: int) -> None:
+        """What the daemon answered."""
+        if [client for client, _ in self._server.sent] != [ask.client]:
+            self.found.faults.append(f"message {number} ({ask.kind}): {len(self._server.sent)} replies")
+            return
+        try:
+            reply = decode(self._server.sent[0][1], MESSAGE_LIMITS)
+        except MessageError as error:
+            self.found.faults.append(f"message {number} ({ask.kind}): a reply that no client reads: {error}")
+            return
+        refusal = None if reply["ok"] is True else reply["error"]
+        if refusal is not None and (refusal["code"] not in ERROR_CODES or not refusal["message"]):
+            self.found.faults.append(f"message {number} ({ask.kind}): refused with {refusal}")
+        if refusal is not None and refusal["code"] == "fault_latched":
+            self.seen.faulty = True
+        if ask.again is not None and not self._is_late(ask, ask.again, reply, number):
+            return
+        body = _body(ask.frames)
+        if body is None:
+            if reply["ok"] is not False:
+                self.found.faults.append(f"message {number} ({ask.kind}): granted, and it is no request")
+            return
+        if reply["ok"]:
+            self.book.grant(ask.client, body, self.seen.boot, reply["result"], self.now_ns)
+            self.seen.faulty = self.seen.faulty and body.get("op") != "fault.ack"
+        if body.get("op") not in NEVER_DONE:
+            self.seen.captured.append(Captured(ask.client, ask.frames[0], reply))
+            del self.seen.captured[:-MOST_CAPTURED]
+
+    def _is_late(self, ask: Ask, old: Captured, reply: dict[str, Any], number: int) -> bool:
+        """Whether a captured request is done for the first time.
+
+        It may be answered as before to whoever sent it first, and must not be done again.
+        """
+        self.found.replays += 1
+        if not reply["ok"]:
+            return False
+        if ask.client == old.client and reply == old.reply:
+            self.found.cached += 1
+            return False
+        first = old.reply.get("error", {}).get("code", "granted")
+        if first in UNJUDGED:
+            self.found.late += 1
+            old.client, old.reply = ask.client, reply
+            return True
+        what = f"{_body(ask.frames)} of {old.client!r}, {first}, was granted to {ask.client!r}"
+        self.found.accepted_replays.append(f"message {number}: {what}")
+        return False
+
+    def _look(self) -> None:
+        """What clients can know."""
+        seen, book = self.seen, self.book
+        seen.now_ns, seen.holder = self.now_ns, book.holder_at(self.now_ns)
+        seen.active, seen.holds = book.is_active, book.held
+        seen.force_n = book.grip_n
+
+    # -- the world
+
+    def _pass_time(self) -> None:
+        rng = self.rng
+        choice = rng.random()
+        if choice < 0.25:
+            return
+        step_ns = round(rng.expovariate(1.0 / (2.0 * MS))) if choice < 0.99 else rng.randint(20, 400) * MS
+        until_ns = self.now_ns + step_ns
+        if choice > 0.998:
+            self._jump(until_ns)
+        while True:
+            due_ns = min(self._next_tick_ns, self._next_reading_ns, *(due for due, _, _ in self._answers[:1]))
+            if due_ns > until_ns:
+                break
+            self.now_ns = max(self.now_ns, due_ns)
+            self._do_due()
+        self.now_ns = until_ns
+
+    def _jump(self, until_ns: int) -> None:
+        """The loop was held up, or the host slept: nothing happens until then."""
+        if self.rng.random() < 0.5:
+            self._suspended_ns += self.rng.randint(51, 5_000) * MS
+            self.book.sleep()
+        self.now_ns = until_ns
+
+    def _do_due(self) -> None:
+        if self._answers and self._answers[0][0] <= self.now_ns:
+            _, answer, said = self._answers.pop(0)
+            if said is not None:
+                self.book.hear(said, self.now_ns)
+            if answer:
+                self._handle(Bytes("gripper", answer))
+        if self._next_reading_ns <= self.now_ns:
+            self._next_reading_ns = self.now_ns + READING_NS
+            for finger in FINGERS:
+                self._read(finger)
+        if self._next_tick_ns <= self.now_ns:
+            self._next_tick_ns = self.now_ns + TICK_NS
+            self.book.tick()
+            self._handle(Tick(self._suspended_ns))
+
+    def _read(self, finger: str) -> None:
+        """One reading of a finger, where it says anything."""
+        state, rng = self._state[finger], self.rng
+        if state == "silent" or f"{finger}.wrench" not in self._up:
+            return
+        self.hand.advance(self.now_ns)
+        normal_n = self.hand.grip_n + rng.gauss(0.0, 0.02)
+        if rng.random() < 0.06:
+            self._pull[finger] = rng.uniform(0.0, MOST_PULL)
+        force = (rng.gauss(0.0, 0.02), self._pull[finger] * normal_n + rng.gauss(0.0, 0.02), -normal_n)
+        status = OVERLOAD if state == "overload" else 0
+        frame = bota.encode_frame(force, (0.0, 0.0, rng.gauss(0.0, 1e-4)), self.now_ns // 1000, status=status)
+        self.book.feel(finger, self.now_ns, normal_n, good=not status)
+        self._handle(Bytes(f"{finger}.wrench", frame))
+
+    def _strike(self) -> None:
+        """Something fails, or is well again."""
+        rng, hand = self.rng, self.hand
+        choice = rng.randrange(14)
+        if choice < 4:
+            self._state[rng.choice(FINGERS)] = ("good", "good", "silent", "overload")[choice]
+        elif choice < 6:
+            link = rng.choice([f"{finger}.wrench" for finger in FINGERS] + ["gripper"])
+            self._unplug(link) if link in self._up else self._plug(link)
+        elif choice < 7:
+            hand.fault = rng.choice(FAULTS)
+        elif choice < 8:
+            hand.power_cycle()
+        elif choice < 9:
+            setattr(hand, rng.choice(("silent", "deaf", "lying", "garbled")), True)
+        elif choice < 10:
+            hand.object_there = not hand.object_there
+        else:
+            hand.silent = hand.deaf = hand.lying = hand.garbled = False
+            self._state = dict.fromkeys(FINGERS, "good")
+            for link in self.engine.links:
+                if link not in self._up:
+                    self._plug(link)
+
+    def _plug(self, link: str) -> None:
+        self._up.add(link)
+        self._handle(LinkUp(link, f"serial of {link}"))
+
+    def _unplug(self, link: str) -> None:
+        self._up.discard(link)
+        if link == "gripper":
+            self._answers.clear()
+            self.book.lose_gripper()
+        else:
+            self.book.lose_finger(link.partition(".")[0])
+        self._handle(LinkDown(link, "unplugged"))
+
+    def _restart(self) -> None:
+        """Another run of the daemon; the gripper and what it holds stay."""
+        self._runs += 1
+        self.seen.boot = f"{self._seed:08x}-{self._runs}"
+        self.engine = Engine(self._settings, boot=self.seen.boot, wall_minus_monotonic_ns=0)
+        self.book.restart()
+        self._answers.clear()
+        self._next_tick_ns = self._next_reading_ns = self.now_ns
+        self._up.clear()
+        for link in self.engine.links:
+            self._plug(link)
+
+    def _handle(self, event: Event) -> None:
+        """One event, and what comes of it."""
+        self._engage(event)
+        self._deliver()
+
+    def _engage(self, event: Event) -> None:
+        for output in self.engine.handle(event, self.now_ns):
+            if isinstance(output, Reply):
+                self._server.reply(output.client, output.body)
+            elif isinstance(output, Write) and output.link == "gripper":
+                self._writes.append(output.data)
+            elif isinstance(output, Record) and output.name:  # the disk, which has room or not, is as quick as a call
+                state = self.rng.choice(("running", "limited", "failed"))
+                self._engage(RecordingChanged(output.name, output.name, state, "" if state == "running" else "full"))
+            elif isinstance(output, Publish) and output.body.get("reflex"):
+                self.book.react(output.body["reflex"], output.body["force_command_n"], self.now_ns)
+
+    def _deliver(self) -> None:
+        """What was written reaches the gripper, which answers a little later."""
+        for data in self._writes:
+            if "gripper" in self._up:
+                answer = self.hand.receive(data, self.now_ns)
+                self._answers.append((self.now_ns + REPLY_NS, answer, self.hand.said))
+                for told in self.hand.told:
+                    self.book.write(told, self.now_ns)
+                self.hand.told.clear()
+        self._writes.clear()
+
+
+def _body(frames: tuple[bytes, ...]) -> dict[str, Any] | None:
+    """The map of a request, read as leniently as msgpack can; None where there is none."""
+    try:
+        body = msgpack.unpackb(frames[0], strict_map_key=False) if len(frames) == 1 else None
+    except Exception:
+        return None
+    return body if isinstance(body, dict) else None
+
+
+def fuzz(seed: int, count: int = ROUND) -> Found:
+    """One round; its slow messages are timed again, by playing the same round once more."""
+    run = _Run(seed)
+    gc.collect()
+    gc.freeze()  # as in the service
+    run.play(count)
+    took_ns = np.array(run.took_ns)
+    kinds = run.kinds
+    for _ in range(AGAIN):
+        if took_ns.max() <= LOOKED_AT_NS:
+            break
+        other = _Run(seed)
+        other.play(int(np.flatnonzero(took_ns > LOOKED_AT_NS)[-1]) + 1)
+        again_ns = np.array(other.took_ns)
+        took_ns[: len(again_ns)] = np.minimum(took_ns[: len(again_ns)], again_ns)
+    gc.unfreeze()
+    found = run.found
+    found.took_ns = took_ns
+    found.slowest = [(int(took_ns[n]), kinds[n], seed, int(n)) for n in np.argsort(took_ns)[-3:]]
+    found.violations = [f"seed {seed}: {what}" for what in run.book.violations]
+    found.accepted_replays = [f"seed {seed}: {what}" for what in found.accepted_replays]
+    found.faults = [f"seed {seed}: {what}" for what in found.faults]
+    if run.hand.bad_frames:
+        found.faults.append(f"seed {seed}: the gripper got {run.hand.bad_frames} frames that are none")
+    found.granted = Counter(run.book.granted)
+    found.commands, found.acts = run.book.commands, run.book.acts
+    del run
+    gc.collect()
+    found.memory_kb = {os.getpid(): (_memory_kb(),) * 2}
+    return found
+
+
+def tables(found: Found, wanted: int) -> list[Table]:
+    """What was sent and what came of it; ``wanted`` messages were to be sent."""
+    sent = Table(f"Requests: {sum(found.messages.values())} messages at a daemon without sockets", ("made", "messages"))
+    sent.rows += [(kind, count) for kind, count in found.messages.most_common()]
+    ops = ", ".join(f"{op} {count}" for op, count in found.granted.most_common())
+    sent.notes += [
+        f"Of {len(CLIENTS)} clients with clocks of their own, while sensors fall silent, saturate or are unplugged, "
+        "the gripper faults, lies, goes deaf or loses its power, the host sleeps, and the daemon starts anew.",
+        f"Granted: {ops}.",
+        f"{found.commands} frames told the gripper something, each decoded by its own reading of the manual; the "
+        f"reflex, on in every second round, acted {found.acts} times.",
+    ]
+    head = ("requests", "found", "wanted", "reached")
+    figures = Table("Requests: what must hold", head)
+    p50, p999 = (float(np.percentile(found.took_ns, share)) * 1e-3 for share in (50, 99.9))
+    worst_ms = int(found.took_ns.max()) * 1e-6
+    grown_kb = max(last - first for first, last in found.memory_kb.values())
+    figures.rows += [
+        _figure("messages", sum(found.messages.values()), wanted, above=True),
+        _figure("limit violations", len(found.violations), 0),
+        _figure(f"captured requests done again, of {found.replays}", len(found.accepted_replays), 0),
+        _figure("raised, unanswered, or answered with nonsense", len(found.faults), 0),
+        ("CPU time of a message, p50, µs", p50, "", ""),
+        ("CPU time of a message, p99.9, µs", p999, "", ""),
+        _figure("CPU time of a message, worst, ms", worst_ms, WANTED_NS * 1e-6),
+        _figure("memory of a process behind its last round, beyond that behind its first, kB", grown_kb, GROWTH_KB),
+    ]
+    slowest = ", ".join(f"{ns * 1e-3:.0f} µs {kind}" for ns, kind, _, _ in found.slowest)
+    figures.notes += [
+        f"Captured requests: {found.cached} came from their own client within their deadline, and were answered as "
+        f"before with nothing done; {found.late} had been refused unjudged ({', '.join(UNJUDGED)}), and so were done "
+        "for the first time. hello and status are not counted: they do nothing.",
+        "CPU time: from a message's frames to its packed reply, all that it writes and publishes included; what took "
+        f"over {LOOKED_AT_NS * 1e-6:g} ms was done again up to {AGAIN} times from the same seed, and the least counts.",
+        f"The slowest: {slowest}.",
+    ]
+    return [sent, figures]
+
+
+def verdicts(found: Found) -> list[str]:
+    """Whatever is not as it must be, in words."""
+    told = []
+    if found.bad:
+        told.append(f"requests: {len(found.bad)} times not as it must be")
+    if found.took_ns.max() > WANTED_NS:
+        told.append(f"requests: the worst message takes {found.took_ns.max() * 1e-6:.2f} ms")
+    if max(last - first for first, last in found.memory_kb.values()) > GROWTH_KB:
+        told.append("requests: memory grows")
+    return told
+
+
+def _figure(what: str, found: float, wanted: float, *, above: bool = False) -> tuple[Cell, ...]:
+    reached = found >= wanted if above else found <= wanted
+    return what, found, f"at {'least' if above else 'most'} {wanted:g}", "yes" if reached else "no"
+
+
+def _memory_kb() -> int:
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1])
+    raise RuntimeError("the kernel does not tell the memory of a process")

@@ -1,0 +1,182 @@
+"""A share of the fuzzing of every device, and that the fuzzing itself finds what it is made to find.
+
+A failure prints the call that repeats it: ``PYTHONPATH=tests/support:tests/lab python -m fuzz --device D --seed S --rounds 1``.
+"""
+
+from __future__ import annotations
+
+import re
+from random import Random
+from typing import ClassVar
+
+import pytest
+from fuzz import mutations, noise, splits, talks
+from fuzz.corpus import Corpus, is_emulated, key, record
+from fuzz.damage import KINDS, damage
+from fuzz.outcome import Outcome, allowed
+from fuzz.report import document, tables, verdicts
+from fuzz.rounds import Job
+from fuzz.strength import STRENGTHS
+from project import DOCS
+
+from slipd.devices import DEVICES, Decoder, bota
+from slipd.devices.framing import FixedFrames
+from slipd.samples import WrenchSample
+
+SEED = 20261122  # the same every time; `python -m fuzz` draws others
+DAMAGED = 600
+NOISE = 1 << 20
+NOISE_OF_A_SLOW_ONE = 1 << 16
+SPLITS, SPLIT_FRAMES = 0.04, 24
+DOCUMENT = DOCS / "devices.md"
+SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
+
+EMULATED = sorted(device for device in STRENGTHS if is_emulated(device))
+devices = pytest.mark.parametrize("device", EMULATED)
+
+
+def again(device: str) -> str:
+    return f"PYTHONPATH=tests/support:tests/lab python -m fuzz --device {device} --seed {SEED} --rounds 1"
+
+
+@devices
+def test_L1_every_split_of_the_frames_gives_the_same(device: str) -> None:
+    outcome = splits.fuzz(record(device), SEED, SPLITS, SPLIT_FRAMES)
+    assert outcome.amount > 0
+    assert outcome.faults == [], again(device)
+
+
+@devices
+def test_L2_damaged_frames_are_not_believed_and_cost_at_most_one_good_frame(device: str) -> None:
+    outcome = mutations.fuzz(record(device), SEED, DAMAGED)
+    assert outcome.faults == [], again(device)
+    bits = STRENGTHS[device].mishap_bits
+    assert bits is None or outcome.false <= allowed(outcome.amount, 2.0**-bits), again(device)
+
+
+@devices
+def test_L3_random_bytes_are_no_readings(device: str) -> None:
+    outcome = noise.fuzz(record(device), SEED, NOISE_OF_A_SLOW_ONE if record(device).messages else NOISE)
+    assert outcome.faults == [], again(device)
+    assert outcome.false <= allowed(outcome.amount, 2.0 ** -STRENGTHS[device].position_bits), again(device)
+
+
+@pytest.mark.parametrize("device", [name for name in EMULATED if DEVICES[name].session is not None])
+def test_L4_a_session_begins_whatever_the_line_did_to_it_before(device: str) -> None:
+    assert talks.fuzz(device, SEED).faults == [], SEED
+
+
+class Broken(Corpus):
+    """A recording whose receiver is not the device's own."""
+
+    maker: ClassVar[type]
+
+    def receiver(self) -> Decoder:
+        return self.maker()
+
+
+class Believing(bota.Decoder):
+    """Looks at the header alone."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._frames = FixedFrames(b"\xaa", bota.FRAME_LENGTH, lambda *_: True, self.health)
+
+
+class Forgetful(bota.Decoder):
+    """Passes over two frames behind each damaged one."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        samples, bad, missed = [], 0, 0
+        for at in range(len(data)):
+            for sample in super().receive(data[at : at + 1], t_ns):
+                missed = 2 if self.health.bad > bad else missed - 1
+                bad = self.health.bad
+                samples += [sample] if missed <= 0 else []
+        return samples
+
+
+class Raising(bota.Decoder):
+    """Takes damage ill."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        samples = super().receive(data, t_ns)
+        if self.health.bad:
+            raise ValueError("bad frame")
+        return samples
+
+
+class Impatient(bota.Decoder):
+    """Does not wait for the rest of a frame."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        samples = super().receive(data, t_ns)
+        self._frames.forget()
+        return samples
+
+
+UNITS = tuple(bota.encode_frame((0.1 * n, -n, 7.5), (0.01 * n, 0.0, 0.3), 1250 * n) for n in range(240))
+
+
+def broken(maker: type) -> Corpus:
+    kind = type("Broken", (Broken,), {"maker": maker})
+    keys = tuple((key(bota.Decoder().receive(unit, 0)[0]),) for unit in UNITS)
+    return kind("bota", {}, (), UNITS, keys, messages=False)
+
+
+def test_the_decoder_that_is_broken_here_is_sound_when_it_is_not() -> None:
+    sound = broken(bota.Decoder)
+    assert mutations.fuzz(sound, SEED, DAMAGED).faults == splits.fuzz(sound, SEED, SPLITS).faults == []
+
+
+def test_a_decoder_that_believes_damage_is_found() -> None:
+    outcome = mutations.fuzz(broken(Believing), SEED, DAMAGED)
+    assert outcome.false > allowed(outcome.amount, 2.0 ** -STRENGTHS["bota"].position_bits)
+    assert noise.fuzz(broken(Believing), SEED, 1 << 24).false > 0
+
+
+def test_a_decoder_that_loses_two_good_frames_is_found() -> None:
+    assert any("2 good frames lost" in fault for fault in mutations.fuzz(broken(Forgetful), SEED, DAMAGED).faults)
+
+
+def test_a_decoder_that_raises_is_found() -> None:
+    assert any("ValueError" in fault for fault in mutations.fuzz(broken(Raising), SEED, DAMAGED).faults)
+    assert any("ValueError" in fault for fault in noise.fuzz(broken(Raising), SEED, 1 << 16).faults)
+
+
+def test_a_decoder_that_a_split_changes_is_found() -> None:
+    assert splits.fuzz(broken(Impatient), SEED, 1.0).faults
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_a_mishap_changes_a_reading_and_never_into_another_whole_one(kind) -> None:
+    one, other = UNITS[:2]
+    rng = Random(SEED)
+    changed = [kind(one, other, rng) for _ in range(200)]
+    assert sum(damaged != one for damaged in changed) > 100
+    assert all(damage(one, other, rng) not in (one, other) for _ in range(200))
+
+
+def test_a_report_tells_what_was_done_and_what_is_not_as_it_must_be() -> None:
+    jobs = [Job(measure, "bota", SEED, SPLITS) for measure in ("splits", "mutations", "talks")]
+    results = {(job.measure, job.device): outcome for job, outcome in map(Job.run, jobs)}
+    results["noise", "bota"] = Outcome("bota", amount=1 << 20, seconds=1.0)
+    told = document(tables(results, ["bota"]), verdicts(results))
+    assert told.endswith("All is as it must be.\n")
+    assert told.count("| bota |") == 4
+    results["noise", "bota"].false = 3
+    assert verdicts(results) == ["bota: noise: 3 believed, which is not within the bound of 0"]
+    results["splits", "bota"].faults.append("cut")
+    assert len(verdicts(results)) == 2
+
+
+def test_every_device_is_fuzzed() -> None:
+    assert set(EMULATED) == set(DEVICES)
+
+
+@pytest.mark.parametrize("device", sorted(STRENGTHS))
+def test_the_document_states_the_strength_that_the_bounds_come_from(device: str) -> None:
+    row = next(line for line in DOCUMENT.read_text(encoding="utf-8").splitlines() if line.startswith(f"| `{device}`"))
+    stated = [int(bits.translate(SUPERSCRIPTS)) for bits in re.findall("2⁻([⁰¹²³⁴⁵⁶⁷⁸⁹]+)", row)]
+    assert stated, "no 2⁻ⁿ in the row"
+    assert STRENGTHS[device].position_bits in stated

@@ -1,0 +1,253 @@
+"""A daemon that stands still while the devices go on, and a sensor that really falls silent: told apart.
+
+What came meanwhile is read as a real loop reads it: a piece of each line a turn, ticks between, until all are empty.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+from typing import Any
+
+import pytest
+from simulation.bed import FINGERS, MS, STEP_NS, TICK_EVERY, Bed
+from simulation.edits import wrench
+from simulation.faults import Delay, Drop, Edit
+from simulation.watch import STALE_NS
+
+from slipd.engine.lateness import LATE_NS, LEAST_CATCH_UP_NS
+from slipd.events import Bytes, Tick
+from slipd_client.messages import Health
+
+PIECE_BYTES = 1024
+"""Most that is read of a line in one turn of the loop, as by the transports."""
+
+SECOND = 1_000 * MS
+STALLS_MS = [5, 12, 21, 30, 60, 150, 500]
+
+
+class SlowReader(Bed):
+    """A bed whose loop reads what waited in pieces.
+
+    Attributes:
+        force_first: In each turn force sensors are read before pads.
+        tick_first: After a stall the tick comes before the first read.
+        overloaded: It never finds the lines empty.
+    """
+
+    force_first = True
+    tick_first = False
+    overloaded = False
+    _behind = False
+    _late_ns = 0
+
+    def stop(self, ms: float) -> None:
+        """The loop stands still."""
+        until_ns = self.now_ns + round(ms * MS)
+        self._late_ns += round(ms * MS)
+        while self.now_ns < until_ns:
+            self._world_goes_on()
+
+    def go_on(self) -> None:
+        """It runs again, and finds the time of its first turn."""
+        self._behind = self._late_ns > LATE_NS
+        if self._behind and self.tick_first:
+            self.feed(Tick(self._suspended_ns, unread=True), self.now_ns)
+        self._late_ns = 0
+
+    def stall(self, seconds: float) -> None:
+        self.stop(1000 * seconds)
+        self.go_on()
+
+    def step(self) -> None:
+        self._steps += 1
+        self._world_goes_on()
+        lines = sorted(self.lines.values(), key=lambda line: (line.link.endswith("pad") == self.force_first, line.link))
+        found = [self._read(line) for line in lines]
+        ticks = self._steps % TICK_EVERY == 0
+        if self._behind and not any(found) and not self.overloaded:
+            self._behind, ticks = False, True
+        if ticks:
+            self.feed(Tick(self._suspended_ns, unread=self._behind or self.overloaded), self.now_ns)
+            if not self._behind:
+                self.watch.tick(self.now_ns)
+
+    def _world_goes_on(self) -> None:
+        self._world_ns += STEP_NS
+        self.now_ns += STEP_NS
+        said = self.rig.advance(self._world_ns)
+        for name, line in self.lines.items():
+            data, line.answers = line.answers + said[name], b""
+            line.say(data, self.now_ns)
+
+    def _read(self, line: Any) -> bool:
+        """Read a piece of a line; True where more may wait behind it."""
+        pieces, size = [], 0
+        while line.queue and line.queue[0][0] <= self.now_ns and size < PIECE_BYTES:
+            pieces.append(line.queue.popleft())
+            size += len(pieces[-1][2])
+        data = b"".join(piece[2] for piece in pieces)
+        if data and line.listener.receive(data, self.now_ns):
+            self.watch.fresh(line.link, pieces[-1][1])
+        if data and line.up:
+            self.feed(Bytes(line.link, data), self.now_ns)
+        return size >= PIECE_BYTES
+
+
+@pytest.fixture(params=["force first", "pads first"])
+def bed(request: pytest.FixtureRequest) -> SlowReader:
+    bed = copy.deepcopy(held_bed())
+    bed.force_first = request.param == "force first"
+    return bed
+
+
+@functools.cache
+def held_bed() -> SlowReader:
+    """A bed that holds the box, its clocks learned."""
+    bed = SlowReader(1)
+    bed.hold()
+    bed.run(0.3)
+    assert bed.health("left.wrench")["clock"] == "locked"
+    return bed
+
+
+def changes(bed: Bed, since: int) -> list[tuple[str, str]]:
+    """Finger and level of every change since."""
+    return [change[1:] for change in bed.watch.changes[since:]]
+
+
+@pytest.mark.parametrize("tick_first", [False, True])
+def test_C4_a_daemon_that_stood_still_does_not_call_its_sensors_silent(bed: SlowReader, tick_first: bool) -> None:
+    bed.tick_first = tick_first
+    told = len(bed.watch.changes)
+    for ms in STALLS_MS:
+        bed.stall(ms / 1000)
+        bed.run(0.1)
+        assert changes(bed, told) == [], f"{ms} ms"
+    assert [bed.level(finger) for finger in FINGERS] == ["stable", "stable"]
+    assert bed.watch.faults == [], "no verdict rests on what was older than it may be"
+    assert bed.replays()
+
+
+def test_C4_so_it_is_where_the_devices_have_no_clock(bed: SlowReader) -> None:
+    for line in bed.lines.values():  # a clock that runs backwards is no clock
+        line.fault = Edit(wrench(clock_us=lambda us: 2**32 - us)) if line.link.endswith("wrench") else None
+    bed.run(0.2)
+    assert bed.health("left.wrench")["clock"] == "not_a_clock"
+    told = len(bed.watch.changes)
+    for ms in STALLS_MS:
+        bed.stall(ms / 1000)
+        bed.run(0.1)
+        assert changes(bed, told) == [], f"{ms} ms"
+    message = bed.health("left.wrench")["message"]
+    assert message.startswith("the daemon was late")
+    assert "failed" not in message, "it is no sensor that comes and goes"
+
+
+@pytest.mark.parametrize("tick_first", [False, True])
+@pytest.mark.parametrize("ms", [30, 150, 500])
+def test_C4_F1_a_sensor_that_stopped_meanwhile_is_stale_as_soon_as_its_line_is_empty(
+    bed: SlowReader, ms: int, tick_first: bool
+) -> None:
+    bed.tick_first = tick_first
+    bed.watch.lateness_ns = STALE_NS if ms < 50 else 0  # how long the last reading took to the host, nobody knows
+    told = len(bed.watch.changes)
+    bed.stop(ms * 0.1)
+    bed.line("left.wrench").fault = Drop(bed.rng)
+    bed.stop(ms * 0.9)
+    bed.go_on()
+    while bed._behind:
+        bed.step()
+    bed.run(0.025 if ms < 50 else 0.005)
+    assert (bed.level("left"), bed.reasons("left")) == ("unknown", ["stale"])
+    assert changes(bed, told) == [("left", "unknown")], "the other finger's sensor went on"
+    assert bed.watch.faults == []
+    assert bed.replays()
+
+
+@pytest.mark.parametrize("ms", [60, 150, 500])
+def test_C4_a_pad_that_stopped_meanwhile_is_missed_as_soon_as_its_line_is_empty(bed: SlowReader, ms: int) -> None:
+    told = len(bed.watch.changes)
+    bed.line("left.pad").fault = Drop(bed.rng)
+    bed.stall(ms / 1000)
+    while bed._behind:
+        bed.step()
+    bed.run(0.03)
+    assert (bed.level("left"), bed.reasons("left")) == ("unknown", ["rotation_unobserved"])
+    assert changes(bed, told) == [("left", "unknown")]
+    assert bed.watch.faults == []
+    assert bed.replays()
+
+
+@pytest.mark.parametrize("ms", [30, 150])
+@pytest.mark.parametrize("silent", [False, True])
+def test_C4_F1_A7_no_grip_is_raised_on_what_a_late_daemon_has_not_read(bed: SlowReader, ms: int, silent: bool) -> None:
+    if silent:
+        bed.line("left.wrench").fault = Drop(bed.rng)
+    bed.stop(ms)
+    assert bed.ask("lease.acquire", ttl_ms=200)["ok"]
+    error = bed.ask("grip.set", force_n=9.0)["error"]
+    assert error["code"] == "not_ready"
+    assert "left" in error["message"]
+    assert bed.level("left") == "stable", "whether readings are missing is not known yet"
+    bed.go_on()
+    bed.run(0.2)
+    assert bed.ask("lease.acquire", ttl_ms=200)["ok"]
+    assert bed.ask("grip.set", force_n=9.0)["ok"] is not silent
+
+
+def test_C4_a_line_that_was_late_already_is_not_excused(bed: SlowReader) -> None:
+    bed.line("left.wrench").fault = Delay(150 * MS)
+    bed.run(0.5)
+    assert (bed.level("left"), bed.reasons("left")) == ("unknown", ["stale"])
+    told = len(bed.watch.changes)
+    bed.stall(0.3)
+    while bed._behind:
+        bed.step()
+    assert ("left", "stable") not in changes(bed, told)
+    assert bed.watch.faults == []
+
+
+def test_C4_P3_a_daemon_that_never_catches_up_calls_no_sensor_silent_whose_readings_it_reads(bed: SlowReader) -> None:
+    bed.overloaded = True
+    told = len(bed.watch.changes)
+    begun_ns = bed.now_ns
+    while bed.now_ns - begun_ns < 6 * LEAST_CATCH_UP_NS:
+        bed.stall(0.015)
+        bed.step()
+    assert changes(bed, told) == []
+
+
+@pytest.mark.parametrize("stream", ["left.wrench", "left.pad"])
+def test_C4_P3_a_dead_sensor_does_not_hide_behind_a_daemon_that_never_catches_up(bed: SlowReader, stream: str) -> None:
+    bed.overloaded = True
+    bed.line(stream).fault = Drop(bed.rng)
+    begun_ns = bed.now_ns
+    while bed.level("left") != "unknown":
+        bed.stall(0.015)
+        bed.step()
+        assert bed.now_ns - begun_ns < 2 * LEAST_CATCH_UP_NS
+    assert bed.reasons("left") == ["stale" if stream == "left.wrench" else "rotation_unobserved"]
+    assert bed.level("right") == "stable"
+
+
+def test_C4_the_health_of_a_stream_names_the_late_daemon_and_not_the_sensor(bed: SlowReader) -> None:
+    bed.run(1.0)
+    bed.stall(0.3)
+    bed.run(0.1)
+    for stream in ("left.wrench", "right.pad"):
+        health = bed.health(stream)
+        assert health["health"] == Health.WARN
+        assert health["message"] == "the daemon was late by 0.30 s: readings waited, the sensor went on"
+    bed.run(2.0)
+    assert bed.health("left.wrench")["health"] == Health.OK, bed.health("left.wrench")["message"]
+
+
+def test_C2_C4_after_a_suspend_nothing_is_known_whatever_waits(bed: SlowReader) -> None:
+    bed.stop(50)
+    bed.suspend(10.0)
+    bed.tick_first = True
+    told = len(bed.watch.changes)
+    bed.go_on()
+    assert sorted(changes(bed, told)) == [("left", "unknown"), ("right", "unknown")]
+    assert bed.reasons("left") == ["stale"]

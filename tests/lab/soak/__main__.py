@@ -1,0 +1,73 @@
+"""Long runs on this machine: unplugging, floods, two fingers for ten minutes, idle subscribers, hostile peers.
+
+    PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|subscribers|peers] [--minutes M]
+        [--report FILE]
+
+What is measured is the daemon itself, with real pseudo-terminals, sockets and processes. Times are this machine's, and
+of what else it does meanwhile.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench.child import BenchError
+from bench.commit import measured_on
+from bench.tables import Table
+from soak import backlog, flood, peers, subscribers, unplug
+
+PARTS = ("unplug", "flood", "backlog", "subscribers", "peers")
+
+
+def main() -> int:
+    """Measure and print; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m soak", description="Long runs of the daemon on this machine.")
+    parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be given again (default: all)")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=10.0,
+        metavar="M",
+        help="of the backlog, and of stalled subscribers (default 10)",
+    )
+    parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
+    options = parser.parse_args()
+    header = measured_on()
+    print(f"slipd soak: {header}", flush=True)
+    pages = [f"# Long runs\n\n{header}."]
+    try:
+        for table in _sections(options.only or PARTS, 60.0 * options.minutes, quick=options.quick):
+            print(table.text(), flush=True)
+            pages.append(table.markdown())
+            if options.report:  # what was measured stays, whatever comes
+                options.report.write_text("\n".join(pages) + "\n", encoding="utf-8")
+    except BenchError as error:
+        print(f"soak: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _sections(parts: tuple[str, ...], long_s: float, *, quick: bool) -> Iterator[Table]:
+    with tempfile.TemporaryDirectory(prefix="slipd-soak-") as name:
+        folder = Path(name)
+        os.environ["SLIPD_RUNTIME_DIR"] = str(folder / "run")
+        if "unplug" in parts:
+            yield from unplug.run(folder, quick=quick)
+        if "flood" in parts:
+            yield flood.run(folder, quick=quick)
+        if "backlog" in parts:
+            yield from backlog.run(folder, long_s, quick=quick)
+        if "subscribers" in parts:
+            yield subscribers.run(folder, long_s, quick=quick)
+        if "peers" in parts:
+            yield peers.run(folder, quick=quick)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""The sensors of two fingers, pressed, in a process of their own: ``python -m soak.devices PLAN``, a JSON `Plan`."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+
+from slipd.sim.emulate import prepare_process, serve_until_told
+from slipd.sim.emulated_netft import NetftSensor
+from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfLine
+from slipd.sim.emulators import Emulator
+from slipd.sim.true_contact import Pad, Patch
+
+FORCE_HZ, RECORDS_A_DATAGRAM = 4000.0, 40
+IMAGE_HZ, DWELL_NS = 500.0, 10_000
+NORMAL_N, PULL_N, SPIN_NM = 8.0, 1.0, 0.015
+COUNTS_PER_N = 2000.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Where the sensors of each finger are: (force, pad) addresses."""
+
+    fingers: list[tuple[str, str]]
+
+
+def make(plan: Plan) -> list[tuple[str, Emulator, str]]:
+    """The devices, held in a contact that the demo's pads have."""
+    devices: list[tuple[str, Emulator, str]] = []
+    for seed, (force_at, pad_at) in enumerate(plan.fingers):
+        sensor = NetftSensor(seed, rate_hz=FORCE_HZ, block=RECORDS_A_DATAGRAM)
+        patch = Patch()
+        x_m, y_m = patch.centre_m
+        force = np.array((0.0, PULL_N, -NORMAL_N))  # the object pushes into the pad
+        torque = np.array((y_m * force[2], -x_m * force[2], x_m * force[1] + SPIN_NM))
+        sensor.feel(force, torque)
+        image = PvdfLine(seed, PvdfElectronics(rate_hz=IMAGE_HZ, dwell_ns=DWELL_NS))
+        image.press(COUNTS_PER_N * NORMAL_N * Pad().shares(patch))
+        devices += [("netft", sensor, force_at), ("pvdf", image, pad_at)]
+    return devices
+
+
+if __name__ == "__main__":
+    made = make(Plan(json.loads(sys.argv[1])))
+    prepare_process()
+    asyncio.run(serve_until_told(made))

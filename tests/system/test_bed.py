@@ -1,0 +1,137 @@
+"""Real processes: one daemon that reads every device on every kind of line, and the devices."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bed.rig import RIGS, Place, config_text, make_rig, plan_text
+from project import MODULES
+
+from slipd_client.errors import NoAnswer, RequestRefused
+from slipd_client.grip import GripClient
+
+pytestmark = pytest.mark.process
+
+PATIENCE_S = 60.0
+POLL_S = 0.25
+OK, STALE, ERROR = 0, 3, 2
+
+Streams = dict[str, dict[str, Any]]
+
+
+class Bed:
+    """A daemon and its devices, each a process."""
+
+    def __init__(self, folder: Path, places: list[Place]) -> None:
+        self.places = places
+        self._folder = folder
+        self._environment = os.environ | {
+            "SLIPD_RUNTIME_DIR": str(folder / "run"),
+            "PYTHONPATH": os.pathsep.join((MODULES, os.environ.get("PYTHONPATH", ""))),
+        }
+
+    @contextmanager
+    def devices(self) -> Iterator[None]:
+        with self._process("bed.devices", plan_text(self.places)) as process:
+            for place in self.places:
+                told = process.stdout.readline().strip() if process.stdout is not None else ""
+                assert told == place.address, "the devices do not start"
+            yield
+
+    @contextmanager
+    def daemon(self) -> Iterator[GripClient]:
+        config = self._folder / "rig.toml"
+        config.write_text(config_text(self.places))
+        with self._process("slipd", "run", "--config", str(config)) as process:
+            endpoints = [process.stdout.readline() for _ in range(2)] if process.stdout is not None else []
+            assert endpoints[1].startswith("requests: "), "the daemon does not start"
+            with GripClient(endpoints[1].removeprefix("requests: ").strip()) as requester:
+                yield requester
+
+    @contextmanager
+    def _process(self, module: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+        command = [sys.executable, "-m", module, *arguments]
+        with subprocess.Popen(
+            command, env=self._environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as process:
+            try:
+                yield process
+            finally:
+                process.terminate()
+                process.wait(PATIENCE_S)
+
+
+@pytest.fixture(scope="module")
+def bed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bed:
+    """The rig of a number."""
+    folder = tmp_path_factory.mktemp("bed")
+    return Bed(folder, make_rig(folder, RIGS[request.param]))
+
+
+@pytest.fixture(scope="module")
+def processes(bed: Bed) -> Iterator[tuple[GripClient, ExitStack]]:
+    with bed.daemon() as requester, ExitStack() as devices:
+        devices.enter_context(bed.devices())
+        yield requester, devices
+
+
+def watch(requester: GripClient, settled: Callable[[dict[str, Any]], bool]) -> tuple[Streams, Streams]:
+    """Each stream as it was when it had settled, and those that did not."""
+    good: Streams = {}
+    bad: Streams = {}
+    until_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until_s:
+        with suppress(NoAnswer, RequestRefused):  # the machine is busy
+            streams = requester.status()["streams"]
+            good |= {name: stream for name, stream in streams.items() if name not in good and settled(stream)}
+            bad = {name: stream for name, stream in streams.items() if name not in good}
+            if not bad:
+                break
+        time.sleep(POLL_S)
+    return good, bad
+
+
+def is_well(stream: dict[str, Any]) -> bool:
+    """Readings come at their rate; on a busy machine they may have stopped for some milliseconds of late."""
+    calm = stream["health"] == OK or "within 10 s" in stream["message"]
+    return calm and stream["rate_hz"] == pytest.approx(stream["expected_hz"], rel=0.2)
+
+
+@pytest.fixture(scope="module")
+def streams(processes: tuple[GripClient, ExitStack]) -> Streams:
+    good, bad = watch(processes[0], is_well)
+    return good | bad
+
+
+@pytest.mark.parametrize(
+    ("bed", "device", "transport"),
+    [(number, *line) for number, lines in enumerate(RIGS) for line in lines],
+    indirect=["bed"],
+    scope="module",
+)
+def test_a_device_is_read_in_health(bed: Bed, streams: Streams, device: str, transport: str) -> None:
+    (place,) = (place for place in bed.places if (place.device, place.transport) == (device, transport))
+    stream = streams[place.stream]
+    assert is_well(stream), stream
+    assert stream["address"] == place.address
+
+
+@pytest.mark.parametrize("bed", range(len(RIGS)), indirect=True, scope="module")
+def test_L5_L6_all_devices_go_away_and_come_back(
+    bed: Bed, streams: Streams, processes: tuple[GripClient, ExitStack]
+) -> None:
+    requester, devices = processes
+    devices.close()
+    _, remaining = watch(requester, lambda stream: stream["health"] in (STALE, ERROR))
+    assert not remaining
+    devices.enter_context(bed.devices())
+    _, missing = watch(requester, is_well)
+    assert not missing

@@ -1,0 +1,357 @@
+"""``slipd``: what it prints, and how it ends: 0 done, 1 fault at run time, 2 wrong call or config."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import struct
+import subprocess
+import sys
+import threading
+import zlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+import zstandard
+from project import CONFIG, TRIAL
+
+from slipd import __version__, config
+from slipd.cli import main
+from slipd.recording.mcap_file import RecordingFile
+from slipd_client.messages import MESSAGE_LIMITS, decode
+from slipd_client.view import View
+
+START_S = 1.0  # where an imported trial begins
+SLIPD = str(Path(sys.executable).with_name("slipd"))
+
+
+@pytest.fixture
+def recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The trial in which the object is dropped, imported with the shipped config."""
+    out = tmp_path / "trial.mcap"
+    assert main(["import", "grips", str(TRIAL), str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}: written; slipd replay {out} --speed max\n"
+    return out
+
+
+def drop_s() -> float:
+    """When the object was dropped: the first row that its authors labelled so."""
+    with (TRIAL / "slip_label.csv").open() as labels, (TRIAL / "robot_state.csv").open() as times:
+        for label, row in zip(csv.DictReader(labels), csv.DictReader(times), strict=True):
+            if float(label["fail"]):
+                return START_S + float(row["time"])
+    raise AssertionError("nothing is dropped in this trial")
+
+
+def replayed(path: Path, capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
+    assert main(["replay", str(path), "--speed", "max", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return [json.loads(line) for line in captured.out.splitlines()]
+
+
+def test_a_real_drop_is_warned_of_a_second_before(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = [body for body in replayed(recording, capsys) if body["topic"] == "warning"]
+    first = next(body for body in told if body["level"] == "warning")
+    assert first["t_ns"] * 1e-9 <= drop_s() - 1.0
+    for finger in ("left", "right"):
+        warned = [body["t_ns"] * 1e-9 for body in told if body["finger"] == finger and body["level"] == "warning"]
+        assert min(warned) <= drop_s() - 1.0
+    after = [body["level"] for body in told if body["t_ns"] * 1e-9 > drop_s() + 0.2]
+    assert "warning" not in after
+    assert after, "the end of the trial is told stale"
+
+
+def test_replayed_messages_are_one_a_line_and_whole(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bodies = replayed(recording, capsys)
+    numbers: dict[str, list[int]] = {}
+    for body in bodies:
+        numbers.setdefault(body["topic"], []).append(body["seq"])
+    assert set(numbers) == {
+        *("warning", "status", "slip.left", "slip.right", "wrench.left", "wrench.right"),
+        *("tactile.left", "tactile.right"),
+    }
+    assert all(found == list(range(len(found))) for found in numbers.values())
+    assert bodies == replayed(recording, capsys)
+
+
+def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    view, shown = View(), ""
+    for body in replayed(recording, capsys):
+        view.update(body["topic"], body)
+        assert body.get("force_unit", "uncalibrated") == "uncalibrated"
+        if body["topic"] == "slip.left" and body["level"] == "stable" and not shown:
+            shown = "\n".join([*view.render(200, colour=False), view.summary()])
+    assert re.search(r"^left +STABLE .* normal -?\d+\.\d\d  tangential", shown, re.MULTILINE)
+    assert not re.search(r"\d N\b", shown)
+
+
+def test_without_json_a_replay_tells_people_the_changes(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", str(recording), "--speed", "max"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.endswith("left: caution → warning (translation)") for line in lines)
+    assert lines[-1].strip().startswith("5.8")
+    assert "(stale)" in lines[-1]
+
+
+def test_a_replay_is_published_for_whoever_listens(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
+    heard: list[list[bytes]] = []
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    subscriber = context.socket(zmq.SUB)
+    subscriber.setsockopt(zmq.SUBSCRIBE, b"slip.")
+    subscriber.connect(f"ipc://{tmp_path}/run/publish")
+
+    def listen() -> None:
+        while not heard and subscriber.poll(30_000):
+            heard.append(subscriber.recv_multipart())
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    assert main(["replay", str(recording), "--speed", "4", "--publish"]) == 0
+    listener.join()
+    context.destroy(linger=0)
+    assert heard[0][0] in (b"slip.left", b"slip.right")
+    assert decode(heard[0][1], MESSAGE_LIMITS)["boot"] == "imported"
+    assert capsys.readouterr().out.startswith(f"publish: ipc://{tmp_path}/run/publish\n")
+
+
+def test_a_recording_that_is_cut_short_is_shown_and_told(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recording.write_bytes(recording.read_bytes()[:-600])
+    assert main(["replay", str(recording), "--speed", "max"]) == 1
+    captured = capsys.readouterr()
+    assert "left: unknown → caution" in captured.out
+    assert captured.err.startswith("slipd: this is not the whole run: ")
+
+
+@pytest.mark.parametrize("path", sorted(CONFIG.glob("*.toml")), ids=lambda path: path.name)
+def test_check_tells_what_a_shipped_config_reads(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(path)]) == 0
+    rig = config.load(path)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in lines[: len(rig.streams())]] == list(rig.streams())
+    assert lines[-1] == f"{path}: good, config_id {rig.config_id}"
+
+
+def test_check_warns_of_what_is_good_but_weak(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        '[finger.left.wrench]\ndevice = "bota"\nport = "/dev/a"\nrate_hz = 800\n'
+        '[gripper]\ndevice = "robotiq_2f"\nport = "/dev/b"\nrate_hz = 50\n'
+        "force_table = [[0, 1.0], [255, 9.0]]\nwidth_table = [[0.0, 0.1], [1.0, 0.0]]\n",
+        encoding="utf-8",
+    )
+    assert main(["check", str(rig)]) == 0
+    out = capsys.readouterr().out
+    assert 'finger.left: no mu: its level will be "unknown"' in out
+    assert "finger.left: no pad: rotation is not observed" in out
+    assert "gripper: no max_force_n: nothing will be moved" in out
+
+
+def test_check_asks_about_a_quaternion_that_looks_like_another_order(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (CONFIG / "external.toml").read_text(encoding="utf-8")
+    rig = tmp_path / "rig.toml"
+    for quaternion, asks in (("[1.0, 0.0, 0.0, 0.0]", True), ("[0.0, 0.0, 0.0, 1.0]", False)):
+        rig.write_text(text.replace("[0.0, 0.0, 0.0, 1.0]", quaternion), encoding="utf-8")
+        assert main(["check", str(rig)]) == 0
+        told = "finger.left.wrench.pad_from_sensor: quat_xyzw turns the sensor by 180 degrees about X"
+        assert (told in capsys.readouterr().out) == asks
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("command", [["check"], ["run", "--config"]])
+def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
+    rig.write_text(
+        text.replace("pitch_m = 0.0032", "pitch_m = 3.2", 1)
+        .replace("xyz_m = [0.004, -0.002, -0.025]", "xyz_m = [4, -2, -25]", 1)
+        .replace("mu = 0.55", "mu = 5.5", 1)
+        .replace("rate_hz = 800.0", "rate_hz = 8000.0", 1),
+        encoding="utf-8",
+    )
+    done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 2, done.stderr
+    rows = text.splitlines()
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == [
+        f"{rig}:{rows.index(row) + 1}: finger.left.{fault}"
+        for row, fault in (
+            (next(row for row in rows if row.startswith("mu = 0.55")), "mu: must be from 0.01 to 2, got 5.5"),
+            (
+                next(row for row in rows if row.startswith("pad_from_sensor")),
+                "wrench.pad_from_sensor.xyz_m: must be from -1 to 1 m, got 4: did you mean 4 mm? write 0.004",
+            ),
+            (
+                "pitch_m = 0.0032",
+                "pad.pitch_m: must be from 0.0001 to 0.05 m, got 3.2: did you mean 3.2 mm? write 0.0032",
+            ),
+        )
+    ], "a fault of form hides none of its own kind"
+    rig.write_text(text.replace("rate_hz = 800.0", "rate_hz = 8000.0", 1), encoding="utf-8")
+    done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
+    told = f"{rig}:{rows.index('rate_hz = 800.0') + 1}: finger.left.wrench.rate_hz: must be from 50 to 800 Hz"
+    assert done.stderr.startswith(told)
+
+
+@pytest.mark.parametrize(("budget", "gain_n"), [("", 16), ("budget_n = 10.0", 10), ("budget_n = 20.0", 16)])
+def test_check_tells_how_far_the_reflex_gets_within_the_budget(
+    budget: str, gain_n: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    text = (CONFIG / "demo.toml").read_text(encoding="utf-8").replace("enabled = false", "enabled = true")
+    rig.write_text(text.replace("budget_n = 25.0", budget), encoding="utf-8")
+    assert main(["check", str(rig)]) == 0
+    assert f"asks for up to {gain_n}.0 N more within the lead time of 0.3 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command", [["replay", "--speed", "max"], ["identify", "--finger", "left"]], ids=lambda c: c[0]
+)
+def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
+    file = RecordingFile(tmp_path / "bomb.mcap", config_text=text, boot="b", wall_minus_monotonic_ns=0)
+    file.close()
+    empty = struct.pack("<BQ", 0x77, 0) * 400_000
+    packed = zstandard.compress(empty)
+    body = struct.pack("<QQQII4sQ", 0, 0, len(empty), zlib.crc32(empty), 4, b"zstd", len(packed)) + packed
+    with (tmp_path / "bomb.mcap").open("ab") as bomb:
+        bomb.write((struct.pack("<BQ", 6, len(body)) + body) * 1000)
+    assert main([command[0], str(tmp_path / "bomb.mcap"), *command[1:]]) == 1
+    assert (
+        "bomb.mcap: has a chunk with a record of kind 119, which slipd cannot have written" in capsys.readouterr().err
+    )
+
+
+def test_check_tells_every_fault_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = tmp_path / "rig.toml"
+    text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
+    rig.write_text(text.replace("pitch_m", "pich_m").replace("mu = 0.32", "mu = -1"), encoding="utf-8")
+    assert main(["check", str(rig)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    faults = captured.err.splitlines()
+    assert len(faults) == 5, "one μ, and in two pads an unknown key and a missing one"
+    assert all(line.startswith(f"{rig}:") and line.split(":")[1].isdecimal() for line in faults)
+    assert sum("did you mean 'pitch_m'?" in line for line in faults) == 2
+
+
+def test_an_import_never_overwrites(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = recording.read_bytes()
+    assert main(["import", "grips", str(TRIAL), str(recording)]) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert recording.read_bytes() == data
+
+
+def test_an_import_may_have_a_config_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = tmp_path / "rig.toml"
+    text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
+    rig.write_text(text.replace("finger.left", "finger.thumb"), encoding="utf-8")
+    out = tmp_path / "trial.mcap"
+    assert main(["import", "grips", str(TRIAL), str(out), "--config", str(rig)]) == 0
+    capsys.readouterr()
+    assert {body["topic"] for body in replayed(out, capsys)} >= {"slip.thumb", "slip.right"}
+
+
+@pytest.mark.parametrize(
+    ("call", "ends", "told"),
+    [
+        (["replay", "none.mcap"], 1, "none.mcap: cannot be opened: No such file"),
+        (["replay", "foreign"], 1, "foreign: not an MCAP file"),
+        (["replay", "empty"], 1, "empty: "),
+        (["check", "none.toml"], 2, "none.toml: cannot be read: No such file"),
+        (["check", "foreign"], 2, "foreign: cannot be read: it is not UTF-8"),
+        (["check", "empty"], 2, "empty: finger: is missing"),
+        (["run", "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
+        (["run", "--config", "empty"], 2, "empty: finger: is missing"),
+        (["import", "grips", "none", "out.mcap"], 1, "robot_state.csv: cannot be read: No such file"),
+        (["import", "grips", "foreign", "out.mcap"], 1, "robot_state.csv: cannot be read: Not a directory"),
+        (["import", "grips", str(TRIAL), "none/out.mcap"], 1, "none/out.mcap: cannot be written"),
+        (["import", "grips", str(TRIAL), "out.mcap", "--config", "none.toml"], 2, "none.toml: cannot be read"),
+    ],
+)
+def test_a_file_that_is_missing_or_foreign_is_told(
+    call: list[str],
+    ends: int,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "foreign").write_bytes(b"\xff\xfe\x00 no recording, no text" * 100)
+    (tmp_path / "empty").write_bytes(b"")
+    assert main(call) == ends
+    captured = capsys.readouterr()
+    assert told in captured.err
+    assert captured.out == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "foreign"], "nothing is left behind"
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        [],
+        ["fly"],
+        ["run"],
+        ["check"],
+        ["replay"],
+        ["replay", "a", "b"],
+        ["replay", "a", "--speed", "0"],
+        ["replay", "a", "--speed", "nan"],
+        ["replay", "a", "--speed", "inf"],
+        ["replay", "a", "--speed", "fast"],
+        ["demo", "--seconds", "-1"],
+        ["import"],
+        ["import", "rosbags", "a", "b"],
+        ["import", "grips", "a"],
+    ],
+    ids=" ".join,
+)
+def test_a_wrong_call_is_told_how_to_call(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(call)
+    assert ended.value.code == 2
+    assert "usage: slipd" in capsys.readouterr().err
+
+
+def test_help_and_version_are_no_faults(capsys: pytest.CaptureFixture[str]) -> None:
+    for call in (["--help"], ["run", "--help"], ["--version"]):
+        with pytest.raises(SystemExit) as ended:
+            main(call)
+        assert ended.value.code == 0
+    assert capsys.readouterr().out.endswith(f"slipd {__version__}\n")
+
+
+@pytest.mark.process
+def test_a_reader_that_has_seen_enough_is_no_fault(recording: Path) -> None:
+    """``slipd replay FILE --json | head -1``."""
+    with subprocess.Popen(
+        [SLIPD, "replay", str(recording), "--speed", "max", "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert json.loads(process.stdout.readline())["topic"] == "status"
+        process.stdout.close()
+        assert process.stderr.read() == ""
+        assert process.wait(60) == 0
+
+
+@pytest.mark.process
+def test_the_installed_command_ends_with_the_codes_it_says() -> None:
+    for call, ends in ((["--version"], 0), (["replay", "/nowhere.mcap"], 1), (["fly"], 2)):
+        done = subprocess.run([SLIPD, *call], capture_output=True, text=True, timeout=60, check=False)
+        assert done.returncode == ends
+        assert "Traceback" not in done.stderr

@@ -1,0 +1,104 @@
+"""The demo as a user runs it: real processes, ports and sockets; the truth of the scene beside what was told."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from slipd.events import Bytes, Request
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
+from slipd_client.messages import encode
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """What the whole demo printed, and its recording."""
+    directory = tmp_path_factory.mktemp("demo")
+    recording = directory / "demo.mcap"
+    command = [sys.executable, "-m", "slipd", "demo", "--seconds", "22", "--headless", "--record", str(recording)]
+    runtime = {"SLIPD_RUNTIME_DIR": str(directory / "run")}
+    done = subprocess.run(command, env=os.environ | runtime, capture_output=True, text=True, check=False, timeout=110)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout, recording
+
+
+def times(summary: str, line: str) -> list[float]:
+    """When a line of the summary happened, s of the scene."""
+    return [float(found) for found in re.findall(rf"^ *([\d.]+) s  {line}", summary, re.MULTILINE)]
+
+
+@pytest.mark.process
+def test_the_warning_for_rotation_comes_before_the_rotation(demo: tuple[str, Path]) -> None:
+    lead = re.search(r"rotation: warned ([\d.]+) s before it would have begun", demo[0])
+    assert lead is not None, demo[0]
+    assert float(lead[1]) > 0.2
+    assert not times(demo[0], "truth    slide_begins.*load_spin_nm 0.[0-9]*[1-9]"), "the raised grip must hold"
+
+
+@pytest.mark.process
+def test_the_grip_request_is_granted_and_visible_in_the_measured_force(demo: tuple[str, Path]) -> None:
+    granted = re.search(r"granted ([\d.]+) N; measured ([\d.]+) N → ([\d.]+) N", demo[0])
+    assert granted is not None, demo[0]
+    applied, before, after = map(float, granted.groups())
+    assert after > before + 1.0
+    assert after >= 0.95 * applied
+
+
+@pytest.mark.process
+def test_the_slip_is_told_when_it_happens(demo: tuple[str, Path]) -> None:
+    began = times(demo[0], "truth    slide_begins")
+    told = times(demo[0], r"slipd    \w+: slipping \(slip_detected")
+    assert began, demo[0]
+    assert any(0.0 <= t - began[0] < 0.5 for t in told), demo[0]
+
+
+@pytest.mark.process
+def test_the_summary_counts(demo: tuple[str, Path]) -> None:
+    for pattern in (
+        r"^readings: \d{5}",
+        r"^messages: \d{4,} \(\d+ grasp, \d+ gripper, \d+ slip",
+        r"^warnings: [1-9]\d* ",
+        r"^gaps: 0$",
+        r"^median latency: \d+\.\d\d ms",
+    ):
+        assert re.search(pattern, demo[0], re.MULTILINE), (pattern, demo[0])
+
+
+@pytest.mark.process
+def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: tuple[str, Path]) -> None:
+    recording = open_recording(demo[1])
+    entered = [event for _, event in recording.events()]
+    links = {event.link for event in entered if isinstance(event, Bytes)}
+    assert links == {"left.wrench", "left.pad", "right.wrench", "right.pad", "gripper"}
+    assert {event.body["op"] for event in entered if isinstance(event, Request)} >= {"tare", "grip.set", "lease.renew"}
+    live = list(open_recording(demo[1]).messages())
+    again = [(topic, encode(body)) for topic, body in replay(open_recording(demo[1]))]
+    assert recording.complete
+    assert len(live) > 5000
+    assert again == live
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_demo_that_is_told_to_end_leaves_neither_processes_nor_an_open_recording(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(tmp_path / "demo.mcap")]
+    runtime = {"SLIPD_RUNTIME_DIR": str(tmp_path / "run")}
+    with subprocess.Popen(command, env=os.environ | runtime, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert [process.stdout.readline().partition(": ")[0] for _ in range(2)] == ["publish", "requests"]
+        process.send_signal(number)
+        process.communicate(timeout=60)
+        assert process.returncode == 0
+    daemon = int((tmp_path / "run" / "lock").read_text())
+    with pytest.raises(ProcessLookupError):
+        os.kill(daemon, 0)
+    assert open_recording(tmp_path / "demo.mcap").closed

@@ -1,0 +1,167 @@
+"""A real daemon that is stopped while real devices go on, or stop too: silent sensors and a late daemon told apart."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bed.rig import config_text, make_rig, plan_text
+from project import MODULES
+
+from slipd.engine.lateness import LATE_NS, LEAST_CATCH_UP_NS
+from slipd.events import Bytes, Tick
+from slipd.recording.reader import Published, Recording, open_recording
+from slipd.recording.replay import replay
+from slipd_client.messages import decode, encode
+from slipd_client.messages.codec import MESSAGE_LIMITS
+from slipd_client.messages.typed import Slip
+from slipd_client.subscriber import Subscriber
+
+pytestmark = pytest.mark.process
+
+MS = 1_000_000
+PATIENCE_S = 60.0
+STALLS_MS = [5, 12, 20, 35, 60, 120, 250, 500]
+LINES = {"f00x": [("bota", "serial"), ("pvdf", "serial")], "f01x": [("optoforce", "udp"), ("wts", "serial")]}
+FRICTION = "\n[finger.{}]\nmu = 0.5\n"
+MISSING = {"stale", "rotation_unobserved"}
+"""Reasons with which readings of a force sensor or images are missing."""
+WELL_NS = 5 * MS
+"""A device that was heard so shortly before the stall was not late itself: it sends 800 or more readings a second."""
+
+
+class Bed:
+    """A daemon, the devices of each finger in a process of their own, and the verdicts on both fingers.
+
+    Attributes:
+        daemon: Its process.
+        devices: The process of each finger's.
+    """
+
+    def __init__(
+        self, daemon: subprocess.Popen[str], devices: dict[str, subprocess.Popen[str]], verdicts: Subscriber
+    ) -> None:
+        self.daemon, self.devices = daemon, devices
+        self._verdicts = verdicts
+        self._newest: dict[str, tuple[str, tuple[str, ...]]] = {}
+
+    def until_known(self, *fingers: str) -> None:
+        """Wait until the level of these fingers is known."""
+        self._until(lambda: all(self._newest.get(finger, ("unknown",))[0] != "unknown" for finger in fingers))
+
+    def until_stale(self, finger: str) -> None:
+        """Wait until a finger is stale."""
+        self._until(lambda: self._newest.get(finger) == ("unknown", ("stale",)))
+
+    def _until(self, condition: Callable[[], bool]) -> None:
+        until_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < until_s, self._newest
+            message = self._verdicts.receive(0.5)
+            if isinstance(message, Slip):
+                self._newest[message.finger] = str(message.level), message.reasons
+
+
+@contextmanager
+def process(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    environment = os.environ | {
+        "SLIPD_RUNTIME_DIR": str(folder / "run"),
+        "PYTHONPATH": os.pathsep.join((MODULES, os.environ.get("PYTHONPATH", ""))),
+    }
+    with subprocess.Popen(
+        [sys.executable, "-m", *arguments], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as running:
+        try:
+            yield running
+        finally:
+            running.send_signal(signal.SIGCONT)
+            running.terminate()
+            running.wait(PATIENCE_S)
+
+
+def first_lines(running: subprocess.Popen[str], count: int) -> list[str]:
+    return [] if running.stdout is None else [running.stdout.readline().strip() for _ in range(count)]
+
+
+@contextmanager
+def bed_in(folder: Path) -> Iterator[Bed]:
+    """Two fingers on ptys and UDP; the run is recorded in ``run.mcap``."""
+    places = make_rig(folder, [line for lines in LINES.values() for line in lines])
+    settings = folder / "rig.toml"
+    settings.write_text(config_text(places) + "".join(FRICTION.format(finger) for finger in LINES))
+    with ExitStack() as stack:
+        devices = {}
+        for finger in LINES:
+            own = [place for place in places if place.stream.startswith(finger)]
+            devices[finger] = stack.enter_context(process(folder, "bed.devices", plan_text(own)))
+            assert first_lines(devices[finger], len(own)) == [place.address for place in own]
+        arguments = ("run", "--config", str(settings), "--record", str(folder / "run.mcap"))
+        daemon = stack.enter_context(process(folder, "slipd", *arguments))
+        publish = first_lines(daemon, 2)[0].removeprefix("publish: ")
+        yield Bed(daemon, devices, stack.enter_context(Subscriber(publish, ("slip",))))
+
+
+def false_alarms(recording: Recording) -> list[dict[str, Any]]:
+    """Changes to a missing stream that were published before the lines were read empty after a stall.
+
+    A daemon that did not catch up in time may say so, and a device may be late itself where the machine is loaded.
+    """
+    found, heard = [], dict.fromkeys(f"{finger}.wrench" for finger in LINES)
+    tick_ns = began_ns = until_ns = 0
+    was_well: dict[str, bool] = {}
+    for entry in recording.entries():
+        if isinstance(entry, Published):
+            body = decode(entry.payload, MESSAGE_LIMITS)
+            missing = entry.topic == "warning" and MISSING.intersection(body["reasons"])
+            if missing and began_ns and entry.t_ns < until_ns and was_well[f"{body['finger']}.wrench"]:
+                found.append(body)
+            continue
+        t_ns, event = entry.t_ns, entry.event
+        if tick_ns and t_ns - tick_ns > LATE_NS and not began_ns:
+            began_ns, until_ns = tick_ns, t_ns + LEAST_CATCH_UP_NS
+            was_well = {link: last is not None and tick_ns - last < WELL_NS for link, last in heard.items()}
+        if isinstance(event, Tick):
+            tick_ns = t_ns
+            if not event.unread:
+                began_ns = 0
+        elif isinstance(event, Bytes) and event.link in heard:
+            heard[event.link] = t_ns
+    return found
+
+
+def test_C4_P2_a_daemon_that_was_stopped_calls_no_sensor_silent_that_went_on(tmp_path: Path) -> None:
+    with bed_in(tmp_path) as bed:
+        bed.until_known(*LINES)
+        for ms in STALLS_MS:
+            bed.daemon.send_signal(signal.SIGSTOP)
+            time.sleep(ms / 1000)
+            bed.daemon.send_signal(signal.SIGCONT)
+            time.sleep(0.3)
+    recording = open_recording(tmp_path / "run.mcap")
+    ticks = [t_ns for t_ns, event in recording.events() if isinstance(event, Tick)]
+    assert sum(after - before > 100 * MS for before, after in pairwise(ticks)) >= sum(ms > 100 for ms in STALLS_MS)
+    assert false_alarms(recording) == []
+    published = list(recording.messages())
+    replayed = [(topic, encode(body)) for topic, body in replay(open_recording(tmp_path / "run.mcap"))]
+    assert replayed == published
+
+
+def test_C4_F1_devices_that_stopped_meanwhile_are_stale_once_the_daemon_runs_again(tmp_path: Path) -> None:
+    with bed_in(tmp_path) as bed:
+        bed.until_known(*LINES)
+        bed.daemon.send_signal(signal.SIGSTOP)
+        time.sleep(0.1)
+        bed.devices["f01x"].send_signal(signal.SIGSTOP)
+        time.sleep(0.1)
+        bed.daemon.send_signal(signal.SIGCONT)
+        bed.until_stale("f01x")
+        bed.until_known("f00x")

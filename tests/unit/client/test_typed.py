@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import dataclasses
+import re
+from typing import Any
+
+import pytest
+from project import DOCS
+
+from slipd_client.messages import LEVELS, Health, MessageError, encode
+from slipd_client.messages.reader import read, typed_message
+from slipd_client.messages.typed import (
+    FingerStatus,
+    Grasp,
+    Gripper,
+    LeaseStatus,
+    Message,
+    ReflexAct,
+    Slip,
+    SlipLevel,
+    SlipWarning,
+    Status,
+    StreamStatus,
+    Tactile,
+    Wrench,
+)
+
+HEAD = {"v": 1, "seq": 4, "boot": "b", "t_ns": 7, "timestamp": 1.5, "frame": "left_pad", "config_id": "c"}
+DOCUMENT = (DOCS / "protocol.md").read_text(encoding="utf-8")
+OF_A_MESSAGE = {field.name for field in dataclasses.fields(Message)}
+
+
+def message(topic: str, **fields: Any) -> Any:
+    return typed_message(*read([topic.encode(), encode(HEAD | fields)]))
+
+
+def fault(topic: str, **fields: Any) -> str:
+    with pytest.raises(MessageError) as caught:
+        message(topic, **fields)
+    return str(caught.value)
+
+
+def test_a_verdict_has_its_fields_as_numbers_words_and_tuples() -> None:
+    slip = message(
+        "slip.left", finger="left", level="warning", reasons=["rotation"], mu=1, centroid_m=[0.001, 0], age_s=0.5
+    )
+    assert isinstance(slip, Slip)
+    assert (slip.level, slip.reasons, slip.mu, slip.centroid_m) == (SlipLevel.WARNING, ("rotation",), 1.0, (0.001, 0.0))
+    assert (slip.seq, slip.boot, slip.t_ns, slip.frame) == (4, "b", 7, "left_pad")
+    assert (slip.reading_age_s, slip.spin_nm) == (0.5, None)
+    assert type(slip.mu) is float
+
+
+def test_a_change_of_level_says_from_where_to_where() -> None:
+    change = message("warning", finger="left", level="slipping", previous="warning", rising=True)
+    assert isinstance(change, SlipWarning)
+    assert (change.previous, change.level, change.rising) == (SlipLevel.WARNING, SlipLevel.SLIPPING, True)
+
+
+def test_an_image_has_its_loads_and_outline() -> None:
+    image = message("tactile.left", finger="left", rows=1, cols=2, loads_n=[0.5, 1], corners_m=[[0, 0], [0.1, 0]])
+    assert isinstance(image, Tactile)
+    assert (image.loads_n, image.corners_m) == ((0.5, 1.0), ((0.0, 0.0), (0.1, 0.0)))
+
+
+def test_a_grasp_has_the_share_of_each_finger() -> None:
+    grasp = message("grasp", level="stable", load_share={"left": 0.25, "right": 0.75}, external_force_n=[0, 0, -2.0])
+    assert isinstance(grasp, Grasp)
+    assert grasp.load_share == {"left": 0.25, "right": 0.75}
+    assert grasp.external_force_n == (0.0, 0.0, -2.0)
+
+
+def test_status_has_fingers_and_streams() -> None:
+    status = message(
+        "status",
+        fingers={"left": {"level": "stable", "reasons": [], "tare_id": 2, "tare_busy": False, "new": 1}},
+        streams={"left.wrench": {"health": 1, "rate_hz": 100.0, "message": "slow", "new": {}}},
+    )
+    assert isinstance(status, Status)
+    assert status.fingers == {"left": FingerStatus(SlipLevel.STABLE, (), 2, False)}
+    assert status.streams == {"left.wrench": StreamStatus(Health.WARN, "slow", rate_hz=100.0)}
+
+
+def test_a_gripper_has_its_lease_and_what_the_reflex_did() -> None:
+    reflex = {"force_n": 9.0, "from_n": 7.0, "reason": "slip_detected"}
+    gripper = message("gripper", lease={"held": True, "expires_in_s": 0.1}, reflex=reflex, latched_fault="overheated")
+    assert isinstance(gripper, Gripper)
+    assert gripper.lease == LeaseStatus(True, 0.1)
+    assert gripper.reflex == ReflexAct(9.0, 7.0, "slip_detected")
+    assert gripper.latched_fault == "overheated"
+
+
+def test_fields_and_topics_that_are_not_known_stand_in_the_map() -> None:
+    assert message("wrench.left", finger="left", later=[1]).raw["later"] == [1]
+    other = message("later.topic", more=1)
+    assert type(other) is Message
+    assert (other.topic, other.raw["more"]) == ("later.topic", 1)
+
+
+@pytest.mark.parametrize(
+    ("topic", "needed"),
+    [
+        ("slip.left", {"finger": "left", "level": "stable"}),
+        ("wrench.left", {"finger": "left"}),
+        ("tactile.left", {"finger": "left", "rows": 1, "cols": 1}),
+        ("warning", {"finger": "left", "level": "stable", "previous": "unknown", "rising": False}),
+        ("grasp", {"level": "unknown"}),
+        ("gripper", {}),
+        ("status", {}),
+    ],
+)
+def test_what_an_older_daemon_does_not_send_is_none_and_the_rest_must_be_there(
+    topic: str, needed: dict[str, Any]
+) -> None:
+    assert message(topic, **needed).topic == topic
+    assert message(topic, **dict.fromkeys(OF_A_MESSAGE & {"frame", "timestamp"}), **needed).frame is None
+    for name in needed:
+        left = {other: value for other, value in needed.items() if other != name}
+        assert f"missing_field: {name}" in fault(topic, **left)
+
+
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({"level": "fine"}, "level: one of no_contact, stable"),
+        ({"level": 3}, "level"),
+        ({"level": ["stable"]}, "level"),
+        ({"finger": 1}, "finger: str expected"),
+        ({"mu": "0.5"}, "mu: a number is expected"),
+        ({"mu": True}, "mu: a number is expected"),
+        ({"tare_id": 1.0}, "tare_id: int expected"),
+        ({"reasons": "stale"}, "reasons: a list"),
+        ({"reasons": [1]}, "reasons: str expected"),
+        ({"centroid_m": [0.0]}, "centroid_m: a list of 2 numbers"),
+        ({"centroid_m": [0.0, None]}, "centroid_m: a number"),
+        ({"timestamp": "now"}, "timestamp"),
+    ],
+)
+def test_a_known_field_of_another_kind_is_refused_with_its_name(fields: dict[str, Any], complaint: str) -> None:
+    told = fault("slip.left", **({"finger": "left", "level": "stable"} | fields))
+    assert complaint in told
+    assert told.startswith("bad_type")
+
+
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({"fingers": []}, "fingers: a map is expected"),
+        ({"fingers": {"left": 1}}, "fingers: a map is expected"),
+        ({"lease": {"held": 1}}, "bool expected"),
+        ({"fingers": {"left": {"level": "fine"}}}, "level: one of"),
+        ({"streams": {"left.wrench": {"health": 9}}}, "health: one of 0, 1, 2, 3"),
+        ({"streams": {"left.wrench": {}}}, "missing_field: health"),
+    ],
+)
+def test_a_status_within_is_as_strict(fields: dict[str, Any], complaint: str) -> None:
+    assert complaint in fault("status", **fields)
+
+
+def test_a_share_that_is_none_is_refused() -> None:
+    assert "a map is expected" in fault("grasp", level="stable", load_share=[0.5, 0.5])
+
+
+def test_a_message_cannot_be_changed() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        message("gripper").width_m = 0.1
+
+
+def test_levels_are_the_words_of_the_wire_and_two_of_them_alarm() -> None:
+    assert [str(level) for level in SlipLevel] == list(LEVELS)
+    assert [level for level in SlipLevel if level.alarming] == ["warning", "slipping"]
+
+
+def test_ages_are_told_in_the_clock_of_this_machine_or_by_one_that_is_known() -> None:
+    class Ahead:
+        def local_ns(self, server_ns: int) -> int:
+            return server_ns - 10**12
+
+    told = message("gripper")
+    assert told.age_s > 0
+    assert told.age_by(Ahead()) - told.age_s == pytest.approx(1000.0, abs=10.0)
+
+
+@pytest.mark.parametrize(
+    ("heading", "cls"),
+    [
+        ("### `slip.<finger>`", Slip),
+        ("### `warning`", SlipWarning),
+        ("### `wrench.<finger>`", Wrench),
+        ("### `tactile.<finger>`", Tactile),
+        ("### `grasp`", Grasp),
+        ("### `gripper`", Gripper),
+    ],
+)
+def test_the_fields_are_those_of_the_document(heading: str, cls: type[Message]) -> None:
+    table = (
+        DOCUMENT.partition(heading)[2].partition("\n\n### ")[0].partition("| field | type |")[2].partition("\n\n")[0]
+    )
+    documented = {name for line in table.splitlines()[2:] for name in re.findall(r"`(\w+)`", line.split(" | ")[0])} - {
+        "level_code"
+    }
+    fields = {field.metadata.get("wire", field.name) for field in dataclasses.fields(cls)} - OF_A_MESSAGE
+    assert fields == documented

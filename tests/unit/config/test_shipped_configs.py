@@ -1,0 +1,92 @@
+"""The files of config/ are what a rig's owner starts from: each can be run, and together they show every key."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from project import CONFIG
+from pydantic import BaseModel
+
+from slipd import cli, config
+from slipd.config.model import (
+    Bus,
+    Config,
+    Finger,
+    Grasp,
+    Gripper,
+    Levels,
+    Pad,
+    PadPlace,
+    Pose,
+    Rates,
+    Recording,
+    Reflex,
+    Slip,
+    Wrench,
+)
+
+SHIPPED = sorted(CONFIG.glob("*.toml"))
+INNER: dict[str, type[BaseModel]] = {
+    "bus": Bus,
+    "recording": Recording,
+    "levels": Levels,
+    "rates": Rates,
+    "gripper": Gripper,
+    "grasp": Grasp,
+    "reflex": Reflex,
+    "wrench": Wrench,
+    "pad": Pad,
+    "slip": Slip,
+    "pad_from_sensor": Pose,
+}
+shipped = pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+
+
+def owner(model: type[BaseModel], key: str) -> str:
+    """The class that brings a key: those that all streams share count once."""
+    return next(above.__name__ for above in reversed(model.__mro__) if key in vars(above).get("__annotations__", {}))
+
+
+def keys_of(model: type[BaseModel], table: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Every key that a file shows, with the class that brings it."""
+    for key, value in table.items():
+        yield owner(model, key), key
+        if model is Config and key == "finger":
+            for finger in value.values():
+                yield from keys_of(Finger, finger)
+        elif model is Grasp:
+            for place in value.values():
+                yield from keys_of(PadPlace, place)
+        elif key in INNER:
+            yield from keys_of(INNER[key], value)
+
+
+@shipped
+def test_a_file_has_no_fault_and_check_says_so(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", str(path)]) == 0
+    assert f"{path}: good" in capsys.readouterr().out
+
+
+@shipped
+def test_a_file_says_what_it_is_for_in_lines_that_can_be_read(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith("# ")
+    assert max(map(len, lines)) <= 128
+
+
+@shipped
+def test_no_serial_port_is_a_number_that_goes_to_whichever_device_is_plugged_in_first(path: Path) -> None:
+    for stream in config.load(path).streams().values():
+        if config.transport_of(stream.port) == "serial":
+            assert stream.port.startswith(("/dev/serial/by-id/", "virtual/"))
+
+
+def test_together_they_show_every_key() -> None:
+    shown = {found for path in SHIPPED for found in keys_of(Config, tomllib.loads(path.read_text(encoding="utf-8")))}
+    models: list[type[BaseModel]] = [Config, Finger, PadPlace, *INNER.values()]
+    known = {(owner(model, key), key) for model in models for key in model.model_fields}
+    assert known - shown == set()

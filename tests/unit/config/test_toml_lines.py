@@ -1,0 +1,102 @@
+"""A fault is told on the line where its key stands, however the file is written."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.config.toml_lines import key_lines, line_of
+
+TEXT = """\
+# a comment = with an equals sign
+title = "top"
+
+[finger.left]   # [not.a.table]
+mu = 0.5
+pad.rows = 4
+
+  [ finger . left . wrench ]
+  port="/dev/ttyUSB0"
+  "quoted key" = 1
+
+[gripper]
+force_table = [
+  [0, 3.0],
+  [255, 30.0]
+]
+max_force_n = 25.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        (("title",), 2),
+        (("finger", "left"), 4),
+        (("finger", "left", "mu"), 5),
+        (("finger", "left", "pad", "rows"), 6),
+        (("finger", "left", "wrench"), 8),
+        (("finger", "left", "wrench", "port"), 9),
+        (("finger", "left", "wrench", "quoted key"), 10),
+        (("gripper", "force_table"), 13),
+        (("gripper", "max_force_n"), 17),
+    ],
+)
+def test_every_key_is_found_where_it_stands(path: tuple[str, ...], line: int) -> None:
+    assert line_of(key_lines(TEXT), path) == line
+
+
+def test_the_rows_of_a_list_are_no_tables() -> None:
+    assert set(key_lines(TEXT)) == {
+        ("title",),
+        ("finger", "left"),
+        ("finger", "left", "mu"),
+        ("finger", "left", "pad", "rows"),
+        ("finger", "left", "wrench"),
+        ("finger", "left", "wrench", "port"),
+        ("finger", "left", "wrench", "quoted key"),
+        ("gripper",),
+        ("gripper", "force_table"),
+        ("gripper", "max_force_n"),
+    }
+
+
+def test_what_stands_nowhere_is_told_at_the_innermost_table_round_it() -> None:
+    lines = key_lines(TEXT)
+    assert line_of(lines, ("finger", "left", "wrench", "pad_from_sensor", "sign")) == 8
+    assert line_of(lines, ("gripper", "force_table", "1", "0")) == 13
+    assert line_of(lines, ("levels", "caution")) is None
+    assert line_of(lines, ()) is None
+
+
+def test_a_key_in_an_inline_table_is_told_at_that_table() -> None:
+    lines = key_lines("[finger.left.wrench]\npad_from_sensor = { xyz_m = [0, 0, 0], quat = [0, 0, 0, 1] }\n")
+    assert line_of(lines, ("finger", "left", "wrench", "pad_from_sensor", "quat")) == 2
+
+
+def test_the_first_of_two_keys_of_one_name_is_told() -> None:
+    assert key_lines("a = 1\nb = 2\na = 3\n")[("a",)] == 1
+
+
+def test_an_array_of_tables_is_a_table() -> None:
+    assert key_lines("x = 1\n[[rig]]\nname = 2\n") == {("x",): 1, ("rig",): 2, ("rig", "name"): 3}
+
+
+NAME = st.text("abcxyz019_-", min_size=1, max_size=6)
+
+
+@given(st.dictionaries(NAME, st.dictionaries(NAME, st.integers(-9, 9), min_size=1, max_size=4), max_size=4))
+def test_every_line_that_is_told_holds_its_key(tree: dict[str, dict[str, int]]) -> None:
+    text = "".join(
+        f"[{table}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items()) for table, keys in tree.items()
+    )
+    assert tomllib.loads(text) == tree
+    found = key_lines(text)
+    written = text.splitlines()
+    expected: dict[tuple[str, ...], Any] = {(table,): f"[{table}]" for table in tree}
+    expected |= {(table, key): f"{key} = {value}" for table, keys in tree.items() for key, value in keys.items()}
+    assert {path: written[line - 1] for path, line in found.items()} == expected

@@ -1,0 +1,161 @@
+"""Raw strain gauges: the documented frame, the matrix, and matrices that cannot be meant."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from project import DOCS
+
+from slipd.devices import crc, gauges
+from slipd.devices.health import DecoderHealth
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+Damage = Callable[..., Iterator[bytes]]
+
+DOCUMENT = DOCS / "devices.md"
+COUNTS = (100, -200, 300_000, -4, 5, 6)
+MATRIX = np.diag([1e-3, 2e-3, 4e-3, 1e-6, 2e-6, 4e-6]) + 1e-7
+
+
+def frame(number: int, status: int = 0) -> bytes:
+    return gauges.encode_frame((number, *COUNTS[1:]), number, 1000 * number, status)
+
+
+def numbers(samples: list[Any]) -> list[int]:
+    return [int(sample.force_n[0]) for sample in samples]
+
+
+def test_the_documented_frame_is_the_one_that_is_sent() -> None:
+    (block,) = re.findall(r"<!-- gauges frame -->\n+```\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    documented = bytes.fromhex("".join(line.split("|")[0] for line in block.splitlines()))
+    assert gauges.encode_frame((1000, -2000, 8_388_607, 0, -1, 70_000), 258, 1_001_875, 0b100) == documented
+    (sample,) = gauges.Decoder().receive(documented, 77)
+    assert (sample.t_ns, sample.device_time_ns, sample.status) == (77, 1_001_875_000, ("overload",))
+
+
+def test_unless_told_the_counts_themselves_come_out() -> None:
+    (sample,) = gauges.Decoder().receive(gauges.encode_frame(COUNTS, 0, 0), 0)
+    assert [*sample.force_n, *sample.torque_nm] == list(COUNTS)
+
+
+def test_the_matrix_makes_a_wrench_of_the_counts_over_the_offset() -> None:
+    offset = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
+    (sample,) = gauges.Decoder(MATRIX.tolist(), offset).receive(gauges.encode_frame(COUNTS, 0, 0), 0)
+    expected = MATRIX @ (np.array(COUNTS) - offset)
+    assert [*sample.force_n, *sample.torque_nm] == pytest.approx(expected.tolist())
+
+
+@pytest.mark.parametrize("bit", range(7))
+def test_F2_every_status_bit_has_its_word(bit: int) -> None:
+    (sample,) = gauges.Decoder().receive(frame(1, 1 << bit), 0)
+    assert sample.status == (("overload",) if bit < 6 else ("invalid",))
+
+
+def test_F2_both_words_may_come_together_and_the_reserved_bit_is_no_frame() -> None:
+    assert gauges.Decoder().receive(frame(1, 0x7F), 0)[0].status == ("overload", "invalid")
+    assert gauges.Decoder().receive(frame(1, 0x80), 0) == []
+
+
+@pytest.mark.parametrize("rail", [-(1 << 31), (1 << 31) - 1])
+@pytest.mark.parametrize("channel", range(6))
+def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int, channel: int) -> None:
+    counts = list(COUNTS)
+    counts[channel] = rail
+    (sample,) = gauges.Decoder().receive(gauges.encode_frame(counts, 0, 0), 0)
+    assert sample.status == ("overload",)
+
+
+SINGULAR = [row[:] for row in MATRIX.tolist()]
+SINGULAR[5] = [2 * entry for entry in SINGULAR[0]]
+NEARLY = np.eye(6)
+NEARLY[5] = NEARLY[0] + 1e-8 * NEARLY[5]
+
+
+@pytest.mark.parametrize("matrix", [SINGULAR, NEARLY.tolist(), np.zeros((6, 6)).tolist(), np.ones((6, 6)).tolist()])
+def test_N3_a_singular_matrix_is_refused(matrix: list[list[float]]) -> None:
+    with pytest.raises(ValueError, match="singular"):
+        gauges.Decoder(matrix)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        MATRIX[:5].tolist(),
+        MATRIX[:, :5].tolist(),
+        [[1.0], [1.0, 2.0]],
+        MATRIX.ravel().tolist(),
+        [[float("nan")] * 6] * 6,
+        [[float("inf")] * 6] * 6,
+        (1e7 * np.eye(6)).tolist(),
+        [["a"] * 6] * 6,
+    ],
+)
+def test_a_matrix_of_another_shape_or_with_impossible_entries_is_refused(matrix: Any) -> None:
+    with pytest.raises(ValueError, match="matrix must be 6 x 6 finite numbers"):
+        gauges.Decoder(matrix)
+
+
+@pytest.mark.parametrize("offset", [[1.0] * 5, [float("nan")] * 6, 3.0, [1e10] * 6])
+def test_an_impossible_offset_is_refused(offset: Any) -> None:
+    with pytest.raises(ValueError, match="offset must be 6 finite numbers"):
+        gauges.Decoder(offset=offset)
+
+
+@given(st.lists(st.integers(-(1 << 31), (1 << 31) - 1), min_size=6, max_size=6), st.floats(-1e6, 1e6))
+def test_N3_no_count_makes_a_value_that_is_not_finite(counts: list[int], entry: float) -> None:
+    matrix = 1e6 * np.eye(6)
+    matrix[0, 1:] = entry
+    (sample,) = gauges.Decoder(matrix.tolist(), [-4e9] * 6).receive(gauges.encode_frame(counts, 0, 0), 0)
+    assert np.isfinite(sample.force_n).all()
+    assert np.isfinite(sample.torque_nm).all()
+
+
+def test_D2_another_format_version_is_refused() -> None:
+    other = bytearray(frame(1))
+    other[2] = 2
+    other[-2:] = crc.x25(bytes(other[2:-2])).to_bytes(2, "little")
+    decoder = gauges.Decoder()
+    assert decoder.receive(bytes(other), 0) == []
+    assert decoder.health == DecoderHealth(bad=1, bad_bytes=36)
+
+
+def test_D3_gap_duplicate_restart_and_wrap_are_told_apart() -> None:
+    decoder = gauges.Decoder()
+    stream = (65_534, 65_536, 65_537, 65_537, 65_540, 65_539, 70_000, 0)
+    samples = decoder.receive(b"".join(map(frame, stream)), 0)
+    assert numbers(samples) == [65_534, 65_536, 65_537, 65_540, 70_000, 0]
+    assert decoder.health == DecoderHealth(good=6, lost=1 + 2 + 4459, duplicates=2, restarts=1)
+
+
+def test_the_clock_is_handed_on_as_sent_and_wraps() -> None:
+    stream = b"".join(gauges.encode_frame(COUNTS, step, (1 << 32) - 1 + step) for step in range(3))
+    times = [sample.device_time_ns for sample in gauges.Decoder().receive(stream, 0)]
+    assert times == [((1 << 32) - 1) * 1000, 0, 1000]
+
+
+def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
+    stream = frame(1)[9:] + frame(2) + b"\xc3\x3c\x01\xc3" + frame(3) + frame(4)[:30] + frame(5) + frame(9)
+    assert len(same_for_every_split(gauges.Decoder, stream)) == 4
+
+
+def test_L2_a_damaged_frame_costs_itself_alone(damaged: Damage) -> None:
+    for hit in damaged(frame(2), 3000):
+        decoder = gauges.Decoder()
+        samples = decoder.receive(frame(1) + hit + frame(3), 0)
+        assert numbers(samples) == ([1, 2, 3] if frame(2) in hit else [1, 3])
+        assert decoder.health.bad >= 1
+
+
+def test_L3_noise_full_of_syncs_yields_nothing_and_is_not_kept() -> None:
+    rng = random.Random(1)
+    decoder = gauges.Decoder()
+    for _ in range(200):
+        assert decoder.receive(b"\xc3\x3c\x01" * 20 + rng.randbytes(500), 0) == []
+        assert len(decoder._frames._tail) < gauges.FRAME_LENGTH

@@ -1,0 +1,404 @@
+"""One link an address; every stream on it is told apart, counted, and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slipd.config import Config, transport_of
+from slipd.devices import DEVICES, bota, bota_text, pvdf, xela
+from slipd.devices.health import DecoderHealth
+from slipd.engine.device_link import DeviceLink, make_links
+from slipd.engine.silence import LinkActivity, why_silent
+from slipd.events import LinkSpec
+from slipd.samples import TactileSample
+from slipd_client.messages import Health
+
+MS = 1_000_000
+T0 = 100_000_000_000
+Parse = Callable[[str], Config]
+
+
+@pytest.fixture
+def links(left: str, right: str, gripper: str, parse: Parse) -> dict[str, DeviceLink]:
+    twin = right.replace("finger.right", "finger.third").replace('"2"', '"1"')
+    return make_links(parse(left + right + twin + gripper))
+
+
+def frame(t_ns: int) -> bytes:
+    return bota.encode_frame((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), t_ns // 1000)
+
+
+def skin(number: int, taxels: int = 4, sensors: str = "12") -> bytes:
+    return xela.encode_message(number, {sensor: np.full((taxels, 3), 1000) for sensor in sensors}, 1.7e9)
+
+
+def health(link: DeviceLink, t_ns: int, source: str = "") -> tuple[Health, str]:
+    return link.level(link.streams[source], t_ns)
+
+
+def told(link: DeviceLink, t_ns: int, source: str = "") -> dict[str, Any]:
+    return link.told(link.streams[source], t_ns)
+
+
+def test_every_address_is_opened_once_under_the_name_of_its_first_stream(links: dict[str, DeviceLink]) -> None:
+    assert {name: link.spec for name, link in links.items()} == {
+        "left.wrench": LinkSpec("left.wrench", "serial", "/dev/left-wrench", 460_800),
+        "left.pad": LinkSpec("left.pad", "serial", "/dev/left-pad", 921_600),
+        "right.pad": LinkSpec("right.pad", "websocket", "ws://127.0.0.1:5000", 0),
+        "gripper": LinkSpec("gripper", "serial", "/dev/gripper", 115_200),
+    }
+    assert [meter.name for meter in links["right.pad"].streams.values()] == ["right.pad", "third.pad"]
+
+
+def test_a_line_speed_of_the_config_goes_before_the_devices_own(left: str, parse: Parse) -> None:
+    links = make_links(parse(left.replace("rate_hz = 100.0", "rate_hz = 100.0\nbaud = 57600")))
+    assert (links["left.pad"].spec.baud, links["left.wrench"].spec.baud) == (57_600, 460_800)
+
+
+def test_the_options_of_the_config_reach_the_device(left: str, parse: Parse) -> None:
+    links = make_links(parse(left.replace("rows = 4", "rows = 2").replace("cols = 4", "cols = 3")))
+    scan = pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0)
+    ((name, (sample,), _),) = links["left.pad"].receive(scan, T0)
+    assert name == "left.pad"
+    assert isinstance(sample, TactileSample)
+    assert sample.values.shape == (6,)
+
+
+def test_L5_a_scan_that_an_unplug_tore_is_not_completed_by_what_comes_after(links: dict[str, DeviceLink]) -> None:
+    link, scan = links["left.pad"], pvdf.encode_scan(np.ones((4, 4), dtype=int), 1, 0.0, 5.0)
+    link.open("/dev/left-pad", T0)
+    link.receive(scan[:50], T0)
+    link.close("unplugged")
+    link.open("/dev/left-pad", T0)
+    assert link.receive(scan[50:], T0) == []
+
+
+def test_only_an_open_link_to_a_device_that_listens_says_farewell(links: dict[str, DeviceLink]) -> None:
+    assert links["left.wrench"].farewell() == b""
+    for link in links.values():
+        link.open("address", T0)
+    said = {name: link.farewell() for name, link in links.items()}
+    assert said == {"left.wrench": bota_text.CONFIGURE.encode(), "left.pad": b"", "right.pad": b"", "gripper": b""}
+
+
+def test_samples_that_share_a_port_are_told_apart_by_their_sensor(links: dict[str, DeviceLink]) -> None:
+    found = links["right.pad"].receive(skin(1), T0)
+    sources = [(name, sample.source) for name, samples, _ in found for sample in samples]
+    assert sorted(sources) == [("right.pad", "2"), ("third.pad", "1")]
+
+
+def test_samples_of_no_stream_are_passed_over(links: dict[str, DeviceLink]) -> None:
+    assert links["right.pad"].receive(skin(1, sensors="34"), T0) == []
+
+
+def test_images_of_another_size_are_a_fault_of_the_stream(links: dict[str, DeviceLink]) -> None:
+    link = links["right.pad"]
+    link.open("server", T0)
+    assert link.receive(skin(1, taxels=16), T0) == []
+    assert health(link, T0, "2") == (
+        Health.ERROR,
+        "images of 16 taxels of three axes, where the config says 4 taxels of three axes",
+    )
+    assert len(link.receive(skin(2), T0 + MS)) == 2
+    assert health(link, T0 + MS, "2") == (Health.OK, "")
+
+
+def test_a_link_is_judged_from_its_opening_to_its_loss(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    assert health(link, T0) == (Health.ERROR, "not opened yet")
+    link.open("/dev/ttyUSB0", T0)
+    assert link.opened == "/dev/ttyUSB0"
+    assert health(link, T0) == (Health.STALE, "open, but no reading yet")
+    assert told(link, T0)["samples"] == 0
+    link.receive(frame(T0), T0)
+    assert [told(link, T0)[key] for key in ("samples", "good", "reconnects")] == [1, 1, 0]
+    assert told(link, T0 + 15 * MS)["age_s"] == pytest.approx(0.015)
+    assert health(link, T0 + 20 * MS) == (Health.OK, "")
+    assert health(link, T0 + 21 * MS) == (Health.STALE, "no reading for 0.02 s")
+    link.close("unplugged")
+    assert health(link, T0 + 21 * MS) == (Health.ERROR, "unplugged")
+    link.open("/dev/ttyUSB0", T0)
+    assert [told(link, T0)[key] for key in ("reconnects", "hardware_id")] == [1, "/dev/ttyUSB0"]
+
+
+def feed(link: DeviceLink, hz: float, seconds: float, start_ns: int) -> int:
+    count = round(hz * seconds)
+    for k in range(count):
+        t_ns = start_ns + round(k * 1e9 / hz)
+        link.receive(frame(t_ns), t_ns)
+    return start_ns + round(seconds * 1e9)
+
+
+@pytest.mark.parametrize(
+    ("hz", "well"), [(1000.0, True), (850.0, True), (1150.0, True), (750.0, False), (1300.0, False)]
+)
+def test_a_rate_that_is_off_is_told(links: dict[str, DeviceLink], hz: float, well: bool) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    now = feed(link, hz, 0.1, T0)
+    link.level(link.streams[""], now)
+    assert told(link, now)["rate_hz"] is None, "a tenth of a second counts jitter"
+    now = feed(link, hz, 1.0, now)
+    expected = (Health.OK, "") if well else (Health.WARN, f"{hz:.0f} Hz instead of 1000 Hz")
+    assert health(link, now) == expected
+    assert told(link, now)["rate_hz"] == pytest.approx(hz, rel=0.01)
+
+
+def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    link.receive(b"\xff" * 500, T0)  # before the first reading: a device that boots
+    now = feed(link, 1000.0, 0.1, T0)
+    assert health(link, now) == (Health.OK, "")
+    now = feed(link, 1000.0, 1.0, now)
+    assert health(link, now) == (Health.OK, "")
+    link.receive(b"\xff" * 300, now)
+    now = feed(link, 1000.0, 1.0, now)
+    level, message = health(link, now)
+    assert level == Health.WARN
+    assert message == "300 bytes of late belong to no frame"
+    now = feed(link, 1000.0, 1.0, now)
+    assert health(link, now) == (Health.OK, "")
+    assert told(link, now)["bad_bytes"] == 800
+
+
+def test_a_device_that_must_be_spoken_to_is_spoken_to_while_the_link_is_up(links: dict[str, DeviceLink]) -> None:
+    link = links["gripper"]
+    assert link.due(T0) == []
+    assert link.open("port", T0) != b""
+    assert told(link, T0)["state"] == "waiting"
+    assert link.due(T0) == [], "one transaction at a time"
+    assert link.due(T0 + 100 * MS - 1) == []
+    assert link.due(T0 + 100 * MS) != [], "the reply is overdue"
+    link.close("unplugged")
+    assert link.due(T0 + 1000 * MS) == []
+    assert told(link, T0)["state"] == "closed"
+
+
+def test_a_device_that_speaks_unasked_is_told_nothing(links: dict[str, DeviceLink]) -> None:
+    link = links["left.pad"]
+    assert link.open("port", T0) == b""
+    assert link.due(T0 + 10**12) == []
+    assert told(link, T0)["state"] is None
+
+
+def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
+    """The sensor says who it is, and then sends a reading; returns how many are handed on."""
+    link.open("port", t_ns)
+    link.receive(bota_text.encode_banner("MiniONE", serial), t_ns)
+    return len(link.receive(frame(t_ns), t_ns))
+
+
+def test_L6_another_device_on_the_same_port_is_refused_and_the_old_one_taken_back(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    assert boot(link, "1234", T0) == 1
+    assert "1234" in told(link, T0)["hardware_id"]
+    assert boot(link, "777", T0 + MS) == 0
+    level, message = health(link, T0 + MS)
+    assert level == Health.ERROR
+    assert "another device answers" in message
+    assert "777" in message
+    assert "1234" in message
+    assert boot(link, "1234", T0 + 2 * MS) == 1
+    assert health(link, T0 + 2 * MS) == (Health.OK, "")
+
+
+def test_L6_another_adapter_behind_the_path_is_refused(links: dict[str, DeviceLink]) -> None:
+    link = links["left.pad"]
+    link.open("/dev/x (usb 0403:6001 A)", T0)
+    link.open("/dev/x (usb 0403:6001 B)", T0)
+    assert link.receive(pvdf.encode_scan(np.ones((4, 4), dtype=int), 1, 0.0, 5.0), T0) == []
+    assert health(link, T0)[0] == Health.ERROR
+    assert "another port answers" in health(link, T0)[1]
+
+
+def test_D1_no_reading_is_used_before_the_device_said_that_it_is_the_one(left: str, parse: Parse) -> None:
+    named = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\nhardware_id = "MiniONE S/N 1234"')
+    link = make_links(parse(named))["left.wrench"]
+    link.open("port", T0)
+    assert link.receive(frame(T0), T0) == []
+    assert health(link, T0) == (Health.ERROR, "waits for the device to say that it is 'MiniONE S/N 1234'")
+    assert boot(link, "1234", T0) == 1
+    assert boot(link, "777", T0) == 0
+    assert "where hardware_id says 'MiniONE S/N 1234'" in health(link, T0)[1]
+
+
+def test_L9_a_flood_is_thinned_from_its_oldest_end_and_told(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    flood = b"".join(frame(n * 1000) for n in range(1500))
+    ((_, samples, times_ns),) = link.receive(flood, T0)
+    assert len(samples) == len(times_ns) == 1000, "a second of readings may have waited"
+    assert samples[-1].device_time_ns == 1499 * 1000
+    assert (told(link, T0)["dropped"], told(link, T0)["good"]) == (500, 1500)
+    assert health(link, T0) == (Health.WARN, "sends more than 4 times its rate: the oldest readings are dropped")
+    ((_, samples, _),) = link.receive(flood, T0 + 10 * MS)
+    assert len(samples) == 40, "four times 1000 Hz for 10 ms"
+    now = feed(link, 1000.0, 1.5, T0 + 11 * MS)
+    assert health(link, now) == (Health.OK, "")
+    assert told(link, now)["dropped"] == 500 + 1460
+
+
+class Mute:
+    """A session that wants to be asked at once, for ever, and says nothing."""
+
+    state, identity = "mute", ""
+
+    def next_deadline(self) -> int:
+        return T0
+
+    def on_time(self, now_ns: int) -> bytes:
+        del now_ns
+        return b""
+
+
+def test_a_session_that_is_due_and_has_nothing_to_say_is_left_alone(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    link.session = Mute()  # type: ignore[assignment]
+    assert link.due(T0) == []
+
+
+S = 1_000_000_000
+LATER = T0 + 2 * S
+
+
+def silent(link: DeviceLink, t_ns: int = LATER, source: str = "") -> str:
+    level, message = health(link, t_ns, source)
+    assert level is Health.STALE
+    return message
+
+
+def test_a_link_that_was_just_opened_is_given_its_time(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    assert silent(link, T0 + S) == "open, but no reading yet"
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "junk", "message"),
+    [
+        (
+            "left.wrench",
+            "",
+            b"\xaa" * 500,
+            "bytes arrive, none is a Bota frame: is the baud rate 460800? is it another device?",
+        ),
+        (
+            "left.pad",
+            "",
+            b"\xaa" * 500,
+            "bytes arrive, none is a frame of a PVDF pad: is the baud rate 57600 (the default is 921600)?"
+            " is it another device?",
+        ),
+        (
+            "right.pad",
+            "2",
+            b"hello",
+            "bytes arrive, none is a message of a XELA server: is ws://127.0.0.1:5000 its address?"
+            " is it another device?",
+        ),
+        ("left.wrench", "", b"r,0,C,1\r\n", "bytes arrive, but no reading (waiting)"),
+        ("left.wrench", "", b"", "open, but no bytes arrive: is it powered? is it connected to this port?"),
+        ("right.pad", "2", b"", "open, but no bytes arrive: is it powered? is it connected to ws://127.0.0.1:5000?"),
+        ("right.pad", "2", b'{"message":1}', "bytes arrive, but no reading"),
+        (
+            "right.pad",
+            "2",
+            skin(1, sensors="1"),
+            "readings arrive, none of sensor '2': is it plugged in? is `sensor` right?",
+        ),
+    ],
+)
+def test_a_silent_link_says_what_arrives_and_what_to_look_at(
+    name: str, source: str, junk: bytes, message: str, left: str, right: str, parse: Parse
+) -> None:
+    twin = right.replace("finger.right", "finger.third").replace('"2"', '"1"')
+    links = make_links(parse(left.replace("rate_hz = 100.0", "rate_hz = 100.0\nbaud = 57600") + right + twin))
+    link = links[name]
+    link.open("port", T0)
+    if junk:
+        link.receive(junk, LATER)
+    assert silent(link, source=source) == message
+
+
+@pytest.mark.parametrize(
+    ("device", "port", "words"),
+    [
+        ("external", "ipc:///run/slipd/push", "does it push to ipc:///run/slipd/push?"),
+        ("external_gripper", "unix:///run/slipd/gripper", "does it register the gripper?"),
+    ],
+)
+def test_a_silent_program_is_asked_for_as_one(device: str, port: str, words: str) -> None:
+    spec = LinkSpec("left.wrench", transport_of(port), port)
+    heard = LinkActivity(bytes_come=False, garbled=False, others=False, state="")
+    assert words in why_silent(DEVICES[device], spec, "", heard)
+    garbled = why_silent(DEVICES[device], spec, "", replace(heard, bytes_come=True, garbled=True))
+    assert garbled.endswith("does the driver pack them as docs/devices.md says?")
+
+
+def test_a_stream_that_fell_silent_says_why_and_bytes_of_long_ago_do_not_count(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    now = feed(link, 1000.0, 1.0, T0)
+    health(link, now)
+    assert silent(link, now + S // 2) == "no reading for 0.50 s"
+    assert silent(link, now + 2 * S) == (
+        "no reading for 2.00 s: open, but no bytes arrive: is it powered? is it connected to this port?"
+    )
+    link.receive(b"\xaa" * 500, now + 3 * S)
+    assert "none is a Bota frame" in silent(link, now + 3 * S)
+
+
+def test_what_a_decoder_found_out_is_told_with_its_readings_and_without(links: dict[str, DeviceLink]) -> None:
+    link = links["left.wrench"]
+    link.open("port", T0)
+    link._decoder.health.note = "press a pad"
+    assert silent(link) == "press a pad"
+    link.receive(frame(LATER), LATER)
+    assert health(link, LATER) == (Health.OK, "press a pad")
+
+
+class Failing:
+    """Raises where a fault of ours would."""
+
+    health = DecoderHealth()
+    state = identity = ""
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        raise OverflowError("cannot convert float infinity to integer")
+
+    def forget(self) -> None:
+        raise ValueError
+
+    def start(self, now_ns: int) -> bytes:
+        return b""
+
+    def next_deadline(self) -> int | None:
+        return 0
+
+    def on_time(self, now_ns: int) -> bytes:
+        raise KeyError("rate")
+
+
+@pytest.mark.parametrize("name", ["left.wrench", "left.pad"])
+def test_bytes_that_a_decoder_cannot_bear_are_dropped_and_told(links: dict[str, DeviceLink], name: str) -> None:
+    link = links[name]
+    link.open("port", T0)
+    good, session = link._decoder, link.session
+    link._decoder = failing = Failing()
+    if session is not None:
+        link.session = failing
+    assert link.receive(b"whatever", T0) == []
+    expected = "its bytes cannot be read (OverflowError: cannot convert float infinity to integer): they are dropped"
+    assert health(link, T0) == (Health.ERROR, expected)
+    if session is not None:
+        assert link.due(T0 + MS) == []
+        assert health(link, T0 + MS) == (Health.ERROR, "its bytes cannot be read (KeyError: 'rate'): they are dropped")
+    link._decoder, link.session = good, session
+    assert health(link, T0 + 2 * S)[0] is Health.STALE

@@ -1,0 +1,467 @@
+"""Events in, messages out: the contracts of the whole, with the bytes that devices really send."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from slipd import config
+from slipd.devices import bota, bota_text, pvdf, xela
+from slipd.devices.wsg import wsg_messages
+from slipd.engine.engine import Engine
+from slipd.engine.warm_up import warm_up
+from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Request, Tick, Write
+from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
+
+MS = 1_000_000
+FULL = np.full((4, 4), 100)
+EMPTY = np.zeros((4, 4), dtype=int)
+Run = Any
+
+WSG = """
+[gripper]
+device = "wsg"
+port = "tcp://127.0.0.1:1000"
+rate_hz = 50.0
+max_force_n = 25.0
+"""
+
+#: One reading that brings the left finger to each level; "slipping" needs two.
+CONTACTS: dict[str, list[tuple[Any, ...]]] = {
+    "no_contact": [(0.0,)],
+    "stable": [(10.0, (1.0, 0.0))],
+    "caution": [(10.0, (3.75, 0.0))],
+    "warning": [(10.0, (4.6, 0.0))],
+    "slipping": [(10.0, (4.9, 0.0)), (10.0, (3.9, 0.0))],
+    "unknown": [(math.nan,)],
+}
+
+
+def changes(run: Run, finger: str = "left") -> list[tuple[str, str, bool]]:
+    told = [body for body in run.told("warning") if body["finger"] == finger]
+    return [(body["previous"], body["level"], body["rising"]) for body in told]
+
+
+def test_a_reading_becomes_a_message_in_the_call_that_brings_it(run: Run) -> None:
+    run.image()
+    out = run.wrench(10.0, (1.0, 0.0))
+    told = [output for output in out if isinstance(output, Publish)]
+    assert [message.topic for message in told] == ["warning", "slip.left", "wrench.left"]
+    assert {message.body["t_ns"] for message in told} == {run.t_ns}
+
+
+def test_the_last_word_goes_to_the_devices_that_listen_and_moves_nothing(
+    run: Run, make_run: Callable[[str], Run], left: str
+) -> None:
+    """To a WSG a connection that merely breaks is a fault, which stops it."""
+    assert run.engine.farewell() == [Write("left.wrench", bota_text.CONFIGURE.encode())]
+    wsg = make_run(left + WSG)
+    wsg.up("gripper")
+    assert wsg.engine.farewell() == [Write("gripper", wsg_messages.encode(wsg_messages.DISCONNECT))]
+
+
+@pytest.mark.parametrize("level", CONTACTS)
+def test_every_level_is_reached_by_what_the_sensor_sends(run: Run, level: str) -> None:
+    run.image()
+    run.wrench(0.0)
+    for contact in CONTACTS[level]:
+        run.wrench(*contact)
+    assert run.level()[0] == level
+    assert run.told("slip.left")[-1]["level_code"] == list(CONTACTS).index(level)
+
+
+def test_every_change_of_level_is_told_at_once_with_what_was_before(run: Run) -> None:
+    levels = ("no_contact", "stable", "stable", "caution", "warning", "caution", "unknown", "stable", "no_contact")
+    for n, level in enumerate(levels):
+        run.wait(100)  # a load that falls slowly is no slip
+        run.image(np.full((4, 4), 100) + n % 2)  # a pad that repeats itself while the force moves hangs
+        run.wrench(*CONTACTS[level][0])
+    assert changes(run) == [
+        ("unknown", "no_contact", False),
+        ("no_contact", "stable", True),
+        ("stable", "caution", True),
+        ("caution", "warning", True),
+        ("warning", "caution", False),
+        ("caution", "unknown", False),
+        ("unknown", "stable", False),
+        ("stable", "no_contact", False),
+    ]
+    assert {body["frame"] for body in run.told("warning")} == {"left_pad"}
+
+
+def test_unknown_is_worse_than_stable(run: Run) -> None:
+    run.image()
+    for level in ("stable", "unknown"):
+        run.wrench(*CONTACTS[level][0])
+    assert changes(run)[-1] == ("stable", "unknown", True)
+
+
+def test_a_change_says_why_and_how_near(run: Run) -> None:
+    run.image()
+    run.wrench(10.0, (4.6, 0.0))
+    body = run.told("warning")[-1]
+    assert body["reasons"] == ["translation"]
+    assert body["utilisation"] == pytest.approx(0.92, rel=1e-5)
+    assert body["level_code"] == 3
+    run.wrench(0.0)
+    assert run.told("warning")[-1]["utilisation"] is None
+
+
+def test_a_contact_that_no_grip_holds_has_no_utilisation_on_the_wire(run: Run) -> None:
+    one = np.zeros((4, 4), dtype=int)
+    one[1, 1] = 100
+    run.image(one)
+    run.wrench(10.0, (0.0, 0.0), 0.01, (-0.002, -0.002))
+    body = run.told("warning")[-1]
+    assert body["reasons"][0] == "unsupportable"
+    assert body["utilisation"] is None
+
+
+def test_the_pad_that_is_the_force_sensor_decides_too(run: Run) -> None:
+    for contact, level in (((0.0,), "no_contact"), ((8.0, (1.0, 0.0)), "stable"), ((8.0, (3.6, 0.0)), "warning")):
+        run.skin(*contact)
+        assert run.level("right")[0] == level
+    assert run.told("slip.right")[-1]["model"] == "exact"
+    assert run.told("wrench.right")[-1]["force_n"] == pytest.approx([3.6, 0.0, -8.0])
+    assert run.told("tactile.right")[-1]["loads_n"] == pytest.approx([2.0] * 4)
+
+
+def test_numbers_of_messages_have_no_gaps_and_one_boot(run: Run) -> None:
+    for k in range(50):
+        run.image()
+        run.wrench(10.0, (0.1 * k, 0.0))
+        run.skin(5.0)
+        run.serve_gripper(5)
+    by_topic: dict[str, list[int]] = {}
+    for _, output in run.out:
+        if isinstance(output, Publish):
+            by_topic.setdefault(output.topic, []).append(output.body["seq"])
+            assert output.body["boot"] == "b00t"
+    assert set(by_topic) == {
+        *("slip.left", "wrench.left", "tactile.left", "slip.right", "wrench.right", "tactile.right"),
+        *("gripper", "status", "warning"),
+    }
+    for numbers in by_topic.values():
+        assert numbers == list(range(len(numbers)))
+
+
+def test_the_wall_clock_of_a_message_is_that_of_its_data(run: Run) -> None:
+    run.wrench(0.0)
+    body = run.told("slip.left")[-1]
+    assert body["timestamp"] == pytest.approx(1_700_000_000 + run.t_ns * 1e-9, abs=1e-5)
+
+
+def test_rates_are_limited_by_the_time_of_the_data(run: Run) -> None:
+    for k in range(1000):
+        if k % 5 == 0:
+            run.image()
+        run.wrench(10.0, (1.0, 0.0))
+    count = Counter(output.topic for _, output in run.out if isinstance(output, Publish))
+    assert count["slip.left"] == pytest.approx(250, abs=2)
+    assert count["wrench.left"] == pytest.approx(250, abs=2)
+    assert count["tactile.left"] == pytest.approx(50, abs=2)
+
+
+def test_rates_may_be_raised_to_every_reading(make_run: Callable[[str], Run], left: str) -> None:
+    run = make_run(left + "[rates]\nslip_hz = 1000.0\nwrench_hz = 100.0\n")
+    for _ in range(500):
+        run.wrench(0.0)
+    assert len(run.told("slip.left")) == 500
+    assert len(run.told("wrench.left")) == pytest.approx(50, abs=1)
+
+
+def test_the_decision_is_made_on_every_reading_whatever_is_published(run: Run) -> None:
+    run.image()
+    for pull in (3.75, 4.3, 3.95):  # within 3 ms; 250 Hz would tell one of them
+        run.wrench(10.0, (pull, 0.0))
+    assert [level for _, level, _ in changes(run)] == ["caution", "warning", "caution"]
+    assert [body["level"] for body in run.told("slip.left")] == ["caution", "warning", "caution"]
+
+
+def test_status_comes_once_a_second_and_when_a_link_changes(run: Run) -> None:
+    before = len(run.told("status"))
+    for _ in range(1000):
+        run.wait(5)
+        run.tick()
+    assert len(run.told("status")) - before == pytest.approx(5, abs=1)
+    run.down("left.pad")
+    run.up("left.pad")
+    assert [body["streams"]["left.pad"]["health"] for body in run.told("status")[-2:]] == [Health.ERROR, Health.STALE]
+    body = run.told("status")[-1]
+    assert set(body["streams"]) == {"left.wrench", "left.pad", "right.pad", "gripper"}
+    assert body["uptime_s"] == pytest.approx(5.0)
+    state = {"level": "unknown", "reasons": ["stale"], "tare_id": 0, "tare_busy": False}
+    friction = {"mu": 0.5, "mu_source": "config", "mu_by": None, "mu_t_ns": None}
+    assert body["fingers"]["left"] == state | friction
+
+
+def test_a_lost_force_sensor_makes_its_finger_unknown_at_once(run: Run) -> None:
+    run.image()
+    run.wrench(10.0, (1.0, 0.0))
+    out = run.down("left.wrench")
+    assert next(output.topic for output in out if isinstance(output, Publish)) == "warning"
+    assert run.level() == ("unknown", ["stale"])
+    assert run.told("status")[-1]["streams"]["left.wrench"]["message"] == "unplugged"
+
+
+def test_a_lost_server_makes_every_finger_on_it_unknown(make_run: Callable[[str], Run], right: str) -> None:
+    twin = right.replace("finger.right", "finger.third").replace('"2"', '"1"')
+    run = make_run(right + twin)
+    run.up()
+    counts = np.full((4, 3), 1000)
+    run.feed(Bytes("right.pad", xela.encode_message(1, {"1": counts, "2": counts}, 1.7e9)))
+    assert run.level("right") == run.level("third") == ("no_contact", [])
+    run.down("right.pad")
+    assert run.level("right") == run.level("third") == ("unknown", ["stale"])
+
+
+def test_a_lost_pad_leaves_translation_alone(run: Run) -> None:
+    run.image()
+    run.wrench(10.0, (1.0, 0.0))
+    run.down("left.pad")
+    run.wrench(10.0, (1.0, 0.0))
+    assert run.level() == ("unknown", ["rotation_unobserved"])
+    run.wrench(10.0, (4.6, 0.0))
+    assert run.level() == ("warning", ["translation"])
+
+
+def test_a_silent_force_sensor_is_noticed_by_the_tick(run: Run) -> None:
+    run.image()
+    run.wrench(10.0, (1.0, 0.0))
+    run.wait(20)
+    run.tick()
+    assert run.level()[0] == "stable"
+    run.wait(1)
+    run.tick()
+    assert run.level() == ("unknown", ["stale"])
+    assert run.told("slip.left")[-1]["age_s"] == pytest.approx(0.021)
+    before = len(run.told("warning"))
+    run.wait(100)
+    run.tick()
+    assert len(run.told("warning")) == before
+
+
+def test_an_overloaded_sensor_is_unknown_and_says_so(run: Run) -> None:
+    run.image()
+    run.wrench(10.0, (1.0, 0.0), status=2)
+    assert run.level() == ("unknown", ["overload"])
+    assert run.told("wrench.left")[-1]["status"] == ["overload"]
+
+
+class TestSuspension:
+    def test_a_sleep_makes_every_stream_stale_and_ends_the_lease(self, run: Run) -> None:
+        run.tick(suspended_ns=7 * 10**9)
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        run.skin(5.0)
+        assert run.ask("lease.acquire", ttl_ms=200)["ok"]
+        run.wait(5)
+        run.tick(suspended_ns=7 * 10**9 + 50 * MS)
+        assert run.level()[0] == "stable", "50 ms may be two clocks read one after the other"
+        assert run.ask("lease.renew")["ok"]
+        run.wait(5)
+        run.tick(suspended_ns=10 * 10**9)
+        assert run.level() == run.level("right") == ("unknown", ["stale"])
+        assert run.ask("lease.renew")["error"]["code"] == "no_lease"
+
+    def test_what_was_seen_before_it_is_old_afterwards(self, run: Run) -> None:
+        """CLOCK_MONOTONIC stood still meanwhile, so the image looks 6 ms old."""
+        run.tick()
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        run.tick(suspended_ns=3600 * 10**9)
+        run.wrench(10.0, (1.0, 0.0), ms=5.0)
+        assert run.level() == ("unknown", ["rotation_unobserved"])
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        assert run.level()[0] == "stable"
+
+    def test_the_first_tick_compares_with_nothing(self, run: Run) -> None:
+        run.image()
+        run.wrench(10.0, (1.0, 0.0))
+        run.tick(suspended_ns=10**15)
+        assert run.level()[0] == "stable"
+
+    def test_a_tare_does_not_go_on_over_it(self, run: Run) -> None:
+        run.tick()
+        run.wrench(0.0)
+        run.ask("tare", finger="left", seconds=0.05)
+        run.tick(suspended_ns=10**12)
+        assert run.ask("tare.get", finger="left")["result"]["busy"] is False
+
+
+class TestGripperLine:
+    def test_it_is_polled_from_its_opening_on(self, run: Run) -> None:
+        written = [output for _, output in run.out if isinstance(output, Write)]
+        assert {output.link for output in written} == {"gripper"}
+        run.serve_gripper(200)
+        bodies = run.told("gripper")
+        assert len(bodies) >= 5
+        assert bodies[-1]["width_m"] == pytest.approx(0.085)
+        assert (bodies[-1]["active"], bodies[-1]["echo_ok"]) == (False, None)
+
+    def test_its_loss_is_told_and_ends_the_lease(self, run: Run) -> None:
+        run.serve_gripper(100)
+        assert run.ask("lease.acquire", ttl_ms=200)["ok"]
+        run.down("gripper")
+        assert run.told("gripper")[-1]["active"] is None
+        assert run.ask("status")["result"]["lease"]["held"] is False
+
+    def test_a_request_is_written_in_the_call_that_brings_it(self, run: Run) -> None:
+        run.serve_gripper(100)
+        run.ask("lease.acquire", ttl_ms=200)
+        run.wait(6)  # no poll is under way, and the gripper's own pause is over
+        envelope = {"v": 1, "id": "once", "boot": "b00t", "deadline_ns": run.t_ns + MS}
+        out = run.feed(Request(b"ann", envelope | {"op": "gripper.activate", "drop": True}))
+        assert [type(output).__name__ for output in out] == ["Reply", "Write"]
+
+
+@pytest.mark.parametrize("split", [1, 7, 36, 37, 38, 1000])
+def test_the_split_of_the_bytes_makes_no_difference(make_run: Callable[[str], Run], left: str, split: int) -> None:
+    data = b"".join(bota.encode_frame((0.1 * k, 0.0, -10.0), (0.0, 0.0, 0.0), 1000 * k) for k in range(50))
+    levels = []
+    for size in (len(data), split):
+        run = make_run(left + "[rates]\nslip_hz = 1e6\n")
+        run.image()
+        for at in range(0, len(data), size):
+            run.feed(Bytes("left.wrench", data[at : at + size]))
+        levels.append([(body["level"], body["tangential_n"]) for body in run.told("slip.left")])
+    assert len(levels[0]) > 1
+    assert levels[0][-1] == levels[1][-1]
+    assert set(map(str, levels[0])) <= set(map(str, levels[1]))
+
+
+def story(left: str, right: str, gripper: str) -> list[tuple[int, Event]]:
+    """Something of everything that may enter."""
+    now, rng = 100_000_000_000, np.random.default_rng(3)
+    links = ("left.wrench", "left.pad", "right.pad", "gripper")
+    events: list[tuple[int, Event]] = [(now, LinkUp(link, link)) for link in links]
+    for k in range(400):
+        now += MS
+        pull = 0.02 * k + rng.normal() * 0.05
+        frame = bota.encode_frame((pull, 0.0, -10.0), (0.01, 0.0, 0.0005 * k), now // 1000, status=int(k == 77) * 2)
+        events.append((now, Bytes("left.wrench", frame if k % 50 else frame[:20] + b"\xaa" * 9)))
+        if k % 5 == 0:
+            events.append((now, Tick(suspended_ns=(k > 300) * 10**10)))
+            counts = rng.integers(0, 200, (4, 4))
+            events.append((now, Bytes("left.pad", pvdf.encode_scan(counts, k // 5, now / 1000, 5.0))))
+        if k % 10 == 0:
+            skin = {"2": rng.integers(900, 4000, (4, 3))}
+            events.append((now, Bytes("right.pad", xela.encode_message(k // 10, skin, 1.7e9))))
+        if k % 40 == 0:
+            body = {"v": 1, "id": k, "op": "lease.acquire", "boot": "b00t", "deadline_ns": now + MS, "ttl_ms": 50}
+            events.append((now, Request(b"ann", body)))
+            events.append((now, Request(b"ben", {"op": "status", "v": 1, "id": "s"})))
+    events.append((now, LinkDown("left.wrench", "unplugged")))
+    return events
+
+
+def test_two_engines_that_are_fed_alike_say_the_same(left: str, right: str, gripper: str) -> None:
+    told: list[list[Output]] = []
+    for _ in range(2):
+        rig = config.parse(left + right + gripper, "rig.toml")
+        engine = Engine(rig, boot="b00t", wall_minus_monotonic_ns=5)
+        told.append([out for t_ns, event in story(left, right, gripper) for out in engine.handle(event, t_ns)])
+    assert len(told[0]) > 300
+    wires = [[encode(out.body) if isinstance(out, Publish) else repr(out) for out in outputs] for outputs in told]
+    assert wires[0] == wires[1]
+
+
+def test_another_boot_changes_nothing_but_the_boot(left: str, right: str, gripper: str) -> None:
+    told = []
+    for boot, wall in (("b00t", 5), ("other", 10**18)):
+        engine = Engine(config.parse(left + right, "rig.toml"), boot=boot, wall_minus_monotonic_ns=wall)
+        bodies = [
+            out.body
+            for t_ns, event in story(left, right, gripper)
+            if getattr(event, "link", "") != "gripper" and not isinstance(event, Request)
+            for out in engine.handle(event, t_ns)
+            if isinstance(out, Publish)
+        ]
+        told.append([{k: v for k, v in body.items() if k not in ("boot", "timestamp")} for body in bodies])
+    assert told[0] == told[1]
+
+
+@given(
+    values=st.lists(
+        st.tuples(*[st.floats(width=32)] * 6, st.integers(0, 15), st.booleans(), st.integers(0, 16)), max_size=12
+    )
+)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_whatever_a_force_sensor_sends_a_message_stays_one(
+    make_run: Callable[[str], Run], left: str, values: list[tuple[Any, ...]]
+) -> None:
+    """Every 32-bit float, every status, on full, partial and empty images; `feed` looks at all that is published."""
+    run = make_run(left)
+    run.up()
+    for *wrench, status, fresh, active in values:
+        if fresh:
+            counts = np.zeros(16, dtype=int)
+            counts[:active] = 100
+            run.image(counts.reshape(4, 4))
+        run.wait(1)
+        run.feed(Bytes("left.wrench", bota.encode_frame(wrench[:3], wrench[3:], run.t_ns // 1000, status=status)))
+    for body in run.told("slip.left"):
+        if body["level"] in ("stable", "no_contact"):
+            assert body["normal_n"] is not None
+
+
+@given(
+    chunks=st.lists(
+        st.tuples(st.sampled_from(("left.wrench", "left.pad", "right.pad", "gripper")), st.binary(max_size=200)),
+        max_size=20,
+    )
+)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_garbage_on_every_line_is_counted_and_nothing_else(
+    make_run: Callable[[str], Run], left: str, right: str, gripper: str, chunks: list[tuple[str, bytes]]
+) -> None:
+    run = make_run(left + right + gripper)
+    run.up()
+    for link, data in chunks:
+        run.feed(Bytes(link, data))
+    run.tick()
+    assert run.told("slip.left") == []
+    run.image()
+    run.wrench(0.0)
+    run.wrench(0.0)
+    assert run.level()[0] == "no_contact", "the next good frames are heard"
+
+
+def test_the_largest_message_is_within_what_a_client_reads(make_run: Callable[[str], Run], left: str) -> None:
+    run = make_run(left.replace("rows = 4", "rows = 64").replace("cols = 4", "cols = 64"))
+    counts = np.random.default_rng(0).integers(6, 30000, (64, 64))
+    run.image(counts)
+    body = run.told("tactile.left")[-1]
+    assert len(body["loads_n"]) == 4096
+    assert decode(encode(body), MESSAGE_LIMITS)["active"] == 4096
+
+
+def test_an_unknown_state_is_never_zero(run: Run) -> None:
+    run.tick()
+    run.down("left.wrench")
+    body = run.told("slip.left")[-1]
+    assert {body[name] for name in ("normal_n", "tangential_n", "utilisation", "pole_m", "grip_needed_n")} == {None}
+
+
+def test_links_are_told_with_what_to_open(run: Run) -> None:
+    assert {name: (spec.transport, spec.address) for name, spec in run.engine.links.items()} == {
+        "left.wrench": ("serial", "/dev/left-wrench"),
+        "left.pad": ("serial", "/dev/left-pad"),
+        "right.pad": ("websocket", "ws://127.0.0.1:5000"),
+        "gripper": ("serial", "/dev/gripper"),
+    }
+
+
+def test_warming_up_compiles_all_that_a_reading_needs(run: Run) -> None:
+    warm_up()
+    run.image()
+    run.wrench(10.0, (1.0, 0.0), 0.001)
+    assert run.level()[0] == "stable"

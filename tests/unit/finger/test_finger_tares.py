@@ -1,0 +1,334 @@
+"""A pad has a zero of its own: taken, read and taken back as that of the force sensor; through the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slipd.devices import xela
+from slipd.devices.external import encode_reading
+from slipd.events import Bytes
+from slipd_client.messages import Health
+
+EMPTY = np.zeros((4, 4), dtype=int)
+Run = Any
+
+EXTERNAL = """
+[finger.left]
+mu = 0.5
+
+[finger.left.wrench]
+device = "external"
+port = "ipc:///run/slipd/readings"
+sensor = "wrench"
+rate_hz = 100.0
+stuck_after = 0
+
+[finger.left.pad]
+device = "external"
+port = "ipc:///run/slipd/readings"
+sensor = "pad"
+rate_hz = 100.0
+rows = 2
+cols = 2
+pitch_m = 0.004
+electrode_m = 0.002
+axis_scale = [1.0]
+"""
+
+
+class TestTareOfAPad:
+    """A pad beside a force sensor has a zero of its own."""
+
+    def offset(self, counts: float, press: float = 0.0) -> np.ndarray:
+        """Counts of the left pad whose unloaded taxels read ``counts``."""
+        return np.full((4, 4), counts + press, dtype=int)
+
+    def show(self, run: Run, counts: np.ndarray) -> None:
+        """Images until one of them is published."""
+        for _ in range(20):
+            run.wait(10)
+            run.tick()
+            run.image(counts)
+
+    def test_it_is_taken_read_and_taken_back_beside_that_of_the_force_sensor(self, run: Run) -> None:
+        run.bring_up()
+        run.image(self.offset(4))
+        reply = run.ask("tare", finger="left", stream="pad", seconds=0.1)["result"]
+        assert reply == {"finger": "left", "seconds": 0.1, "verified": True, "tare_id": 0, "tare_ids": {"pad": 0}}
+        assert run.ask("status")["result"]["streams"]["left.pad"]["tare_busy"] is True
+        for _ in range(14):
+            run.wrench(0.0, ms=10.0)
+            run.image(self.offset(4))
+        got = run.ask("tare.get", finger="left", stream="pad")["result"]
+        assert (got["stream"], got["tare_id"], got["busy"], got["by"]) == ("pad", 1, False, "ann")
+        assert got["offset"] == pytest.approx([4.0] * 16)
+        assert run.ask("tare.get", finger="left")["result"]["stream"] == "wrench", "the other is as it was"
+        assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
+        status = run.ask("status")["result"]
+        assert (status["streams"]["left.pad"]["tare_id"], status["fingers"]["left"]["tare_id"]) == (1, 1)
+        self.show(run, self.offset(4, press=100))
+        assert run.told("tactile.left")[-1]["tare_id"] == 1
+        assert run.told("tactile.left")[-1]["loads_n"] == pytest.approx([1.0] * 16)
+        run.lease()  # something presses
+        undone = run.ask("tare.undo", finger="left", stream="pad")["result"]
+        assert (undone["stream"], undone["tare_id"], undone["by"]) == ("pad", 0, "config")
+        self.show(run, self.offset(4, press=100))
+        assert run.told("tactile.left")[-1]["loads_n"] == pytest.approx([1.04] * 16)
+        run.lease()
+        assert run.refusal("tare.undo", finger="left", stream="pad") == ("not_ready", "finger")
+        assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
+
+    def test_both_are_taken_at_once(self, run: Run) -> None:
+        run.image(self.offset(300))
+        run.wrench(0.2)
+        reply = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
+        assert (reply["verified"], reply["tare_id"], reply["tare_ids"]) == (False, 0, {"wrench": 0, "pad": 0})
+        for _ in range(14):
+            run.wrench(0.2, ms=10.0)
+            run.image(self.offset(300))
+        for stream, offset in (("wrench", [0.0, 0.0, -0.2, 0.0, 0.0, 0.0]), ("pad", [300.0] * 16)):
+            got = run.ask("tare.get", finger="left", stream=stream)["result"]
+            assert (got["tare_id"], got["busy"]) == (1, False), "neither witness was believed on the other's zero"
+            assert got["offset"] == pytest.approx(offset, abs=1e-6)
+        run.image(self.offset(300))
+        again = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
+        assert again["verified"] is True, "now each is a witness"
+
+    def test_what_a_charge_pad_has_learned_moves_with_its_zero(self, make_run: Callable[[str], Run], left: str) -> None:
+        loads = []
+        for tares in (False, True):
+            run = make_run(left + "charge_tau_s = 2.0\n")
+            run.up()
+            for k in range(60):
+                run.wait(5)
+                run.tick()
+                run.image(self.offset(40, press=100 if k > 40 else 0))
+                run.wrench(16.0 if k >= 40 else 0.0, ms=5.0)
+                if tares and k == 10:
+                    assert run.refusal("tare", finger="left", stream="pad", seconds=0.1) is None
+            got = run.ask("tare.get", finger="left", stream="pad")["result"]
+            assert got["offset"] == pytest.approx([40.0 if tares else 0.0] * 16)
+            loads.append(run.told("tactile.left")[-1]["loads_n"])
+        assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
+        assert loads[1] == pytest.approx(loads[0], abs=1e-9)
+
+    def test_an_image_whose_zero_is_known_forbids_to_tare_both(self, run: Run) -> None:
+        self.test_both_are_taken_at_once(run)
+        for stream in ("wrench", "pad", "wrench"):  # the ones that are being measured, and the one that was taken
+            assert run.refusal("tare.undo", finger="left", stream=stream) is None
+        run.wrench(0.2)
+        run.image(self.offset(300, press=100))
+        assert run.refusal("tare", finger="left", stream="all") == ("in_contact", "finger")
+        assert run.refusal("tare", finger="left", stream="wrench") == ("in_contact", "finger")
+
+    def test_a_contact_ends_it(self, run: Run) -> None:
+        run.bring_up()
+        assert run.ask("tare", finger="left", stream="pad", seconds=0.2)["ok"]
+        run.wrench(5.0, ms=10.0)
+        got = run.ask("tare.get", finger="left", stream="pad")["result"]
+        assert (got["busy"], got["tare_id"], got["given_up"]) == (False, 0, "a contact began")
+        assert run.refusal("tare", finger="left", stream="pad") == ("in_contact", "finger")
+
+    def test_a_silent_pad_is_not_tared(self, run: Run) -> None:
+        run.wrench(0.0)
+        assert run.refusal("tare", finger="left", stream="pad") == ("not_ready", "finger")
+        run.image(EMPTY)
+        assert run.refusal("tare", finger="left", stream="pad", seconds=0.5) is None
+        for _ in range(60):
+            run.wrench(0.0, ms=10.0)
+        run.tick()
+        got = run.ask("tare.get", finger="left", stream="pad")["result"]
+        assert (got["busy"], got["given_up"]) == (False, "the stream fell silent")
+
+    def test_an_unplugged_pad_is_not_tared_any_more(self, run: Run) -> None:
+        run.wrench(0.0)
+        run.image(EMPTY)
+        assert run.refusal("tare", finger="left", stream="pad") is None
+        run.down("left.pad")
+        assert run.ask("tare.get", finger="left", stream="pad")["result"]["given_up"] == "the stream ended"
+
+    @pytest.mark.parametrize(
+        ("op", "fields", "refusal"),
+        [
+            ("tare", {"finger": "left", "stream": "both"}, ("out_of_range", "stream")),
+            ("tare.get", {"finger": "left", "stream": "all"}, ("out_of_range", "stream")),
+            ("tare.undo", {"finger": "left", "stream": "all"}, ("out_of_range", "stream")),
+            ("tare", {"finger": "right", "stream": "wrench"}, ("not_ready", "stream")),
+            ("tare", {"finger": "middle", "stream": "pad"}, ("unknown_finger", "finger")),
+            ("tare", {"finger": "left", "stream": 1}, ("bad_type", "stream")),
+        ],
+    )
+    def test_another_stream_is_refused(
+        self, run: Run, op: str, fields: dict[str, Any], refusal: tuple[str, str]
+    ) -> None:
+        run.wrench(0.0)
+        assert run.refusal(op, **fields) == refusal
+
+    def test_the_pad_of_a_finger_without_force_sensor_may_be_named(self, run: Run) -> None:
+        run.skin(0.4)
+        for stream in ("pad", "all"):
+            reply = run.ask("tare", finger="right", stream=stream, seconds=0.1)["result"]
+            assert reply["tare_ids"] == {"pad": 0}
+
+    def test_readings_that_the_device_marks_as_invalid_never_enter_a_tare(self, make_run: Callable[[str], Run]) -> None:
+        run = make_run(EXTERNAL)
+        run.up()
+        for k in range(40):
+            run.wait(10.0)
+            invalid = k % 3 > 0
+            counts = [500.0 if invalid else 40.0] * 4
+            status = ["invalid"] if invalid else []
+            force_n = [0.0, 0.0, 9.0 if invalid else 0.2]
+            for reading in (
+                encode_reading("pad", run.t_ns, values=counts, seq=k, status=status),
+                encode_reading("wrench", run.t_ns, force_n=force_n, torque_nm=[0.0] * 3, seq=k, status=status),
+            ):
+                run.feed(Bytes(next(iter(run.engine.links)), reading))
+            if k == 3:
+                assert run.refusal("tare", finger="left", stream="all", seconds=0.2) is None
+        for stream, offset in (("pad", [40.0] * 4), ("wrench", [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])):
+            got = run.ask("tare.get", finger="left", stream=stream)["result"]
+            assert (got["tare_id"], got["given_up"]) == (1, None)
+            assert got["offset"] == pytest.approx(offset, abs=1e-9)
+
+    def test_a_pad_that_measures_the_force_takes_no_invalid_reading_either(
+        self, make_run: Callable[[str], Run]
+    ) -> None:
+        alone = EXTERNAL.replace("axis_scale = [1.0]", "axis_scale = [1.0, 1.0, -1.0]")
+        run = make_run(alone.partition("[finger.left.wrench]")[0] + alone[alone.index("[finger.left.pad]") :])
+        run.up()
+        for k in range(40):
+            run.wait(10.0)
+            invalid = k % 3 > 0
+            counts = [[0.0, 0.0, 90.0 if invalid else 0.04]] * 4
+            status = ["invalid"] if invalid else []
+            image = encode_reading("pad", run.t_ns, values=counts, seq=k, status=status)
+            run.feed(Bytes(next(iter(run.engine.links)), image))
+            if k == 3:
+                assert run.refusal("tare", finger="left", seconds=0.2) is None
+        got = run.ask("tare.get", finger="left")["result"]
+        assert (got["tare_id"], got["given_up"]) == (1, None)
+        assert got["offset"] == pytest.approx([0.0, 0.0, 0.04] * 4, abs=1e-9)
+
+
+class TestNeverTared:
+    """Raw counts begin anywhere: without a tare they are no load, and nothing is concluded from them."""
+
+    UNLOADED = np.array([[16456, 16671, 37526], [16310, 16789, 37346], [16149, 16718, 37182], [15712, 16733, 37971]])
+
+    def skin(self, run: Run, press: int = 0) -> None:
+        """A message of the right pad with the raw counts of a real one."""
+        run.wait(10)
+        run._message += 1
+        run.feed(
+            Bytes("right.pad", xela.encode_message(run._message, {"2": self.UNLOADED + np.array((0, 0, press))}, 1.7e9))
+        )
+
+    def message(self, run: Run, stream: str) -> tuple[Health, str]:
+        told = run.ask("status", id=run.t_ns)["result"]["streams"][stream]
+        return Health(told["health"]), told["message"]
+
+    def untared(self, make_run: Callable[[str], Run], right: str) -> Run:
+        run = make_run(right.partition("tare =")[0])
+        run.up()
+        return run
+
+    def test_a_pad_of_raw_counts_is_unknown_until_it_is_tared(self, make_run: Callable[[str], Run], right: str) -> None:
+        run = self.untared(make_run, right)
+        for _ in range(3):
+            self.skin(run)
+        assert run.level("right") == ("unknown", ["not_tared"]), "150 N that nobody presses"
+        body = run.told("slip.right")[-1]
+        assert (body["normal_n"], body["utilisation"]) == (None, None)
+        health, message = self.message(run, "right.pad")
+        assert health == Health.ERROR
+        assert "was never tared" in message
+        assert "slipctl tare take" in message
+        assert run.ask("tare", finger="right", seconds=0.1)["result"]["verified"] is False
+        for _ in range(14):
+            self.skin(run)
+        assert run.level("right") == ("no_contact", [])
+        assert self.message(run, "right.pad")[0] == Health.OK
+        self.skin(run, press=1000)
+        assert run.level("right")[0] == "stable"
+        for _ in range(3):
+            self.skin(run)
+        assert run.refusal("tare.undo", finger="right") is None
+        self.skin(run)
+        assert run.level("right") == ("unknown", ["not_tared"]), "as before the tare"
+
+    def test_nothing_rests_on_it(self, make_run: Callable[[str], Run], right: str, gripper: str) -> None:
+        run = make_run(right.partition("tare =")[0] + gripper)
+        run.up()
+        for _ in range(3):
+            self.skin(run)
+        run.lease()
+        run.serve_gripper(50)
+        assert run.refusal("gripper.activate") == ("in_contact", "drop"), "not known to be free"
+
+    def test_a_pad_that_counts_from_zero_needs_no_tare(self, make_run: Callable[[str], Run], right: str) -> None:
+        run = self.untared(make_run, right)
+        run.wait(10)
+        for k, counts in enumerate((0, 5000, 9000)):
+            run.wait(10)
+            run.feed(Bytes("right.pad", xela.encode_message(k, {"2": np.full((4, 3), (0, 0, counts))}, 1.7e9)))
+        assert run.level("right")[0] == "stable", "36 N that grew from nothing are a load"
+
+    def test_a_load_at_the_start_is_believed_once_the_pad_was_seen_free(
+        self, make_run: Callable[[str], Run], right: str
+    ) -> None:
+        run = self.untared(make_run, right)
+        levels = []
+        for k, counts in enumerate((9000, 9000, 10, 9000)):
+            run.wait(10)
+            run.feed(Bytes("right.pad", xela.encode_message(k, {"2": np.full((4, 3), (0, 0, counts))}, 1.7e9)))
+            levels.append(run.level("right"))
+        assert levels == [*[("unknown", ["not_tared"])] * 2, ("no_contact", []), ("stable", [])]
+
+    def go_on(self, run: Run, times: int, counts: int) -> None:
+        """Both sensors of the left finger for so many times 10 ms, with nothing on it."""
+        for _ in range(times):
+            run.wait(5)
+            run.tick()
+            run.image(np.full((4, 4), counts))
+            run.wrench(0.0, ms=5.0)
+
+    def test_beside_a_force_sensor_the_images_are_not_used(self, run: Run) -> None:
+        run.bring_up()
+        self.go_on(run, 30, 300)
+        assert run.level() == ("no_contact", []), "the force sensor says so"
+        assert self.message(run, "left.pad")[0] == Health.ERROR
+        run.wrench(8.0)
+        assert run.level() == ("unknown", ["not_tared", "rotation_unobserved"])
+        run.wrench(0.0)
+        assert run.ask("tare", finger="left", stream="pad", seconds=0.1)["result"]["verified"] is True
+        self.go_on(run, 14, 300)
+        assert "never tared" not in self.message(run, "left.pad")[1]
+        run.image(np.full((4, 4), 400))
+        run.wrench(8.0)
+        assert run.level() == ("stable", [])
+
+    def test_a_touch_that_the_pad_shows_before_the_force_sensor_is_no_offset(self, run: Run) -> None:
+        run.bring_up()
+        self.go_on(run, 10, 100)
+        run.wrench(8.0)
+        assert run.level() == ("stable", [])
+
+
+def test_an_untared_sensor_is_not_tared_while_a_grip_is_in_force(make_run: Callable[[str], Run], rig: str) -> None:
+    """It cannot tell the load from its bias, and nothing else shows the finger to be free."""
+    head, _, rest = rig.partition("[finger.left.pad]")
+    run = make_run(head + rest[rest.index("[finger.right]") :])
+    run.up()
+    run.image = lambda *_: []
+    run.bring_up(tare=False)
+    assert run.ask("tare", finger="left", seconds=0.1)["result"]["verified"] is False, "nothing is held"
+    assert run.ask("tare.undo", finger="left")["ok"]
+    run.grip(5.0)
+    refused = run.ask("tare", finger="left", seconds=0.1)["error"]
+    assert (refused["code"], refused["field"]) == ("in_contact", "finger")
+    assert "a grip is in force" in refused["message"]

@@ -1,0 +1,172 @@
+"""What the pad feels, out of what the sensor reads: tare, mounting, the finger's weight, drift, in that order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from slipd.config import Config, Levels
+from slipd.finger.finger import Finger
+from slipd.finger.force_channel import ForceChannel
+from slipd.fusion import carry
+from slipd.samples import TactileSample, WrenchSample
+from slipd_client.messages import Health
+
+MS = 1_000_000
+T0 = 100_000_000_000
+G = 9.80665
+DOWN, ALONG = [0.0, 0.0, -G], [G, 0.0, 0.0]
+HEAVY = 'port = "/dev/left-wrench"\nmass_kg = 0.1\ncom_m = [0.0, 0.0, -0.02]'
+
+Parse = Callable[[str], Config]
+
+
+@pytest.fixture
+def heavy(left: str, parse: Parse) -> str:
+    return left.replace('port = "/dev/left-wrench"', HEAVY)
+
+
+def side(text: str, parse: Parse) -> ForceChannel:
+    wrench = parse(text).finger["left"].wrench
+    assert wrench is not None
+    return ForceChannel(wrench, 20 * MS)
+
+
+def read(
+    force: ForceChannel, values: object, t_ns: int = T0, *, untouched: bool | None = None, status: tuple[str, ...] = ()
+) -> tuple[float, ...]:
+    six = np.array(values, dtype=np.float64)
+    taken = force.take([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], lambda: untouched)
+    return tuple(carry(taken.carrier, taken.rows)[0, :6].tolist())
+
+
+def weigh(gravity: list[float]) -> list[float]:
+    """What 0.1 kg, 20 mm below the pad, adds to an untared reading."""
+    force = 0.1 * np.array(gravity)
+    return [*force, *np.cross((0.0, 0.0, -0.02), force)]
+
+
+def test_the_weight_is_taken_out_at_every_pose(heavy: str, parse: Parse) -> None:
+    force = side(heavy, parse)
+    for gravity in (DOWN, ALONG):
+        force.set_gravity(gravity, T0)
+        assert read(force, weigh(gravity)) == pytest.approx([0.0] * 6, abs=1e-12)
+    assert force.told(T0)["gravity"] == "compensated"
+    assert force.doubt(T0) == (0.0, 0.0, 0.0, 0.0)
+    assert force.conditions(T0) == []
+
+
+def test_a_tare_at_a_known_pose_keeps_its_weight_apart(heavy: str, parse: Parse) -> None:
+    force = side(heavy, parse)
+    force.set_gravity(DOWN, T0)
+    force.begin_tare(T0, 0.01, "ann")
+    for k in range(12):
+        read(force, np.add(weigh(DOWN), 0.5), T0 + k * MS)
+    assert force.tare.current.id == 1
+    assert read(force, np.add(weigh(DOWN), 0.5)) == pytest.approx([0.0] * 6, abs=1e-12)
+    force.set_gravity(ALONG, T0)
+    assert read(force, np.add(weigh(ALONG), 0.5)) == pytest.approx([0.0] * 6, abs=1e-12)
+    assert force.undo_tare()
+    assert read(force, weigh(ALONG)) == pytest.approx([0.0] * 6, abs=1e-12)
+    assert not force.undo_tare()
+
+
+def test_an_unknown_orientation_is_a_doubt_that_is_told(heavy: str, parse: Parse) -> None:
+    force = side(heavy, parse)
+    assert force.doubt(T0)[2] == pytest.approx(0.1 * G)
+    ((level, message),) = force.conditions(T0)
+    assert level == Health.WARN
+    assert "no fresh gravity.set: the finger's weight may add 0.98 N" in message
+    force.begin_tare(T0, 0.01, "ann")
+    for k in range(12):
+        read(force, weigh(DOWN), T0 + k * MS)
+    assert force.doubt(T0)[2] == pytest.approx(2 * 0.1 * G)
+    assert any("tare it once more while gravity.set runs" in text for _, text in force.conditions(T0))
+
+
+def test_a_tare_is_given_up_when_the_finger_is_turned(heavy: str, parse: Parse) -> None:
+    force = side(heavy.replace("force_std_n = 0.0", "force_std_n = 0.02"), parse)
+    force.set_gravity(DOWN, T0)
+    force.begin_tare(T0, 0.01, "ann")
+    force.set_gravity([0.1, 0.0, -G], T0)
+    assert force.tare.busy, "a tenth of a noise is no turn"
+    force.set_gravity(ALONG, T0)
+    assert (force.tare.busy, force.tare.aborted_reason) == (False, "the finger was turned")
+    assert (Health.OK, "the last tare was given up: the finger was turned") in force.conditions(T0)
+
+
+def test_the_doubt_of_the_weight_takes_the_margin(heavy: str, left: str, parse: Parse) -> None:
+    told = {}
+    for name, text in (("light", left), ("heavy", heavy)):
+        finger = Finger("left", parse(text).finger["left"], Levels())
+        finger.take_tactile(TactileSample(T0, None, np.full(16, 100.0)))
+        for shown in (False, True):
+            if shown and finger.force is not None:
+                finger.force.set_gravity([0.0, 0.0, 0.0], T0)
+            state = finger.take_wrench(WrenchSample(T0, None, np.array((2.0, 0.0, -8.0)), np.zeros(3)))
+            told[name, shown] = state.verdict.level, state.verdict.reasons
+            assert state.contact is not None
+            assert (state.contact.friction_ratio_std > 0.0) == (name == "heavy" and not shown)
+    assert told["light", False] == told["light", True] == told["heavy", True] == ("stable", ())
+    assert told["heavy", False][0] in ("caution", "warning")
+    assert told["heavy", False][1][-1] == "weight_unknown"
+
+
+DRIFTS = 'port = "/dev/left-wrench"\ndrift_tau_s = 1.0'
+
+
+def test_a_drifting_zero_is_followed_while_nothing_touches_and_kept_in_a_contact(left: str, parse: Parse) -> None:
+    force = side(left.replace('port = "/dev/left-wrench"', DRIFTS), parse)
+    reading = [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]
+    for k in range(1500):
+        read(force, reading, T0 + k * 100 * MS, untouched=True)
+    followed = read(force, reading, T0 + 1500 * 100 * MS, untouched=False)
+    assert abs(followed[2]) < 0.01
+    assert force.told(T0)["drift"][2] == pytest.approx(0.2, abs=0.01)
+    for k in range(1501, 3000):
+        held = read(force, [0.0, 0.0, -4.8, 0.0, 0.0, 0.0], T0 + k * 100 * MS, untouched=False)
+    assert held[2] == pytest.approx(followed[2] - 5.0)
+    assert force.told(T0)["drift_frozen"]
+    force.begin_tare(T0, 0.01, "ann")
+    for k in range(12):
+        read(force, reading, T0 + k * MS)
+    assert force.told(T0)["drift"] == [0.0] * 6
+    assert force.undo_tare()
+    assert force.told(T0)["drift"][2] == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_drift_at_its_limit_is_told(left: str, parse: Parse) -> None:
+    text = left.replace('port = "/dev/left-wrench"', DRIFTS + "\ndrift_limit_n = 0.1")
+    force = side(text, parse)
+    for k in range(9000):
+        read(force, [0.0, 0.0, 0.5, 0.0, 0.0, 0.0], T0 + k * 100 * MS, untouched=True)
+    assert (Health.WARN, "its zero drifted to the limit of what is followed: tare it") in force.conditions(T0)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("place", range(6))
+def test_N1_a_number_that_is_none_touches_nothing(left: str, parse: Parse, wrong: float, place: int) -> None:
+    force = side(left.replace('port = "/dev/left-wrench"', DRIFTS), parse)
+    well = read(force, [0.1] * 6, untouched=True)
+    bad = [0.1] * 6
+    bad[place] = wrong
+    assert not np.isfinite(read(force, bad, untouched=True)).all()
+    assert read(force, [0.1] * 6, untouched=True) == well
+
+
+def test_an_untouched_finger_by_its_image_and_without_one(left: str, parse: Parse) -> None:
+    text = left.replace('port = "/dev/left-wrench"', DRIFTS)
+    finger = Finger("left", parse(text).finger["left"], Levels())
+    for ms in range(0, 200_000, 100):
+        finger.take_tactile(TactileSample(T0 + ms * MS, None, np.zeros(16)))
+        finger.take_wrench(WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
+    assert finger.force is not None
+    assert finger.force.told(T0)["drift"][0] == pytest.approx(0.2, abs=0.01)
+    alone = Finger("left", parse(text).finger["left"], Levels())
+    for ms in range(0, 200_000, 100):
+        alone.take_wrench(WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
+    assert alone.force is not None
+    assert alone.force.told(T0)["drift"][0] == pytest.approx(0.2, abs=0.01)

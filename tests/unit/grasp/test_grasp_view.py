@@ -1,0 +1,309 @@
+"""Two fingers seen as one grasp: what rests on a finger that is not known is not known."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import pytest
+from project import DOCS
+
+from slipd import config
+from slipd.config import Config, Levels
+from slipd.finger.finger import Finger
+from slipd.grasp.grasp_view import GraspView
+from slipd.publish.message_bodies import slip_body
+from slipd.samples import TactileSample, WrenchSample
+from slipd.sim.true_contact import finger_load, pad_wrench
+from slipd_client.messages import MESSAGE_LIMITS, decode, encode
+
+MS = 1_000_000
+T0 = 100_000_000_000
+FULL = np.full((4, 4), 100)
+POSITIONS = "[[0.0, 0.0, 0.0, 0.16], [0.04, 0.0, {0}0.02, 0.15], [0.08, 0.0, {0}0.04, 0.13]]"
+GRASP = f"""
+[grasp.pads.left]
+positions = {POSITIONS.format("")}
+quat_xyzw = [0.5, -0.5, 0.5, 0.5]
+[grasp.pads.right]
+positions = {POSITIONS.format("-")}
+quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+"""
+WIDTH_M = 0.06
+PROTOCOL = (DOCS / "protocol.md").read_text(encoding="utf-8")
+#: What is told of a grasp whatever is known of its fingers.
+ALWAYS = {"fingers", "level", "level_code", "reasons", "width_m", "age_s"}
+
+Parse = Callable[[str], Config]
+Wrench = Callable[..., WrenchSample]
+Image = Callable[..., TactileSample]
+
+
+class Hand:
+    """Two alike fingers and the view of both; ``press`` gives each a reading on a fresh image."""
+
+    def __init__(self, rig: Config, wrench: Wrench, image: Image) -> None:
+        self.fingers = {name: Finger(name, finger, Levels()) for name, finger in rig.finger.items()}
+        assert rig.grasp is not None
+        self.view = GraspView(rig.grasp, self.fingers)
+        self._wrench, self._image = wrench, image
+
+    def press(self, name: str, *contact: Any, t_ns: int = T0, counts: np.ndarray | None = FULL, **more: Any) -> None:
+        if counts is not None:
+            self.fingers[name].take_tactile(self._image(t_ns, counts))
+        self.fingers[name].take_wrench(self._wrench(t_ns, *contact, **more))
+
+    def hold(self, t_ns: int = T0) -> None:
+        """10 N of grip, 2.4 N of load along the pads' X in halves."""
+        self.press("left", 10.0, (1.2, 0.0), t_ns=t_ns)
+        self.press("right", 10.0, (1.2, 0.0), t_ns=t_ns)
+
+    def body(self, t_ns: int = T0, width_m: float | None = WIDTH_M) -> dict[str, Any]:
+        self.view.update(t_ns, width_m)
+        body = self.view.body(t_ns)
+        assert decode(encode(body), MESSAGE_LIMITS) == body, "plain values, all finite"
+        return body
+
+    def nil(self, **more: Any) -> set[str]:
+        return {name for name, value in self.body(**more).items() if value is None}
+
+
+MakeHand = Callable[..., Hand]
+
+
+@pytest.fixture
+def make_hand(left: str, parse: Parse, wrench: Wrench, image: Image) -> MakeHand:
+    """Makes a hand; ``changes`` are made to the text of the left finger, or of both."""
+
+    def make(*changes: tuple[str, str], both: bool = False) -> Hand:
+        changed = left
+        for old, new in changes:
+            assert old in changed
+            changed = changed.replace(old, new)
+        right = (changed if both else left).replace("left", "right")
+        return Hand(parse(changed + right + GRASP), wrench, image)
+
+    return make
+
+
+@pytest.fixture
+def hand(make_hand: MakeHand) -> Hand:
+    """μ 0.5, contact from 0.5 N, safety 1.3, pads 4×4 at 4 mm."""
+    return make_hand()
+
+
+def fields() -> Iterable[str]:
+    section = PROTOCOL.partition("### `grasp`")[2].partition("\n##")[0]
+    return re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)))
+
+
+def test_the_protocol_document_lists_the_fields_that_are_sent(hand: Hand) -> None:
+    assert set(fields()) == set(hand.body())
+
+
+def test_a_held_box_is_told_with_everything_that_is_known_of_it(hand: Hand) -> None:
+    hand.hold()
+    body = hand.body(T0 + 2 * MS)
+    assert hand.nil() == set()
+    assert (body["level"], body["level_code"], body["reasons"]) == ("stable", 1, [])
+    assert body["fingers"] == ["left", "right"]
+    assert body["internal_n"] == pytest.approx(10.0)
+    assert body["utilisation"] == pytest.approx(0.24, rel=1e-5)
+    assert body["grip_needed_n"] == pytest.approx(1.3 * 2.4, rel=1e-5)
+    assert body["external_force_n"] == pytest.approx([0.0, 0.0, 2.4], abs=1e-12)
+    assert body["external_torque_nm"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    assert body["load_share"] == {"left": 0.5, "right": 0.5}
+    assert body["asymmetry"] == pytest.approx(0.0)
+    assert body["width_m"] == WIDTH_M
+    assert body["age_s"] == pytest.approx(0.002)
+
+
+def test_the_pads_follow_the_width(hand: Hand) -> None:
+    """1 N along the gripper's X: its lever along Z is where the pads are at this width."""
+    hand.press("left", 10.0, (0.0, -0.5))
+    hand.press("right", 10.0, (0.0, 0.5))
+    for width_m, lever_m in ((0.0, 0.16), (0.04, 0.15), (0.05, 0.145), (0.08, 0.13)):
+        body = hand.body(width_m=width_m)
+        assert body["external_force_n"] == pytest.approx([1.0, 0.0, 0.0])
+        assert body["external_torque_nm"] == pytest.approx([0.0, lever_m, 0.0])
+
+
+def test_the_halves_of_a_virtual_scene_add_up_to_what_the_world_does(hand: Hand) -> None:
+    """On the pads as the demo's config places them: the left pad's X, Y and spin are Z, −X and −Y of its gripper."""
+    grasp = config.load(config.shipped("demo.toml")).grasp
+    assert grasp is not None
+    load, normal_n, at = (2.5, 0.7, 0.03), 12.0, (0.002, -0.001)
+    for name, centre in (("left", at), ("right", (at[0], -at[1]))):
+        force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)
+        hand.fingers[name].take_wrench(WrenchSample(T0, None, force, torque, ()))
+    view = GraspView(grasp, hand.fingers)
+    view.update(T0, WIDTH_M)
+    body = view.body(T0)
+    assert body["external_force_n"] == pytest.approx([-0.7, 0.0, 2.5])
+    where = np.array((-at[1], 0.0, at[0]))
+    torque = np.cross(where, np.array((-0.7, 0.0, 2.5))) - np.array((0.0, 0.03, 0.0))
+    assert body["external_torque_nm"] == pytest.approx(torque.tolist())
+
+
+@pytest.mark.parametrize("width_m", [-0.001, 0.081])
+def test_beyond_the_widths_that_were_measured_the_torque_is_nil(hand: Hand, width_m: float) -> None:
+    hand.hold()
+    assert hand.nil(width_m=width_m) == {"external_torque_nm"}
+
+
+@pytest.mark.parametrize("width_m", [None, math.nan])
+def test_without_a_width_the_torque_is_nil_and_nothing_else(hand: Hand, width_m: float | None) -> None:
+    hand.hold()
+    assert hand.nil(width_m=width_m) == {"external_torque_nm", "width_m"}
+
+
+def test_an_axial_push_is_told_apart_from_the_grip(hand: Hand) -> None:
+    """3 N against the left pad, which looks along −Y: the world pushes the box along +Y."""
+    hand.press("left", 13.0, (1.2, 0.0))
+    hand.press("right", 10.0, (1.2, 0.0))
+    body = hand.body()
+    assert body["internal_n"] == pytest.approx(10.0)
+    assert body["external_force_n"] == pytest.approx([0.0, 3.0, 2.4])
+    assert body["asymmetry"] == pytest.approx(3.0 / 23.0)
+    assert body["utilisation"] == pytest.approx(0.24, rel=1e-5), "of the right finger, which is pressed less"
+    assert body["grip_needed_n"] == pytest.approx(1.3 * 2.4, rel=1e-5)
+
+
+def test_the_finger_that_lacks_most_decides_on_the_grip_needed(make_hand: MakeHand) -> None:
+    hand = make_hand(("mu = 0.5", "mu = 0.25\ngrip_safety = 2.0"))
+    hand.press("left", 13.0, (3.0, 0.0))
+    hand.press("right", 10.0, (1.0, 0.0))
+    body = hand.body()
+    needs = slip_body(hand.fingers["left"], hand.fingers["left"].state)["grip_needed_n"]
+    assert needs == pytest.approx(24.0, rel=1e-5)
+    assert body["grip_needed_n"] == pytest.approx(24.0 - 3.0, rel=1e-5), "its pad has 3 N more than the grip"
+    assert body["utilisation"] == pytest.approx(3.0 / (0.25 * 13.0), rel=1e-5)
+    assert body["load_share"] == pytest.approx({"left": 0.75, "right": 0.25})
+    assert body["level"] == "warning"
+    state = hand.view.state
+    assert (state.level, state.reasons) == ("warning", ("translation",))
+    assert (state.internal_n, state.grip_needed_n) == (body["internal_n"], body["grip_needed_n"])
+
+
+@pytest.mark.parametrize("name", ["left", "right"])
+@pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "never"])
+def test_a_finger_that_is_not_known_leaves_nothing_of_the_grasp_known(hand: Hand, name: str, what: str) -> None:
+    other = "right" if name == "left" else "left"
+    hand.press(other, 10.0, (1.2, 0.0))
+    if what == "stale":
+        hand.press(name, 10.0, (1.2, 0.0))
+        hand.fingers[name].lose(T0)
+    elif what == "overload":
+        hand.press(name, 10.0, (1.2, 0.0), status=("overload",))
+    elif what == "not_finite":
+        hand.press(name, math.nan)
+    body = hand.body()
+    unknown = {key for key, value in body.items() if value is None}
+    assert unknown == (set(body) - ALWAYS) | ({"age_s"} if what == "never" else set())
+    assert body["level"] == "unknown", "one finger that holds makes no grasp"
+    assert body["reasons"] == ["stale" if what == "never" else what]
+
+
+def test_a_finger_whose_image_disagrees_is_not_believed(make_hand: MakeHand) -> None:
+    """Its numbers are there, but nobody knows which of both is right."""
+    hand = make_hand(("threshold = 0.05", "threshold = 0.05\ngain_error = 0.1"))
+    for ms in range(0, 2000, 10):
+        hand.press("left", 10.0, (1.2, 0.0), t_ns=T0 + ms * MS, counts=4 * FULL)
+        hand.press("right", 10.0, (1.2, 0.0), t_ns=T0 + ms * MS)
+    assert hand.fingers["left"].state.utilisation is not None
+    body = hand.body(T0 + 1990 * MS)
+    assert body["reasons"][0] == "disagreement"
+    assert {key for key, value in body.items() if value is None} == set(body) - ALWAYS
+
+
+def test_nothing_between_the_fingers_is_no_grip_and_not_unknown(hand: Hand) -> None:
+    hand.press("left", 0.1, (0.02, 0.0))
+    hand.press("right", -0.1)
+    body = hand.body()
+    assert (body["level"], body["internal_n"]) == ("no_contact", 0.0)
+    assert body["external_force_n"] == pytest.approx([0.0, 0.2, 0.02])
+    unknown = {key for key, value in body.items() if value is None}
+    assert unknown == {"utilisation", "grip_needed_n", "load_share", "asymmetry"}
+
+
+def test_one_finger_against_a_wall_grips_nothing(hand: Hand) -> None:
+    hand.press("left", 10.0, (1.0, 0.0))
+    hand.press("right", 0.0)
+    body = hand.body()
+    assert (body["internal_n"], body["asymmetry"], body["level"]) == (0.0, 1.0, "stable")
+    assert body["load_share"] == {"left": 1.0, "right": 0.0}
+    assert body["grip_needed_n"] is body["utilisation"] is None
+
+
+def test_without_an_image_or_friction_no_grip_can_be_asked_for(make_hand: MakeHand) -> None:
+    for hand, counts in ((make_hand(), None), (make_hand(("mu = 0.5\n", "")), FULL)):
+        hand.press("left", 10.0, (1.2, 0.0), counts=counts)
+        hand.press("right", 10.0, (1.2, 0.0))
+        body = hand.body()
+        assert body["level"] == "unknown"
+        assert {key for key, value in body.items() if value is None} == {"grip_needed_n", "utilisation"}
+
+
+def test_a_load_that_no_grip_holds_has_no_number(hand: Hand) -> None:
+    one = np.zeros((4, 4))
+    one[1, 1] = 100
+    hand.press("left", 10.0, (0.0, 0.0), 0.01, (-0.002, -0.002), counts=one)
+    hand.press("right", 10.0, (1.2, 0.0))
+    body = hand.body()
+    assert body["level"] == "warning"
+    assert body["utilisation"] is body["grip_needed_n"] is None
+    assert body["internal_n"] == pytest.approx(10.0)
+
+
+def test_level_and_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
+    def told() -> tuple[str, list[str]]:
+        body = hand.body()
+        return body["level"], body["reasons"]
+
+    hand.press("left", 10.0, (3.7, 0.0))
+    assert told() == ("caution", ["translation"]), "more alarming than a finger of which nothing is known"
+    hand.press("right", 10.0)
+    assert told() == ("caution", ["translation"])
+    hand.press("right", 10.0, (0.0, 0.0), 0.028)
+    assert told() == ("warning", ["rotation"]), "the finger at caution has no say"
+    hand.press("left", 10.0, (4.6, 0.0))
+    assert told() == ("warning", ["translation", "rotation"])
+
+
+def test_a_reason_of_both_fingers_is_told_once(hand: Hand) -> None:
+    hand.press("left", 10.0, (4.6, 0.0))
+    hand.press("right", 10.0, (4.6, 0.0))
+    assert hand.body()["reasons"] == ["translation"]
+
+
+def test_a_finger_whose_own_weight_is_unknown_tells_the_grip_but_not_the_load(make_hand: MakeHand) -> None:
+    hand = make_hand(("stuck_after = 0", "stuck_after = 0\nmass_kg = 0.05"))
+    hand.hold()
+    assert hand.nil() == {"external_force_n", "external_torque_nm"}
+    force = hand.fingers["left"].force
+    assert force is not None
+    force.set_gravity((0.0, 0.0, 0.0), T0)
+    hand.hold()
+    assert hand.nil() == set()
+
+
+def test_pads_without_a_force_sensor_make_a_grasp_too(
+    left: str, right: str, parse: Parse, wrench: Wrench, image: Image
+) -> None:
+    hand = Hand(parse(left + right + GRASP), wrench, image)
+    hand.press("left", 10.0, (1.2, 0.0))
+    counts = np.tile(np.array((1000 + 300, 1000, 1000 + 2500)), (4, 1)).astype(float)
+    hand.fingers["right"].take_tactile(TactileSample(T0, None, counts))
+    body = hand.body()
+    assert body["internal_n"] == pytest.approx(10.0)
+    assert body["external_force_n"] == pytest.approx([0.0, 0.0, 2.4], abs=1e-9)
+    assert body["utilisation"] == pytest.approx(0.24, rel=1e-4)
+
+
+def test_the_age_is_that_of_the_older_reading(hand: Hand) -> None:
+    hand.press("left", 10.0)
+    hand.press("right", 10.0, t_ns=T0 + 4 * MS)
+    assert hand.body(T0 + 5 * MS)["age_s"] == pytest.approx(0.005)

@@ -1,0 +1,385 @@
+"""Nobody grips but the holder of the lease, within the limits, and none of it ends by moving anything."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from judging import ask
+
+from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.permit import Permit
+from slipd.refusal import Refusal
+
+MS = 1_000_000
+T0 = 50_000_000_000
+ANN, BEN = b"ann", b"ben"
+
+
+@pytest.fixture
+def policy() -> GripPolicy:
+    return GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), max_lease_ms=1000)
+
+
+def change(policy: GripPolicy, force_n: float, t_ns: int) -> Refusal | None:
+    """Why a client may not have this force now."""
+    return refusal_of(ask(policy, "close", force_n, t_ns))
+
+
+def first(policy: GripPolicy, force_n: float) -> Refusal | None:
+    return change(policy, force_n, T0)
+
+
+def react(policy: GripPolicy, force_n: float) -> Refusal | None:
+    """Why the reflex may not have this force."""
+    return refusal_of(ask(policy, "reflex", force_n, T0))
+
+
+def refusal_of(found: Refusal | Permit | None) -> Refusal | None:
+    return found if isinstance(found, Refusal) else None
+
+
+def code(refusal: Refusal | None) -> str | None:
+    return None if refusal is None else refusal.code
+
+
+def test_nobody_holds_the_lease_at_the_beginning(policy: GripPolicy) -> None:
+    assert policy.holder(T0) is None
+    assert policy.expires_in_s(T0) is None
+    assert code(policy.check_lease(ANN, T0)) == "no_lease"
+    assert code(policy.renew(ANN, T0)) == "no_lease"
+    assert code(policy.release(ANN, T0)) == "no_lease"
+
+
+def test_a_lease_lives_until_its_very_last_nanosecond(policy: GripPolicy) -> None:
+    assert policy.acquire(ANN, 200, T0) is None
+    end = T0 + 200 * MS
+    assert policy.check_lease(ANN, end - 1) is None
+    assert policy.expires_in_s(end - 1) == pytest.approx(1e-9)
+    assert code(policy.check_lease(ANN, end)) == "no_lease"
+    assert policy.expires_in_s(end) is None
+    assert policy.acquire(BEN, 200, end) is None
+
+
+def test_A4_another_client_is_refused_while_the_lease_lives(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 200, T0)
+    refusal = policy.acquire(BEN, 200, T0 + 50 * MS)
+    assert code(refusal) == "lease_held"
+    assert refusal is not None
+    assert "150 ms" in refusal.message
+    assert code(policy.check_lease(BEN, T0 + 50 * MS)) == "no_lease"
+    assert code(policy.release(BEN, T0 + 50 * MS)) == "no_lease"
+    assert policy.holder(T0 + 50 * MS) == ANN
+
+
+def test_a_renewal_begins_the_same_time_anew(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 200, T0)
+    assert policy.renew(ANN, T0 + 150 * MS) is None
+    assert policy.holder(T0 + 350 * MS - 1) == ANN
+    assert policy.holder(T0 + 350 * MS) is None
+
+
+def test_a_lease_that_has_ended_cannot_be_renewed(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 200, T0)
+    assert code(policy.renew(ANN, T0 + 200 * MS)) == "no_lease"
+
+
+def test_the_holder_may_ask_again_for_another_time(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 1000, T0)
+    assert policy.acquire(ANN, 100, T0) is None
+    assert policy.holder(T0 + 100 * MS) is None
+
+
+def test_a_released_lease_is_free_at_once(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 1000, T0)
+    assert policy.release(ANN, T0 + 1) is None
+    assert policy.acquire(BEN, 1000, T0 + 1) is None
+
+
+def test_an_ended_lease_is_nobodys(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 1000, T0)
+    policy.end_lease()
+    assert policy.holder(T0) is None
+    assert policy.lapsed(T0), "it was taken away, not given back"
+
+
+def test_A5_the_end_of_a_dead_clients_lease_is_told_once_and_moves_nothing(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 200, T0)
+    policy.grip(5.0, T0)
+    assert not policy.lapsed(T0 + 200 * MS - 1)
+    assert policy.lapsed(T0 + 200 * MS)
+    assert not policy.lapsed(T0 + 201 * MS)
+    assert policy.force_n == 5.0
+
+
+def test_a_lease_that_was_given_back_has_not_lapsed(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 200, T0)
+    policy.release(ANN, T0 + 100 * MS)
+    assert not policy.lapsed(T0 + 300 * MS)
+
+
+def test_nobodys_lease_cannot_be_taken_away(policy: GripPolicy) -> None:
+    policy.end_lease()
+    assert not policy.lapsed(T0)
+
+
+def test_C4_a_late_loop_does_not_revive_a_lease(policy: GripPolicy) -> None:
+    policy.acquire(ANN, 200, T0)
+    policy.grip(5.0, T0 + 250 * MS)  # whatever tells the policy the time
+    assert code(policy.renew(ANN, T0 + 100 * MS)) == "no_lease"
+    assert policy.acquire(BEN, 200, T0 + 100 * MS) is None
+    assert policy.holder(T0 + 449 * MS) == BEN, "and one that is given late lives from now"
+
+
+@pytest.mark.parametrize("ttl_ms", [0, -1, 1001, 10**9])
+def test_a_lease_out_of_range_is_refused_and_not_shortened(policy: GripPolicy, ttl_ms: int) -> None:
+    refusal = policy.acquire(ANN, ttl_ms, T0)
+    assert code(refusal) == "out_of_range"
+    assert refusal is not None
+    assert refusal.field == "ttl_ms"
+    assert policy.holder(T0) is None
+
+
+@pytest.mark.parametrize("force_n", [3.0, 10.0, 25.0])
+def test_a_force_within_the_limits_may_be_asked(policy: GripPolicy, force_n: float) -> None:
+    assert first(policy, force_n) is None
+
+
+@pytest.mark.parametrize("force_n", [2.999, -1.0, 0.0, -0.0, 25.001, 1e300])
+def test_A3_a_force_beyond_the_limits_is_refused_and_not_clamped(policy: GripPolicy, force_n: float) -> None:
+    refusal = first(policy, force_n)
+    assert refusal is not None
+    assert (refusal.code, refusal.field) == ("out_of_range", "force_n")
+    assert "3 to 25 N" in refusal.message
+
+
+@pytest.mark.parametrize("force_n", [math.nan, math.inf, -math.inf])
+def test_N2_a_force_that_is_no_number_is_refused(policy: GripPolicy, force_n: float) -> None:
+    """max(0, min(255, nan)) is 255 in Python: a comparison alone would let NaN grip with all there is."""
+    refusal = first(policy, force_n)
+    assert refusal is not None
+    assert (refusal.code, refusal.field) == ("not_finite", "force_n")
+
+
+@given(force_n=st.floats())
+def test_only_forces_between_the_limits_ever_pass(force_n: float) -> None:
+    passed = first(GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), 1000), force_n) is None
+    assert passed == (3.0 <= force_n <= 25.0)
+
+
+@given(force_n=st.floats())
+def test_without_a_limit_nothing_may_be_asked(force_n: float) -> None:
+    assert code(first(GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 1000), force_n)) == "no_limit"
+
+
+@pytest.mark.parametrize("force_n", [3.0, 25.0])
+def test_the_first_force_of_a_grasp_meets_the_limits_alone(policy: GripPolicy, force_n: float) -> None:
+    assert change(policy, force_n, T0) is None
+    assert code(change(policy, 25.1, T0)) == "out_of_range"
+    policy.grip(force_n, T0)
+    assert (policy.force_n, policy.asked_n) == (force_n, force_n)
+
+
+@pytest.mark.parametrize("force_n", [12.0 + 1e-6, 8.0 - 1e-6, 3.0, 24.0])
+def test_A3_a_held_object_feels_no_more_than_a_step(policy: GripPolicy, force_n: float) -> None:
+    policy.grip(10.0, T0)
+    refusal = change(policy, force_n, T0 + 10_000 * MS)
+    assert refusal is not None
+    assert (refusal.code, refusal.field) == ("out_of_range", "force_n")
+    assert policy.force_n == 10.0
+
+
+@pytest.mark.parametrize(("from_n", "force_n"), [(3.1, 5.1), (4.1, 6.1), (8.3, 10.3), (10.3, 8.3)])
+def test_a_whole_step_is_a_step_however_it_is_rounded(policy: GripPolicy, from_n: float, force_n: float) -> None:
+    policy.grip(from_n, T0)
+    assert change(policy, force_n, T0) is None
+
+
+@pytest.mark.parametrize("force_n", [math.nan, math.inf, -math.inf])
+def test_N2_no_change_to_what_is_no_number(policy: GripPolicy, force_n: float) -> None:
+    policy.grip(5.0, T0)
+    assert code(change(policy, force_n, T0)) == "not_finite"
+    assert code(react(policy, force_n)) == "not_finite"
+    with pytest.raises(ValueError, match="not finite"):
+        policy.grip(force_n, T0)
+    assert policy.force_n == 5.0
+
+
+@pytest.mark.parametrize(("change_n", "wait_ms"), [(2.0, 200), (0.5, 50), (-2.0, 1000), (-0.5, 250)])
+def test_too_fast_says_when_to_ask_again_and_that_is_true(policy: GripPolicy, change_n: float, wait_ms: int) -> None:
+    policy.grip(10.0, T0)
+    now_n = 10.0 + math.copysign(2.0, change_n)
+    assert change(policy, now_n, T0) is None
+    policy.grip(now_n, T0)
+    refusal = change(policy, now_n + change_n, T0)
+    assert refusal is not None
+    assert refusal.code == "too_fast"
+    assert f"in {wait_ms} ms" in refusal.message
+    assert code(change(policy, now_n + change_n, T0 + (wait_ms - 1) * MS)) == "too_fast"
+    assert change(policy, now_n + change_n, T0 + wait_ms * MS) is None
+    assert policy.force_n == now_n, "nothing moves later by itself"
+
+
+def test_raising_does_not_pay_for_lowering_nor_the_other_way(policy: GripPolicy) -> None:
+    policy.grip(10.0, T0)
+    policy.grip(12.0, T0)
+    assert change(policy, 10.0, T0) is None
+    policy.grip(10.0, T0)
+    assert code(change(policy, 10.5, T0)) == "too_fast"
+    assert code(change(policy, 9.5, T0)) == "too_fast"
+
+
+def test_to_ask_for_what_is_in_force_is_never_too_fast(policy: GripPolicy) -> None:
+    policy.grip(10.0, T0)
+    policy.grip(12.0, T0)
+    policy.grip(10.0, T0)
+    assert change(policy, 10.0, T0) is None
+
+
+def test_long_rest_allows_one_step_and_not_two(policy: GripPolicy) -> None:
+    policy.grip(10.0, T0)
+    policy.grip(12.0, T0 + 3_600_000 * MS)
+    assert code(change(policy, 12.5, T0 + 3_600_000 * MS)) == "too_fast"
+
+
+def test_C4_an_earlier_time_allows_nothing_more(policy: GripPolicy) -> None:
+    policy.grip(10.0, T0)
+    policy.grip(12.0, T0)
+    assert code(change(policy, 14.0, T0 - 10_000 * MS)) == "too_fast"
+    assert code(change(policy, 14.0, T0 + 199 * MS)) == "too_fast"
+    assert change(policy, 14.0, T0 + 200 * MS) is None
+
+
+def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: GripPolicy) -> None:
+    policy.grip(5.0, T0)
+    for k in range(1, 7):  # raised by 2 N and lowered again, by a client and by the reflex in turn
+        policy.grip(7.0, T0 + 2 * k * 1000 * MS, reflex=k % 2 == 0)
+        policy.grip(5.0, T0 + (2 * k + 1) * 1000 * MS, reflex=k % 2 == 0)
+    later = T0 + 100_000 * MS
+    assert policy.most_n == 5.0
+    refusal = change(policy, 5.1, later)
+    assert code(refusal) == code(react(policy, 5.1)) == "budget_spent"
+    assert refusal is not None
+    assert "of the 12 N" in refusal.message
+    assert change(policy, 4.0, later) is None, "it may always be lowered"
+    policy.let_go()
+    policy.grip(5.0, later)
+    assert change(policy, 7.0, later) is None, "the next grasp has a budget of its own"
+
+
+def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
+    policy.grip(5.0, T0)
+    policy.grip(15.0, T0, reflex=True)
+    policy.grip(17.0, T0)
+    policy.put_back(15.0)
+    assert (policy.force_n, policy.asked_n, policy.most_n) == (15.0, 15.0, 15.0)
+    policy.let_go()
+    policy.put_back(15.0)
+    assert (policy.asked_n, policy.most_n) == (15.0, 15.0), "it was not let go, so it is the same grasp"
+    policy.put_back(None)
+    assert policy.force_n is policy.asked_n is None
+
+
+def test_what_is_left_of_the_budget_may_be_used_up(policy: GripPolicy) -> None:
+    policy.grip(5.0, T0)
+    policy.grip(15.5, T0, reflex=True)
+    assert policy.most_n == 17.0
+    assert react(policy, 17.0) is None
+    assert code(react(policy, 17.01)) == "budget_spent"
+
+
+def test_most_is_the_limit_where_the_budget_leaves_more_and_unknown_where_nothing_is_gripped(
+    policy: GripPolicy,
+) -> None:
+    assert policy.most_n is None
+    policy.grip(20.0, T0)
+    assert policy.most_n == 25.0
+    unlimited = GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 200)
+    unlimited.grip(5.0, T0)
+    assert unlimited.most_n is None
+
+
+def test_the_reflex_may_do_nothing_where_nothing_is_gripped(policy: GripPolicy) -> None:
+    assert code(react(policy, 5.0)) == "not_ready"
+    policy.grip(5.0, T0)
+    policy.let_go()
+    assert code(react(policy, 5.0)) == "not_ready"
+    assert (policy.force_n, policy.asked_n) == (None, None)
+
+
+def test_the_reflex_keeps_what_the_client_asked_for_and_a_client_need_not(policy: GripPolicy) -> None:
+    policy.grip(5.0, T0)
+    policy.grip(8.0, T0, reflex=True)
+    assert (policy.force_n, policy.asked_n) == (8.0, 5.0)
+    assert react(policy, 5.0) is None
+    assert code(react(policy, 4.9)) == "out_of_range"
+    assert change(policy, 6.0, T0) is None
+    policy.grip(6.0, T0)
+    assert code(react(policy, 5.9)) == "out_of_range"
+
+
+def test_a_raise_by_the_reflex_leaves_a_client_no_allowance_and_no_debt(policy: GripPolicy) -> None:
+    policy.grip(5.0, T0)
+    policy.grip(11.0, T0, reflex=True)
+    assert code(change(policy, 12.0, T0)) == "too_fast"
+    assert change(policy, 12.0, T0 + 100 * MS) is None
+    assert change(policy, 10.0, T0) is None
+
+
+@pytest.mark.parametrize("fault", ["E-stop", "no reply", "echo differs"])
+def test_A6_D4_D5_the_first_fault_is_kept_until_it_is_acknowledged(policy: GripPolicy, fault: str) -> None:
+    policy.grip(5.0, T0)
+    policy.latch("")
+    assert first(policy, 5.0) is None
+    policy.latch(fault)
+    policy.latch("what came of it")
+    policy.latch("")
+    refusal = first(policy, 5.0)
+    assert refusal is not None
+    assert refusal.code == "fault_latched"
+    assert fault in refusal.message
+    assert "fault.ack" in refusal.message
+    assert code(react(policy, 6.0)) == "fault_latched"
+    assert (policy.fault, policy.force_n) == (fault, 5.0)
+    policy.acknowledge()
+    assert (policy.fault, first(policy, 5.0), react(policy, 6.0)) == ("", None, None)
+
+
+@given(
+    steps=st.lists(
+        st.tuples(
+            st.sampled_from(("acquire", "renew", "release", "end", "wait")),
+            st.sampled_from((ANN, BEN)),
+            st.integers(1, 300),
+        ),
+        max_size=40,
+    )
+)
+def test_two_clients_never_hold_the_lease_at_once(steps: list[tuple[str, bytes, int]]) -> None:
+    policy = GripPolicy(GripLimits(3.0, 25.0, 2.0, 10.0, 2.0, 12.0), max_lease_ms=250)
+    t_ns, held_by, until_ns, ttl_ns = T0, None, 0, 0
+    for step, client, amount in steps:
+        if t_ns >= until_ns:
+            held_by = None
+        if step == "wait":
+            t_ns += amount * MS
+            continue
+        if step == "end":
+            policy.end_lease()
+            held_by = None
+        elif step == "acquire":
+            granted = amount <= 250 and held_by in (None, client)
+            assert (policy.acquire(client, amount, t_ns) is None) == granted
+            if granted:
+                held_by, ttl_ns = client, amount * MS
+                until_ns = t_ns + ttl_ns
+        else:
+            done = (policy.renew if step == "renew" else policy.release)(client, t_ns) is None
+            assert done == (held_by == client)
+            if done:
+                until_ns = t_ns + ttl_ns
+                held_by = client if step == "renew" else None
+        holders = [c for c in (ANN, BEN) if policy.check_lease(c, t_ns) is None]
+        assert holders == ([held_by] if held_by is not None else [])

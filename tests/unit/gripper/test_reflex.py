@@ -1,0 +1,378 @@
+"""The reflex raises what is needed and no more, undoes only what it did itself, and never rings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from judging import ask
+
+from slipd.gripper.grip_policy import GripLimits, GripPolicy
+from slipd.gripper.reflex import Reflex, ReflexAct, ReflexSettings
+from slipd.permit import Permit
+
+MS = 1_000_000
+T0 = 50_000_000_000
+SETTINGS = ReflexSettings(ceiling_n=20.0, raise_n_per_s=50.0, slip_gain=1.2, calm_s=2.0, lower_n_per_s=2.0)
+NOT_KNOWN = pytest.mark.parametrize("unknown", [None, math.nan, math.inf, -math.inf])
+
+
+class Held:
+    """An object held with 5 N, by a gripper that does what it is told, in steps of ``unit_n``."""
+
+    def __init__(self, settings: ReflexSettings = SETTINGS, budget_n: float = 25.0, unit_n: float = 0.0) -> None:
+        self.policy = GripPolicy(GripLimits(1.0, 25.0, 2.0, 10.0, 2.0, budget_n), 200)
+        self.policy.grip(5.0, T0)
+        self.reflex = Reflex(settings, self.policy)
+        self.unit_n = unit_n
+        self.t_ns = T0
+
+    def watch(
+        self,
+        level: str,
+        needed_n: float | None,
+        ms: int,
+        internal_n: float | None = None,
+        trusted: bool = True,
+        every_ms: int = 5,
+    ) -> list[ReflexAct]:
+        """Lets ``ms`` pass with such readings; what the reflex did."""
+        acts = []
+        for _ in range(0, ms, every_ms):
+            self.t_ns += every_ms * MS
+            act = self.reflex.decide(level, needed_n, internal_n, trusted, self.t_ns)
+            if act is not None and isinstance(ask(self.policy, "reflex", act.force_n, self.t_ns), Permit):
+                acts.append(act)
+                self.reflex.acted(act)
+                steps = math.floor(act.force_n / self.unit_n + 1e-9) * self.unit_n if self.unit_n else act.force_n
+                self.policy.grip(steps, self.t_ns, reflex=True)
+        return acts
+
+    @property
+    def force_n(self) -> float:
+        assert self.policy.force_n is not None
+        return self.policy.force_n
+
+
+def test_a_warning_raises_at_once_by_what_one_period_allows() -> None:
+    held = Held()
+    assert held.watch("warning", 9.0, 5) == [ReflexAct(6.0, 5.0, "needed")]
+
+
+def test_it_goes_on_at_its_rate_and_ends_at_what_is_needed() -> None:
+    held = Held()
+    acts = held.watch("warning", 7.5, 1000)
+    assert [act.force_n for act in acts] == pytest.approx([6.0, 7.0, 7.5])
+    assert [act.from_n for act in acts] == pytest.approx([5.0, 6.0, 7.0])
+
+
+@pytest.mark.parametrize("level", ["no_contact", "stable", "caution", "unknown"])
+def test_nothing_is_raised_without_a_warning(level: str) -> None:
+    assert Held().watch(level, 9.0, 500) == []
+
+
+def test_nothing_is_raised_where_the_grip_is_enough() -> None:
+    assert Held().watch("warning", 4.9, 500) == []
+
+
+@NOT_KNOWN
+def test_N2_nothing_is_raised_on_a_warning_where_the_need_is_not_known(unknown: float | None) -> None:
+    assert Held().watch("warning", unknown, 500) == []
+
+
+@NOT_KNOWN
+def test_N2_without_a_grip_measured_the_force_told_counts(unknown: float | None) -> None:
+    held = Held()
+    held.watch("stable", 5.0, 200, internal_n=unknown)
+    held.watch("warning", 7.0, 500, internal_n=unknown)
+    assert held.force_n == pytest.approx(7.0)
+
+
+def test_a_gripper_that_grips_less_than_told_is_told_more() -> None:
+    held = Held()
+    held.watch("caution", 5.0, 200, internal_n=4.0)
+    held.watch("warning", 7.0, 500, internal_n=4.0)
+    assert held.force_n >= 8.0
+
+
+def test_a_gripper_that_grips_more_than_told_is_told_less() -> None:
+    held = Held()
+    held.watch("caution", 5.0, 200, internal_n=7.0)
+    assert held.watch("warning", 6.9, 50, internal_n=7.0) == []
+
+
+def test_A8_a_gripper_that_follows_late_is_not_wound_up() -> None:
+    held = Held()
+    held.watch("caution", 5.0, 200, internal_n=5.0)
+    held.watch("warning", 9.0, 90, internal_n=5.0)  # it has not yet moved
+    held.watch("warning", 9.0, 500, internal_n=9.0)
+    assert held.force_n == pytest.approx(9.0)
+
+
+def test_what_is_felt_by_a_doubtful_finger_is_not_learned() -> None:
+    held = Held()
+    held.watch("caution", 5.0, 200, internal_n=1.0, trusted=False)
+    held.watch("warning", 6.0, 90, internal_n=5.0)
+    assert held.force_n == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("needed_n", [None, 4.0, 5.05])
+def test_a_slip_that_should_not_be_asks_for_the_gain(needed_n: float | None) -> None:
+    held = Held()
+    assert held.watch("slipping", needed_n, 50) == [ReflexAct(6.0, 5.0, "slipping")]
+
+
+def test_a_slip_under_too_little_grip_asks_for_what_is_needed() -> None:
+    held = Held()
+    assert {act.reason for act in held.watch("slipping", 8.0, 100)} == {"needed"}
+    assert held.force_n == pytest.approx(8.0)
+
+
+def test_A8_a_slip_that_goes_on_asks_again_only_when_the_last_rise_could_be_felt() -> None:
+    held = Held()
+    acts = held.watch("slipping", None, 245)
+    assert [act.force_n for act in acts] == pytest.approx([6.0, 7.0, 7.2, 8.2, 8.64])
+
+
+def test_A8_a_slip_that_comes_and_goes_asks_no_faster() -> None:
+    held = Held()
+    for _ in range(10):
+        held.watch("slipping", None, 5)
+        held.watch("warning", 4.0, 5)
+    assert held.force_n == pytest.approx(6.0)
+
+
+def test_a_goal_that_a_client_has_gone_below_is_given_up() -> None:
+    held = Held(replace(SETTINGS, slip_gain=2.0))
+    held.watch("slipping", None, 5)
+    held.policy.grip(4.0, held.t_ns)
+    assert held.watch("slipping", None, 95) == []
+    held.watch("slipping", None, 500)
+    assert held.force_n > 4.0
+
+
+def test_nothing_exceeds_the_ceiling() -> None:
+    held = Held()
+    held.watch("warning", 24.0, 2000)
+    assert held.force_n == 20.0
+    held.policy.grip(22.0, held.t_ns)
+    assert held.watch("warning", 24.0, 500) == [], "nor does it lower what a client asked for above it"
+
+
+def test_nothing_exceeds_the_limit_of_the_policy() -> None:
+    held = Held(replace(SETTINGS, ceiling_n=40.0))
+    held.watch("warning", 30.0, 2000)
+    assert held.force_n == 25.0
+
+
+def test_A8_the_budget_is_used_up_and_then_there_is_quiet() -> None:
+    held = Held(budget_n=3.5)
+    held.watch("warning", 24.0, 500)
+    assert held.force_n == pytest.approx(8.5)
+    assert held.watch("warning", 24.0, 5000) == []
+
+
+def test_without_a_limit_nothing_moves() -> None:
+    policy = GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 25.0), 200)
+    policy.grip(5.0, T0)
+    assert Reflex(SETTINGS, policy).decide("warning", 9.0, None, True, T0) is None
+
+
+def test_nothing_gripped_nothing_done() -> None:
+    held = Held()
+    held.policy.let_go()
+    assert held.watch("slipping", 9.0, 200) == []
+    held.policy.grip(5.0, held.t_ns)
+    assert held.watch("warning", 9.0, 5) != []
+
+
+def test_A6_D4_a_latched_fault_stops_it_until_it_is_acknowledged() -> None:
+    held = Held()
+    held.watch("warning", 9.0, 5)
+    held.policy.latch("E-stop")
+    assert held.watch("warning", 9.0, 500) == []
+    held.policy.acknowledge()
+    assert held.watch("warning", 9.0, 5) == [ReflexAct(7.0, 6.0, "needed")]
+
+
+def test_A7_a_sensor_lost_during_the_rise_ends_it_at_the_last_value() -> None:
+    held = Held()
+    held.watch("warning", 12.0, 60)
+    force_n = held.force_n
+    assert held.watch("warning", 12.0, 500, trusted=False) == []
+    assert held.watch("slipping", 12.0, 500, trusted=False) == []
+    assert 5.0 < held.force_n == force_n < 12.0
+
+
+def test_C4_a_loop_that_stood_still_makes_up_for_nothing() -> None:
+    held = Held()
+    held.watch("warning", 15.0, 5)
+    held.t_ns += 10_000 * MS
+    assert held.watch("warning", 15.0, 5) == [ReflexAct(7.0, 6.0, "needed")]
+
+
+def test_C4_an_earlier_time_counts_as_the_last() -> None:
+    held = Held()
+    held.watch("warning", 15.0, 5)
+    held.t_ns -= 10_000 * MS
+    assert held.watch("warning", 15.0, 500) == []
+
+
+def test_C4_an_act_of_long_ago_that_was_not_carried_out_is_not_built_upon() -> None:
+    held = Held()
+    assert held.reflex.decide("warning", 15.0, None, True, held.t_ns) is not None
+    held.t_ns += 95 * MS
+    assert held.watch("warning", 15.0, 5) == [ReflexAct(6.0, 5.0, "needed")]
+
+
+def test_a_rise_goes_on_from_where_a_client_has_lowered_to() -> None:
+    held = Held()
+    held.watch("warning", 15.0, 5)
+    held.policy.grip(4.5, held.t_ns)
+    assert held.watch("warning", 15.0, 20) == [ReflexAct(5.5, 4.5, "needed")]
+
+
+@pytest.mark.parametrize(("rate", "unit_n"), [(2.0, 0.1), (2.0, 0.85), (50.0, 0.85)])
+def test_coarse_settings_are_reached_too_however_slow_the_rise(rate: float, unit_n: float) -> None:
+    held = Held(replace(SETTINGS, raise_n_per_s=rate), unit_n=unit_n)
+    held.watch("warning", 9.0, 6000)
+    assert 9.0 - unit_n - 0.1 <= held.force_n <= 9.0
+
+
+@pytest.mark.parametrize("unit_n", [0.0, 0.85])
+def test_A8_what_has_no_effect_is_asked_for_seldom(unit_n: float) -> None:
+    held = Held(unit_n=unit_n)
+    held.policy.grip(5.1 if unit_n else 5.0, T0)
+    acts = held.watch("warning", 5.5, 1000)
+    assert len(acts) <= (10 if unit_n else 1)
+
+
+def calmed(settings: ReflexSettings = SETTINGS, unit_n: float = 0.0) -> Held:
+    """Raised by the reflex from 5 N to 10 N."""
+    held = Held(settings, unit_n=unit_n)
+    held.watch("warning", 10.0, 500)
+    return held
+
+
+def test_it_lowers_only_when_calm_for_long_and_then_slowly() -> None:
+    held = calmed()
+    assert held.watch("stable", 5.0, 2000) == []
+    acts = held.watch("stable", 5.0, 1000)
+    assert held.force_n == pytest.approx(8.0, abs=0.11)
+    assert {act.reason for act in acts} == {"calm"}
+    assert max(act.from_n - act.force_n for act in acts) <= 0.1 + 1e-9
+
+
+def test_it_lowers_as_fast_as_it_may() -> None:
+    held = calmed(replace(SETTINGS, lower_n_per_s=30.0))
+    held.watch("stable", 5.0, 2000)
+    assert len(held.watch("stable", 5.0, 100)) == 5
+    assert held.force_n == pytest.approx(7.0, abs=0.6)
+
+
+def test_it_lowers_to_a_tenth_above_the_need() -> None:
+    held = calmed()
+    held.watch("stable", 6.0, 10_000)
+    assert 6.6 <= held.force_n <= 6.7
+
+
+def test_it_keeps_what_the_client_asked_for_last() -> None:
+    held = calmed()
+    held.watch("stable", 1.0, 10_000)
+    assert 5.0 <= held.force_n <= 5.1
+    held.policy.grip(7.0, held.t_ns)
+    assert held.watch("stable", 1.0, 10_000) == []
+
+
+def test_it_never_lowers_where_it_is_told_not_to() -> None:
+    assert calmed(replace(SETTINGS, lower_n_per_s=0.0)).watch("stable", 1.0, 60_000) == []
+
+
+@pytest.mark.parametrize("internal_n", [7.0, 13.0])
+def test_it_keeps_what_is_needed_whether_the_gripper_grips_less_or_more_than_told(internal_n: float) -> None:
+    held = calmed()
+    held.watch("stable", 6.0, 10_000, internal_n=internal_n)
+    assert held.force_n >= 6.0 * 1.1
+
+
+@pytest.mark.parametrize("level", ["no_contact", "caution", "warning", "slipping", "unknown"])
+def test_another_level_than_stable_begins_the_calm_anew(level: str) -> None:
+    held = calmed(replace(SETTINGS, slip_gain=1.0))
+    held.watch("stable", 5.0, 1990)
+    held.watch(level, 5.0, 5)
+    assert held.watch("stable", 5.0, 2000) == []
+    assert held.watch("stable", 5.0, 500) != []
+
+
+@NOT_KNOWN
+def test_N2_a_need_that_is_not_known_begins_the_calm_anew(unknown: float | None) -> None:
+    held = calmed()
+    held.watch("stable", 5.0, 1990)
+    assert held.watch("stable", unknown, 5000) == []
+    assert held.watch("stable", 5.0, 2000) == []
+
+
+def test_a_doubtful_finger_begins_the_calm_anew() -> None:
+    held = calmed()
+    held.watch("stable", 5.0, 1990)
+    assert held.watch("stable", 5.0, 5000, trusted=False) == []
+    assert held.watch("stable", 5.0, 2000) == []
+
+
+def test_C4_what_was_not_looked_at_was_not_calm() -> None:
+    held = calmed()
+    held.watch("stable", 5.0, 2500)
+    force_n = held.force_n
+    held.t_ns += 251 * MS
+    assert held.watch("stable", 5.0, 2000) == []
+    assert held.force_n == force_n
+    assert held.watch("stable", 5.0, 10_000, every_ms=250) != []
+
+
+@pytest.mark.parametrize("unit_n", [0.1, 0.85])
+def test_coarse_settings_are_lowered_no_faster(unit_n: float) -> None:
+    held = calmed(unit_n=unit_n)
+    before_n = held.force_n
+    held.watch("stable", 5.0, 3000)
+    assert before_n - 2.0 - unit_n - 0.01 <= held.force_n <= before_n - 2.0 + unit_n + 0.11
+
+
+def test_A8_a_lowering_that_is_not_carried_out_is_not_caught_up_with() -> None:
+    held = calmed()
+    held.policy.latch("E-stop")
+    assert held.watch("stable", 5.0, 10_000) == []
+    held.policy.acknowledge()
+    assert [act.force_n for act in held.watch("stable", 5.0, 5)] == [pytest.approx(9.9)]
+
+
+def test_A8_a_lowering_without_effect_is_repeated_seldom() -> None:
+    held = calmed()
+    held.watch("stable", 5.0, 2000)
+    acts = []
+    for _ in range(200):
+        held.t_ns += 5 * MS
+        act = held.reflex.decide("stable", 5.0, None, True, held.t_ns)
+        if act is not None:
+            held.reflex.acted(act)
+        acts.append(act)
+    assert 5 <= len([act for act in acts if act]) <= 11
+
+
+def test_A8_an_hour_of_a_need_that_swings_is_bounded_by_the_budget_and_by_the_calm() -> None:
+    held = Held(replace(SETTINGS, calm_s=0.1), budget_n=12.0)
+    acts = []
+    for k in range(720):
+        acts += held.watch("warning", 8.0 + k % 2, 100, every_ms=20)
+        acts += held.watch("stable", 5.0 + k % 2, 4900, every_ms=100)
+    rises = [act.force_n - act.from_n for act in acts if act.force_n > act.from_n]
+    assert 11.5 <= sum(rises) <= 12.0 + 1e-6
+    assert held.force_n >= 5.0
+
+
+def test_after_a_lowering_that_was_not_carried_out_a_rise_starts_from_what_is_in_force() -> None:
+    held = Held(replace(SETTINGS, calm_s=0.01))
+    held.watch("warning", 6.0, 5)
+    acts = [held.reflex.decide("stable", 1.0, None, True, held.t_ns + ms * MS) for ms in (5, 15, 70)]
+    assert acts == [None, None, ReflexAct(5.9, 6.0, "calm")]
+    assert held.reflex.decide("warning", 12.0, None, True, held.t_ns + 90 * MS) == ReflexAct(7.0, 6.0, "needed")

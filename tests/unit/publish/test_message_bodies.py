@@ -1,0 +1,264 @@
+"""A message has exactly its fields; what is not known is nil."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from project import DOCS
+
+from slipd.config import Config, Levels
+from slipd.finger.finger import Finger
+from slipd.publish.message_bodies import number, slip_body, tactile_body, vector, wrench_body
+from slipd.samples import TactileSample, WrenchSample
+from slipd_client.messages import IMAGE_REASONS, LEVELS
+
+MS = 1_000_000
+T0 = 100_000_000_000
+FULL = np.full((4, 4), 100)
+PROTOCOL = (DOCS / "protocol.md").read_text(encoding="utf-8")
+
+CONTRACT = {
+    *("finger", "level", "level_code", "reasons", "normal_n", "tangential_n", "spin_nm", "centroid_m"),
+    *("friction_ratio", "mu", "mu_source", "utilisation", "utilisation_lower", "utilisation_upper"),
+    *("torque_limit_nm", "pole_m", "tipping_margin_m", "grip_needed_n", "model", "tare_id", "age_s"),
+}
+EXTRAS = {"force_unit"} | {
+    "centroid_std_m",
+    "centroid_residual_m",
+    "tipping_margin_std_m",
+    "friction_ratio_std",
+    "gravity",
+}
+ONLY_IN_CONTACT = {
+    *("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "centroid_residual_m"),
+    *("utilisation", "utilisation_lower", "utilisation_upper", "torque_limit_nm", "pole_m"),
+    *("tipping_margin_m", "grip_needed_n", "friction_ratio_std"),
+}
+
+Wrench = Callable[..., WrenchSample]
+Image = Callable[..., TactileSample]
+
+
+@pytest.fixture
+def finger(left: str, parse: Callable[[str], Config]) -> Finger:
+    return Finger("left", parse(left).finger["left"], Levels())
+
+
+def fields_of(topic: str) -> set[str]:
+    """Fields that the protocol document lists for a topic."""
+    section = PROTOCOL.partition(f"### `{topic}")[2].partition("\n##")[0]
+    cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
+    return {name for cell in cells for name in re.findall(r"`(\w+)`", cell)}
+
+
+def nil(body: dict[str, Any]) -> set[str]:
+    return {name for name, value in body.items() if value is None}
+
+
+def test_a_verdict_has_exactly_its_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
+    for normal_n in (0.0, 10.0, math.nan):
+        finger.take_wrench(wrench(T0, normal_n))
+        assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
+        finger.take_tactile(image(T0, FULL))
+    finger.lose(T0)
+    assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
+
+
+def test_the_protocol_document_lists_the_fields_that_are_sent(finger: Finger, image: Image) -> None:
+    finger.take_tactile(image(T0, FULL))
+    assert finger.image is not None
+    words = set(LEVELS) | {"level_code"}
+    listed = fields_of("slip.<finger>`: the verdict") - set(LEVELS)
+    assert set(slip_body(finger, finger.state)) <= listed
+    assert fields_of("wrench.<finger>") - words == set(wrench_body(finger, finger.state.felt))
+    assert fields_of("tactile.<finger>") - set(IMAGE_REASONS) == set(tactile_body(finger, finger.image))
+
+
+def test_a_contact_is_told_with_everything_that_is_known_of_it(finger: Finger, wrench: Wrench, image: Image) -> None:
+    finger.take_tactile(image(T0 - MS, FULL))
+    finger.take_wrench(wrench(T0, 10.0, (3.0, 0.0), 0.012, (0.001, -0.0005)))
+    body = slip_body(finger, finger.state)
+    assert nil(body) == set()
+    assert (body["level"], body["level_code"], body["model"]) == ("caution", 2, "exact")
+    assert body["normal_n"] == pytest.approx(10.0)
+    assert body["tangential_n"] == pytest.approx([3.0, 0.0])
+    assert body["spin_nm"] == pytest.approx(0.012)
+    assert body["centroid_m"] == pytest.approx([0.001, -0.0005])
+    assert body["friction_ratio"] == pytest.approx(0.3)
+    assert (body["mu"], body["mu_source"]) == (0.5, "config")
+    assert body["utilisation_lower"] <= body["utilisation"] <= body["utilisation_upper"]
+    assert 0.6 < body["utilisation"] < 0.85
+    assert body["torque_limit_nm"] > 0.012
+    assert body["grip_needed_n"] == pytest.approx(1.3 * 10.0 * body["utilisation"], rel=1e-6), "rigid, safety 1.3"
+    assert body["tipping_margin_m"] == pytest.approx(0.005)
+    assert body["tipping_margin_std_m"] == 0.002
+    assert body["age_s"] == 0.0
+
+
+def test_the_torque_limit_is_that_in_the_sense_of_the_spin(finger: Finger, wrench: Wrench, image: Image) -> None:
+    """Beside a force off the load's centre the two senses differ."""
+    lopsided = np.array([[100] * 4] * 2 + [[10] * 4] * 2)
+    finger.take_tactile(image(T0, lopsided))
+    limits = []
+    for spin_nm in (0.001, -0.001):
+        finger.take_wrench(wrench(T0, 10.0, (3.0, 0.0), spin_nm, (0.0, -0.003)))
+        limits.append(slip_body(finger, finger.state)["torque_limit_nm"])
+    assert limits[0] != pytest.approx(limits[1], rel=1e-3)
+
+
+def test_without_contact_everything_that_only_a_contact_has_is_nil(
+    finger: Finger, wrench: Wrench, image: Image
+) -> None:
+    finger.take_tactile(image(T0, FULL))
+    finger.take_wrench(wrench(T0, 0.2, (0.1, 0.0)))
+    body = slip_body(finger, finger.state)
+    assert nil(body) == ONLY_IN_CONTACT
+    assert body["normal_n"] == pytest.approx(0.2)
+    assert (body["level"], body["reasons"], body["model"]) == ("no_contact", [], "none")
+
+
+@pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "first"])
+def test_what_cannot_be_known_is_nil(finger: Finger, wrench: Wrench, image: Image, what: str) -> None:
+    finger.take_tactile(image(T0, FULL))
+    if what == "stale":
+        finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0)))
+        finger.lose(T0 + 50 * MS)
+    elif what == "overload":
+        finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0), status=("overload",)))
+    elif what == "not_finite":
+        finger.take_wrench(wrench(T0, math.nan))
+    body = slip_body(finger, finger.state)
+    assert body["level"] == "unknown"
+    assert nil(body) - {"age_s"} == ONLY_IN_CONTACT | {"normal_n"}
+    assert (body["age_s"] is None) == (what == "first")
+    if what == "stale":
+        assert body["age_s"] == pytest.approx(0.05)
+
+
+def test_a_twist_that_no_grip_holds_has_no_number(finger: Finger, wrench: Wrench, image: Image) -> None:
+    one = np.zeros((4, 4))
+    one[1, 1] = 100
+    finger.take_tactile(image(T0, one))
+    finger.take_wrench(wrench(T0, 10.0, (0.0, 0.0), 0.01, (-0.002, -0.002)))
+    body = slip_body(finger, finger.state)
+    assert body["reasons"][0] == "unsupportable"
+    assert (body["utilisation"], body["utilisation_upper"], body["grip_needed_n"]) == (None, None, None)
+
+
+def test_without_mu_there_is_no_source_of_it(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
+    finger = Finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
+    finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0)))
+    body = slip_body(finger, finger.state)
+    assert (body["mu"], body["mu_source"]) == (None, None)
+    assert body["friction_ratio"] == pytest.approx(0.1)
+
+
+def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench) -> None:
+    finger.take_wrench(wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
+    assert wrench_body(finger, finger.state.felt) == {
+        "finger": "left",
+        "force_unit": "N",
+        "force_n": [3.0, -1.0, -10.0],
+        "torque_nm": pytest.approx([0.0, 0.01, -0.001]),
+        "normal_n": 10.0,
+        "tangential_n": [3.0, -1.0],
+        "status": ["skipped"],
+        "tare_id": 0,
+        "age_s": pytest.approx(0.002),
+    }
+
+
+def test_one_component_that_is_no_number_makes_a_vector_nil(finger: Finger) -> None:
+    finger.take_wrench(WrenchSample(T0, None, np.array((1.0, math.nan, -10.0)), np.zeros(3)))
+    body = wrench_body(finger, finger.state.felt)
+    assert (body["force_n"], body["tangential_n"]) == (None, None)
+    finger.take_wrench(WrenchSample(T0, None, np.array((1.0, 2.0, -10.0)), None))
+    body = wrench_body(finger, finger.state.felt)
+    assert body["force_n"] == [1.0, 2.0, -10.0]
+    assert body["torque_nm"] is None
+
+
+def test_an_image_is_told_taxel_by_taxel(finger: Finger, image: Image) -> None:
+    counts = np.zeros((4, 4))
+    counts[0, 0], counts[0, 1], counts[1, 0], counts[1, 1] = 100, 200, 100, 4
+    finger.take_tactile(image(T0, counts))
+    assert finger.image is not None
+    body = tactile_body(finger, finger.image)
+    assert body["image_ok"] is True
+    assert body["loads_n"] == pytest.approx([1.0, 2.0, 0.0, 0.0, 1.0] + [0.0] * 11)
+    assert (body["active"], body["holes"]) == (3, 0)
+    assert body["area_m2"] == pytest.approx(3 * 0.004**2)
+    assert body["centroid_m"] == pytest.approx([-0.004, -0.005])
+    assert (body["rows"], body["cols"], body["pitch_m"]) == (4, 4, 0.004)
+
+
+def test_an_unknown_image_is_told_as_such(finger: Finger, image: Image) -> None:
+    finger.take_tactile(image(T0, np.full((4, 4), np.nan)))
+    assert finger.image is not None
+    body = tactile_body(finger, finger.image)
+    assert body["image_ok"] is False
+    assert nil(body) == {
+        *("loads_n", "active", "area_m2", "centroid_m", "axis_rad", "elongation", "holes", "corners_m"),
+    }
+
+
+def test_an_empty_image_has_no_centre(finger: Finger, image: Image) -> None:
+    finger.take_tactile(image(T0, np.zeros((4, 4))))
+    assert finger.image is not None
+    body = tactile_body(finger, finger.image)
+    assert (body["image_ok"], body["active"], body["area_m2"], body["corners_m"]) == (True, 0, 0.0, [])
+    assert nil(body) == {"centroid_m", "axis_rad", "elongation"}
+
+
+def test_a_line_of_taxels_has_no_finite_elongation(finger: Finger, image: Image) -> None:
+    counts = np.zeros((4, 4))
+    counts[2, :] = 100
+    finger.take_tactile(image(T0, counts))
+    assert finger.image is not None
+    body = tactile_body(finger, finger.image)
+    assert body["elongation"] is None
+    assert body["axis_rad"] == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None])
+def test_what_is_no_number_is_nil(value: float | None) -> None:
+    assert number(value) is None
+    assert vector(np.array((1.0, math.nan if value is None else value))) is None
+    assert vector(None) is None
+
+
+def test_numbers_are_pythons_own() -> None:
+    assert type(number(np.float64(1.5))) is float
+    assert all(type(x) is float for x in vector(np.array((1.0, 2.0))) or [])
+
+
+def test_only_what_is_calibrated_is_called_newtons(
+    left: str, right: str, parse: Callable[[str], Config], wrench: Wrench, image: Image
+) -> None:
+    papillarray = right.replace('"xela"', '"papillarray"').replace("rows = 2\ncols = 2", "rows = 3\ncols = 3")
+    papillarray = papillarray.replace("ws://127.0.0.1:5000", "/dev/p").replace('"2"', '"0"').partition("tare =")[0]
+    for text, unit, image_unit in (
+        (left, "N", "uncalibrated"),
+        (left + "gain_error = 0.05\n", "N", "N"),
+        (right, "uncalibrated", "uncalibrated"),
+        (right + "gain_error = 0.05\n", "N", "N"),
+        (papillarray.replace("[0.001, 0.001, -0.001]", "[1.0, -1.0, -1.0]"), "N", "N"),
+        (papillarray, "uncalibrated", "uncalibrated"),
+    ):
+        (name, settings), *_ = parse(text).finger.items()
+        finger = Finger(name, settings, Levels())
+        assert finger.image is not None
+        assert slip_body(finger, finger.state)["force_unit"] == unit
+        assert wrench_body(finger, finger.state.felt)["force_unit"] == unit
+        assert tactile_body(finger, finger.image)["force_unit"] == image_unit
+
+
+def test_raw_values_of_a_sensor_are_not_called_newtons(finger: Finger, wrench: Wrench) -> None:
+    finger.take_wrench(wrench(T0, 10.0, status=("raw",)))
+    assert slip_body(finger, finger.state)["force_unit"] == "uncalibrated"
+    assert wrench_body(finger, finger.state.felt)["force_unit"] == "uncalibrated"

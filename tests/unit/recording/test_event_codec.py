@@ -1,0 +1,126 @@
+import zlib
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.errors import RecordingError
+from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.recording.event_codec import decode_event, encode_event
+
+TEXT = st.text(st.characters())  # with the surrogates that the system's error texts may hold
+NUMBER = st.integers(-(2**63), 2**64 - 1) | st.floats(allow_nan=False, allow_infinity=False)
+WORD = st.text(max_size=8)
+PLAIN = st.none() | st.booleans() | NUMBER | st.text(max_size=64) | st.binary(max_size=64)
+VALUE = PLAIN | st.lists(PLAIN, max_size=5) | st.dictionaries(WORD, PLAIN | st.lists(NUMBER, max_size=5), max_size=5)
+EVENT = st.one_of(
+    st.builds(Bytes, TEXT, st.binary()),
+    st.builds(LinkUp, TEXT, TEXT),
+    st.builds(LinkDown, TEXT, TEXT),
+    st.builds(Request, st.binary(), st.dictionaries(WORD, VALUE, max_size=5)),
+    st.builds(Tick, st.integers(0, 2**63 - 1), st.booleans()),
+    st.builds(RecordingChanged, TEXT, TEXT, TEXT, TEXT, st.integers(0, 2**63 - 1)),
+)
+INDEX = st.integers(0, 2**63 - 1)
+EXAMPLES: list[Event] = [
+    Bytes("left.wrench", b"\x00\xff" * 20),
+    LinkUp("left.wrench", "/dev/ttyUSB0"),
+    LinkDown("left.wrench", "unplugged"),
+    Request(b"\x01client", {"op": "grip.set", "force_n": 2.5, "nested": {"a": [1, None, True]}}),
+    Tick(5),
+    RecordingChanged("a.mcap", "/state/a.mcap", "failed", "No space left on device", 7),
+    Tick(5, unread=True),
+]
+
+
+@given(n=INDEX, t_ns=INDEX, event=EVENT)
+def test_an_event_comes_back_as_it_was(n: int, t_ns: int, event: Event) -> None:
+    back_n, back_t_ns, back = decode_event(encode_event(n, t_ns, event))
+    assert (back_n, back_t_ns, back) == (n, t_ns, event)
+    assert repr(back) == repr(event)  # 1 == 1.0 == True; their spelling is not
+
+
+@pytest.mark.parametrize("event", EXAMPLES)
+def test_the_payload_is_a_map_that_any_msgpack_reader_can_read(event: Event) -> None:
+    whole = msgpack.unpackb(encode_event(3, 7, event))
+    assert (whole["n"], whole["t_ns"]) == (3, 7)
+    assert list(whole)[:3] == ["n", "t_ns", "kind"]
+    assert list(whole)[-1] == "crc32"
+
+
+@pytest.mark.parametrize("event", EXAMPLES)
+def test_every_flipped_bit_is_noticed(event: Event) -> None:
+    payload = encode_event(3, 7, event)
+    for place in range(len(payload) * 8):
+        damaged = bytearray(payload)
+        damaged[place // 8] ^= 1 << place % 8
+        with pytest.raises(RecordingError, match="checksum"):
+            decode_event(bytes(damaged))
+
+
+@pytest.mark.parametrize("event", EXAMPLES)
+def test_every_shortened_payload_is_noticed(event: Event) -> None:
+    payload = encode_event(3, 7, event)
+    for length in range(len(payload)):
+        with pytest.raises(RecordingError):
+            decode_event(payload[:length])
+
+
+def sealed(body: bytes) -> bytes:
+    """A payload with a good checksum, whatever it says."""
+    return body + zlib.crc32(body).to_bytes(4, "big")
+
+
+def written(**fields: object) -> bytes:
+    """A payload as another version, or an enemy, might write it."""
+    return sealed(msgpack.packb({**fields, "crc32": bytes(4)})[:-4])
+
+
+def test_a_tick_of_an_older_recording_is_one_of_lines_that_were_empty() -> None:
+    payload = written(n=0, t_ns=7, kind="tick", suspended_ns=5)
+    assert payload == encode_event(0, 7, Tick(5)), "it is written as before"
+    assert decode_event(payload) == (0, 7, Tick(5))
+
+
+@given(st.binary(max_size=64))
+def test_bytes_that_are_no_event_raise_only_a_recording_error(data: bytes) -> None:
+    for payload in (data, sealed(data)):
+        with pytest.raises(RecordingError):
+            decode_event(payload)
+
+
+@pytest.mark.parametrize(
+    ("payload", "told"),
+    [
+        (written(n=0, t_ns=0, kind="reload"), "kind 'reload'"),
+        (written(n=0, t_ns=0, kind=["bytes"]), "kind"),
+        (written(n=0, t_ns=0), "kind None"),
+        (written(n=0, t_ns=0, kind="tick"), "suspended_ns"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=0, unread=1), "other fields"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=0, more=1), "other fields"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=True), "other fields"),
+        (written(n=0, t_ns=0.5, kind="tick", suspended_ns=0), "other fields"),
+        (written(n=0, t_ns=0, kind="bytes", link=b"left", data=b""), "other fields"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body=[]), "other fields"),
+        (written(n=0, t_ns=-1, kind="tick", suspended_ns=0), "a number"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=2**63), "a number"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body={"force_n": float("nan")}), "force_n"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": [0] * 65}), "no client can have sent"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": "a" * 20_000}), "no client can have sent"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": msgpack.ExtType(4, b"")}), "no client"),
+        (sealed(msgpack.packb([1, 2, bytes(4)])[:-4]), "must be a map, got list"),
+        (sealed(b"\x91" * 5000), "not msgpack"),
+        (sealed(b"\xdf\xff\xff\xff\xff"), "not msgpack"),
+    ],
+)
+def test_a_map_with_a_good_checksum_but_other_contents_is_refused(payload: bytes, told: str) -> None:
+    with pytest.raises(RecordingError, match=told):
+        decode_event(payload)
+
+
+def test_a_failed_recording_of_version_0_1_is_read() -> None:
+    whole = {"n": 3, "t_ns": 7, "kind": "recording_failed", "name": "a.mcap", "reason": "full", "crc32": bytes(4)}
+    body = msgpack.packb(whole)[:-4]
+    payload = body + zlib.crc32(body).to_bytes(4, "big")
+    assert decode_event(payload) == (3, 7, RecordingChanged("a.mcap", "", "failed", "full"))

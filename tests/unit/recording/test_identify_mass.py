@@ -1,0 +1,222 @@
+"""A finger's weight is found in a recording of it hanging in several poses, whatever the sensor's bias and mounting."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from slipd.devices import bota
+from slipd.errors import RecordingError
+from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
+from slipd.recording.identify_mass import identify_recording, tell
+from slipd.recording.mcap_file import RecordingFile
+from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
+from slipd.signals.mounting import Mounting
+
+MS = 1_000_000
+G = STANDARD_GRAVITY_MPS2
+POSES = [(0.0, 0.0, -G), (G, 0.0, 0.0), (0.0, G, 0.0), (0.0, -G, 0.0)]
+WEIGHT = FingerWeight(0.060, (0.002, -0.001, -0.012))
+XYZ, QUAT = (0.004, -0.002, -0.025), (0.9659258, 0.2588190, 0.0, 0.0)
+BIAS = np.array((3.0, -2.0, 20.0, 0.05, 0.02, -0.1))
+NOISE = np.repeat((0.02, 0.0002), 3)
+CONFIG = f"""
+[finger.left]
+[finger.left.wrench]
+device = "bota"
+port = "/dev/left-wrench"
+rate_hz = 500.0
+sign = -1
+pad_from_sensor = {{ xyz_m = {list(XYZ)}, quat_xyzw = {list(QUAT)} }}
+force_std_n = 0.02
+torque_std_nm = 0.0002
+
+[finger.right.pad]
+device = "xela"
+port = "ws://127.0.0.1:5000"
+sensor = "1"
+rate_hz = 60.0
+rows = 4
+cols = 4
+pitch_m = 0.0047
+electrode_m = 0.004
+axis_scale = [0.001, 0.001, 0.001]
+"""
+
+
+class Session:
+    """A run in which the arm holds the finger here and there, and tells its gravity."""
+
+    def __init__(self) -> None:
+        self.events: list[tuple[int, Event]] = [(0, LinkUp("left.wrench", "S/N 1"))]
+        self.t_ns = MS
+        self._rng = np.random.default_rng(3)
+        mounting = np.array(Mounting(XYZ, QUAT, -1).matrix)
+        self._from_pad = np.linalg.inv(mounting)
+
+    def tell(self, gravity: object, finger: str = "left", op: str = "gravity.set") -> None:
+        body = {"v": 1, "id": 1, "op": op, "boot": "b", "finger": finger, "gravity_mps2": gravity}
+        self.events.append((self.t_ns, Request(b"arm", body)))
+
+    def read(self, gravity: Sequence[float], *, load: Any = 0.0, status: int = 0, scale: float = 1.0) -> None:
+        """A reading, 2 ms later, in two pieces."""
+        self.t_ns += 2 * MS
+        ideal = self._from_pad @ (WEIGHT.wrench(gravity) + load) + BIAS
+        values = ideal + scale * NOISE * self._rng.normal(size=6)
+        frame = bota.encode_frame(values[:3], values[3:], self.t_ns // 1000, status=status)
+        self.events.append((self.t_ns, Bytes("left.wrench", frame[:20])))
+        self.events.append((self.t_ns, Bytes("left.wrench", frame[20:])))
+
+    def hold(self, gravity: Sequence[float], readings: int = 250, **more: Any) -> None:
+        """Stays, and tells gravity every 100 ms."""
+        for k in range(readings):
+            if k % 50 == 0:
+                self.tell(list(gravity))
+            self.read(gravity, **more)
+
+    def turn(self, start: Sequence[float], end: Sequence[float], readings: int = 100) -> None:
+        """Turns within 0.2 s; gravity is told late."""
+        axis = np.cross(start, end)
+        angle = math.acos(float(np.dot(start, end)) / G**2)
+        told: Sequence[float] = start
+        for k in range(readings):
+            whole = axis / np.linalg.norm(axis) * (angle * k / readings)
+            if k % 10 == 0:
+                self.tell(list(told))
+                told = Rotation.from_rotvec(whole).apply(start).tolist()
+            self.read(Rotation.from_rotvec(whole).apply(start).tolist())
+
+
+Save = Callable[[Session], Path]
+
+
+@pytest.fixture
+def save(tmp_path: Path) -> Save:
+    def save(session: Session, config_text: str = CONFIG) -> Path:
+        path = tmp_path / "run.mcap"
+        file = RecordingFile(path, config_text=config_text, boot="b", wall_minus_monotonic_ns=10**18)
+        for n, (t_ns, event) in enumerate(session.events):
+            file.event(n, t_ns, event)
+        file.finish(len(session.events))
+        return path
+
+    return save
+
+
+def four_poses() -> Session:
+    session = Session()
+    for pose in POSES:
+        session.hold(pose)
+        session.t_ns += 500 * MS
+    return session
+
+
+def test_mass_and_centre_are_found_through_bias_mounting_and_sign(save: Save) -> None:
+    found = identify_recording(save(four_poses()), "left")
+    assert found.poses == 4
+    assert found.mass_kg == pytest.approx(0.060, abs=5 * found.mass_std_kg)
+    assert found.mass_std_kg < 0.0005
+    assert_allclose(found.com_m, WEIGHT.com_m, atol=0.001)
+    assert_allclose(found.bias_force_n, (Mounting(XYZ, QUAT, -1).matrix @ BIAS)[:3], atol=0.01)
+
+
+def test_the_text_holds_lines_that_fit_a_config(save: Save) -> None:
+    found = identify_recording(save(four_poses()), "left")
+    text = tell(found, "left")
+    table = tomllib.loads(text.partition("\n\n")[2])["finger"]["left"]["wrench"]
+    assert table["mass_kg"] == pytest.approx(found.mass_kg, abs=1e-5)
+    assert_allclose(table["com_m"], found.com_m, atol=1e-5)
+    assert "finger left, 4 poses" in text
+    assert "that is much" not in text
+
+
+def test_readings_of_a_turn_and_of_a_gravity_that_is_old_are_left_out(save: Save) -> None:
+    session = Session()
+    for before, after in zip(POSES, (*POSES[1:], POSES[0]), strict=True):
+        session.hold(before)
+        if not np.allclose(np.cross(before, after), 0.0):
+            session.turn(before, after)
+    session.tell([0.0, 0.0, -G])
+    for _ in range(130):
+        session.read((0.0, 0.0, -G))
+    for _ in range(400):
+        session.read((0.0, 0.0, -G), load=5.0)  # 260 ms and more after gravity was told last
+    found = identify_recording(save(session), "left")
+    assert found.poses == 5
+    assert found.mass_kg == pytest.approx(0.060, abs=0.001)
+    assert found.residual_n < 0.01
+
+
+def test_a_pose_that_was_not_still_or_not_trusted_does_not_count(save: Save) -> None:
+    session = four_poses()
+    session.hold((-G, 0.0, 0.0), scale=20.0)
+    session.hold((0.0, 0.0, G), load=3.0, status=2)  # overload
+    found = identify_recording(save(session), "left")
+    assert found.poses == 4
+    assert found.mass_kg == pytest.approx(0.060, abs=0.001)
+
+
+def test_what_others_ask_for_and_what_is_no_gravity_is_passed_over(save: Save) -> None:
+    session = Session()
+    for pose in POSES:
+        session.tell(list(pose))
+        session.tell([0.0, 0.0, 5.0], finger="right")
+        session.tell([0.0, 0.0, 5.0], op="gravity.get")
+        session.tell([0.0, 0.0, 500.0])
+        session.tell("down")
+        session.events.append((session.t_ns, Tick()))
+        session.events.append((session.t_ns, Bytes("right.pad", b"{}")))
+        for _ in range(120):
+            session.read(pose)
+        session.events.append((session.t_ns, LinkDown("left.wrench", "unplugged")))
+        session.t_ns += 500 * MS
+        session.events.append((session.t_ns, LinkUp("left.wrench", "S/N 1")))
+    assert identify_recording(save(session), "left").mass_kg == pytest.approx(0.060, abs=0.001)
+
+
+def test_a_finger_that_was_touched_is_told(save: Save) -> None:
+    session = four_poses()
+    session.hold((-G, 0.0, 0.0), load=np.array((0.0, 0.0, -0.5, 0.0, 0.0, 0.0)))
+    text = tell(identify_recording(save(session), "left"), "left")
+    assert "was the finger touched, or is pad_from_sensor or an orientation wrong?" in text
+
+
+def test_too_few_poses_are_told_with_the_file_and_what_was_wrong_with_the_rest(save: Save) -> None:
+    session = Session()
+    session.hold(POSES[0])
+    session.hold(POSES[1], scale=20.0)
+    session.hold(POSES[2], readings=90)
+    path = save(session)
+    with pytest.raises(RecordingError, match=r"run.mcap: finger left: 1 pose\(s\).* \(2 more, short or not still\)"):
+        identify_recording(path, "left")
+
+
+def test_a_recording_without_gravity_tells_nothing(save: Save) -> None:
+    session = Session()
+    for _ in range(100):
+        session.read(POSES[0])
+    with pytest.raises(RecordingError, match=r"finger left: 0 pose\(s\) of the finger; at least 3"):
+        identify_recording(save(session), "left")
+
+
+@pytest.mark.parametrize("finger", ["right", "middle"])
+def test_a_finger_without_a_force_sensor_has_nothing_to_identify(save: Save, finger: str) -> None:
+    with pytest.raises(RecordingError, match=f"no finger '{finger}' with a force sensor; with one: left"):
+        identify_recording(save(Session()), finger)
+
+
+def test_N1_readings_that_are_no_numbers_stay_out(save: Save) -> None:
+    session = Session()
+    for pose in POSES:
+        session.hold(pose)
+        session.read(pose, load=math.nan)
+        session.t_ns += 500 * MS
+    assert identify_recording(save(session), "left").mass_kg == pytest.approx(0.060, abs=0.001)

@@ -1,0 +1,340 @@
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zstandard
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
+
+from slipd.errors import RecordingError
+from slipd.events import Bytes, Tick
+from slipd.recording import mcap_file, reader
+from slipd.recording.event_codec import encode_event
+from slipd.recording.reader import Recording, open_recording
+
+
+def contents(path: Path) -> tuple[Recording, list]:
+    recording = open_recording(path)
+    return recording, list(recording.entries())
+
+
+def told(recording: Recording) -> tuple[object, ...]:
+    return recording.config_text, recording.boot, recording.wall_minus_monotonic_ns, recording.versions
+
+
+def test_a_recording_reads_as_events_as_messages_or_as_both(tmp_path: Path, write, entries) -> None:
+    write(tmp_path / "run.mcap", entries(200), 30)
+    recording = open_recording(tmp_path / "run.mcap")
+    both = list(recording.entries())
+    assert both == entries(200)
+    assert list(recording.events()) == [(e.t_ns, e.event) for e in both[::2]]
+    assert list(recording.messages()) == [(e.topic, e.payload) for e in both[1::2]]
+    assert list(recording.entries()) == both, "every pass starts anew"
+    assert recording.complete
+
+
+def test_a_recording_cut_off_anywhere_yields_a_beginning_and_says_so(tmp_path: Path, write, entries) -> None:
+    write(tmp_path / "whole.mcap", entries(60), 20)
+    data = (tmp_path / "whole.mcap").read_bytes()
+    whole, everything = contents(tmp_path / "whole.mcap")
+    lengths = set()
+    for end in range(0, len(data), 7):
+        (tmp_path / "cut.mcap").write_bytes(data[:end])
+        try:
+            recording, found = contents(tmp_path / "cut.mcap")
+        except RecordingError:
+            assert not lengths, "a longer beginning is not readable where a shorter one was"
+            continue
+        assert found == everything[: len(found)]
+        assert not recording.complete
+        assert told(recording) == told(whole)
+        assert recording.lost == 0
+        lengths.add(len(found))
+    assert lengths == {0, 20, 40, 60}
+
+
+def test_a_flipped_bit_is_noticed_or_harmless(tmp_path: Path, write, entries) -> None:
+    write(tmp_path / "whole.mcap", entries(60), 20)
+    data = (tmp_path / "whole.mcap").read_bytes()
+    whole, everything = contents(tmp_path / "whole.mcap")
+    noticed = 0
+    for place in range(0, len(data), 3):
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << place % 8
+        (tmp_path / "damaged.mcap").write_bytes(damaged)
+        try:
+            recording, found = contents(tmp_path / "damaged.mcap")
+        except RecordingError:
+            noticed += 1
+            continue
+        assert told(recording) == told(whole)
+        assert all(item in everything for item in found)
+        assert [item.n for item in found] == sorted(item.n for item in found)
+        if recording.complete:
+            assert found == everything
+        else:
+            noticed += 1
+    assert noticed > 100
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
+@given(place=st.floats(0, 1), noise=st.binary(min_size=1, max_size=40), cut=st.integers(0, 40))
+def test_noise_in_a_recording_raises_nothing_but_a_recording_error(
+    tmp_path: Path, write, entries, place: float, noise: bytes, cut: int
+) -> None:
+    path = tmp_path / "whole.mcap"
+    if not path.exists():
+        write(path, entries(60), 20)
+    data = path.read_bytes()
+    at = int(place * len(data))
+    (tmp_path / "noisy.mcap").write_bytes(data[:at] + noise + data[at + cut :])
+    try:
+        recording, found = contents(tmp_path / "noisy.mcap")
+    except RecordingError:
+        return
+    assert all(item in entries(60) for item in found)
+    assert recording.config_text
+
+
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        (b"", "is empty"),
+        (b"\x89MCA", "not an MCAP file"),
+        (b"time,force\n0,1\n", "not an MCAP file"),
+        (b"\x89MCAP0\r\n", "an MCAP file, but not a recording of slipd"),
+    ],
+)
+def test_what_is_no_recording_is_refused_with_a_reason(tmp_path: Path, data: bytes, text: str) -> None:
+    path = tmp_path / "some.mcap"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=text) as caught:
+        open_recording(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_missing_file_and_a_folder_are_refused_with_a_reason(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="No such file"):
+        open_recording(tmp_path / "none.mcap")
+    with pytest.raises(RecordingError, match="Is a directory"):
+        open_recording(tmp_path)
+
+
+def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
+    foreign = Writer(str(tmp_path / "foreign.mcap"))
+    foreign.start(profile="ros2")
+    foreign.finish()
+    with pytest.raises(RecordingError, match="not a recording of slipd"):
+        open_recording(tmp_path / "foreign.mcap")
+
+
+class Forge:
+    """Writes what an enemy, or another version, might write: a good start and then anything."""
+
+    def __init__(self, path: Path, *, compression: CompressionType = CompressionType.ZSTD, **other: str) -> None:
+        self.path = path
+        self.stream = io.BytesIO()
+        self.writer = Writer(self.stream, compression=compression)
+        self.writer.start(profile="slipd")
+        metadata = {"format": "1", "boot": "b", "wall_minus_monotonic_ns": "0", **other}
+        metadata["crc32"] = mcap_file.checksum(metadata, "")
+        self.writer.add_metadata("slipd", metadata)
+        self.writer.add_attachment(0, 0, "config.toml", "", b"")
+
+    def event(self, n: int, *, sequence: int, log_time: int, encoding: str = "msgpack") -> None:
+        channel = self.writer.register_channel("slipd/event", encoding, 0)
+        self.writer.add_message(channel, log_time, encode_event(n, log_time, Tick()), 0, sequence)
+
+    def read(self, *, extra: bytes = b"") -> tuple[Recording, list]:
+        self.writer.flush()
+        self.path.write_bytes(self.stream.getvalue() + extra)
+        return contents(self.path)
+
+
+@pytest.fixture
+def forge(tmp_path: Path) -> Forge:
+    return Forge(tmp_path / "forged.mcap")
+
+
+def test_a_recording_of_another_format_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="has format '2'; this version of slipd reads '1'"):
+        Forge(tmp_path / "forged.mcap", format="2").read()
+
+
+def test_a_start_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="start is damaged"):
+        Forge(tmp_path / "forged.mcap", wall_minus_monotonic_ns="noon").read()
+
+
+def test_an_index_beyond_32_bits_is_followed(tmp_path: Path, write) -> None:
+    forged = Forge(tmp_path / "forged.mcap")
+    forged.event(0, sequence=0, log_time=5)
+    forged.event(2**31, sequence=2**31, log_time=6)
+    forged.event(2**32, sequence=0, log_time=7)
+    recording, found = forged.read()
+    assert [item.n for item in found] == [0, 2**31, 2**32]
+    assert recording.lost == 2**32 - 2
+
+
+def test_an_index_that_goes_back_stops_the_reading(forge: Forge) -> None:
+    forge.event(0, sequence=0, log_time=5)
+    forge.event(0, sequence=0, log_time=6)
+    recording, found = forge.read()
+    assert len(found) == 1
+    assert recording.fault is not None
+
+
+def test_an_event_that_tells_another_index_than_its_place_stops_the_reading(forge: Forge) -> None:
+    forge.event(3, sequence=0, log_time=5)
+    recording, found = forge.read()
+    assert not found
+    assert "calls itself 3" in str(recording.fault)
+
+
+def test_a_channel_in_another_encoding_stops_the_reading(forge: Forge) -> None:
+    forge.event(0, sequence=0, log_time=5, encoding="json")
+    recording, found = forge.read()
+    assert not found
+    assert "not msgpack" in str(recording.fault)
+
+
+def test_a_message_on_a_channel_nobody_announced_stops_the_reading(forge: Forge) -> None:
+    forge.writer.add_message(77, 0, b"", 0, 0)
+    recording, found = forge.read()
+    assert not found
+    assert "never announced" in str(recording.fault)
+
+
+def test_a_chunk_that_slipd_does_not_write_stops_the_reading(tmp_path: Path) -> None:
+    forged = Forge(tmp_path / "forged.mcap", compression=CompressionType.LZ4)
+    forged.event(0, sequence=0, log_time=5)
+    recording, found = forged.read()
+    assert not found
+    assert "cannot have written" in str(recording.fault)
+
+
+@pytest.mark.parametrize("claimed", [0, 1000, 1 << 40])
+def test_a_chunk_that_unpacks_to_more_than_it_may_is_not_unpacked(forge: Forge, claimed: int) -> None:
+    bomb = zstandard.compress(bytes(64 << 20))
+    body = struct.pack("<QQQII4sQ", 0, 0, claimed, 0, 4, b"zstd", len(bomb)) + bomb
+    recording, found = forge.read(extra=struct.pack("<BQ", 6, len(body)) + body)
+    assert not found
+    assert "cannot have written" in str(recording.fault)
+
+
+def test_a_record_that_claims_a_huge_length_is_not_read(forge: Forge) -> None:
+    recording, _ = forge.read(extra=struct.pack("<BQ", 6, 1 << 62))
+    assert "a record of 4611686018427387904 bytes" in str(recording.fault)
+
+
+def test_an_end_that_tells_no_number_is_noticed(forge: Forge) -> None:
+    forge.writer.add_metadata("slipd/end", {"entries": "many"})
+    recording, _ = forge.read()
+    assert "end is damaged" in str(recording.fault)
+
+
+def chunk(inner: bytes) -> bytes:
+    """A chunk record as it stands in a file."""
+    packed = zstandard.compress(inner)
+    body = struct.pack("<QQQII4sQ", 0, 0, len(inner), zlib.crc32(inner), 4, b"zstd", len(packed)) + packed
+    return struct.pack("<BQ", 6, len(body)) + body
+
+
+def inner(opcode: int, body: bytes = b"") -> bytes:
+    return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def text(value: bytes) -> bytes:
+    return struct.pack("<I", len(value)) + value
+
+
+def channel(number: int, metadata: bytes = b"") -> bytes:
+    return inner(4, struct.pack("<HH", number, 0) + text(b"slip.left") + text(b"msgpack") + text(metadata))
+
+
+def message(number: int, n: int, payload: bytes) -> bytes:
+    return inner(5, struct.pack("<HIQQ", number, n, 0, 0) + payload)
+
+
+FILL = mcap_file.RECORD_LIMIT_BYTES
+NESTED = inner(6, struct.pack("<QQQII4sQ", 0, 0, 0, 0, 4, b"zstd", 0))
+
+
+@pytest.mark.parametrize(
+    ("records", "fault"),
+    [
+        (inner(0x77) * (FILL // 9), "a record of kind 119"),
+        (inner(15) * (FILL // 9), "a record of kind 15"),
+        (NESTED * (FILL // len(NESTED)), "a record of kind 6"),
+        (inner(3) * (FILL // 9), "more than 1024 schemas"),
+        (channel(1) * (FILL // len(channel(1))), "announced twice"),
+        (b"".join(channel(n) for n in range(2000)), "one too many"),
+        (channel(1, bytes(FILL // 2)), "a channel or schema of 2097184 bytes"),
+        (inner(3, bytes(FILL // 2)), "a channel or schema of 2097152 bytes"),
+        (inner(5) * (FILL // 9), "entry 0 is cut off"),
+        (inner(4) * (FILL // 9), "damaged channel"),
+        (channel(1) + message(1, 0, b"") * 100_000, "stands where entry 1 belongs"),
+        (channel(1) + b"\x05", "ends within a record"),
+        (channel(1) + struct.pack("<BQ", 5, 2**63), "ends within a record"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_few_bytes_that_unpack_to_a_mass_of_records_stop_the_reading_at_the_first_wrong_one(
+    forge: Forge, records: bytes, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = 0
+    one_by_one = reader.inner_records
+
+    def counted(data: bytes) -> Iterator[tuple[int, memoryview]]:
+        nonlocal read
+        for found in one_by_one(data):
+            read += 1
+            yield found
+
+    monkeypatch.setattr(reader, "inner_records", counted)
+    recording, _ = forge.read(extra=chunk(records) * 100)
+    assert fault in str(recording.fault)
+    assert read <= 1026
+
+
+def test_an_empty_record_outside_of_chunks_stops_the_reading(forge: Forge) -> None:
+    recording, found = forge.read(extra=inner(0x77) * 100_000)
+    assert not found
+    assert "a record of kind 119 at byte" in str(recording.fault)
+
+
+def test_what_a_whole_file_unpacks_to_is_bounded_too(forge: Forge) -> None:
+    zeros = bytes(FILL - 100)
+    first = chunk(channel(1) + message(1, 0, zeros))
+    rest = b"".join(chunk(message(1, n, zeros)) for n in range(1, 40))
+    recording, found = forge.read(extra=first + rest)
+    assert 10 <= len(found) <= 25, "64 MiB, or 4000 times some 18 kB"
+    assert "bytes, which slipd cannot have written into" in str(recording.fault)
+
+
+def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, about_run) -> None:
+    """A device that sends nothing but zeros, in the longest pieces that a datagram or message may have."""
+    file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
+    count = 0
+    for size in (65_507, 1024 * 1024):
+        for _ in range(150 * 1024 * 1024 // size):
+            file.event(count, count, Bytes("left.wrench", bytes(size)))
+            count += 1
+    file.finish(count)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert sum(1 for _ in recording.entries()) == count
+    assert recording.complete, recording.fault
+
+
+def test_a_long_idle_recording_is_read(tmp_path: Path, about_run) -> None:
+    file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
+    for n in range(200_000):
+        file.event(n, 5_000_000 * n, Tick(0))
+    file.finish(200_000)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert sum(1 for _ in recording.entries()) == 200_000
+    assert recording.complete, recording.fault

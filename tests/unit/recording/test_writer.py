@@ -1,0 +1,309 @@
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event as Signal
+
+import msgpack
+import pytest
+from mcap.reader import NonSeekingReader, make_reader
+
+from slipd.errors import RecordingError
+from slipd.events import Bytes, Tick
+from slipd.recording import writer
+from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES
+from slipd.recording.reader import Entered, Recording, open_recording
+from slipd.recording.writer import Recorder, Room
+
+DEADLINE_S = 60.0
+
+WRITE_UNTIL_KILLED = """
+import sys, time
+from pathlib import Path
+from slipd.events import Bytes
+from slipd.recording.writer import Recorder
+recorder = Recorder(Path(sys.argv[1]), config_text="", boot="b", wall_minus_monotonic_ns=0)
+def put(n):
+    recorder.event(Bytes("left", n.to_bytes(40, "big")), 1_000_000 * n)
+for n in range(1000):
+    put(n)
+sys.stdin.readline()  # the thousand must reach the file without anyone closing it
+n = 1000
+while True:
+    put(n)
+    n += 1
+    if n % 20 == 0:
+        time.sleep(0.002)
+"""
+
+WRITE_INTO_A_SMALL_DISK = """
+import os, resource, sys, time
+from pathlib import Path
+from slipd.errors import RecordingError
+from slipd.events import Bytes
+from slipd.recording.writer import Recorder
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+recorder = Recorder(Path(sys.argv[1]), config_text="", boot="b", wall_minus_monotonic_ns=0)
+for n in range(3000):
+    recorder.event(Bytes("left", os.urandom(100)), n)
+try:
+    recorder.close()
+except RecordingError as error:
+    print(recorder.lost, error)
+"""
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    end_s = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < end_s, "waited in vain"
+        time.sleep(0.005)
+
+
+def readable(path: Path) -> Recording | None:
+    try:
+        return open_recording(path)
+    except RecordingError:
+        return None
+
+
+def record(recorder: Recorder, entries) -> None:
+    for item in entries:
+        if isinstance(item, Entered):
+            recorder.event(item.event, item.t_ns)
+        else:
+            recorder.published(item.topic, item.payload, item.t_ns)
+
+
+def test_events_and_messages_come_back_in_the_one_order_in_which_they_went_in(
+    tmp_path: Path, about_run, entries
+) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    record(recorder, entries(5000))
+    recorder.close()
+    recording = open_recording(tmp_path / "run.mcap")
+    assert list(recording.entries()) == entries(5000)
+    assert (recorder.failure, recorder.lost, recording.complete) == (None, 0, True)
+    assert recording.config_text == about_run["config_text"]
+    assert recording.boot == about_run["boot"]
+    assert recording.wall_minus_monotonic_ns == about_run["wall_minus_monotonic_ns"]
+    assert set(recording.versions) >= {"slipd", "numpy", "python"}
+
+
+def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_channel(
+    tmp_path: Path, about_run, entries
+) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    record(recorder, entries(40))
+    recorder.close()
+    with (tmp_path / "run.mcap").open("rb") as file:
+        found = list(make_reader(file).iter_messages(log_time_order=False))
+    assert [message.sequence for _, _, message in found] == list(range(40))
+    for (schema, channel, message), item in zip(found, entries(40), strict=True):
+        assert schema is not None
+        assert channel.message_encoding == "msgpack"
+        assert msgpack.unpackb(message.data)["t_ns"] == item.t_ns
+        assert message.log_time == item.t_ns + about_run["wall_minus_monotonic_ns"]
+    assert {channel.topic for _, channel, _ in found} == {"slipd/event", "slip.left", "wrench.left"}
+
+
+def test_a_killed_writer_leaves_a_readable_file_with_all_but_the_last_moments(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    process = subprocess.Popen([sys.executable, "-c", WRITE_UNTIL_KILLED, path], stdin=subprocess.PIPE)
+    assert process.stdin is not None
+    try:
+        wait_until(lambda: (found := readable(path)) and len(list(found.events())) == 1000)
+        size = path.stat().st_size
+        process.stdin.write(b"\n")
+        process.stdin.flush()
+        wait_until(lambda: path.stat().st_size > 2 * size)
+    finally:
+        process.kill()
+        process.communicate()
+    recording = open_recording(path)
+    events = list(recording.events())
+    assert len(events) > 1000
+    assert events == [(1_000_000 * n, Bytes("left", n.to_bytes(40, "big"))) for n in range(len(events))]
+    assert not recording.complete
+    assert recording.fault is not None
+    assert recording.lost == 0
+
+
+@pytest.mark.parametrize("size", [0, 1, 100])
+def test_a_disk_that_cannot_take_the_start_is_told_at_once_and_keeps_no_file(
+    tmp_path: Path, about_run, small_disk, size: int
+) -> None:
+    with small_disk(size), pytest.raises(RecordingError, match=r"run\.mcap: cannot be written: File too large"):
+        Recorder(tmp_path / "run.mcap", **about_run)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(RecordingError, match="/dev/full: cannot be written: No space left on device"):
+        Recorder(Path("/dev/full"), **about_run)
+    assert Path("/dev/full").is_char_device()
+
+
+@pytest.mark.parametrize("size", [5000, 100_000, 299_999])
+def test_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_beginning(tmp_path: Path, size: int) -> None:
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-c", WRITE_INTO_A_SMALL_DISK, path, str(size)]
+    told = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert told.stderr == ""
+    lost, text = told.stdout.split(maxsplit=1)
+    assert "the recording stopped: File too large" in text
+    assert path.stat().st_size <= size
+    recording = open_recording(path)
+    times_ns = [t_ns for t_ns, _ in recording.events()]
+    assert times_ns == list(range(len(times_ns)))
+    assert len(times_ns) + int(lost) == 3000
+    assert (recording.closed, recording.lost) == (True, int(lost)), "its end says what is missing"
+    assert f"(File too large); {lost} entries are missing" in str(recording.fault)
+
+
+def test_a_full_disk_never_raises_into_the_live_path(tmp_path: Path, about_run, entries, small_disk) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    with small_disk((tmp_path / "run.mcap").stat().st_size + 150):
+        record(recorder, entries(100))
+        wait_until(lambda: recorder.failure)
+        record(recorder, entries(100))
+        assert recorder.failure == f"{tmp_path}/run.mcap: the recording stopped: File too large"
+        wait_until(lambda: open_recording(tmp_path / "run.mcap").closed)
+        with pytest.raises(RecordingError, match="File too large; 200 entries are missing"):
+            recorder.close()
+    assert recorder.lost == 200
+    recorder.close()
+    recording = open_recording(tmp_path / "run.mcap")
+    assert list(recording.entries()) == []
+    assert (recording.lost, recording.complete) == (200, False)
+
+
+def test_other_tools_read_a_recording_whose_disk_failed(tmp_path: Path, about_run, entries, small_disk) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    record(recorder, entries(100))
+    wait_until(lambda: len(list(open_recording(tmp_path / "run.mcap").entries())) == 100)
+    with small_disk((tmp_path / "run.mcap").stat().st_size + 150):
+        record(recorder, entries(200)[100:])
+        with pytest.raises(RecordingError, match="100 entries are missing"):
+            recorder.close()
+    with (tmp_path / "run.mcap").open("rb") as file:
+        assert len(list(NonSeekingReader(file).iter_messages())) == 100
+
+
+def test_a_limit_ends_a_recording_in_good_order_and_costs_the_live_path_nothing(
+    tmp_path: Path, about_run, entries
+) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run, room=Room(max_bytes=4000, min_free_bytes=0))
+    record(recorder, entries(2000))
+    wait_until(lambda: recorder.limit)
+    record(recorder, entries(100))
+    recorder.close()
+    assert recorder.limit == f"{tmp_path}/run.mcap: the recording reached recording.max_bytes, 4000"
+    assert (recorder.failure, recorder.lost) == (None, 0)
+    recording = open_recording(tmp_path / "run.mcap")
+    found = list(recording.entries())
+    assert found == entries(2000)[: len(found)]
+    assert found
+    assert recording.complete
+
+
+def test_a_disk_that_gets_too_full_ends_a_recording_in_good_order(tmp_path: Path, about_run, entries) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run, room=Room(max_bytes=10**9, min_free_bytes=2**62))
+    record(recorder, entries(50))
+    wait_until(lambda: recorder.limit)
+    recorder.close()
+    assert "bytes of the disk are free, and recording.min_free_bytes is 4611686018427387904" in str(recorder.limit)
+    assert open_recording(tmp_path / "run.mcap").complete
+
+
+def test_a_recording_that_is_discarded_leaves_no_file(tmp_path: Path, about_run, entries) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    record(recorder, entries(50))
+    recorder.discard()
+    recorder.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_reached_the_file_before_the_disk_failed_is_not_called_lost(
+    tmp_path: Path, about_run, entries, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fdatasync(fd: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    path = tmp_path / "run.mcap"
+    recorder = Recorder(path, **about_run)
+    record(recorder, entries(100))
+    wait_until(lambda: (found := readable(path)) and len(list(found.entries())) == 100)
+    monkeypatch.setattr(os, "fdatasync", fdatasync)
+    record(recorder, entries(105)[100:])
+    with pytest.raises(RecordingError, match="Input/output error"):
+        recorder.close()
+    assert recorder.lost <= 5
+
+
+def test_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
+    tmp_path: Path, about_run, entries, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stalled, go_on = Signal(), Signal()
+
+    def fdatasync(fd: int) -> None:
+        stalled.set()
+        go_on.wait(DEADLINE_S)
+
+    monkeypatch.setattr(os, "fdatasync", fdatasync)
+    monkeypatch.setattr(writer, "SYNC_PERIOD_S", 0.0)
+    monkeypatch.setattr(writer, "QUEUE_LIMIT", 10)
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    assert stalled.wait(DEADLINE_S)
+    record(recorder, entries(40))
+    assert recorder.lost == 30
+    go_on.set()
+    wait_until(lambda: recorder._queue.empty())
+    record(recorder, entries(41)[40:])
+    recorder.close()
+    assert recorder.failure is None
+    recording = open_recording(tmp_path / "run.mcap")
+    assert list(recording.entries()) == entries(10) + entries(41)[40:]
+    assert (recording.lost, recording.fault, recording.complete) == (30, None, False)
+
+
+def test_losses_at_the_very_end_are_known_too(
+    tmp_path: Path, about_run, entries, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    record(recorder, entries(10))
+    monkeypatch.setattr(writer, "QUEUE_LIMIT", 0)
+    record(recorder, entries(17)[10:])
+    recorder.close()
+    recording = open_recording(tmp_path / "run.mcap")
+    assert list(recording.entries()) == entries(10)
+    assert recording.lost == recorder.lost == 7
+
+
+def test_an_entry_that_cannot_be_written_stops_the_recording_not_the_run(tmp_path: Path, about_run) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    recorder.published("slip.left", bytes(ENTRY_LIMIT_BYTES + 1), 0)
+    recorder.event(Tick(), 1)
+    with pytest.raises(RecordingError, match="the most is"):
+        recorder.close()
+    assert recorder.lost == 2
+
+
+def test_an_existing_file_is_never_overwritten(tmp_path: Path, about_run) -> None:
+    (tmp_path / "run.mcap").write_text("precious")
+    with pytest.raises(RecordingError, match="exists already"):
+        Recorder(tmp_path / "run.mcap", **about_run)
+    assert (tmp_path / "run.mcap").read_text() == "precious"
+
+
+def test_a_file_that_cannot_be_created_is_told_at_once(tmp_path: Path, about_run) -> None:
+    with pytest.raises(RecordingError, match=r"nowhere/run\.mcap: cannot be created: there is no folder"):
+        Recorder(tmp_path / "nowhere" / "run.mcap", **about_run)
+
+
+def test_a_closed_recorder_takes_no_more(tmp_path: Path, about_run) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", **about_run)
+    recorder.close()
+    recorder.close()
+    with pytest.raises(ValueError, match="is closed"):
+        recorder.event(Tick(), 1)
+    assert open_recording(tmp_path / "run.mcap").complete

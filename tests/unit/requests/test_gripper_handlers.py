@@ -1,0 +1,652 @@
+"""The gripper is moved only for who holds the lease, within every limit, and never blindly; engine and real bytes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT
+
+MS = 1_000_000
+FULL = np.full((4, 4), 100)
+Run = Any
+
+
+class TestLease:
+    def test_one_client_holds_it_until_its_last_nanosecond(self, run: Run) -> None:
+        assert run.ask("lease.acquire", ttl_ms=200)["result"] == {"ttl_ms": 200}
+        assert run.refusal("lease.acquire", client=b"ben", ttl_ms=200) == ("lease_held", "")
+        run.t_ns += 200 * MS - 1
+        assert run.ask("status")["result"]["lease"] == {"held": True, "expires_in_s": pytest.approx(1e-9)}
+        assert run.refusal("lease.renew", client=b"ben") == ("no_lease", "")
+        run.t_ns += 1
+        assert run.refusal("lease.renew") == ("no_lease", "")
+        assert run.refusal("lease.acquire", client=b"ben", ttl_ms=200) is None
+
+    def test_its_end_moves_nothing(self, run: Run) -> None:
+        run.bring_up()
+        run.writes()
+        run.ask("gripper.close", force_n=10.0)
+        run.serve_gripper(50)
+        assert len(run.writes()) == 1
+        run.ask("lease.release")
+        run.serve_gripper(2000)
+        assert run.writes() == []
+
+    @pytest.mark.parametrize("ttl_ms", [0, -1, 1001])
+    def test_a_life_out_of_range_is_refused(self, run: Run, ttl_ms: int) -> None:
+        assert run.refusal("lease.acquire", ttl_ms=ttl_ms) == ("out_of_range", "ttl_ms")
+
+    def test_renewing_keeps_it(self, run: Run) -> None:
+        run.ask("lease.acquire", ttl_ms=200)
+        for _ in range(10):
+            run.wait(150)
+            assert run.ask("lease.renew")["result"] == {}
+        assert run.ask("lease.release")["result"] == {}
+
+    def test_a_crowd_of_clients_keeps_its_holder_from_nothing_urgent(self, run: Run) -> None:
+        """More clients than are remembered, and as many requests of the holder as one client may have waiting."""
+        run.ask("lease.acquire", ttl_ms=200)
+        for _ in range(PER_CLIENT):
+            run.ask("tare.get", finger="left", deadline_ns=run.t_ns + 400 * MS)
+        for number in range(MOST_CLIENTS):
+            run.ask("tare.get", client=b"%d" % number, finger="left", deadline_ns=run.t_ns + 400 * MS)
+        assert run.refusal("tare.get", client=b"newcomer", finger="left") == ("busy", "")
+        assert run.refusal("tare.get", finger="left") == ("busy", "")
+        assert run.refusal("gripper.stop", client=b"newcomer") == ("busy", "")
+        assert run.refusal("lease.renew") is None
+        for op in ("grip.hold", "gripper.stop"):
+            assert run.refusal(op) != ("busy", "")
+
+
+MOVES: dict[str, dict[str, Any]] = {
+    "grip.set": {"force_n": 5.0},
+    "grip.adjust": {"delta_n": 0.5},
+    "grip.hold": {},
+    "gripper.close": {"force_n": 5.0},
+    "gripper.open": {"drop": True},
+    "gripper.stop": {},
+    "gripper.activate": {"drop": True},
+}
+
+
+class TestGripper:
+    @pytest.mark.parametrize("op", MOVES)
+    def test_nobody_moves_it_without_the_lease(self, run: Run, op: str) -> None:
+        run.bring_up()
+        run.writes()
+        assert run.refusal(op, client=b"ben", **MOVES[op]) == ("no_lease", "")
+        run.ask("lease.release")
+        assert run.refusal(op, **MOVES[op]) == ("no_lease", "")
+        run.serve_gripper(100)
+        assert run.writes() == []
+
+    @pytest.mark.parametrize("op", [*MOVES, "fault.ack"])
+    def test_a_rig_without_one_says_so(self, make_run: Callable[[str], Run], left: str, op: str) -> None:
+        run = make_run(left)
+        run.up()
+        assert run.refusal(op, **MOVES.get(op, {})) == ("no_gripper", "")
+
+    @pytest.mark.parametrize("how", ["time", "sleep"])
+    def test_a_rig_without_one_reports_the_end_of_a_lease_at_once(
+        self, make_run: Callable[[str], Run], left: str, how: str
+    ) -> None:
+        run = make_run(left + "[rates]\nstatus_hz = 0.001\n")
+        run.up()
+        run.tick()
+        assert run.refusal("lease.acquire", ttl_ms=200) is None
+        before = len(run.told("status"))
+        run.wait(5)
+        run.tick()
+        assert run.told("status")[before:] == []
+        run.wait(200 if how == "time" else 5)
+        run.tick(0 if how == "time" else 1_000 * MS)
+        assert [body["lease"]["held"] for body in run.told("status")[before:]] == [False]
+        run.wait(5)
+        run.tick(0 if how == "time" else 1_000 * MS)
+        assert len(run.told("status")) == before + 1
+
+    def test_opening_without_one_is_no_question_of_contact(self, make_run: Callable[[str], Run], left: str) -> None:
+        run = make_run(left)
+        run.up()
+        assert run.refusal("gripper.open") == ("no_gripper", "")
+
+    @pytest.mark.parametrize("op", MOVES)
+    def test_a_rig_without_a_limit_moves_nothing(
+        self, make_run: Callable[[str], Run], left: str, gripper: str, op: str
+    ) -> None:
+        run = make_run(left + gripper.replace("max_force_n", "# max_force_n"))
+        run.up()
+        run.serve_gripper(50)
+        assert run.refusal("lease.acquire", ttl_ms=200) is None
+        assert run.refusal(op, **MOVES[op]) == ("no_limit", "")
+        run.serve_gripper(100)
+        assert run.writes() == []
+
+    @pytest.mark.parametrize("op", sorted(set(MOVES) - {"gripper.activate"}))
+    def test_one_that_is_not_activated_moves_nothing(self, run: Run, op: str) -> None:
+        run.ask("lease.acquire", ttl_ms=200)
+        run.serve_gripper(50)
+        assert run.refusal(op, **MOVES[op]) == ("not_active", "")
+        run.serve_gripper(100)
+        assert run.writes() == []
+
+    def test_one_that_never_answered_is_not_activated_either(self, run: Run) -> None:
+        run.ask("lease.acquire", ttl_ms=200)
+        assert run.refusal("gripper.activate") == ("no_gripper", "")
+
+    def test_one_with_a_fault_moves_nothing(self, run: Run) -> None:
+        run.bring_up()
+        run.gripper.fault = 8
+        run.serve_gripper(50)
+        assert run.told("gripper")[-1]["fault"] == "over_temperature"
+        assert run.refusal("gripper.close", force_n=5.0) == ("fault_latched", "")
+        assert run.ask("fault.ack")["result"] == {"fault": "over_temperature"}
+        assert run.refusal("gripper.close", force_n=5.0) == ("gripper_fault", "")
+
+    def test_one_that_fell_silent_is_told(self, run: Run) -> None:
+        run.bring_up()
+        run.gripper.silent = True
+        run.serve_gripper(500)
+        assert run.refusal("gripper.close", force_n=5.0) == ("no_gripper", "")
+        assert run.refusal("gripper.stop") == ("no_gripper", "")
+
+    def test_a_grip_is_closed_with_the_force_below_what_was_asked(self, run: Run) -> None:
+        run.bring_up()
+        assert run.ask("gripper.close", force_n=10.05)["result"] == {"applied_n": pytest.approx(10.0)}
+        run.serve_gripper(50)
+        assert (run.gripper.told.position, run.gripper.told.force, run.gripper.told.go) == (255, 70, True)
+        assert run.told("gripper")[-1]["force_command_n"] == pytest.approx(10.0)
+
+    @pytest.mark.parametrize("force_n", [25.1, 2.9, -5.0, 0, 10**6, 1e308])
+    @pytest.mark.parametrize("op", ["grip.set", "gripper.close"])
+    def test_a_force_beyond_the_limits_is_refused_and_not_clamped(self, run: Run, op: str, force_n: float) -> None:
+        run.bring_up()
+        run.writes()
+        assert run.refusal(op, force_n=force_n) == ("out_of_range", "force_n")
+        run.serve_gripper(50)
+        assert run.writes() == []
+
+    @pytest.mark.parametrize("force_n", [math.nan, math.inf])
+    def test_a_force_that_is_no_number_grips_with_nothing(self, run: Run, force_n: float) -> None:
+        run.bring_up()
+        run.writes()
+        assert run.refusal("grip.set", force_n=force_n) == ("not_finite", "force_n")
+        run.serve_gripper(50)
+        assert run.writes() == []
+
+    def test_it_is_stopped_where_it_is(self, run: Run) -> None:
+        run.bring_up()
+        run.ask("gripper.close", force_n=5.0)
+        run.serve_gripper(50)
+        assert run.ask("gripper.stop")["result"] == {}
+        run.serve_gripper(50)
+        assert run.gripper.told.go is False
+        assert run.gripper.told.activate is True
+
+    def test_it_opens_when_every_finger_is_known_to_be_free(self, run: Run) -> None:
+        run.bring_up()
+        run.ask("gripper.close", force_n=5.0)
+        run.serve_gripper(50)
+        run.image(np.zeros((4, 4), dtype=int))
+        run.wrench(0.0)
+        run.skin(0.0)
+        assert run.ask("gripper.open")["result"] == {"applied_n": pytest.approx(3.0)}
+        run.serve_gripper(50)
+        assert (run.gripper.told.position, run.gripper.told.go) == (0, True)
+
+    def in_contact(self, run: Run) -> None:
+        run.wrench(5.0)
+
+    def silent(self, run: Run) -> None:
+        run.wait(100)
+        run.tick()
+
+    def unplugged(self, run: Run) -> None:
+        run.down("right.pad")
+
+    def overloaded(self, run: Run) -> None:
+        run.wrench(0.0, status=2)
+
+    def untared(self, run: Run) -> None:
+        run.ask("tare.undo", finger="left")
+
+    def half_blind(self, run: Run) -> None:
+        run.down("left.pad")
+
+    @pytest.mark.parametrize("state", ["in_contact", "silent", "unplugged", "overloaded", "untared", "half_blind"])
+    def test_it_drops_nothing_unless_told_to(self, run: Run, state: str) -> None:
+        """Unknown is not free."""
+        run.bring_up()
+        run.ask("gripper.close", force_n=5.0)
+        run.serve_gripper(50)
+        run.serve_gripper(50)  # the last image is old, so it says nothing
+        run.wrench(0.0)
+        run.skin(0.0)
+        getattr(self, state)(run)
+        run.writes()
+        refused = run.ask("gripper.open")["error"]
+        assert (refused["code"], refused["field"]) == ("in_contact", "drop")
+        assert ("right" if state == "unplugged" else "left") in refused["message"]
+        assert run.refusal("gripper.activate") == ("in_contact", "drop")
+        assert run.refusal("gripper.open", drop=False) == ("in_contact", "drop")
+        run.serve_gripper(20)
+        assert run.writes() == []
+        assert run.refusal("gripper.open", drop=True) is None
+        run.serve_gripper(50)
+        assert run.gripper.told.position == 0
+
+    def test_it_is_not_opened_on_what_was_felt_before_the_loop_was_held_up(self, run: Run) -> None:
+        """No tick comes between: the readings are old, and whether newer ones wait is not known yet."""
+        run.bring_up()
+        run.feel(0.0)
+        run.wait(60)
+        assert run.refusal("gripper.open") == ("in_contact", "drop")
+        assert run.level("right") == ("no_contact", []), "the sensor is not silent: its line was not read"
+        run.serve_gripper(20)
+        run.feel(0.0)
+        assert run.refusal("gripper.open") is None
+
+    def test_closing_does_not_drop_either(self, run: Run) -> None:
+        run.bring_up()
+        run.gripper.position = 128
+        run.serve_gripper(50)
+        run.writes()
+        assert run.refusal("gripper.close", force_n=5.0, width_m=0.06) == ("out_of_range", "width_m")
+        run.serve_gripper(50)
+        assert run.writes() == []
+
+    def test_nothing_moves_that_nobody_asked_for(self, run: Run) -> None:
+        """Readings, ticks, faults, losses and refusals write nothing to the gripper."""
+        run.bring_up()
+        run.ask("gripper.close", force_n=5.0)
+        run.serve_gripper(50)
+        run.writes()
+        for k in range(60):
+            run.wrench(10.0, (4.9, 0.0))
+            run.image(FULL)
+            run.skin(10.0, (4.0, 0.0))
+            run.serve_gripper(5)
+            if k == 20:
+                run.down("left.wrench")
+            if k == 30:
+                run.up("left.wrench")
+            if k == 40:
+                run.tick(suspended_ns=10**12)
+        assert run.writes() == []
+
+    def test_a_replugged_gripper_is_not_told_what_was_pending(self, run: Run) -> None:
+        run.bring_up()
+        run.gripper.silent = True
+        run.ask("gripper.close", force_n=5.0)
+        run.down("gripper")
+        run.gripper.silent = False
+        run.writes()
+        run.up("gripper")
+        run.serve_gripper(200)
+        assert run.writes() == []
+        assert run.refusal("grip.set", force_n=5.0) == ("no_lease", "")
+
+    @pytest.mark.parametrize("how", ["stall", "sleep"])
+    def test_what_waited_behind_a_poll_is_not_sent_behind_a_stall(self, run: Run, how: str) -> None:
+        run.bring_up()
+        run.tick()
+        run.feel(0.0)
+        run.gripper.silent = True
+        run.serve_gripper(20)
+        run.feel(0.0)
+        assert run.refusal("gripper.open") is None
+        run.let_lease_be()
+        run.gripper.silent = False
+        if how == "stall":
+            run.wait(10_000)
+            run.wrench(0.0)
+        else:
+            run.wait(5)
+            run.tick(suspended_ns=3600 * 10**9)
+            body = run.told("gripper")[-1]
+            assert (body["active"], body["width_m"], body["age_s"]) == (None, None, None)
+        run.serve_gripper(500)
+        assert run.writes() == []
+        assert run.told("gripper")[-1]["latched_fault"] == "command_lost"
+        assert run.told("gripper")[-1]["active"] is True
+
+
+class TestForceOfAHeldObject:
+    def test_it_is_set_and_adjusted_where_it_is(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        assert run.ask("grip.set", force_n=6)["result"] == {"applied_n": pytest.approx(6.0)}
+        run.serve_gripper(50)
+        assert (run.gripper.told.position, run.gripper.told.force) == (255, 30)
+        run.feel(6.0)
+        assert run.ask("grip.adjust", delta_n=0.5)["result"] == {"applied_n": pytest.approx(6.5)}
+        assert run.ask("grip.adjust", delta_n=-1.0)["result"] == {"applied_n": pytest.approx(5.5)}
+        run.serve_gripper(50)
+        assert (run.gripper.told.position, run.gripper.told.force) == (255, 25)
+        assert run.told("gripper")[-1]["force_command_n"] == pytest.approx(5.5)
+
+    def test_nothing_is_set_where_nothing_is_gripped(self, run: Run) -> None:
+        run.bring_up()
+        assert run.refusal("grip.set", force_n=5.0) == ("not_ready", "")
+        assert run.refusal("grip.adjust", delta_n=1.0) == ("not_ready", "")
+        run.serve_gripper(50)
+        assert run.writes() == []
+
+    @pytest.mark.parametrize(
+        ("op", "fields", "refusal"),
+        [
+            ("grip.set", {"force_n": 7.5}, ("out_of_range", "force_n")),
+            ("grip.adjust", {"delta_n": 2.5}, ("out_of_range", "delta_n")),
+            ("grip.adjust", {"delta_n": -2.5}, ("out_of_range", "delta_n")),
+            ("grip.adjust", {"delta_n": math.nan}, ("not_finite", "delta_n")),
+            ("grip.adjust", {"delta_n": 1e308}, ("out_of_range", "delta_n")),
+            ("gripper.close", {"force_n": 7.5}, ("out_of_range", "force_n")),
+        ],
+    )
+    def test_a3_a_step_beyond_the_limit_is_refused(
+        self, run: Run, op: str, fields: dict[str, Any], refusal: tuple[str, str]
+    ) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        assert run.refusal(op, **fields) == refusal
+        run.serve_gripper(50)
+        assert run.writes() == []
+
+    def test_a8_it_rises_no_faster_than_the_limit(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        assert run.refusal("grip.adjust", delta_n=2.0) is None
+        refused = run.ask("grip.adjust", delta_n=1.0)["error"]
+        assert (refused["code"], refused["field"]) == ("too_fast", "delta_n")
+        assert "100 ms" in refused["message"]
+        run.serve_gripper(100)
+        run.feel(7.0)
+        assert run.refusal("grip.adjust", delta_n=1.0) is None
+
+    def test_a8_it_is_lowered_no_faster_than_the_limit_by_the_steps_of_the_gripper(
+        self, make_run: Callable[[str], Run], rig: str
+    ) -> None:
+        """Each setting is 0.84 N from the next: the least that is asked for is such a step."""
+        run = make_run(rig.replace("[[0, 3.0], [255, 28.5]]", "[[0, 20.0], [255, 235.0]]").replace("25.0", "120.0"))
+        run.up()
+        run.bring_up()
+        run.grip(60.0)
+        run.serve_gripper(1000)
+        first_n = force_n = run.told("gripper")[-1]["force_command_n"]
+        began_ns = run.t_ns
+        assert run.refusal("grip.adjust", delta_n=-1.9) == ("out_of_range", "delta_n"), "it would be 2.5 N"
+        for _ in range(50):
+            run.feel(60.0)
+            assert run.refusal("grip.set", force_n=force_n) is None, "what is in force may be asked for at any time"
+            reply = run.ask("grip.adjust", delta_n=-0.01)
+            if reply["ok"]:
+                force_n = reply["result"]["applied_n"]
+            else:
+                assert reply["error"]["code"] == "too_fast"
+            run.serve_gripper(20)
+        lowered_n = first_n - force_n
+        assert 2.0 < lowered_n <= 2.0 + 2.0 * (run.t_ns - began_ns) * 1e-9
+        run.serve_gripper(1000)
+        run.feel(60.0)
+        assert run.ask("grip.adjust", delta_n=0.1)["result"] == {"applied_n": force_n}, "no setting lies between"
+
+    def test_a8_all_raises_of_a_grasp_have_a_budget(self, make_run: Callable[[str], Run], rig: str) -> None:
+        run = make_run(rig + "budget_n = 3.0\n")
+        run.up()
+        run.bring_up()
+        run.grip(5.0)
+        assert run.refusal("grip.adjust", delta_n=2.0) is None
+        run.serve_gripper(200)
+        run.feel(7.0)
+        assert run.refusal("grip.adjust", delta_n=2.0) == ("budget_spent", "delta_n")
+        assert run.refusal("gripper.open", drop=True) is None
+        run.gripper.found = 3
+        run.feel(0.0)
+        run.serve_gripper(50)
+        run.grip(8.0)
+        assert run.refusal("grip.adjust", delta_n=2.0) is None, "another grasp has a budget of its own"
+
+    def test_an_object_that_was_lost_ends_the_grasp(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.gripper.found = 3
+        run.feel(0.0)
+        run.serve_gripper(50)
+        assert run.told("gripper")[-1]["object"] == "none"
+        assert run.refusal("grip.adjust", delta_n=0.5) == ("not_ready", "")
+        assert run.refusal("gripper.close", force_n=12.0) is None
+
+    def test_a_finger_that_presses_is_believed_before_the_gripper(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.gripper.found = 3
+        for _ in range(5):
+            run.serve_gripper(20)
+            run.feel(5.0)
+        assert run.told("gripper")[-1]["object"] == "none"
+        assert run.refusal("gripper.close", force_n=12.0) == ("out_of_range", "force_n")
+
+    def stale(self, run: Run) -> None:
+        run.serve_gripper(150)
+        run.wrench(5.0)
+
+    def old(self, run: Run) -> None:
+        """Read 30 ms ago: fresh for a verdict on a slow sensor, too old to act on."""
+        run.wait(51)
+        run.skin(5.0, ms=1)
+
+    def doubtful(self, run: Run) -> None:
+        run.feel(5.0)
+        run.wrench(5.0, status=2)
+
+    def unplugged(self, run: Run) -> None:
+        run.down("left.wrench")
+
+    def without_its_pad(self, run: Run) -> None:
+        run.feel(5.0)
+        run.down("left.pad")
+
+    @pytest.mark.parametrize("state", ["stale", "old", "doubtful", "unplugged", "without_its_pad"])
+    def test_f1_it_is_not_raised_on_a_sensor_that_nobody_can_trust(self, run: Run, state: str) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        getattr(self, state)(run)
+        assert run.refusal("grip.set", force_n=6.0) == ("not_ready", "force_n")
+        assert run.refusal("grip.adjust", delta_n=1.0) == ("not_ready", "delta_n")
+        assert run.refusal("gripper.close", force_n=6.0) == ("not_ready", "force_n")
+        assert run.refusal("grip.set", force_n=4.5) is None, "to ease it is no danger of that kind"
+
+    def test_g3_a_force_that_the_gripper_does_not_have_is_refused(
+        self, make_run: Callable[[str], Run], rig: str
+    ) -> None:
+        run = make_run(rig.replace("[255, 28.5]", "[255, 20.0]").replace("= 25.0", "= 20.0"))
+        run.up()
+        run.bring_up()
+        assert run.refusal("gripper.close", force_n=2.0) == ("out_of_range", "force_n")
+        assert run.refusal("gripper.close", force_n=3.0) is None
+
+
+class TestHold:
+    def test_what_is_held_stays_held_and_nothing_is_sent(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(5.0)}
+        run.serve_gripper(100)
+        assert run.writes() == []
+
+    def test_a_force_that_was_just_asked_for_does_not_stop_what_holds(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        assert run.refusal("grip.set", force_n=6.0) is None
+        assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(6.0)}
+        run.serve_gripper(50)
+        assert (run.gripper.told.go, run.gripper.told.force) == (True, 30)
+
+    def test_moving_fingers_stop_and_do_not_open(self, run: Run) -> None:
+        run.bring_up()
+        run.ask("gripper.close", force_n=5.0)
+        run.gripper.found = 0
+        run.serve_gripper(50)
+        assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(5.0)}
+        run.serve_gripper(50)
+        assert (run.gripper.told.go, run.gripper.told.activate) == (False, True)
+
+    def test_what_is_not_active_cannot_be_held(self, run: Run) -> None:
+        run.serve_gripper(50)
+        run.lease()
+        assert run.refusal("grip.hold") == ("not_active", "")
+
+
+class TestLatchedFaults:
+    def latched(self, run: Run) -> str:
+        told = run.told("gripper")[-1]["latched_fault"]
+        status = run.ask("status")["result"]
+        assert status["gripper"]["latched_fault"] == told
+        assert ("is latched" in status["streams"]["gripper"]["message"]) == bool(told)
+        return str(told)
+
+    def test_the_first_one_blocks_whatever_moves_until_it_is_acknowledged(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.gripper.fault = 8
+        run.serve_gripper(50)
+        run.gripper.fault = 10
+        run.serve_gripper(50)
+        run.gripper.fault = 0
+        run.serve_gripper(50)
+        assert self.latched(run) == "over_temperature"
+        run.feel(5.0)
+        run.writes()
+        for op in sorted(set(MOVES) - {"gripper.stop", "grip.hold"}):
+            assert run.refusal(op, **MOVES[op]) == ("fault_latched", "")
+        run.serve_gripper(50)
+        assert run.writes() == []
+        assert run.refusal("grip.hold") is None
+        assert run.refusal("gripper.stop") is None
+        run.serve_gripper(50)
+        assert len(run.writes()) == 1
+        assert run.refusal("fault.ack", client=b"ben") == ("no_lease", "")
+        assert run.ask("fault.ack")["result"] == {"fault": "over_temperature"}
+        assert run.ask("fault.ack")["result"] == {"fault": None}
+        run.serve_gripper(50)
+        assert self.latched(run) == ""
+        assert run.refusal("grip.adjust", delta_n=-0.5) is None
+
+    @pytest.mark.parametrize("fault", [5, 7, *range(8, 16)])
+    def test_d4_every_fault_of_the_gripper_blocks(self, run: Run, fault: int) -> None:
+        run.bring_up()
+        run.gripper.fault = fault
+        run.serve_gripper(50)
+        assert self.latched(run) == run.told("gripper")[-1]["fault"] != ""
+        assert run.refusal("gripper.close", force_n=5.0) == ("fault_latched", "")
+
+    def test_d4_what_it_reports_while_it_activates_is_no_fault(self, run: Run) -> None:
+        run.bring_up()
+        assert run.refusal("gripper.activate", drop=True) is None
+        run.gripper.activates = True
+        run.gripper.fault = 5
+        run.serve_gripper(100)
+        assert self.latched(run) == ""
+        run.gripper.activates, run.gripper.stage, run.gripper.fault = False, 3, 0
+        run.serve_gripper(50)
+        assert self.latched(run) == ""
+        assert run.refusal("gripper.close", force_n=5.0) is None
+
+    def test_d4_an_activation_that_was_lost_is_latched(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.serve_gripper(1000)
+        run.gripper.stage = 0
+        run.serve_gripper(50)
+        assert self.latched(run) == "activation_lost"
+        assert run.told("gripper")[-1]["force_command_n"] is None
+
+    def test_d5_an_echo_that_differs_is_latched_within_three_readings(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        before = len(run.told("gripper"))
+        run.gripper.echo = 7
+        run.serve_gripper(200)
+        latched = [body["latched_fault"] for body in run.told("gripper")[before:]]
+        assert latched[:3] == ["", "", "echo_mismatch"]
+        run.ask("fault.ack")
+        run.serve_gripper(100)
+        assert self.latched(run) == "echo_mismatch", "it is still there"
+
+    def test_a6_a_command_that_is_never_acknowledged_is_latched_and_told_at_once(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.gripper.silent = True
+        assert run.refusal("grip.adjust", delta_n=0.5) is None
+        for _ in range(200):
+            run.serve_gripper(5)
+            if run.told("gripper")[-1]["latched_fault"]:
+                break
+        assert run.told("gripper")[-1]["latched_fault"] == "command_lost"
+        assert run.told("status")[-1]["gripper"]["latched_fault"] == "command_lost"
+        run.gripper.silent = False
+        run.serve_gripper(100)
+        assert run.ask("fault.ack")["result"] == {"fault": "command_lost"}
+        run.serve_gripper(50)
+        assert run.refusal("grip.set", force_n=5.0) is None, (
+            "a command that was lost does not stand in the way of the next"
+        )
+
+    def test_a_gripper_that_falls_silent_while_it_holds_is_latched(self, run: Run) -> None:
+        run.bring_up()
+        run.grip(5.0)
+        run.gripper.silent = True
+        run.serve_gripper(400)
+        assert self.latched(run) == "no_answer"
+
+    def test_a_link_that_is_lost_while_it_holds_is_latched(self, run: Run) -> None:
+        run.bring_up()
+        run.down("gripper")
+        assert self.latched(run) == "", "it holds nothing"
+        run.up("gripper")
+        run.lease()
+        run.serve_gripper(100)
+        run.grip(5.0)
+        run.down("gripper")
+        assert self.latched(run) == "link_lost"
+        assert run.told("gripper")[-1]["active"] is None
+
+
+class TestEndOfTheLease:
+    @pytest.mark.parametrize("lease_end", ["hold", "stop"])
+    @pytest.mark.parametrize("moving", [True, False])
+    def test_a5_it_is_told_within_a_tick_and_opens_nothing(
+        self, make_run: Callable[[str], Run], rig: str, lease_end: str, moving: bool
+    ) -> None:
+        run = make_run(rig + f'lease_end = "{lease_end}"\n')
+        run.up()
+        run.bring_up()
+        run.ask("gripper.close", force_n=5.0)
+        run.gripper.found = 0 if moving else 2
+        run.serve_gripper(100)
+        run.writes()
+        run.let_lease_be()
+        run.ask("lease.renew")
+        ends_ns = run.t_ns + 200 * MS
+        before = len(run.told("gripper")), len(run.told("status"))
+        run.serve_gripper(195)
+        assert {body["lease"]["held"] for body in run.told("gripper")[before[0] :]} == {True}
+        run.serve_gripper(10)
+        ended = next(body for body in run.told("gripper")[before[0] :] if not body["lease"]["held"])
+        assert ended["t_ns"] - ends_ns < 5 * MS
+        assert run.told("status")[-1]["lease"] == {"held": False, "expires_in_s": None}
+        run.serve_gripper(100)
+        assert len(run.writes()) == (lease_end == "stop" and moving)
+        assert run.gripper.told.position == 255
+        assert run.gripper.told.go is not (lease_end == "stop" and moving)
+
+    def test_it_is_over_before_the_next_client_has_it(self, run: Run) -> None:
+        run.lease()
+        run.wait(201)
+        assert run.refusal("lease.acquire", client=b"ben", ttl_ms=200) is None
+        assert [body["lease"]["held"] for body in run.told("gripper")] == [False]

@@ -1,0 +1,133 @@
+"""Nothing is done twice: not by a client that repeats itself, nor by one that heard another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from slipd.refusal import Refusal
+from slipd.requests.idempotency import MOST_CLIENTS, PER_CLIENT, IdempotencyCache
+
+MS = 1_000_000
+T0 = 50_000_000_000
+ANN, BEN = b"ann", b"ben"
+REPLY = {"ok": True, "result": {"applied_n": 5.0}}
+
+
+@pytest.fixture
+def once() -> IdempotencyCache:
+    return IdempotencyCache()
+
+
+def body(name: str | int = 1, ahead_ms: int = 100, **fields: Any) -> dict[str, Any]:
+    return {"v": 1, "id": name, "op": "grip.set", "deadline_ns": T0 + ahead_ms * MS, "force_n": 5.0} | fields
+
+
+def code(found: object) -> str | None:
+    return found.code if isinstance(found, Refusal) else None
+
+
+def test_A2_a_repeated_request_gets_the_reply_of_the_first(once: IdempotencyCache) -> None:
+    assert once.seen(ANN, body(), T0) is None
+    once.keep(ANN, body(), REPLY, T0)
+    for ms in (0, 50, 99):
+        assert once.seen(ANN, dict(reversed(body().items())), T0 + ms * MS) == REPLY
+
+
+def test_A2_what_was_refused_is_not_done_later_either(once: IdempotencyCache) -> None:
+    refused = {"ok": False, "error": {"code": "no_lease"}}
+    once.keep(ANN, body(), refused, T0)
+    assert once.seen(ANN, body(), T0) == refused
+
+
+def test_A1_A2_what_is_too_late_is_refused_for_ever_even_by_a_late_loop(once: IdempotencyCache) -> None:
+    once.keep(ANN, body(), REPLY, T0)
+    assert code(once.seen(ANN, body(), T0 + 100 * MS)) == "deadline_passed"
+    assert code(once.seen(ANN, body(), T0)) == "deadline_passed"
+    assert code(once.seen(BEN, body(), T0)) == "deadline_passed"
+
+
+def test_an_id_may_serve_again_once_its_request_is_too_late(once: IdempotencyCache) -> None:
+    once.keep(ANN, body(), REPLY, T0)
+    assert once.seen(ANN, body(ahead_ms=300), T0 + 100 * MS) is None
+
+
+@pytest.mark.parametrize("change", [{"force_n": 6.0}, {"force_n": 5}, {"op": "gripper.close"}, {"more": [1, {"a": 2}]}])
+def test_A2_an_id_stands_for_one_request(once: IdempotencyCache, change: dict[str, Any]) -> None:
+    once.keep(ANN, body(), REPLY, T0)
+    found = once.seen(ANN, body(**change), T0)
+    assert isinstance(found, Refusal)
+    assert (found.code, found.field) == ("repeated_id", "id")
+
+
+def test_two_clients_may_choose_the_same_id(once: IdempotencyCache) -> None:
+    once.keep(ANN, body(), REPLY, T0)
+    assert once.seen(BEN, body(force_n=6.0), T0) is None
+
+
+def test_a_text_and_a_number_are_two_ids(once: IdempotencyCache) -> None:
+    once.keep(ANN, body(1), REPLY, T0)
+    assert once.seen(ANN, body("1"), T0) is None
+
+
+def test_A2_what_another_client_copied_is_refused_and_its_sender_still_answered(once: IdempotencyCache) -> None:
+    once.keep(ANN, body(more=[True, None]), REPLY, T0)
+    assert code(once.seen(BEN, body(more=[True, None]), T0)) == "replayed"
+    assert once.seen(BEN, body(more=[1, None]), T0) is None
+    assert once.seen(ANN, body(more=[True, None]), T0) == REPLY
+
+
+@pytest.mark.parametrize("op", ["hello", "status"])
+def test_what_changes_nothing_is_answered_each_time(once: IdempotencyCache, op: str) -> None:
+    asked = {"v": 1, "id": 1, "op": op}
+    once.keep(ANN, asked, REPLY, T0)
+    assert once.seen(ANN, asked, T0) is None
+    assert once.seen(ANN, body(), T0) is None
+
+
+def test_a_client_that_floods_is_refused_and_nobody_else(once: IdempotencyCache) -> None:
+    for k in range(PER_CLIENT):
+        assert once.seen(ANN, body(k), T0) is None
+        once.keep(ANN, body(k), REPLY, T0)
+    assert code(once.seen(ANN, body(PER_CLIENT), T0)) == "busy"
+    assert once.seen(ANN, body(0), T0) == REPLY, "full, it refuses rather than forgets"
+    assert once.seen(BEN, body(PER_CLIENT), T0) is None
+    assert once.seen(ANN, body(PER_CLIENT, ahead_ms=200), T0 + 100 * MS) is None
+
+
+def test_a_crowd_shuts_out_newcomers_but_none_that_is_known(once: IdempotencyCache) -> None:
+    for k in range(MOST_CLIENTS):
+        once.keep(b"%d" % k, body(k), REPLY, T0)
+    assert code(once.seen(ANN, body(-1), T0)) == "busy"
+    assert once.seen(b"0", body(-1), T0) is None
+    assert once.seen(ANN, body(-1, ahead_ms=200), T0 + 100 * MS) is None
+
+
+def test_what_is_too_late_is_forgotten_in_whatever_order_it_came(once: IdempotencyCache) -> None:
+    for k in range(PER_CLIENT):
+        once.keep(ANN, body(k, ahead_ms=100 + 7 * k % 64), REPLY, T0)
+    left = sum(once.seen(ANN, body(k, ahead_ms=100 + 7 * k % 64), T0 + 131 * MS) == REPLY for k in range(PER_CLIENT))
+    assert left == 32
+    assert once.seen(ANN, body("new", ahead_ms=400), T0 + 131 * MS) is None
+
+
+def test_seventy_polite_clients_shut_out_nobody(once: IdempotencyCache) -> None:
+    for k in range(70):
+        for request in range(2):
+            once.keep(b"%d" % k, body(f"{k}.{request}", ahead_ms=500), REPLY, T0)
+    assert once.seen(ANN, body(-1), T0) is None
+
+
+def test_what_is_urgent_passes_in_a_crowd_and_beyond_the_own_measure(once: IdempotencyCache) -> None:
+    for k in range(MOST_CLIENTS):
+        once.keep(b"%d" % k, body(f"{k}"), REPLY, T0)
+    renewal = body("renewal", op="lease.renew")
+    assert code(once.seen(ANN, renewal, T0)) == "busy"
+    assert once.seen(ANN, renewal, T0, urgent=True) is None
+    once.keep(ANN, renewal, REPLY, T0)
+    assert once.seen(ANN, renewal, T0, urgent=True) == REPLY
+    for k in range(PER_CLIENT):
+        once.keep(ANN, body(k), REPLY, T0)
+    assert once.seen(ANN, body("stop", op="gripper.stop"), T0, urgent=True) is None
+    assert code(once.seen(BEN, renewal, T0, urgent=True)) == "replayed"

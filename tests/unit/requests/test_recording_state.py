@@ -1,0 +1,150 @@
+"""Which recording runs is the engine's to know, and its name the daemon's to choose."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from slipd.events import LinkUp, Output, Record, RecordingChanged, Reply, Request
+from slipd.requests.recording_state import RecordingState
+
+Run = Any
+NAME = "slipd-20231114T221500Z-b00t-1.mcap"  # the wall clock of the tests and their first 100 s
+
+
+def records(run: Run) -> list[Record]:
+    return [output for _, output in run.out if isinstance(output, Record)]
+
+
+def shown(run: Run, key: str = "recording") -> dict[str, Any]:
+    """What the newest status says of a recording."""
+    return run.told("status")[-1][key]
+
+
+def state(name: str | None, state: str, **more: Any) -> dict[str, Any]:
+    path = name and f"/state/{name}"
+    running = state == "running"
+    return {"name": name, "path": path, "state": state, "running": running, "failure": None, "lost": 0} | more
+
+
+def replies(outputs: list[Output]) -> list[Reply]:
+    return [output for output in outputs if isinstance(output, Reply)]
+
+
+def test_a_client_starts_and_stops_one_without_naming_it(run: Run) -> None:
+    run.ask("status")
+    assert run.told("status")[-1]["recording"] == state(None, "none")
+    assert run.ask("record.start")["result"] == {"name": NAME, "path": f"/state/{NAME}"}
+    assert shown(run) == state(NAME, "running")
+    (begun,) = records(run)
+    assert begun.name == NAME
+    assert LinkUp("left.wrench", "opened left.wrench") in begun.opened
+    assert run.refusal("record.start") == ("not_ready", "")
+    assert run.ask("record.stop")["result"] == {"name": NAME, "path": f"/state/{NAME}"}
+    assert shown(run) == state(NAME, "stopped")
+    assert records(run)[1:] == [Record("")]
+    assert run.refusal("record.stop") == ("not_ready", "")
+
+
+def test_links_that_are_down_are_not_said_to_be_open(run: Run) -> None:
+    run.down("left.pad")
+    run.ask("record.start")
+    assert [up.link for up in records(run)[0].opened] == ["left.wrench", "right.pad", "gripper"]
+
+
+@pytest.mark.parametrize("path", ["name", "path", "file"])
+def test_a_client_gives_no_path(run: Run, path: str) -> None:
+    assert run.refusal("record.start", **{path: "../../etc/passwd"}) == ("unknown_field", path)
+    assert records(run) == []
+
+
+def test_k3_names_are_never_used_twice_in_a_run(run: Run) -> None:
+    names = []
+    for _ in range(3):
+        names.append(run.ask("record.start")["result"]["name"])
+        run.ask("record.stop")
+    assert len(set(names)) == 3
+
+
+def test_k1_a_disk_that_fails_ends_it_and_is_told(run: Run) -> None:
+    run.ask("record.start")
+    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "the disk is full", 3))
+    assert shown(run) == state(NAME, "failed", failure="the disk is full", lost=3)
+    assert "the disk is full" in run.ask("record.stop")["error"]["message"]
+    assert run.ask("record.start")["ok"]
+    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "told late"))
+    assert shown(run)["failure"] is None, "of one that is over"
+
+
+def test_the_answer_waits_for_the_disk_and_says_what_it_said(run: Run) -> None:
+    for state_of, code in (("failed", "record_failed"), ("limited", "no_room")):
+        run.disk = lambda name, state=state_of: RecordingChanged(name, f"/state/{name}", state, "why")
+        reply = run.ask("record.start")
+        assert (reply["error"]["code"], reply["error"]["message"]) == (code, "why")
+        assert (shown(run)["state"], shown(run)["running"], shown(run)["failure"]) == (state_of, False, "why")
+    assert run.refusal("record.stop") == ("not_ready", "")
+
+
+def test_a_copy_of_a_request_that_waits_is_neither_done_nor_answered_twice(run: Run) -> None:
+    body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
+    assert replies(run.feed(Request(b"ann", dict(body)))) == []
+    assert replies(run.feed(Request(b"ann", dict(body)))) == []
+    (refused,) = replies(run.feed(Request(b"ben", dict(body))))
+    assert refused.body["error"]["code"] == "replayed"
+    (refused,) = replies(run.feed(Request(b"ben", body | {"id": "d"})))
+    assert refused.body["error"]["code"] == "not_ready"
+    (answer,) = replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running")))
+    assert (answer.client, answer.body["id"], answer.body["ok"]) == (b"ann", "c", True)
+    assert replies(run.feed(Request(b"ann", dict(body)))) == [answer]
+    assert replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running", lost=5))) == []
+    assert shown(run)["lost"] == 5
+    assert [record.name for record in records(run)] == [NAME]
+
+
+def test_one_that_is_stopped_before_its_file_is_created_is_answered_all_the_same(run: Run) -> None:
+    body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
+    run.feed(Request(b"ann", body))
+    assert run.ask("record.stop")["result"] == {"name": NAME, "path": None}
+    (answer,) = replies(run.feed(RecordingChanged(NAME, f"/state/{NAME}", "running")))
+    assert answer.body["result"]["path"] == f"/state/{NAME}"
+    assert shown(run) == state(NAME, "stopped")
+
+
+def test_a_limit_reached_behind_its_end_does_not_change_that_it_was_stopped(run: Run) -> None:
+    run.ask("record.start")
+    run.ask("record.stop")
+    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "limited", "as large as it may be"))
+    assert shown(run) == state(NAME, "stopped")
+    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "the last bytes had no room"))
+    assert shown(run)["failure"] == "the last bytes had no room"
+
+
+def test_the_recording_of_the_whole_run_is_shown_beside_the_one_on_request(run: Run) -> None:
+    run.ask("record.start")
+    assert shown(run, "run_recording") is None
+    run.feed(RecordingChanged("", "/data/run.mcap", "running"))
+    assert shown(run, "run_recording") == state(None, "running", path="/data/run.mcap")
+    run.feed(RecordingChanged("", "/data/run.mcap", "failed", "No space left on device", 7))
+    failed = {"failure": "No space left on device", "lost": 7, "path": "/data/run.mcap"}
+    assert shown(run, "run_recording") == state(None, "failed", **failed)
+    assert shown(run) == state(NAME, "running")
+
+
+def test_a_recording_made_before_the_disk_was_waited_for_replays(run: Run) -> None:
+    body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
+    run.feed(Request(b"ann", body))
+    assert (shown(run)["name"], shown(run)["running"]) == (NAME, True)
+    assert run.ask("record.stop")["ok"]
+    assert (shown(run)["name"], shown(run)["running"]) == (NAME, False)
+    run.feed(Request(b"ann", body | {"id": "d"}))
+    assert shown(run)["running"]
+
+
+@pytest.mark.parametrize("wall_ns", [0, -(10**30), 2**63 - 1, 10**30])
+def test_any_clock_makes_a_name(wall_ns: int) -> None:
+    recordings = RecordingState("b", wall_ns)
+    assert recordings.start(Request(b"ann", {}), 0) is None
+    (record,) = recordings.due()
+    assert record.name.startswith("slipd-")
+    assert "/" not in record.name

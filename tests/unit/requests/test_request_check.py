@@ -1,0 +1,160 @@
+"""A request that is late, foreign or malformed is refused before anyone asks what it wants."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.requests.request_check import OPS, check_request
+from slipd_client.messages import ERROR_CODES
+
+T_NS = 81_000_000_000
+GOOD = {"v": 1, "id": "a-1", "op": "grip.set", "boot": "b", "deadline_ns": T_NS + 1, "force_n": 5.0}
+
+
+def judge(**changes: Any) -> tuple[str, str] | None:
+    """Code and field of the refusal of GOOD with some fields changed, or left out (...)."""
+    body = {name: value for name, value in (GOOD | changes).items() if value is not ...}
+    refusal = check_request(body, "b", T_NS)
+    if refusal is None:
+        return None
+    assert refusal.code in ERROR_CODES
+    assert refusal.message
+    return refusal.code, refusal.field
+
+
+def test_a_good_request_may_be_judged() -> None:
+    assert judge() is None
+    assert judge(id=7, force_n=5) is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "refusal"),
+    [
+        ({"v": ...}, ("unsupported_version", "v")),
+        ({"v": 2}, ("unsupported_version", "v")),
+        ({"v": True}, ("unsupported_version", "v")),
+        ({"v": 1.0}, ("unsupported_version", "v")),
+        ({"v": "1"}, ("unsupported_version", "v")),
+        ({"id": ...}, ("missing_field", "id")),
+        ({"id": None}, ("bad_type", "id")),
+        ({"id": True}, ("bad_type", "id")),
+        ({"id": 1.5}, ("bad_type", "id")),
+        ({"id": {"a": 1}}, ("bad_type", "id")),
+        ({"op": ...}, ("unknown_op", "op")),
+        ({"op": "grip.crush"}, ("unknown_op", "op")),
+        ({"op": ["grip.set"]}, ("unknown_op", "op")),
+        ({"boot": ...}, ("missing_field", "boot")),
+        ({"boot": "c"}, ("wrong_boot", "boot")),
+        ({"boot": None}, ("wrong_boot", "boot")),
+        ({"deadline_ns": ...}, ("missing_field", "deadline_ns")),
+        ({"deadline_ns": float(T_NS + 1)}, ("bad_type", "deadline_ns")),
+        ({"deadline_ns": True}, ("bad_type", "deadline_ns")),
+        ({"deadline_ns": T_NS}, ("deadline_passed", "deadline_ns")),
+        ({"deadline_ns": -1}, ("deadline_passed", "deadline_ns")),
+        ({"deadline_ns": T_NS + 500_000_000}, None),
+        ({"deadline_ns": T_NS + 500_000_001}, ("deadline_too_far", "deadline_ns")),
+        ({"force_n": ...}, ("missing_field", "force_n")),
+        ({"force_n": "5"}, ("bad_type", "force_n")),
+        ({"force_n": True}, ("bad_type", "force_n")),
+        ({"force_n": None}, ("bad_type", "force_n")),
+        ({"force_n": [5.0]}, ("bad_type", "force_n")),
+        ({"force_n": math.nan}, ("not_finite", "force_n")),
+        ({"force_n": -math.inf}, ("not_finite", "force_n")),
+        ({"delta_n": 1.0}, ("unknown_field", "delta_n")),
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": 100}, None),
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": 100.0}, ("bad_type", "ttl_ms")),
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": True}, ("bad_type", "ttl_ms")),
+        ({"op": "gripper.open", "force_n": ..., "drop": 1}, ("bad_type", "drop")),
+        ({"op": "gripper.open", "force_n": ..., "drop": True}, None),
+        ({"op": "gripper.open"}, ("unknown_field", "force_n")),
+        ({"op": "tare", "force_n": ..., "finger": 3}, ("bad_type", "finger")),
+        ({"op": "tare", "force_n": ..., "finger": "left", "seconds": math.inf}, ("not_finite", "seconds")),
+        ({"op": "gripper.close", "width_m": math.nan}, ("not_finite", "width_m")),
+        ({"op": "lease.renew"}, ("unknown_field", "force_n")),
+    ],
+)
+def test_every_fault_has_its_code_and_names_its_field(changes: dict[str, Any], refusal: tuple[str, str] | None) -> None:
+    assert judge(**changes) == refusal
+
+
+@pytest.mark.parametrize("op", ["hello", "status"])
+def test_who_only_asks_needs_no_boot_and_no_deadline(op: str) -> None:
+    assert judge(op=op, boot=..., deadline_ns=..., force_n=...) is None
+
+
+def test_hello_is_answered_whatever_run_it_was_meant_for() -> None:
+    assert judge(op="hello", boot="another", deadline_ns=0, force_n=...) is None
+
+
+def test_a_status_that_was_meant_for_another_run_is_refused() -> None:
+    assert judge(op="status", boot="another", force_n=...) == ("wrong_boot", "boot")
+    assert judge(op="status", deadline_ns=0, force_n=...) == ("deadline_passed", "deadline_ns")
+
+
+@pytest.mark.parametrize("op", sorted(set(OPS) - {"hello", "status"}))
+def test_every_op_that_does_something_needs_boot_and_deadline(op: str) -> None:
+    assert judge(op=op, boot=...) == ("missing_field", "boot")
+    assert judge(op=op, deadline_ns=...) == ("missing_field", "deadline_ns")
+    assert judge(op=op, boot="old run") == ("wrong_boot", "boot")
+    assert judge(op=op, deadline_ns=T_NS - 1) == ("deadline_passed", "deadline_ns")
+
+
+def test_a_stale_request_is_told_how_late_it_is() -> None:
+    refusal = check_request(GOOD | {"deadline_ns": T_NS - 250_000_000}, "b", T_NS)
+    assert refusal is not None
+    assert "250 ms ago" in refusal.message
+
+
+PLAIN = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**63), 2**64 - 1)
+    | st.floats()
+    | st.text(max_size=5)
+    | st.binary(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=4,
+)
+
+
+@given(st.dictionaries(st.sampled_from([*GOOD, "ttl_ms", "finger", "zz"]), PLAIN | st.sampled_from(sorted(OPS))))
+def test_nothing_that_can_arrive_makes_it_fail(changes: dict[str, Any]) -> None:
+    judge(**changes)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"v": "\x01" * 1024}, {"op": "\x01" * 1024}, {"boot": "\x01" * 1024}, {"\x01" * 1024: 1}]
+)
+def test_what_a_client_sends_is_repeated_in_short(changes: dict[str, Any]) -> None:
+    """A refusal that holds four characters for each one sent is longer than what a client reads."""
+    refusal = check_request(GOOD | changes, "b", T_NS)
+    assert refusal is not None
+    assert len(refusal.message) < 600
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": "1"}, "ttl_ms must be an integer, not a string"),
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": 0.5}, "ttl_ms must be an integer, not a number"),
+        ({"force_n": True}, "force_n must be a number, not a boolean"),
+        ({"force_n": None}, "force_n must be a number, not nil"),
+        ({"force_n": b"5"}, "force_n must be a number, not a byte string"),
+        ({"op": "gripper.open", "force_n": ..., "drop": 1}, "drop must be true or false, not an integer"),
+        ({"op": "tare", "force_n": ..., "finger": {}}, "finger must be a string, not a map"),
+        ({"id": []}, "id must be a string or an integer, not a list"),
+        ({"v": ...}, "v must be 1, and is missing"),
+        ({"v": 2}, "v must be 1, not 2"),
+        ({"deadline_ns": "soon"}, "deadline_ns must be an integer, not a string"),
+    ],
+)
+def test_a_refusal_says_what_would_be_right_and_what_was_found(changes: dict[str, Any], message: str) -> None:
+    body = {name: value for name, value in (GOOD | changes).items() if value is not ...}
+    refusal = check_request(body, "b", T_NS)
+    assert refusal is not None
+    assert refusal.message == message

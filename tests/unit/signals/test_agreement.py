@@ -1,0 +1,217 @@
+"""Force sensor and image are held against each other: a wrong mounting shows, an edge or a tipping object does not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from slipd.fusion import Contact, contact_from_wrench, tipping_margin
+from slipd.signals.agreement import Agreement
+from slipd.sim.true_contact import Pad, Patch, pad_wrench
+
+MS = 1_000_000
+PAD = Pad()
+X, Y = PAD.centres()
+HALF_X, HALF_Y = PAD.cols * PAD.pitch_m / 2, PAD.rows * PAD.pitch_m / 2
+LEAST_N, FORCE_STD_N, TORQUE_STD_NM = 0.8, 0.02, 0.0002
+LEVER = np.array((0.004, -0.002, -0.025))
+
+Fault = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def watch(gain_error: float | None = 0.05) -> Agreement:
+    return Agreement(PAD.rows, PAD.cols, PAD.pitch_m, LEAST_N, gain_error)
+
+
+def tilted(patch: Patch, tilt: tuple[float, float], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Relative pressure of a patch that is tilted about its middle, until a part of it lifts off."""
+    u, v = (x - patch.centre_m[0]) / patch.half_length_m, (y - patch.centre_m[1]) / patch.half_width_m
+    return patch.pressure(x, y) * np.clip(1.0 + tilt[0] * u + tilt[1] * v, 0.0, None)
+
+
+def scene(rng: np.random.Generator, normal_n: float, least_m: float = 0.0012) -> tuple[np.ndarray, np.ndarray]:
+    """An image in newtons and the true centroid of a random contact; none where nothing is felt."""
+    spot = np.linspace(-0.6, 0.6, 7) * PAD.electrode_m
+    dx, dy = (grid.ravel() for grid in np.meshgrid(spot, spot))
+    on = np.hypot(dx, dy) <= PAD.electrode_m / 2
+    while True:
+        size = np.exp(rng.uniform(np.log((least_m, least_m)), np.log((0.030, 0.015))))
+        centre = rng.uniform((-HALF_X, -HALF_Y), (HALF_X, HALF_Y)) * 0.9
+        patch = Patch(*size, float(rng.choice((2.0, 4.0, 8.0))), (float(centre[0]), float(centre[1])))
+        tilt = tuple(rng.uniform(-1.5, 1.5, 2) * rng.integers(0, 2))
+        x, y = np.meshgrid(*(c + s * np.linspace(-1.0, 1.0, 60) for c, s in zip(centre, size, strict=True)))
+        weight = tilted(patch, tilt, x, y) * (np.abs(x) <= HALF_X) * (np.abs(y) <= HALF_Y)
+        cell_m2 = np.prod(size / 29.5)
+        felt = tilted(patch, tilt, X[:, None] + dx[on], Y[:, None] + dy[on]).mean(axis=1) * PAD.pitch_m**2
+        image = normal_n * felt / (weight.sum() * cell_m2) * (1.0 + 0.05 * rng.normal(size=X.size))
+        image[image < 0.005] = 0.0
+        if image.any():
+            return image, np.array(((weight * x).sum(), (weight * y).sum())) / weight.sum()
+
+
+def contact(
+    rng: np.random.Generator, centroid: np.ndarray, normal_n: float, turn: float, fault: Fault | None = None
+) -> Contact:
+    """What the force sensor makes of a contact that carries a tangential load, with its noise."""
+    pull = 0.4 * normal_n
+    load = (pull * math.cos(turn), pull * math.sin(turn), 0.01)
+    force, torque = pad_wrench(load, normal_n, (float(centroid[0]), float(centroid[1])))
+    force, torque = force + FORCE_STD_N * rng.normal(size=3), torque + TORQUE_STD_NM * rng.normal(size=3)
+    if fault is not None:
+        force, torque = fault(force, torque)
+    noise = {"force_std_n": FORCE_STD_N, "torque_std_nm": TORQUE_STD_NM}
+    return contact_from_wrench(force, torque, min_normal_n=LEAST_N, **noise)
+
+
+def judge(
+    rng: np.random.Generator, image: np.ndarray, centroid: np.ndarray, normal_n: float, **options: Fault
+) -> set[str]:
+    """What is told in 150 ms of images at 100 Hz."""
+    agreement = watch()
+    turn = rng.uniform(0.0, 2.0 * math.pi)
+    told: set[str] = set()
+    for k in range(15):
+        seen = contact(rng, centroid, normal_n, turn, **options)
+        told.update(agreement.update(10 * MS * k, seen, FORCE_STD_N, X, Y, image))
+    return told
+
+
+@pytest.mark.parametrize("normal_n", [1.0, 5.0, 20.0])
+def test_F3_healthy_contacts_agree_wherever_they_are_on_the_pad(normal_n: float) -> None:
+    rng = np.random.default_rng(round(normal_n))
+    for _ in range(60):
+        image, centroid = scene(rng, normal_n)
+        assert judge(rng, image, centroid, normal_n) == set()
+
+
+def share_told(fault: Fault, *, least_m: float = 0.005, count: int = 60) -> float:
+    """Share of random contacts at 5 N on which a fault of the force sensor is told."""
+    rng = np.random.default_rng(7)
+    told = 0
+    for _ in range(count):
+        image, centroid = scene(rng, 5.0, least_m)
+        told += bool(judge(rng, image, centroid, 5.0, fault=fault))
+    return told / count
+
+
+FAULTS: dict[str, tuple[Fault, float]] = {
+    "swapped axes": (lambda f, m: (f[[1, 0, 2]], -m[[1, 0, 2]]), 0.8),
+    "flipped x": (lambda f, m: (f * (-1, 1, 1), m * (1, -1, -1)), 0.85),
+    "flipped y": (lambda f, m: (f * (1, -1, 1), m * (-1, 1, -1)), 0.8),
+    "turned by a quarter": (lambda f, m: (f[[1, 0, 2]] * (-1, 1, 1), m[[1, 0, 2]] * (-1, 1, 1)), 0.9),
+    "turned by half": (lambda f, m: (f * (-1, -1, 1), m * (-1, -1, 1)), 0.9),
+    "10 mm off along x": (lambda f, m: (f, m - np.cross((0.01, 0.0, 0.0), f)), 0.95),
+    "10 mm off along z": (lambda f, m: (f, m - np.cross((0.0, 0.0, 0.01), f)), 0.65),
+    "a bias of 1 N along x": (lambda f, m: (f + np.array((1.0, 0.0, 0.0)), m + np.cross(LEVER, (1.0, 0.0, 0.0))), 0.65),
+    "a bias of 1 N along z": (lambda f, m: (f + np.array((0.0, 0.0, 1.0)), m + np.cross(LEVER, (0.0, 0.0, 1.0))), 0.5),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_F3_a_force_sensor_that_is_wrong_is_told_on_most_contacts(name: str) -> None:
+    """What cannot be told is a contact at the pad's centre: it looks the same in every mounting."""
+    fault, least = FAULTS[name]
+    assert share_told(fault) >= least
+
+
+def test_F3_a_dead_half_of_the_image_is_told_unless_the_contact_lies_beside_it() -> None:
+    rng = np.random.default_rng(3)
+    told = felt = 0
+    for _ in range(60):
+        image, centroid = scene(rng, 5.0, 0.005)
+        if image[X > 0.0].sum() > 0.3 * image.sum():
+            felt += 1
+            told += bool(judge(rng, np.where(X > 0.0, 0.0, image), centroid, 5.0))
+    assert told >= 0.85 * felt > 20
+
+
+def test_F3_an_object_that_tips_over_its_edge_stays_a_matter_of_tipping() -> None:
+    """One row is left of the contact, and the force acts up to one pitch beyond it."""
+    image = np.where(np.isclose(Y, Y.min()) & (np.abs(X) < 0.012), 0.5, 0.0)
+    active = image > 0.0
+    rng = np.random.default_rng(1)
+    for beyond in (0.6, 1.0, 1.4):
+        centroid = np.array((0.0, Y.min() - beyond * PAD.pitch_m))
+        assert tipping_margin(X[active], Y[active], centroid) < -0.5 * PAD.pitch_m
+        assert judge(rng, image, centroid, 4.0) == set()
+    assert judge(rng, image, np.array((0.0, Y.min() - 2.5 * PAD.pitch_m)), 4.0) == {"centroid"}
+
+
+def block(normal_n: float) -> np.ndarray:
+    return normal_n * PAD.shares(Patch(centre_m=(0.0, 0.0)))
+
+
+def quiet(normal_n: float, at: tuple[float, float] = (0.0, 0.0)) -> Contact:
+    force, torque = pad_wrench((0.0, 0.0, 0.0), normal_n, at)
+    return contact_from_wrench(force, torque, min_normal_n=LEAST_N)
+
+
+def test_F3_a_sum_that_is_not_the_force_is_told_where_the_pad_is_calibrated() -> None:
+    for gain_error, told in ((0.05, ("force",)), (0.5, ()), (None, ())):
+        agreement = watch(gain_error)
+        for k in range(15):
+            said = agreement.update(10 * MS * k, quiet(5.0), 0.02, X, Y, block(7.5))
+        assert said == told
+
+
+def test_F3_a_clear_force_without_an_image_is_told() -> None:
+    for normal_n, told in ((2.0, ("contact",)), (1.5, ())):
+        agreement = watch()
+        for k in range(15):
+            said = agreement.update(10 * MS * k, quiet(normal_n), 0.02, X, Y, np.zeros(X.size))
+        assert said == told
+
+
+def test_F3_a_disagreement_is_told_once_it_lasts_and_until_both_have_agreed_for_long() -> None:
+    agreement = watch()
+    image = block(5.0)
+    wrong, right = quiet(5.0, (0.01, 0.0)), quiet(5.0)
+    assert agreement.update(0, right, 0.02, X, Y, image) == ()
+    said = [agreement.update(10 * MS * k, wrong, 0.02, X, Y, image) for k in range(1, 10)]
+    assert said.index(("centroid",)) == 7, "60 ms; and the first step was a movement"
+    said = [agreement.update(90 * MS + 10 * MS * k, right, 0.02, X, Y, image) for k in range(1, 30)]
+    assert said.index(()) == 19
+    slow = watch()
+    assert [slow.update(33 * MS * k, wrong, 0.02, X, Y, image) for k in range(4)] == [(), (), (), ("centroid",)]
+
+
+def test_F3_a_contact_that_slides_fast_is_skew_and_no_disagreement() -> None:
+    """The image lags by one reading while the force moves on by 2 mm each time."""
+    agreement = watch()
+    for k in range(12):
+        seen = quiet(5.0, (-0.012 + 0.002 * k, 0.0))
+        image = 5.0 * PAD.shares(Patch(0.010, 0.010, 2.0, (-0.014 + 0.002 * k, 0.0)))
+        assert agreement.update(33 * MS * k, seen, 0.02, X, Y, image) == ()
+
+
+def test_F3_what_was_told_ends_with_the_contact() -> None:
+    agreement = watch()
+    for k in range(10):
+        agreement.update(10 * MS * k, quiet(5.0, (0.01, 0.0)), 0.02, X, Y, block(5.0))
+    assert agreement.update(100 * MS, quiet(0.1), 0.02, X, Y, np.zeros(X.size)) == ()
+    assert agreement.update(110 * MS, quiet(5.0, (0.01, 0.0)), 0.02, X, Y, block(5.0)) == ()
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_N1_an_image_that_is_no_number_is_not_compared(bad: float) -> None:
+    agreement = watch()
+    image = block(5.0)
+    broken = image.copy()
+    broken[3] = bad
+    for k in range(20):
+        assert agreement.update(10 * MS * k, quiet(5.0), 0.02, X, Y, broken if k % 2 else image) == ()
+    nothing = contact_from_wrench(np.full(3, bad), np.zeros(3))
+    assert agreement.update(200 * MS, nothing, 0.02, X, Y, image) == ()
+    assert agreement.update(210 * MS, quiet(5.0), 0.02, X, Y, image) == ()
+
+
+def test_F3_a_force_that_rises_fast_is_skew_and_no_disagreement() -> None:
+    """The image lags by one reading while the force rises by half of what it was each time."""
+    agreement = watch()
+    normal_n = 1.5
+    for k in range(8):
+        assert agreement.update(33 * MS * k, quiet(1.5 * normal_n), 0.02, X, Y, block(normal_n)) == ()
+        normal_n *= 1.5

@@ -1,0 +1,159 @@
+import math
+
+import numpy as np
+import pytest
+
+from slipd.sim.scene import GripCommand, Scene
+from slipd.sim.script import Script
+from slipd.sim.true_contact import Patch
+
+CLOSE_S, OPEN_S, END_S, SPEED_MPS = 1.5, 16.0, 18.0, 0.05
+NEVER = math.inf
+
+
+def play(scene, force_n=lambda t: 7.0, until_s=END_S, step_s=0.001):
+    """Drives the scene as the demo does; returns it and the state after each step."""
+    seen = []
+    for i in range(1, round(until_s / step_s) + 1):
+        t = i * step_s
+        width = 0.0 if CLOSE_S <= t < OPEN_S else scene.open_width_m
+        scene.step(t, GripCommand(width, SPEED_MPS, force_n(t)))
+        seen.append((t, scene.normal_n, scene.utilisation, scene.sliding, scene.friction, scene.width_m))
+    return scene, seen
+
+
+def times(scene, event):
+    return [truth.t_s for truth in scene.truth if truth.event == event]
+
+
+def raised(at_s, to_n):
+    return lambda t: to_n if t >= at_s else 7.0
+
+
+def test_the_fingers_close_at_the_commanded_speed_and_stop_at_the_object():
+    scene, seen = play(Scene(), until_s=3.0)
+    assert times(scene, "contact") == [pytest.approx(CLOSE_S + 0.025 / SPEED_MPS, abs=0.002)]
+    assert scene.width_m == scene.object_width_m
+    assert not scene.moving
+    assert all(width >= scene.object_width_m for *_, width in seen)
+
+
+@pytest.mark.parametrize("step_s", [0.0007, 0.001, 0.00125, 0.0013, 0.05])
+@pytest.mark.parametrize("speed_mps", [0.02, 0.0333, 0.05, 0.085, 0.15])
+def test_the_fingers_never_pass_through_the_object(step_s, speed_mps):
+    scene = Scene()
+    for i in range(1, math.ceil(1.6 / step_s)):
+        scene.step(i * step_s, GripCommand(0.0, speed_mps, 7.0))
+    assert scene.in_contact
+    assert scene.width_m == scene.object_width_m
+
+
+def test_the_grip_force_follows_its_command_with_the_lag():
+    scene = Scene(grip_lag_s=0.06)
+    play(scene, until_s=2.5)
+    scene.step(2.5 + 0.06, GripCommand(0.0, SPEED_MPS, 17.0))
+    assert scene.normal_n == pytest.approx(17.0 - 10.0 / math.e, rel=1e-3)
+
+
+def test_a_round_contact_begins_to_turn_at_the_closed_form_limit():
+    radius_m, mu = 0.01, 0.6
+    script = Script(pour_n_per_s=0.001, lever_m=20.0, tug_s=NEVER)  # a torque with hardly any weight
+    scene, _ = play(
+        Scene(script, Patch(radius_m, radius_m, 2.0, (0.0, 0.0)), mass_kg=1e-3, mu_s=mu, cell_m=0.0005), until_s=10.0
+    )
+    limit_nm = 2 * 3 * math.pi / 16 * mu * 7.0 * radius_m
+    assert times(scene, "slide_begins")[0] - 6.0 == pytest.approx(limit_nm / 0.02, rel=0.005)
+
+
+def test_a_pulled_object_slips_at_mu_s_and_the_friction_ratio_drops_to_mu_d():
+    scene, seen = play(Scene(Script(pour_s=NEVER, drain_s=NEVER)), raised(3.0, 12.0), until_s=14.8)
+    begin, end = times(scene, "slide_begins")[0], times(scene, "slide_ends")[0]
+    ratio = {round(t, 3): math.hypot(*friction[:2]) / 2 / n for t, n, _, _, friction, _ in seen if n > 0}
+    assert ratio[round(begin - 0.001, 3)] == pytest.approx(0.6, rel=0.002)
+    assert ratio[round(begin, 3)] == pytest.approx(0.45, rel=1e-6)
+    assert ratio[round(end - 0.002, 3)] == pytest.approx(0.45, rel=1e-6)
+    assert ratio[round(end + 0.001, 3)] < 0.45
+    assert 0.2 < end - begin < 0.4
+    assert 0.003 < math.hypot(*scene.displacement_m) < 0.015
+    assert scene.angle_rad == 0.0
+
+
+def test_without_help_the_box_turns_when_forecast_and_falls():
+    scene, seen = play(Scene())
+    (begin,) = times(scene, "slide_begins")
+    assert scene.rotation_would_begin_s == pytest.approx(begin, abs=0.002)
+    assert 9.0 < begin < 10.0
+    assert times(scene, "dropped")
+    assert scene.angle_rad > 0.9
+    assert math.hypot(*scene.displacement_m) < 0.01, "it turns and does not shift"
+    spin = {round(t, 3): friction[2] for t, *_, friction, _ in seen}
+    assert spin[round(begin, 3)] == pytest.approx(0.75 * spin[round(begin - 0.001, 3)], rel=0.01)
+
+
+def test_a_timely_raise_of_the_grip_saves_the_box_until_the_tug():
+    scene, seen = play(Scene(), raised(8.8, 14.0))
+    begins, ends = times(scene, "slide_begins"), times(scene, "slide_ends")
+    assert len(begins) == len(ends) == 1
+    assert 13.0 < begins[0] < ends[0] < 15.0
+    assert not times(scene, "dropped")
+    assert all(load <= 0.75 for t, _, load, *_ in seen if 9.5 < t < 13.0)
+    assert scene.width_m == scene.open_width_m
+
+
+def test_raising_the_grip_catches_a_box_that_has_begun_to_turn():
+    begin = play(Scene())[0].truth
+    begin_s = next(truth.t_s for truth in begin if truth.event == "slide_begins")
+    scene, _ = play(Scene(Script(tug_s=NEVER)), raised(begin_s + 0.05, 20.0))
+    assert len(times(scene, "slide_ends")) == 1
+    assert 0.0 < scene.angle_rad < 0.5
+    assert not times(scene, "dropped")
+
+
+def test_a_firm_grip_is_forecast_to_hold():
+    scene, _ = play(Scene(), lambda t: 20.0, until_s=7.0)
+    assert scene.rotation_would_begin_s is None
+    assert [truth.values for truth in scene.truth if truth.event == "forecast"] == [{"rotation_would_begin_s": None}]
+
+
+def test_while_it_sticks_friction_carries_the_load():
+    scene, seen = play(Scene(), raised(8.8, 14.0), until_s=12.9)
+    for t, _, _, sliding, friction, _ in seen:
+        assert not sliding
+        assert friction == scene.script.weight(t, scene.mass_kg)
+
+
+def test_opening_in_the_air_drops_the_box():
+    scene, _ = play(Scene(), until_s=5.0)
+    for i in range(1, 500):
+        scene.step(5.0 + i * 0.001, GripCommand(scene.open_width_m, SPEED_MPS, 7.0))
+    assert times(scene, "dropped")
+    assert scene.normal_n == 0.0
+    assert scene.friction == (0.0, 0.0, 0.0)
+
+
+def test_a_gripper_that_closes_too_late_leaves_the_box_behind():
+    scene = Scene()
+    scene.step(5.0, GripCommand(scene.open_width_m, SPEED_MPS, 7.0))
+    scene.step(8.0, GripCommand(0.0, SPEED_MPS, 7.0))
+    assert [truth.event for truth in scene.truth] == ["left_behind", "pour"]
+    assert scene.width_m == 0.0
+    assert not scene.in_contact
+    assert scene.utilisation == 0.0
+
+
+def test_long_steps_are_cut_so_that_the_story_stays_the_same():
+    fine, coarse = (play(Scene(), raised(8.8, 14.0), step_s=step)[0] for step in (0.001, 0.02))
+    assert [t.event for t in fine.truth] == [t.event for t in coarse.truth]
+    assert np.array([t.t_s for t in fine.truth]) == pytest.approx(np.array([t.t_s for t in coarse.truth]), abs=0.03)
+
+
+def test_time_does_not_go_back():
+    scene = Scene()
+    scene.step(1.0, GripCommand(0.085, SPEED_MPS, 7.0))
+    with pytest.raises(ValueError, match="time goes back"):
+        scene.step(0.5, GripCommand(0.085, SPEED_MPS, 7.0))
+
+
+def test_dynamic_friction_above_static_is_refused():
+    with pytest.raises(ValueError, match="mu_d"):
+        Scene(mu_s=0.4, mu_d=0.5)

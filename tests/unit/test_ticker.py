@@ -1,0 +1,75 @@
+"""Ticks after a stall say that lines may be unread, until every line was seen empty."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import Callable
+
+from slipd.engine.lateness import LATE_NS
+from slipd.events import Tick
+from slipd.ticker import Ticker
+
+WAITING = 200
+PATIENCE_S = 30.0
+
+
+class Line:
+    """A line that hands over one byte a turn of the loop, and the ticks that come meanwhile."""
+
+    def __init__(self) -> None:
+        self.taken = 0
+        self.ticks: list[tuple[int, Tick, int]] = []  # time, tick, bytes taken until then
+        self._read_fd, self._write_fd = os.pipe()
+        asyncio.get_running_loop().add_reader(self._read_fd, self._read)
+
+    def say(self, count: int) -> None:
+        os.write(self._write_fd, b"x" * count)
+
+    def tick(self, tick: Tick, t_ns: int) -> None:
+        self.ticks.append((t_ns, tick, self.taken))
+
+    def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._read_fd)
+        os.close(self._read_fd)
+        os.close(self._write_fd)
+
+    def _read(self) -> None:
+        self.taken += len(os.read(self._read_fd, 1))
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - nothing tells
+            await asyncio.sleep(0.001)
+
+
+async def test_C4_the_first_tick_that_vouches_for_the_lines_comes_after_all_that_waited_was_read() -> None:
+    line = Line()
+    ticker = asyncio.create_task(Ticker(line.tick, lambda: line.taken).run())
+    await until(lambda: len(line.ticks) >= 3)
+    line.say(WAITING)
+    time.sleep(0.05)  # noqa: ASYNC251 - the loop stands still
+    before = len(line.ticks)
+    await until(lambda: any(not tick.unread for _, tick, _ in line.ticks[before:]))
+    ticker.cancel()
+    line.close()
+    late = [at for at in range(1, len(line.ticks)) if line.ticks[at][0] - line.ticks[at - 1][0] > LATE_NS]
+    assert late, "it stood still"
+    assert all(line.ticks[at][1].unread for at in late)
+    vouched = next(taken for _, tick, taken in line.ticks[late[-1] :] if not tick.unread)
+    assert vouched == WAITING
+
+
+async def test_C4_P3_a_line_that_is_never_empty_is_never_vouched_for() -> None:
+    line = Line()
+    taken = iter(range(10**9))  # something enters in every turn
+    ticker = asyncio.create_task(Ticker(line.tick, lambda: next(taken)).run())
+    await until(lambda: len(line.ticks) >= 3)
+    time.sleep(0.05)  # noqa: ASYNC251 - the loop stands still
+    before = len(line.ticks)
+    await until(lambda: len(line.ticks) >= before + 5)
+    ticker.cancel()
+    line.close()
+    assert [tick.unread for _, tick, _ in line.ticks[before:]] == [True] * (len(line.ticks) - before)

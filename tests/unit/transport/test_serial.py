@@ -1,0 +1,551 @@
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import termios
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import serial as pyserial
+
+from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
+from slipd.transport import serial
+from slipd.transport.serial import why_not_opened
+
+if TYPE_CHECKING:
+    from conftest import Device, Eventually, Serving
+
+
+HUGE = 300_000  # bytes; no pty holds as many
+
+
+def received(events: list[Event], link: str = "left.wrench") -> bytes:
+    return b"".join(event.data for event in events if isinstance(event, Bytes) and event.link == link)
+
+
+def ups(events: list[Event]) -> int:
+    return sum(isinstance(event, LinkUp) for event in events)
+
+
+def downs(events: list[Event]) -> list[str]:
+    return [event.reason for event in events if isinstance(event, LinkDown)]
+
+
+def open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+async def test_opening_is_told_with_the_path_before_any_bytes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: events)
+        device.send(b"x")
+        await eventually(lambda: received(events))
+    assert events == [LinkUp("left.wrench", str(device.path)), Bytes("left.wrench", b"x")]
+
+
+async def test_bytes_split_at_any_place_arrive_in_order(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    sent = bytes(range(256)) * 40
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events))
+        at = 0
+        for size in range(1, 143):
+            device.send(sent[at : at + size])
+            at += size
+            await asyncio.sleep(0)
+        device.send(sent[at:])
+        await eventually(lambda: len(received(events)) >= len(sent))
+    assert received(events) == sent
+
+
+async def test_bytes_are_not_altered_by_the_terminal(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    every = bytes(range(256))
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        device.send(every)
+        assert links.write("left.wrench", every)
+        await eventually(lambda: len(received(events)) >= 256)
+        assert device.read() == every
+    assert received(events) == every
+
+
+async def test_L5_unplugging_in_the_middle_of_a_frame_is_told_after_the_last_bytes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events))
+        device.send(b"half a fr")
+        await eventually(lambda: received(events))
+        device.unplug()
+        await eventually(lambda: downs(events))
+        assert isinstance(events[-1], LinkDown)
+    assert str(device.path) in downs(events)[0]
+    assert received(events) == b"half a fr"
+
+
+async def test_L5_unplugging_an_idle_device_is_told(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: events)
+        device.unplug()
+        await eventually(lambda: len(events) == 2)
+    assert "went away" in downs(events)[0]
+
+
+async def test_L6_a_link_that_names_the_device_finds_it_on_another_path(
+    device: Device, other_device: Device, tmp_path: Path, serving: Serving, eventually: Eventually
+) -> None:
+    by_id = tmp_path / "usb-Maker_Device_1234-if00-port0"
+    device.plug()
+    by_id.symlink_to(device.path)
+    async with serving(LinkSpec("left.wrench", "serial", str(by_id), 115200)) as (_, events):
+        await eventually(lambda: ups(events) == 1)
+        by_id.unlink()
+        device.unplug()
+        await eventually(lambda: downs(events))
+        other_device.plug()
+        by_id.symlink_to(other_device.path)
+        await eventually(lambda: ups(events) == 2)
+        other_device.send(b"here now")
+        await eventually(lambda: received(events) == b"here now")
+    assert {event.identity for event in events if isinstance(event, LinkUp)} == {str(by_id)}
+
+
+async def test_L6_a_device_that_was_long_away_is_opened_without_waiting_for_the_pause(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("slipd.transport.link.FIRST_DELAY_S", 1000.0)
+    monkeypatch.setattr("slipd.transport.link.MAX_DELAY_S", 1000.0)
+    async with serving(spec) as (_, events):
+        await eventually(lambda: downs(events))
+        for cycle in range(1, 4):
+            device.plug()
+            await eventually(lambda: ups(events) == cycle)  # noqa: B023
+            device.unplug()
+            await eventually(lambda: isinstance(events[-1], LinkDown))
+
+
+def test_L6_what_is_at_a_path_is_told_apart(device: Device, tmp_path: Path) -> None:
+    path = str(device.path)
+    assert serial.look(path) is None
+    device.plug()
+    first = serial.look(path)
+    assert first is not None
+    assert serial.look(path) == first
+    device.unplug()
+    assert serial.look(path) is None
+    time.sleep(0.02)  # the kernel stamps files by a clock that ticks every few milliseconds
+    device.plug()
+    assert serial.look(path) != first, "the kernel gives its number again"
+    file = tmp_path / "rights"
+    file.touch(mode=0o600)
+    before = serial.look(str(file))
+    file.chmod(0o660)
+    assert serial.look(str(file)) != before, "udev sets the group after the port has appeared"
+
+
+class UsbPort:
+    """What the library finds in the system's tree of devices; no such port is here."""
+
+    def __init__(self, path: str) -> None:
+        if path == "gone":
+            raise TypeError("int() argument must be a string, not None")
+        self.vid, self.pid = (None, None) if path == "soldered" else (0x403, 0x6001)
+        self.serial_number = None if path == "nameless" else "FT1234"
+
+
+@pytest.mark.parametrize(
+    ("path", "identity"),
+    [
+        ("/dev/serial/by-id/usb", "/dev/serial/by-id/usb, usb 0403:6001 FT1234"),
+        ("nameless", "nameless, usb 0403:6001"),
+        ("soldered", "soldered"),
+        ("gone", "gone"),
+    ],
+)
+def test_L6_the_identity_of_a_port_names_its_usb_device(
+    path: str, identity: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial, "SysFS", UsbPort)
+    assert serial.identity_of(path) == identity
+
+
+async def test_L6_a_path_that_may_become_another_devices_is_warned_of_once(
+    serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture, quick: None
+) -> None:
+    serial._advise.cache_clear()
+    numbered = LinkSpec("a", "serial", "/dev/ttyUSB4711", 115200)
+    stable = LinkSpec("b", "serial", "/dev/serial/by-id/none", 115200)
+    async with serving(numbered, stable) as (_, events):
+        await eventually(lambda: len(events) == 2)
+        await asyncio.sleep(0.05)
+    warned = [record.message for record in caplog.records if "goes to" in record.message]
+    assert warned == [
+        "/dev/ttyUSB4711: goes to whichever device is plugged in first; /dev/serial/by-id has paths that stay"
+    ]
+
+
+async def test_L6_another_pty_under_the_same_path_is_opened(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events) == 1)
+        device.unplug()
+        await eventually(lambda: downs(events))
+        device.plug()
+        await eventually(lambda: ups(events) == 2)
+        device.send(b"again")
+        await eventually(lambda: received(events) == b"again")
+
+
+async def test_L7_a_missing_port_is_told_once_and_opened_when_it_comes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    async with serving(spec) as (_, events):
+        await eventually(lambda: downs(events))
+        await asyncio.sleep(0.05)
+        assert len(events) == 1
+        assert str(device.path) in downs(events)[0]
+        assert "no such port" in downs(events)[0]
+        device.plug()
+        await eventually(lambda: ups(events))
+        assert len(downs(events)) == 1
+
+
+async def test_L7_L8_a_port_that_another_program_holds_is_left_alone_until_it_is_free(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    device.plug()
+    holder = pyserial.Serial(str(device.path), exclusive=True)
+    async with serving(spec) as (_, events):
+        await eventually(lambda: downs(events))
+        assert "another program holds it" in downs(events)[0]
+        holder.close()
+        await eventually(lambda: ups(events))
+        with pytest.raises(pyserial.SerialException):
+            pyserial.Serial(str(device.path), exclusive=True)
+
+
+async def test_L7_a_file_that_is_no_port_is_refused_by_name(
+    tmp_path: Path, serving: Serving, eventually: Eventually
+) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("not a port")
+    files = open_files()
+    async with serving(LinkSpec("a", "serial", str(file)), LinkSpec("b", "serial", str(tmp_path))) as (_, events):
+        await eventually(lambda: len(events) == 2)
+    assert all("not a serial port" in reason for reason in downs(events))
+    assert file.read_text() == "not a port"
+    assert open_files() <= files + 1  # the loop's executor may keep none of them
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (errno.EACCES, "dialout"),
+        (errno.EBUSY, "another program"),
+        (errno.EIO, "plug the device in again"),
+        (errno.ENOENT, "by-id"),
+        (errno.ENXIO, "No such device"),
+    ],
+)
+def test_L7_a_reason_names_the_port_and_what_would_be_right(code: int, words: str) -> None:
+    reason = why_not_opened("/dev/ttyUSB7", pyserial.SerialException(code, os.strerror(code)))
+    assert reason.startswith("/dev/ttyUSB7: ")
+    assert words in reason
+
+
+async def test_an_impossible_baud_rate_is_a_reason_and_no_crash(
+    device: Device, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(LinkSpec("left.wrench", "serial", str(device.path), -1)) as (_, events):
+        await eventually(lambda: downs(events))
+    assert "baud" in downs(events)[0]
+
+
+async def test_L10_a_device_that_never_reads_holds_up_nobody(
+    device: Device, other_device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    other_device.plug()
+    other = LinkSpec("right.wrench", "serial", str(other_device.path), 115200)
+    async with serving(spec, other) as (links, events):
+        await eventually(lambda: ups(events) == 2)
+        assert links.write("left.wrench", bytes(HUGE))
+        for _ in range(100):
+            assert not links.write("left.wrench", b"command")
+        assert links.refused_writes == {"left.wrench": 100, "right.wrench": 0}
+        other_device.send(b"still here")
+        device.send(b"and I")
+        await eventually(lambda: received(events, "right.wrench") == b"still here")
+        await eventually(lambda: received(events) == b"and I")
+    assert downs(events) == []
+
+
+async def test_L10_a_full_port_drops_whole_writes_and_takes_new_ones_once_it_is_read(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    got = bytearray()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", b"y" * HUGE)
+        got += device.read()
+        assert not links.write("left.wrench", b"must not get between")
+        await eventually(lambda: got.extend(device.read()) or len(got) >= HUGE)
+        await eventually(lambda: links.write("left.wrench", b"and on"))
+        await eventually(lambda: got.extend(device.read()) or got.endswith(b"and on"))
+    assert bytes(got) == b"y" * HUGE + b"and on"
+
+
+async def test_a_dropped_command_is_logged_once_a_spell(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        for _ in range(2):
+            assert links.write("left.wrench", bytes(HUGE))
+            assert not links.write("left.wrench", b"1")
+            assert not links.write("left.wrench", b"2")
+            left = HUGE
+            while left:
+                left -= len(device.read())
+                await asyncio.sleep(0)
+    told = f"left.wrench ({device.path}) does not read: a command was dropped"
+    warned = [record for record in caplog.records if record.name.startswith("slipd") and record.levelname == "WARNING"]
+    assert [record.message for record in warned] == [told] * 2
+
+
+async def test_a_link_that_is_down_takes_no_bytes(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    async with serving(spec) as (links, events):
+        assert not links.write("left.wrench", b"too early")
+        await eventually(lambda: downs(events))
+        assert not links.write("left.wrench", b"too early still")
+        device.plug()
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", b"now")
+        await eventually(lambda: device.read() == b"now")
+        assert links.refused_writes == {"left.wrench": 2}
+
+
+async def test_a_session_may_write_from_within_the_event_that_the_link_is_up(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    taken: list[bool] = []
+
+    def greet(event: Event) -> None:
+        if isinstance(event, LinkUp):
+            taken.append(links.write(event.link, b"hello"))
+
+    async with serving(spec, on_event=greet) as (links, _):
+        await eventually(lambda: taken)
+        await eventually(lambda: device.read() == b"hello")
+    assert taken == [True]
+
+
+async def test_L5_unplugging_with_a_write_under_way_is_an_ordinary_loss(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", bytes(HUGE))
+        device.unplug()
+        links.write("left.wrench", b"into the void")
+        await eventually(lambda: downs(events))
+        device.plug()
+        await eventually(lambda: ups(events) == 2)
+        assert links.write("left.wrench", b"fresh")
+        await eventually(lambda: device.read() == b"fresh")
+
+
+async def test_what_the_consumer_raises_ends_the_group_and_closes_the_port(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    seen: list[Event] = []
+
+    def fail(event: Event) -> None:
+        seen.append(event)
+        if type(event) is Bytes:
+            raise ArithmeticError("a fault of ours")
+        asyncio.get_running_loop().call_soon(device.send, bytes(4000))  # takes several reads
+
+    with pytest.raises(ExceptionGroup) as raised:
+        async with serving(spec, on_event=fail):
+            await asyncio.Event().wait()
+    assert [str(error) for error in raised.value.exceptions] == ["a fault of ours"]
+    assert len(seen) == 2
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_what_the_consumer_raises_when_a_link_opens_is_fatal_too(
+    device: Device, spec: LinkSpec, serving: Serving
+) -> None:
+    device.plug()
+
+    def fail(event: Event) -> None:
+        raise ArithmeticError(type(event).__name__)
+
+    with pytest.raises(ExceptionGroup) as raised:
+        async with serving(spec, on_event=fail):
+            await asyncio.Event().wait()
+    assert [str(error) for error in raised.value.exceptions] == ["LinkUp"]
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_the_last_bytes_before_the_end_reach_the_device(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", b"farewell")
+    assert device.read() == b"farewell"
+    assert len(events) == 1
+
+
+async def test_closing_does_not_wait_for_a_device_that_never_reads(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", bytes(HUGE))
+    async with serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        device.send(b"next run")
+        await eventually(lambda: received(events) == b"next run")
+
+
+async def test_a_write_taken_in_part_is_completed_before_the_end(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial, "DRAIN_TIMEOUT_S", 60.0)
+    device.plug()
+    got = bytearray()
+
+    async def read_all() -> None:
+        await eventually(lambda: got.extend(device.read()) or len(got) >= HUGE)
+
+    async with asyncio.TaskGroup() as tasks, serving(spec) as (links, events):
+        await eventually(lambda: ups(events))
+        assert links.write("left.wrench", b"x" * HUGE)
+        tasks.create_task(read_all())
+    assert got == b"x" * HUGE
+
+
+async def test_a_port_can_be_opened_as_soon_as_it_is_closed(device: Device, spec: LinkSpec) -> None:
+    device.plug()
+    connection = await serial.open_serial(spec, print)
+    await connection.close()
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_a_port_that_takes_no_more_bytes_is_lost_although_it_still_reads(device: Device, spec: LinkSpec) -> None:
+    device.plug()
+    connection = await serial.open_serial(spec, print)
+    readable, writable = os.pipe()
+    os.dup2(readable, connection._port.fileno())
+    assert not connection.write(b"command")
+    assert "Bad file descriptor" in await connection.until_lost()
+    assert not connection.write(b"command")
+    await connection.close()
+    os.close(readable)
+    os.close(writable)
+
+
+async def test_closing_keeps_the_control_lines_as_they_are(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
+) -> None:
+    device.plug()
+    port = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
+    attributes = termios.tcgetattr(port)
+    attributes[2] |= termios.HUPCL
+    termios.tcsetattr(port, termios.TCSANOW, attributes)
+    async with serving(spec) as (_, events):
+        await eventually(lambda: ups(events))
+        assert not termios.tcgetattr(port)[2] & termios.HUPCL
+    os.close(port)
+
+
+async def test_a_port_whose_opening_was_given_up_is_closed(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device.plug()
+    entered, allowed = threading.Event(), threading.Event()
+    really_open = serial._open_port
+
+    def open_slowly(path: str, baud: int) -> pyserial.Serial:
+        entered.set()
+        allowed.wait()
+        return really_open(path, baud)
+
+    monkeypatch.setattr(serial, "_open_port", open_slowly)
+    async with serving(spec) as (_, events):
+        await eventually(entered.is_set)
+    allowed.set()
+    await asyncio.get_running_loop().shutdown_default_executor()
+    await asyncio.sleep(0)
+    assert events == []
+    pyserial.Serial(str(device.path), exclusive=True).close()
+
+
+async def test_a_port_unplugged_while_it_is_opened_is_an_ordinary_loss(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device.plug()
+    really_open = serial._open_port
+
+    def open_and_unplug(path: str, baud: int) -> pyserial.Serial:
+        port = really_open(path, baud)
+        device.unplug()
+        return port
+
+    monkeypatch.setattr(serial, "_open_port", open_and_unplug)
+    files = open_files()
+    async with serving(spec) as (_, events):
+        await eventually(lambda: events)
+    assert "plug the device in again" in downs(events)[0]
+    await eventually(lambda: open_files() <= files)
+
+
+async def test_L5_L6_three_hundred_reconnections_leak_no_file_and_no_task(
+    device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
+) -> None:
+    async with serving(spec) as (links, events):
+        await eventually(lambda: downs(events))
+        files, tasks = open_files(), len(asyncio.all_tasks())
+        for cycle in range(1, 301):
+            device.plug()
+            await eventually(lambda: ups(events) == cycle)  # noqa: B023
+            device.send(b"mid-fra")
+            links.write("left.wrench", b"poll")
+            if cycle % 3:
+                await eventually(lambda: isinstance(events[-1], Bytes))
+            device.unplug()
+            await eventually(lambda: isinstance(events[-1], LinkDown))
+        await eventually(lambda: "no such port" in downs(events)[-1])
+        assert open_files() <= files + 1  # the executor's second thread has none, the last attempt may be under way
+        assert len(asyncio.all_tasks()) == tasks
