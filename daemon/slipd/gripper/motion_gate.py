@@ -91,5 +91,5 @@ def _permit(intent: Intent, situation: Situation) -> Permit | None:
             return Permit("halt")
         case "hold":
             return Permit("halt") if gripper.moving or not gripper.active else None
-        case "lease_end":
+        case _:  # the end of a lease
             return Permit("halt") if gripper.moving and gripper.stops_at_lease_end else None

@@ -1,6 +1,7 @@
 """A share of the fuzzing of every device, and that the fuzzing itself finds what it is made to find.
 
-A failure prints the call that repeats it: ``PYTHONPATH=tests/support:tests/lab python -m fuzz --device D --seed S --rounds 1``.
+A failure prints the call that repeats it:
+``PYTHONPATH=tests/support:tests/lab python -m fuzz --device D --seed S --rounds 1``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Run the numeric tests as on other processors: each setting in a process of its own.
 
-    PYTHONPATH=tests/support:tests/lab python -m portable [--quick | --aarch64 FOLDER] [--report FILE] [PYTEST ARGUMENT…]
+    python -m portable [--quick | --aarch64 FOLDER] [--report FILE] [PYTEST ARGUMENT…]
 
 ``--quick`` runs the failure atlas and the load rules on the oldest processor alone. ``--aarch64`` makes an emulated
 aarch64 machine in a folder (once) and runs the tests on that as well, which takes about an hour. The kernels of each

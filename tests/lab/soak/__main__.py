@@ -1,6 +1,6 @@
 """Long runs on this machine: unplugging, floods, two fingers for ten minutes, idle subscribers, hostile peers.
 
-    PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|subscribers|peers] [--minutes M]
+    python -m soak [--quick] [--only unplug|flood|backlog|subscribers|peers] [--minutes M]
         [--report FILE]
 
 What is measured is the daemon itself, with real pseudo-terminals, sockets and processes. Times are this machine's, and
