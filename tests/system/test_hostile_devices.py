@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_service import Client, Device
+from daemon_peers import Client, Device
 
 from slipd.device_text import LONGEST
 from slipd.service import Endpoints

@@ -12,18 +12,17 @@ import socket
 import subprocess
 import sys
 import time
-import tty
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import zmq
+from daemon_peers import PATIENCE_S, Client, Device, until
 
 from slipd import config, service
-from slipd.devices import bota, modbus, pvdf
+from slipd.devices import modbus
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.engine.engine import Engine
 from slipd.errors import LinkError, RecordingError
@@ -36,10 +35,9 @@ from slipd.transport import Links
 from slipd_client.errors import RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.keys import create, load
-from slipd_client.messages import MESSAGE_LIMITS, Health, decode, encode
+from slipd_client.messages import Health, encode
 from slipd_client.subscriber import Subscriber
 
-PATIENCE_S = 30.0
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 
 RIG = """
@@ -67,50 +65,6 @@ status_hz = 50.0
 """
 
 
-class Device:
-    """The far end of a serial port, under a name that stays."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._fd = -1
-        self._sent = 0
-
-    def plug(self) -> None:
-        self._fd, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(self._fd, False)
-        self.path.unlink(missing_ok=True)
-        self.path.symlink_to(os.ttyname(slave))
-        os.close(slave)
-
-    def unplug(self) -> None:
-        if self._fd >= 0:
-            os.close(self._fd)
-            self._fd = -1
-        self.path.unlink(missing_ok=True)
-
-    def send(self, data: bytes) -> None:
-        with contextlib.suppress(OSError):  # nobody has the port open
-            os.write(self._fd, data)
-
-    def hear(self) -> bytes:
-        """What the daemon said since the last time."""
-        try:
-            return os.read(self._fd, 65536)
-        except OSError:  # nothing, or nobody has the port open
-            return b""
-
-    def send_wrench(self, normal_n: float = 10.0) -> None:
-        self._sent += 1
-        self.hear()  # so that the line never fills
-        noise_nm = 1e-6 * (self._sent % 7)  # a sensor whose readings repeat is stuck
-        self.send(bota.encode_frame((1.0, 0.0, -normal_n), (noise_nm, 0.0, 0.0), 10_000 * self._sent))
-
-    def send_image(self) -> None:
-        self._sent += 1
-        self.send(pvdf.encode_scan(np.full((4, 4), 100), self._sent, 10_000.0 * self._sent, 5.0))
-
-
 class Rig:
     """Two devices on ptys, and the config of the daemon that reads them."""
 
@@ -131,48 +85,9 @@ class Rig:
         self.wrench.send_wrench()
 
 
-class Client:
-    """A subscriber of everything and a requester, in a context of their own."""
-
-    def __init__(self, endpoints: Endpoints) -> None:
-        self.endpoints = endpoints
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._sub, self._dealer = self._context.socket(zmq.SUB), self._context.socket(zmq.DEALER)
-        self._sub.connect(endpoints.publish)
-        self._sub.setsockopt(zmq.SUBSCRIBE, b"")
-        self._dealer.connect(endpoints.requests)
-        self.heard: list[tuple[str, dict[str, Any]]] = []
-
-    def hear(self, topic: str) -> list[dict[str, Any]]:
-        """Bodies of a topic so far."""
-        while self._sub.poll(0):
-            frames = self._sub.recv_multipart()
-            assert len(frames) == 2
-            self.heard.append((frames[0].decode(), decode(frames[1], MESSAGE_LIMITS)))
-        return [body for name, body in self.heard if name == topic]
-
-    def ask(self, **body: Any) -> None:
-        self._dealer.send(encode({"v": 1, "id": 1} | body))
-
-    def answer(self) -> dict[str, Any] | None:
-        return decode(self._dealer.recv(), MESSAGE_LIMITS) if self._dealer.poll(0) else None
-
-    def close(self) -> None:
-        self._context.destroy(linger=0)
-
-
 def left_in(folder: Path) -> list[str] | None:
     """Names of the files in a folder; None where there is no folder."""
     return sorted(path.name for path in folder.iterdir()) if folder.exists() else None
-
-
-async def until(condition: Callable[[], Any], meanwhile: Callable[[], None] = lambda: None) -> Any:
-    """Waits until something is so, and returns it."""
-    async with asyncio.timeout(PATIENCE_S):
-        while not (found := condition()):
-            meanwhile()
-            await asyncio.sleep(0.005)
-        return found
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,103 @@
+"""The far ends of a whole daemon: a serial port that can be unplugged, and a client of both endpoints."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zmq
+
+from slipd.devices import bota, pvdf
+from slipd.service import Endpoints
+from slipd_client.messages import MESSAGE_LIMITS, decode, encode
+
+PATIENCE_S = 30.0
+
+
+class Device:
+    """The far end of a serial port, under a name that stays."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._fd = -1
+        self._sent = 0
+
+    def plug(self) -> None:
+        self._fd, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self._fd, False)
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(slave))
+        os.close(slave)
+
+    def unplug(self) -> None:
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+        self.path.unlink(missing_ok=True)
+
+    def send(self, data: bytes) -> None:
+        with contextlib.suppress(OSError):  # nobody has the port open
+            os.write(self._fd, data)
+
+    def hear(self) -> bytes:
+        """What the daemon said since the last time."""
+        try:
+            return os.read(self._fd, 65536)
+        except OSError:  # nothing, or nobody has the port open
+            return b""
+
+    def send_wrench(self, normal_n: float = 10.0) -> None:
+        self._sent += 1
+        self.hear()  # so that the line never fills
+        noise_nm = 1e-6 * (self._sent % 7)  # a sensor whose readings repeat is stuck
+        self.send(bota.encode_frame((1.0, 0.0, -normal_n), (noise_nm, 0.0, 0.0), 10_000 * self._sent))
+
+    def send_image(self) -> None:
+        self._sent += 1
+        self.send(pvdf.encode_scan(np.full((4, 4), 100), self._sent, 10_000.0 * self._sent, 5.0))
+
+
+class Client:
+    """A subscriber of everything and a requester, in a context of their own."""
+
+    def __init__(self, endpoints: Endpoints) -> None:
+        self.endpoints = endpoints
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._sub, self._dealer = self._context.socket(zmq.SUB), self._context.socket(zmq.DEALER)
+        self._sub.connect(endpoints.publish)
+        self._sub.setsockopt(zmq.SUBSCRIBE, b"")
+        self._dealer.connect(endpoints.requests)
+        self.heard: list[tuple[str, dict[str, Any]]] = []
+
+    def hear(self, topic: str) -> list[dict[str, Any]]:
+        """Bodies of a topic so far."""
+        while self._sub.poll(0):
+            frames = self._sub.recv_multipart()
+            assert len(frames) == 2
+            self.heard.append((frames[0].decode(), decode(frames[1], MESSAGE_LIMITS)))
+        return [body for name, body in self.heard if name == topic]
+
+    def ask(self, **body: Any) -> None:
+        self._dealer.send(encode({"v": 1, "id": 1} | body))
+
+    def answer(self) -> dict[str, Any] | None:
+        return decode(self._dealer.recv(), MESSAGE_LIMITS) if self._dealer.poll(0) else None
+
+    def close(self) -> None:
+        self._context.destroy(linger=0)
+
+
+async def until(condition: Callable[[], Any], meanwhile: Callable[[], None] = lambda: None) -> Any:
+    """Waits until something is so, and returns it."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not (found := condition()):
+            meanwhile()
+            await asyncio.sleep(0.005)
+        return found
