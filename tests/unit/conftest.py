@@ -111,11 +111,11 @@ class GripperLine:
         self.stage, self.found, self.fault, self.position = 0, 0, 0, 0
         self.silent = False
         self.activates = False  # an activation takes its time
-        self.echo: int | None = None  # what it repeats in place of what it was told
+        self.echo: int | None = None  # position that its echo reports in place of the one that was commanded
         self.writes: list[tuple[int, ...]] = []
 
     @property
-    def told(self) -> robotiq_registers.Output:
+    def command(self) -> robotiq_registers.Output:
         return robotiq_registers.parse_output(self.outputs)
 
     def answer(self, data: bytes) -> bytes:
@@ -129,16 +129,16 @@ class GripperLine:
         assert written is not None
         self.outputs = written
         self.writes.append(request.registers)
-        if not self.told.activate:
+        if not self.command.activate:
             self.stage = 0
         elif self.stage == 0:
             self.stage = 1 if self.activates else 3
         return modbus.encode_reply(request)
 
     def _status(self) -> tuple[int, int, int]:
-        told = self.told if self.echo is None else replace(self.told, position=self.echo)
+        command = self.command if self.echo is None else replace(self.command, position=self.echo)
         return robotiq_registers.status_registers(
-            told,
+            command,
             stage=self.stage,
             found=self.found,
             fault=self.fault,
@@ -292,13 +292,13 @@ class Run:
         done, self.gripper.writes = self.gripper.writes, []
         return done
 
-    def told(self, topic: str) -> list[dict[str, Any]]:
+    def published(self, topic: str) -> list[dict[str, Any]]:
         """Bodies of every message of a topic so far."""
         return [output.body for _, output in self.out if isinstance(output, Publish) and output.topic == topic]
 
     def level(self, finger: str = "left") -> tuple[str, list[str]]:
         """Level and reasons in the newest verdict."""
-        body = self.told(f"slip.{finger}")[-1]
+        body = self.published(f"slip.{finger}")[-1]
         return body["level"], body["reasons"]
 
     def serve_gripper(self, ms: float) -> None:

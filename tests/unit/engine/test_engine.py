@@ -45,7 +45,7 @@ CONTACTS: dict[str, list[tuple[Any, ...]]] = {
 
 
 def changes(run: Run, finger: str = "left") -> list[tuple[str, str, bool]]:
-    told = [body for body in run.told("warning") if body["finger"] == finger]
+    told = [body for body in run.published("warning") if body["finger"] == finger]
     return [(body["previous"], body["level"], body["rising"]) for body in told]
 
 
@@ -74,7 +74,7 @@ def test_every_level_is_reached_by_what_the_sensor_sends(run: Run, level: str) -
     for contact in CONTACTS[level]:
         run.wrench(*contact)
     assert run.level()[0] == level
-    assert run.told("slip.left")[-1]["level_code"] == list(CONTACTS).index(level)
+    assert run.published("slip.left")[-1]["level_code"] == list(CONTACTS).index(level)
 
 
 def test_every_change_of_level_is_told_at_once_with_what_was_before(run: Run) -> None:
@@ -93,7 +93,7 @@ def test_every_change_of_level_is_told_at_once_with_what_was_before(run: Run) ->
         ("unknown", "stable", False),
         ("stable", "no_contact", False),
     ]
-    assert {body["frame"] for body in run.told("warning")} == {"left_pad"}
+    assert {body["frame"] for body in run.published("warning")} == {"left_pad"}
 
 
 def test_unknown_is_worse_than_stable(run: Run) -> None:
@@ -106,12 +106,12 @@ def test_unknown_is_worse_than_stable(run: Run) -> None:
 def test_a_change_says_why_and_how_near(run: Run) -> None:
     run.image()
     run.wrench(10.0, (4.6, 0.0))
-    body = run.told("warning")[-1]
+    body = run.published("warning")[-1]
     assert body["reasons"] == ["translation"]
     assert body["utilisation"] == pytest.approx(0.92, rel=1e-5)
     assert body["level_code"] == 3
     run.wrench(0.0)
-    assert run.told("warning")[-1]["utilisation"] is None
+    assert run.published("warning")[-1]["utilisation"] is None
 
 
 def test_a_contact_that_no_grip_holds_has_no_utilisation_on_the_wire(run: Run) -> None:
@@ -119,7 +119,7 @@ def test_a_contact_that_no_grip_holds_has_no_utilisation_on_the_wire(run: Run) -
     one[1, 1] = 100
     run.image(one)
     run.wrench(10.0, (0.0, 0.0), 0.01, (-0.002, -0.002))
-    body = run.told("warning")[-1]
+    body = run.published("warning")[-1]
     assert body["reasons"][0] == "unsupportable"
     assert body["utilisation"] is None
 
@@ -128,9 +128,9 @@ def test_the_pad_that_is_the_force_sensor_decides_too(run: Run) -> None:
     for contact, level in (((0.0,), "no_contact"), ((8.0, (1.0, 0.0)), "stable"), ((8.0, (3.6, 0.0)), "warning")):
         run.skin(*contact)
         assert run.level("right")[0] == level
-    assert run.told("slip.right")[-1]["model"] == "exact"
-    assert run.told("wrench.right")[-1]["force_n"] == pytest.approx([3.6, 0.0, -8.0])
-    assert run.told("tactile.right")[-1]["loads_n"] == pytest.approx([2.0] * 4)
+    assert run.published("slip.right")[-1]["model"] == "exact"
+    assert run.published("wrench.right")[-1]["force_n"] == pytest.approx([3.6, 0.0, -8.0])
+    assert run.published("tactile.right")[-1]["loads_n"] == pytest.approx([2.0] * 4)
 
 
 def test_numbers_of_messages_have_no_gaps_and_one_boot(run: Run) -> None:
@@ -154,7 +154,7 @@ def test_numbers_of_messages_have_no_gaps_and_one_boot(run: Run) -> None:
 
 def test_the_wall_clock_of_a_message_is_that_of_its_data(run: Run) -> None:
     run.wrench(0.0)
-    body = run.told("slip.left")[-1]
+    body = run.published("slip.left")[-1]
     assert body["timestamp"] == pytest.approx(1_700_000_000 + run.t_ns * 1e-9, abs=1e-5)
 
 
@@ -173,8 +173,8 @@ def test_rates_may_be_raised_to_every_reading(make_run: Callable[[str], Run], le
     run = make_run(left + "[rates]\nslip_hz = 1000.0\nwrench_hz = 100.0\n")
     for _ in range(500):
         run.wrench(0.0)
-    assert len(run.told("slip.left")) == 500
-    assert len(run.told("wrench.left")) == pytest.approx(50, abs=1)
+    assert len(run.published("slip.left")) == 500
+    assert len(run.published("wrench.left")) == pytest.approx(50, abs=1)
 
 
 def test_the_decision_is_made_on_every_reading_whatever_is_published(run: Run) -> None:
@@ -182,19 +182,22 @@ def test_the_decision_is_made_on_every_reading_whatever_is_published(run: Run) -
     for pull in (3.75, 4.3, 3.95):  # within 3 ms; 250 Hz would tell one of them
         run.wrench(10.0, (pull, 0.0))
     assert [level for _, level, _ in changes(run)] == ["caution", "warning", "caution"]
-    assert [body["level"] for body in run.told("slip.left")] == ["caution", "warning", "caution"]
+    assert [body["level"] for body in run.published("slip.left")] == ["caution", "warning", "caution"]
 
 
 def test_status_comes_once_a_second_and_when_a_link_changes(run: Run) -> None:
-    before = len(run.told("status"))
+    before = len(run.published("status"))
     for _ in range(1000):
         run.wait(5)
         run.tick()
-    assert len(run.told("status")) - before == pytest.approx(5, abs=1)
+    assert len(run.published("status")) - before == pytest.approx(5, abs=1)
     run.down("left.pad")
     run.up("left.pad")
-    assert [body["streams"]["left.pad"]["health"] for body in run.told("status")[-2:]] == [Health.ERROR, Health.STALE]
-    body = run.told("status")[-1]
+    assert [body["streams"]["left.pad"]["health"] for body in run.published("status")[-2:]] == [
+        Health.ERROR,
+        Health.STALE,
+    ]
+    body = run.published("status")[-1]
     assert set(body["streams"]) == {"left.wrench", "left.pad", "right.pad", "gripper"}
     assert body["uptime_s"] == pytest.approx(5.0)
     state = {"level": "unknown", "reasons": ["stale"], "tare_id": 0, "tare_busy": False}
@@ -208,7 +211,7 @@ def test_a_lost_force_sensor_makes_its_finger_unknown_at_once(run: Run) -> None:
     out = run.down("left.wrench")
     assert next(output.topic for output in out if isinstance(output, Publish)) == "warning"
     assert run.level() == ("unknown", ["stale"])
-    assert run.told("status")[-1]["streams"]["left.wrench"]["message"] == "unplugged"
+    assert run.published("status")[-1]["streams"]["left.wrench"]["message"] == "unplugged"
 
 
 def test_a_lost_server_makes_every_finger_on_it_unknown(make_run: Callable[[str], Run], right: str) -> None:
@@ -241,18 +244,18 @@ def test_a_silent_force_sensor_is_noticed_by_the_tick(run: Run) -> None:
     run.wait(1)
     run.tick()
     assert run.level() == ("unknown", ["stale"])
-    assert run.told("slip.left")[-1]["age_s"] == pytest.approx(0.021)
-    before = len(run.told("warning"))
+    assert run.published("slip.left")[-1]["age_s"] == pytest.approx(0.021)
+    before = len(run.published("warning"))
     run.wait(100)
     run.tick()
-    assert len(run.told("warning")) == before
+    assert len(run.published("warning")) == before
 
 
 def test_an_overloaded_sensor_is_unknown_and_says_so(run: Run) -> None:
     run.image()
     run.wrench(10.0, (1.0, 0.0), status=2)
     assert run.level() == ("unknown", ["overload"])
-    assert run.told("wrench.left")[-1]["status"] == ["overload"]
+    assert run.published("wrench.left")[-1]["status"] == ["overload"]
 
 
 class TestSuspension:
@@ -302,7 +305,7 @@ class TestGripperLine:
         written = [output for _, output in run.out if isinstance(output, Write)]
         assert {output.link for output in written} == {"gripper"}
         run.serve_gripper(200)
-        bodies = run.told("gripper")
+        bodies = run.published("gripper")
         assert len(bodies) >= 5
         assert bodies[-1]["width_m"] == pytest.approx(0.085)
         assert (bodies[-1]["active"], bodies[-1]["echo_ok"]) == (False, None)
@@ -311,7 +314,7 @@ class TestGripperLine:
         run.serve_gripper(100)
         assert run.ask("lease.acquire", ttl_ms=200)["ok"]
         run.down("gripper")
-        assert run.told("gripper")[-1]["active"] is None
+        assert run.published("gripper")[-1]["active"] is None
         assert run.ask("status")["result"]["lease"]["held"] is False
 
     def test_a_request_is_written_in_the_call_that_brings_it(self, run: Run) -> None:
@@ -332,7 +335,7 @@ def test_the_split_of_the_bytes_makes_no_difference(make_run: Callable[[str], Ru
         run.image()
         for at in range(0, len(data), size):
             run.feed(Bytes("left.wrench", data[at : at + size]))
-        levels.append([(body["level"], body["tangential_n"]) for body in run.told("slip.left")])
+        levels.append([(body["level"], body["tangential_n"]) for body in run.published("slip.left")])
     assert len(levels[0]) > 1
     assert levels[0][-1] == levels[1][-1]
     assert set(map(str, levels[0])) <= set(map(str, levels[1]))
@@ -408,7 +411,7 @@ def test_whatever_a_force_sensor_sends_a_message_stays_one(
             run.image(counts.reshape(4, 4))
         run.wait(1)
         run.feed(Bytes("left.wrench", bota.encode_frame(wrench[:3], wrench[3:], run.t_ns // 1000, status=status)))
-    for body in run.told("slip.left"):
+    for body in run.published("slip.left"):
         if body["level"] in ("stable", "no_contact"):
             assert body["normal_n"] is not None
 
@@ -428,7 +431,7 @@ def test_garbage_on_every_line_is_counted_and_nothing_else(
     for link, data in chunks:
         run.feed(Bytes(link, data))
     run.tick()
-    assert run.told("slip.left") == []
+    assert run.published("slip.left") == []
     run.image()
     run.wrench(0.0)
     run.wrench(0.0)
@@ -439,7 +442,7 @@ def test_the_largest_message_is_within_what_a_client_reads(make_run: Callable[[s
     run = make_run(left.replace("rows = 4", "rows = 64").replace("cols = 4", "cols = 64"))
     counts = np.random.default_rng(0).integers(6, 30000, (64, 64))
     run.image(counts)
-    body = run.told("tactile.left")[-1]
+    body = run.published("tactile.left")[-1]
     assert len(body["loads_n"]) == 4096
     assert decode(encode(body), MESSAGE_LIMITS)["active"] == 4096
 
@@ -447,7 +450,7 @@ def test_the_largest_message_is_within_what_a_client_reads(make_run: Callable[[s
 def test_an_unknown_state_is_never_zero(run: Run) -> None:
     run.tick()
     run.down("left.wrench")
-    body = run.told("slip.left")[-1]
+    body = run.published("slip.left")[-1]
     assert {body[name] for name in ("normal_n", "tangential_n", "utilisation", "pole_m", "grip_needed_n")} == {None}
 
 

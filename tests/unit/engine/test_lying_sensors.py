@@ -102,7 +102,7 @@ def hold(rig: str, make_run: Make) -> Callable[..., Hand]:
 
 def acts(hand: Hand) -> list[dict[str, Any]]:
     """The messages about acts of the reflex."""
-    return [body for body in hand.run.told("gripper") if body["reflex"] is not None]
+    return [body for body in hand.run.published("gripper") if body["reflex"] is not None]
 
 
 def health(run: Run, stream: str) -> tuple[int, str]:
@@ -138,7 +138,7 @@ def test_the_reflex_does_not_wind_up_on_a_frozen_sensor(hold: Callable[..., Hand
     run = hand.run
 
     def acts() -> list[dict[str, Any]]:
-        return [body["reflex"] for body in run.told("gripper") if body["reflex"] is not None]
+        return [body["reflex"] for body in run.published("gripper") if body["reflex"] is not None]
 
     hand.wrench(pull_n=PULL_N)
     assert len(acts()) == 1, "the first reading of a danger is believed"
@@ -237,13 +237,13 @@ def test_the_reflex_raises_nothing_on_an_image_that_cannot_be_used(hold: Callabl
         hand.image(np.full(16, math.nan))
         hand.run.skin(5.0, ms=0.0)
     assert hand.run.level() == ("warning", ["translation"]), "which translation alone proves"
-    assert [body for body in hand.run.told("gripper") if body["reflex"] is not None] == []
+    assert [body for body in hand.run.published("gripper") if body["reflex"] is not None] == []
 
 
 def test_an_image_that_cannot_be_used_says_why_and_says_when_it_can_again(hold: Callable[..., Hand]) -> None:
     hand = hold("[rates]\ntactile_hz = 0.001\n")
     run = hand.run
-    before = len(run.told("tactile.left"))
+    before = len(run.published("tactile.left"))
     spoilt = np.full(16, 30.0)
     spoilt[5] = math.nan
     told = []
@@ -251,7 +251,7 @@ def test_an_image_that_cannot_be_used_says_why_and_says_when_it_can_again(hold: 
         hand.wrench()
         hand.image(image)
         told.append(health(run, "left.pad"))
-    said = [(body["image_ok"], body["image_reasons"]) for body in run.told("tactile.left")[before:]]
+    said = [(body["image_ok"], body["image_reasons"]) for body in run.published("tactile.left")[before:]]
     assert said == [(False, ["invalid", "not_finite"]), (True, []), (False, ["garbage"]), (True, [])]
     assert told[1][0] == Health.ERROR
     assert "not finite numbers" in told[1][1]
@@ -262,7 +262,7 @@ def test_an_image_that_cannot_be_used_says_why_and_says_when_it_can_again(hold: 
 def test_an_image_that_stays_away_says_so_by_its_silence_or_its_link(hold: Callable[..., Hand]) -> None:
     hand = hold("[rates]\ntactile_hz = 0.001\n")
     run = hand.run
-    before = len(run.told("tactile.left"))
+    before = len(run.published("tactile.left"))
     for _ in range(10):
         hand.wrench()
         run.tick()
@@ -270,9 +270,9 @@ def test_an_image_that_stays_away_says_so_by_its_silence_or_its_link(hold: Calla
     run.down("left.pad")
     run.up("left.pad")
     hand.image()
-    said = [(body["image_ok"], body["image_reasons"]) for body in run.told("tactile.left")[before:]]
+    said = [(body["image_ok"], body["image_reasons"]) for body in run.published("tactile.left")[before:]]
     assert said == [(False, ["stale"]), (True, []), (False, ["stale"]), (True, [])]
-    assert all(body["loads_n"] is None for body in run.told("tactile.left")[before:] if not body["image_ok"])
+    assert all(body["loads_n"] is None for body in run.published("tactile.left")[before:] if not body["image_ok"])
 
 
 def test_a_finger_without_a_pad_has_no_image_to_lose(make_run: Make, left: str) -> None:
@@ -282,7 +282,7 @@ def test_a_finger_without_a_pad_has_no_image_to_lose(make_run: Make, left: str) 
     run.tick()
     run.wait(5)
     run.tick(suspended_ns=1_000 * MS)
-    assert run.told("tactile.left") == []
+    assert run.published("tactile.left") == []
     assert run.level() == ("unknown", ["stale"])
 
 
@@ -374,10 +374,10 @@ def test_a_jump_waits_for_the_next_reading(hold: Callable[..., Hand]) -> None:
 
 def test_levels_do_not_flicker_when_a_reading_repeats_now_and_then(hold: Callable[..., Hand]) -> None:
     hand = hold()
-    before = len(hand.run.told("warning"))
+    before = len(hand.run.published("warning"))
     for k in range(100):
         if k % 7:
             hand.live(1)
         else:
             hand.freeze()
-    assert hand.run.told("warning")[before:] == []
+    assert hand.run.published("warning")[before:] == []

@@ -71,13 +71,13 @@ class TestTareOfAPad:
         status = run.ask("status")["result"]
         assert (status["streams"]["left.pad"]["tare_id"], status["fingers"]["left"]["tare_id"]) == (1, 1)
         self.show(run, self.offset(4, press=100))
-        assert run.told("tactile.left")[-1]["tare_id"] == 1
-        assert run.told("tactile.left")[-1]["loads_n"] == pytest.approx([1.0] * 16)
+        assert run.published("tactile.left")[-1]["tare_id"] == 1
+        assert run.published("tactile.left")[-1]["loads_n"] == pytest.approx([1.0] * 16)
         run.lease()  # something presses
         undone = run.ask("tare.undo", finger="left", stream="pad")["result"]
         assert (undone["stream"], undone["tare_id"], undone["by"]) == ("pad", 0, "config")
         self.show(run, self.offset(4, press=100))
-        assert run.told("tactile.left")[-1]["loads_n"] == pytest.approx([1.04] * 16)
+        assert run.published("tactile.left")[-1]["loads_n"] == pytest.approx([1.04] * 16)
         run.lease()
         assert run.refusal("tare.undo", finger="left", stream="pad") == ("not_ready", "finger")
         assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
@@ -112,7 +112,7 @@ class TestTareOfAPad:
                     assert run.refusal("tare", finger="left", stream="pad", seconds=0.1) is None
             got = run.ask("tare.get", finger="left", stream="pad")["result"]
             assert got["offset"] == pytest.approx([40.0 if tares else 0.0] * 16)
-            loads.append(run.told("tactile.left")[-1]["loads_n"])
+            loads.append(run.published("tactile.left")[-1]["loads_n"])
         assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
         assert loads[1] == pytest.approx(loads[0], abs=1e-9)
 
@@ -242,7 +242,7 @@ class TestNeverTared:
         for _ in range(3):
             self.skin(run)
         assert run.level("right") == ("unknown", ["not_tared"]), "150 N that nobody presses"
-        body = run.told("slip.right")[-1]
+        body = run.published("slip.right")[-1]
         assert (body["normal_n"], body["utilisation"]) == (None, None)
         health, message = self.message(run, "right.pad")
         assert health == Health.ERROR

@@ -27,8 +27,8 @@ def test_a_sensor_that_reads_a_pull_is_unknown_and_says_what_to_check(run: Run, 
     run.bring_up()
     run.wrench(normal_n)
     assert run.level() == ("unknown", ["pulled"])
-    assert run.told("slip.left")[-1]["normal_n"] == pytest.approx(normal_n, rel=1e-6)
-    assert run.told("warning")[-1]["previous"] == "no_contact"
+    assert run.published("slip.left")[-1]["normal_n"] == pytest.approx(normal_n, rel=1e-6)
+    assert run.published("warning")[-1]["previous"] == "no_contact"
     level, message = health(run)
     assert level == Health.ERROR
     for word in ("sign", "pad_from_sensor", "quat_xyzw", "x, y, z, w", "the sensor's own configuration"):

@@ -57,11 +57,11 @@ class Pads:
 
     @property
     def level(self) -> str:
-        return str(self.run.told("status")[-1]["fingers"]["left"]["level"])
+        return str(self.run.published("status")[-1]["fingers"]["left"]["level"])
 
     @property
     def stream(self) -> tuple[Health, str]:
-        stream = self.run.told("status")[-1]["streams"]["left.pad"]
+        stream = self.run.published("status")[-1]["streams"]["left.pad"]
         return Health(stream["health"]), stream["message"]
 
 
@@ -81,10 +81,10 @@ def test_until_a_load_shows_the_layout_the_finger_is_unknown_and_says_what_to_do
     pads.go_on(1500, FREE)
     assert pads.level == "unknown"
     assert pads.stream == (Health.STALE, UNDECIDED)
-    assert pads.run.told("tactile.left") == []
+    assert pads.run.published("tactile.left") == []
     pads.go_on(200, GRIPPED)
     assert pads.level == "stable"
-    assert pads.run.told("slip.left")[-1]["normal_n"] == pytest.approx(4.5, abs=0.1)
+    assert pads.run.published("slip.left")[-1]["normal_n"] == pytest.approx(4.5, abs=0.1)
     assert f"pillars hold {NAMES[LAYOUTS[layout]]}" in pads.stream[1]
     pads.go_on(200, FREE)
     assert pads.level == "no_contact"

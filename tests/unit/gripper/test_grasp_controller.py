@@ -57,7 +57,7 @@ def feel(run: Any, *tangential: float, ms: float = 1.0) -> list[Output]:
 
 
 def acts(run: Any) -> list[dict[str, Any]]:
-    return [body["reflex"] for body in run.told("gripper") if body["reflex"] is not None]
+    return [body["reflex"] for body in run.published("gripper") if body["reflex"] is not None]
 
 
 def test_a_warning_raises_the_grip_before_it_is_told(hold: Callable[..., Any]) -> None:
@@ -66,7 +66,7 @@ def test_a_warning_raises_the_grip_before_it_is_told(hold: Callable[..., Any]) -
     kinds = [output.link if isinstance(output, Write) else getattr(output, "topic", "") for output in out]
     assert kinds.index("gripper") < kinds.index("warning")
     assert isinstance(out[0], Write)
-    assert run.told("warning")[-1]["level"] == "warning"
+    assert run.published("warning")[-1]["level"] == "warning"
     (act,) = acts(run)
     assert (act["from_n"], act["reason"]) == (pytest.approx(5.0), "needed")
     assert act["force_n"] == pytest.approx(5.85), "4.5 N would hold it; the config wants 1.3 times as much"
@@ -80,7 +80,7 @@ def test_it_goes_on_to_what_is_needed_and_no_further_than_its_ceiling(hold: Call
     told = [act["force_n"] for act in acts(run)]
     assert told[:2] == pytest.approx([7.0, 9.0]), "100 N/s, a period of 20 ms each"
     assert max(told) <= 9.0
-    assert run.told("gripper")[-1]["force_command_n"] <= 9.0
+    assert run.published("gripper")[-1]["force_command_n"] <= 9.0
 
 
 @pytest.mark.parametrize("more", ["", GRASP, GRASP + REFLEX.replace("true", "false")])
@@ -96,7 +96,7 @@ def test_a_gripper_that_cannot_take_it_hears_nothing(hold: Callable[..., Any]) -
     run = hold(GRASP + REFLEX)
     run.gripper.fault = 14
     run.serve_gripper(30)
-    before = run.told("gripper")[-1]["latched_fault"]
+    before = run.published("gripper")[-1]["latched_fault"]
     feel(run, *NEAR)
     assert before
     assert acts(run) == []
@@ -138,15 +138,15 @@ def test_a_finger_that_nobody_believes_raises_nothing(hold: Callable[..., Any]) 
 
 def test_the_grasp_is_told_at_its_rate_and_at_each_change_of_level(hold: Callable[..., Any]) -> None:
     run = hold("[rates]\ngrasp_hz = 10.0\n" + GRASP)
-    told = len(run.told("grasp"))
+    told = len(run.published("grasp"))
     for _ in range(20):
         feel(run, ms=4.0)
-    assert 1 <= len(run.told("grasp")) - told <= 2, "100 ms at 10 Hz"
+    assert 1 <= len(run.published("grasp")) - told <= 2, "100 ms at 10 Hz"
     feel(run, *NEAR)
-    body = run.told("grasp")[-1]
+    body = run.published("grasp")[-1]
     assert (body["level"], body["reasons"], body["frame"]) == ("warning", ["translation"], "gripper")
-    assert body["width_m"] == pytest.approx(run.told("gripper")[-1]["width_m"])
-    assert [one["seq"] for one in run.told("grasp")] == list(range(len(run.told("grasp"))))
+    assert body["width_m"] == pytest.approx(run.published("gripper")[-1]["width_m"])
+    assert [one["seq"] for one in run.published("grasp")] == list(range(len(run.published("grasp"))))
 
 
 def test_a_grasp_without_a_gripper_knows_no_width(rig: str, make_run: Make) -> None:
@@ -155,7 +155,7 @@ def test_a_grasp_without_a_gripper_knows_no_width(rig: str, make_run: Make) -> N
     run.image()
     run.skin(5.0)
     run.wrench(5.0)
-    body = run.told("grasp")[-1]
+    body = run.published("grasp")[-1]
     assert body["width_m"] is None
     assert body["external_torque_nm"] is None
 

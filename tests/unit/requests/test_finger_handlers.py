@@ -18,7 +18,7 @@ class TestFriction:
         assert reply["result"] == {"finger": "left", **stated}
         run.image()
         run.wrench(10.0, (1.0, 0.0))
-        told = run.told("slip.left")[-1]
+        told = run.published("slip.left")[-1]
         assert (told["mu"], told["mu_source"]) == (0.8, "request")
         assert run.ask("friction.set", finger="left", mu_s=1)["result"]["mu"] == 1.0
 
@@ -50,7 +50,7 @@ class TestFriction:
         assert run.refusal("friction.set", client=b"ben", **raised) == ("no_lease", "")
         run.wrench(10.0, (4.6, 0.0))
         assert run.level()[0] == "warning", "what was refused has changed nothing"
-        assert run.told("slip.left")[-1]["mu"] == 0.5
+        assert run.published("slip.left")[-1]["mu"] == 0.5
         assert run.refusal("friction.set", client=b"ann", **raised) is None
         run.wrench(10.0, (4.6, 0.0))
         assert run.level()[0] == "stable"

@@ -99,16 +99,16 @@ class TestGripper:
         run.up()
         run.tick()
         assert run.refusal("lease.acquire", ttl_ms=200) is None
-        before = len(run.told("status"))
+        before = len(run.published("status"))
         run.wait(5)
         run.tick()
-        assert run.told("status")[before:] == []
+        assert run.published("status")[before:] == []
         run.wait(200 if how == "time" else 5)
         run.tick(0 if how == "time" else 1_000 * MS)
-        assert [body["lease"]["held"] for body in run.told("status")[before:]] == [False]
+        assert [body["lease"]["held"] for body in run.published("status")[before:]] == [False]
         run.wait(5)
         run.tick(0 if how == "time" else 1_000 * MS)
-        assert len(run.told("status")) == before + 1
+        assert len(run.published("status")) == before + 1
 
     def test_opening_without_one_is_no_question_of_contact(self, make_run: Callable[[str], Run], left: str) -> None:
         run = make_run(left)
@@ -143,7 +143,7 @@ class TestGripper:
         run.bring_up()
         run.gripper.fault = 8
         run.serve_gripper(50)
-        assert run.told("gripper")[-1]["fault"] == "over_temperature"
+        assert run.published("gripper")[-1]["fault"] == "over_temperature"
         assert run.refusal("gripper.close", force_n=5.0) == ("fault_latched", "")
         assert run.ask("fault.ack")["result"] == {"fault": "over_temperature"}
         assert run.refusal("gripper.close", force_n=5.0) == ("gripper_fault", "")
@@ -159,8 +159,8 @@ class TestGripper:
         run.bring_up()
         assert run.ask("gripper.close", force_n=10.05)["result"] == {"applied_n": pytest.approx(10.0)}
         run.serve_gripper(50)
-        assert (run.gripper.told.position, run.gripper.told.force, run.gripper.told.go) == (255, 70, True)
-        assert run.told("gripper")[-1]["force_command_n"] == pytest.approx(10.0)
+        assert (run.gripper.command.position, run.gripper.command.force, run.gripper.command.go) == (255, 70, True)
+        assert run.published("gripper")[-1]["force_command_n"] == pytest.approx(10.0)
 
     @pytest.mark.parametrize("force_n", [25.1, 2.9, -5.0, 0, 10**6, 1e308])
     @pytest.mark.parametrize("op", ["grip.set", "gripper.close"])
@@ -185,8 +185,8 @@ class TestGripper:
         run.serve_gripper(50)
         assert run.ask("gripper.stop")["result"] == {}
         run.serve_gripper(50)
-        assert run.gripper.told.go is False
-        assert run.gripper.told.activate is True
+        assert run.gripper.command.go is False
+        assert run.gripper.command.activate is True
 
     def test_it_opens_when_every_finger_is_known_to_be_free(self, run: Run) -> None:
         run.bring_up()
@@ -197,7 +197,7 @@ class TestGripper:
         run.skin(0.0)
         assert run.ask("gripper.open")["result"] == {"applied_n": pytest.approx(3.0)}
         run.serve_gripper(50)
-        assert (run.gripper.told.position, run.gripper.told.go) == (0, True)
+        assert (run.gripper.command.position, run.gripper.command.go) == (0, True)
 
     def in_contact(self, run: Run) -> None:
         run.wrench(5.0)
@@ -238,7 +238,7 @@ class TestGripper:
         assert run.writes() == []
         assert run.refusal("gripper.open", drop=True) is None
         run.serve_gripper(50)
-        assert run.gripper.told.position == 0
+        assert run.gripper.command.position == 0
 
     def test_it_is_not_opened_on_what_was_felt_before_the_loop_was_held_up(self, run: Run) -> None:
         """No tick comes between: the readings are old, and whether newer ones wait is not known yet."""
@@ -308,12 +308,12 @@ class TestGripper:
         else:
             run.wait(5)
             run.tick(suspended_ns=3600 * 10**9)
-            body = run.told("gripper")[-1]
+            body = run.published("gripper")[-1]
             assert (body["active"], body["width_m"], body["age_s"]) == (None, None, None)
         run.serve_gripper(500)
         assert run.writes() == []
-        assert run.told("gripper")[-1]["latched_fault"] == "command_lost"
-        assert run.told("gripper")[-1]["active"] is True
+        assert run.published("gripper")[-1]["latched_fault"] == "command_lost"
+        assert run.published("gripper")[-1]["active"] is True
 
 
 class TestForceOfAHeldObject:
@@ -322,13 +322,13 @@ class TestForceOfAHeldObject:
         run.grip(5.0)
         assert run.ask("grip.set", force_n=6)["result"] == {"applied_n": pytest.approx(6.0)}
         run.serve_gripper(50)
-        assert (run.gripper.told.position, run.gripper.told.force) == (255, 30)
+        assert (run.gripper.command.position, run.gripper.command.force) == (255, 30)
         run.feel(6.0)
         assert run.ask("grip.adjust", delta_n=0.5)["result"] == {"applied_n": pytest.approx(6.5)}
         assert run.ask("grip.adjust", delta_n=-1.0)["result"] == {"applied_n": pytest.approx(5.5)}
         run.serve_gripper(50)
-        assert (run.gripper.told.position, run.gripper.told.force) == (255, 25)
-        assert run.told("gripper")[-1]["force_command_n"] == pytest.approx(5.5)
+        assert (run.gripper.command.position, run.gripper.command.force) == (255, 25)
+        assert run.published("gripper")[-1]["force_command_n"] == pytest.approx(5.5)
 
     def test_nothing_is_set_where_nothing_is_gripped(self, run: Run) -> None:
         run.bring_up()
@@ -377,7 +377,7 @@ class TestForceOfAHeldObject:
         run.bring_up()
         run.grip(60.0)
         run.serve_gripper(1000)
-        first_n = force_n = run.told("gripper")[-1]["force_command_n"]
+        first_n = force_n = run.published("gripper")[-1]["force_command_n"]
         began_ns = run.t_ns
         assert run.refusal("grip.adjust", delta_n=-1.9) == ("out_of_range", "delta_n"), "it would be 2.5 N"
         for _ in range(50):
@@ -417,7 +417,7 @@ class TestForceOfAHeldObject:
         run.gripper.found = 3
         run.feel(0.0)
         run.serve_gripper(50)
-        assert run.told("gripper")[-1]["object"] == "none"
+        assert run.published("gripper")[-1]["object"] == "none"
         assert run.refusal("grip.adjust", delta_n=0.5) == ("not_ready", "")
         assert run.refusal("gripper.close", force_n=12.0) is None
 
@@ -428,7 +428,7 @@ class TestForceOfAHeldObject:
         for _ in range(5):
             run.serve_gripper(20)
             run.feel(5.0)
-        assert run.told("gripper")[-1]["object"] == "none"
+        assert run.published("gripper")[-1]["object"] == "none"
         assert run.refusal("gripper.close", force_n=12.0) == ("out_of_range", "force_n")
 
     def stale(self, run: Run) -> None:
@@ -485,7 +485,7 @@ class TestHold:
         assert run.refusal("grip.set", force_n=6.0) is None
         assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(6.0)}
         run.serve_gripper(50)
-        assert (run.gripper.told.go, run.gripper.told.force) == (True, 30)
+        assert (run.gripper.command.go, run.gripper.command.force) == (True, 30)
 
     def test_moving_fingers_stop_and_do_not_open(self, run: Run) -> None:
         run.bring_up()
@@ -494,7 +494,7 @@ class TestHold:
         run.serve_gripper(50)
         assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(5.0)}
         run.serve_gripper(50)
-        assert (run.gripper.told.go, run.gripper.told.activate) == (False, True)
+        assert (run.gripper.command.go, run.gripper.command.activate) == (False, True)
 
     def test_what_is_not_active_cannot_be_held(self, run: Run) -> None:
         run.serve_gripper(50)
@@ -504,7 +504,7 @@ class TestHold:
 
 class TestLatchedFaults:
     def latched(self, run: Run) -> str:
-        told = run.told("gripper")[-1]["latched_fault"]
+        told = run.published("gripper")[-1]["latched_fault"]
         status = run.ask("status")["result"]
         assert status["gripper"]["latched_fault"] == told
         assert ("is latched" in status["streams"]["gripper"]["message"]) == bool(told)
@@ -542,7 +542,7 @@ class TestLatchedFaults:
         run.bring_up()
         run.gripper.fault = fault
         run.serve_gripper(50)
-        assert self.latched(run) == run.told("gripper")[-1]["fault"] != ""
+        assert self.latched(run) == run.published("gripper")[-1]["fault"] != ""
         assert run.refusal("gripper.close", force_n=5.0) == ("fault_latched", "")
 
     def test_d4_what_it_reports_while_it_activates_is_no_fault(self, run: Run) -> None:
@@ -564,15 +564,15 @@ class TestLatchedFaults:
         run.gripper.stage = 0
         run.serve_gripper(50)
         assert self.latched(run) == "activation_lost"
-        assert run.told("gripper")[-1]["force_command_n"] is None
+        assert run.published("gripper")[-1]["force_command_n"] is None
 
     def test_d5_an_echo_that_differs_is_latched_within_three_readings(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
-        before = len(run.told("gripper"))
+        before = len(run.published("gripper"))
         run.gripper.echo = 7
         run.serve_gripper(200)
-        latched = [body["latched_fault"] for body in run.told("gripper")[before:]]
+        latched = [body["latched_fault"] for body in run.published("gripper")[before:]]
         assert latched[:3] == ["", "", "echo_mismatch"]
         run.ask("fault.ack")
         run.serve_gripper(100)
@@ -585,10 +585,10 @@ class TestLatchedFaults:
         assert run.refusal("grip.adjust", delta_n=0.5) is None
         for _ in range(200):
             run.serve_gripper(5)
-            if run.told("gripper")[-1]["latched_fault"]:
+            if run.published("gripper")[-1]["latched_fault"]:
                 break
-        assert run.told("gripper")[-1]["latched_fault"] == "command_lost"
-        assert run.told("status")[-1]["gripper"]["latched_fault"] == "command_lost"
+        assert run.published("gripper")[-1]["latched_fault"] == "command_lost"
+        assert run.published("status")[-1]["gripper"]["latched_fault"] == "command_lost"
         run.gripper.silent = False
         run.serve_gripper(100)
         assert run.ask("fault.ack")["result"] == {"fault": "command_lost"}
@@ -614,7 +614,7 @@ class TestLatchedFaults:
         run.grip(5.0)
         run.down("gripper")
         assert self.latched(run) == "link_lost"
-        assert run.told("gripper")[-1]["active"] is None
+        assert run.published("gripper")[-1]["active"] is None
 
 
 class TestEndOfTheLease:
@@ -633,20 +633,20 @@ class TestEndOfTheLease:
         run.let_lease_be()
         run.ask("lease.renew")
         ends_ns = run.t_ns + 200 * MS
-        before = len(run.told("gripper")), len(run.told("status"))
+        before = len(run.published("gripper")), len(run.published("status"))
         run.serve_gripper(195)
-        assert {body["lease"]["held"] for body in run.told("gripper")[before[0] :]} == {True}
+        assert {body["lease"]["held"] for body in run.published("gripper")[before[0] :]} == {True}
         run.serve_gripper(10)
-        ended = next(body for body in run.told("gripper")[before[0] :] if not body["lease"]["held"])
+        ended = next(body for body in run.published("gripper")[before[0] :] if not body["lease"]["held"])
         assert ended["t_ns"] - ends_ns < 5 * MS
-        assert run.told("status")[-1]["lease"] == {"held": False, "expires_in_s": None}
+        assert run.published("status")[-1]["lease"] == {"held": False, "expires_in_s": None}
         run.serve_gripper(100)
         assert len(run.writes()) == (lease_end == "stop" and moving)
-        assert run.gripper.told.position == 255
-        assert run.gripper.told.go is not (lease_end == "stop" and moving)
+        assert run.gripper.command.position == 255
+        assert run.gripper.command.go is not (lease_end == "stop" and moving)
 
     def test_it_is_over_before_the_next_client_has_it(self, run: Run) -> None:
         run.lease()
         run.wait(201)
         assert run.refusal("lease.acquire", client=b"ben", ttl_ms=200) is None
-        assert [body["lease"]["held"] for body in run.told("gripper")] == [False]
+        assert [body["lease"]["held"] for body in run.published("gripper")] == [False]

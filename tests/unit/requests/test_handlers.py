@@ -52,7 +52,7 @@ class TestEnvelope:
         run.wrench(0.0)
         asked = run.ask("status")["result"]
         run.tick()
-        told = run.told("status")[-1]
+        told = run.published("status")[-1]
         assert set(told) == set(asked) | {"v", "seq", "boot", "t_ns", "timestamp", "frame", "config_id"}
 
 
@@ -70,7 +70,7 @@ class TestTare:
         assert (got["tare_id"], got["busy"], got["readings"]) == (1, False, 10)
         assert got["taken_t_ns"] == run.t_ns - 2 * MS
         assert got["offset"] == pytest.approx([0.1, 0.0, -0.2, 0.0, 0.0, 0.0], abs=1e-6)
-        assert run.told("slip.left")[-1]["tare_id"] == 1
+        assert run.published("slip.left")[-1]["tare_id"] == 1
 
     def test_a_bias_that_looks_like_a_contact_can_be_tared_but_not_verified(self, run: Run) -> None:
         run.wrench(25.0, (3.0, 0.0))

@@ -19,7 +19,7 @@ def records(run: Run) -> list[Record]:
 
 def shown(run: Run, key: str = "recording") -> dict[str, Any]:
     """What the newest status says of a recording."""
-    return run.told("status")[-1][key]
+    return run.published("status")[-1][key]
 
 
 def state(name: str | None, state: str, **more: Any) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def replies(outputs: list[Output]) -> list[Reply]:
 
 def test_a_client_starts_and_stops_one_without_naming_it(run: Run) -> None:
     run.ask("status")
-    assert run.told("status")[-1]["recording"] == state(None, "none")
+    assert run.published("status")[-1]["recording"] == state(None, "none")
     assert run.ask("record.start")["result"] == {"name": NAME, "path": f"/state/{NAME}"}
     assert shown(run) == state(NAME, "running")
     (begun,) = records(run)

@@ -91,7 +91,7 @@ class Watcher:
         kind, *rest = thing
         getattr(self, kind, self.change)(*(rest if hasattr(self, kind) else (kind, *rest)))
         self.run.serve_gripper(20)
-        if self.run.told("gripper")[-1]["force_command_n"] is None:
+        if self.run.published("gripper")[-1]["force_command_n"] is None:
             self.held_n = None  # it is not active any more
         self.look()
 
@@ -212,6 +212,6 @@ def test_the_watcher_sees_what_it_is_to_see(run: Run) -> None:
     watcher.do(("found", 2))
     watcher.do(("feel", 5.0))
     watcher.do(("ask", b"ann", {"op": "grip.adjust", "delta_n": 2.0}))
-    assert (watcher.held_n, run.gripper.told.force) == (7.0, 40)
+    assert (watcher.held_n, run.gripper.command.force) == (7.0, 40)
     watcher.do(("ask", b"ann", {"op": "gripper.open", "drop": True}))
-    assert (watcher.held_n, run.gripper.told.position) == (None, 0)
+    assert (watcher.held_n, run.gripper.command.position) == (None, 0)
