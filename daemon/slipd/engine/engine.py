@@ -178,16 +178,16 @@ class Engine:
             return
         finger, publisher = self._fingers[owner], self._publishers[owner]
         if kind == "wrench":
-            self._tell_reads(finger.take_wrenches(samples, times_ns, arrival), publisher, t_ns, out)
+            self._tell_reads(finger.decide(samples, times_ns, arrival), publisher, t_ns, out)
         else:
             for sample, acquired_ns in zip(samples, times_ns, strict=True):
-                decided = finger.take_tactile(sample, acquired_ns, arrival)
+                decided = finger.update_image(sample, acquired_ns, arrival)
                 if decided is not None:
                     self._react(t_ns, out)
                     publisher.tell_read(decided, out)
                 publisher.tell_image(acquired_ns, out)
                 if arrival.waited_ns:
-                    self._tell_reads(finger.release(t_ns, arrival.unread_ns), publisher, t_ns, out)
+                    self._tell_reads(finger.decide_held(t_ns, arrival.unread_ns), publisher, t_ns, out)
         if self._grasp is not None:
             self._grasp.tell(t_ns, out)
 
@@ -228,11 +228,11 @@ class Engine:
         """Tells what the passing of time alone changed."""
         unread_ns = self._lateness.unread_ns(t_ns)
         for name, finger in self._fingers.items():
-            self._tell_reads(finger.release(t_ns, unread_ns), self._publishers[name], t_ns, out)
-            state = finger.on_time(t_ns, unread_ns)
+            self._tell_reads(finger.decide_held(t_ns, unread_ns), self._publishers[name], t_ns, out)
+            state = finger.check_silence(t_ns, unread_ns)
             if state is not None:
                 self._publishers[name].tell(state, out)
-            if finger.loses_image(t_ns, unread_ns):
+            if finger.expire_image(t_ns, unread_ns):
                 self._publishers[name].tell_image(t_ns, out)
         self._watch_gripper(t_ns, out)
 
@@ -308,7 +308,7 @@ class Engine:
         body = link.told(stream, t_ns)
         owner, _, kind = stream.name.partition(".")
         finger = self._fingers[owner] if kind else None
-        side = None if finger is None else finger.side(kind)
+        side = None if finger is None else finger.channel(kind)
         if finger is None or side is None:
             conditions += cast("GripperControl", self._gripper).conditions()
         else:

@@ -45,8 +45,8 @@ def _hold() -> None:
     wrench = Wrench(device="bota", port="-", rate_hz=1000.0)
     pad = Pad(device="pvdf", port="-", rate_hz=100.0, rows=2, cols=2, pitch_m=0.01, electrode_m=0.005)
     finger = Finger("warm", FingerConfig(mu=0.5, wrench=wrench, pad=pad), Levels())
-    finger.take_tactile(TactileSample(0, None, np.ones(4)))
+    finger.update_image(TactileSample(0, None, np.ones(4)))
     for torque in (np.zeros(3), None):
         samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(2)]
-        for _ in finger.take_wrenches(samples, (0, 1)):
+        for _ in finger.decide(samples, (0, 1)):
             pass

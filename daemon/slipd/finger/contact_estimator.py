@@ -84,7 +84,7 @@ class ContactEstimator:
             self._drop = _drop(mu_s, mu_d)
             self._watch.set_drop(self._drop)
 
-    def loosens(self, mu_s: float, mu_d: float | None) -> bool:
+    def is_more_lenient(self, mu_s: float, mu_d: float | None) -> bool:
         """Whether `set_friction` would make a verdict more lenient: by a larger μ, or a larger fall that is a slip."""
         if self.mu is None or mu_s > self.mu:
             return True
@@ -95,7 +95,7 @@ class ContactEstimator:
         self.in_contact, self._twist = False, None
         self._watch.reset()
 
-    def judge(
+    def estimate(
         self,
         read: WrenchBatch,
         doubt: Doubt,

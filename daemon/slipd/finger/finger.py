@@ -91,11 +91,11 @@ class Finger:
         self._received_ns = self._acquired_ns = 0
         self._unread_ns: int | None = None
 
-    def side(self, kind: str) -> ForceChannel | ImageChannel | None:
+    def channel(self, kind: str) -> ForceChannel | ImageChannel | None:
         """What stands behind the finger's stream "wrench" or "pad"."""
         return self.force if kind == "wrench" else self.image
 
-    def pressed(self) -> bool | None:
+    def is_pressed(self) -> bool | None:
         """Whether something presses on the pad; None where that is not known.
 
         A force sensor that was never tared reads its own bias as a contact, so until then only the image counts.
@@ -107,17 +107,17 @@ class Finger:
             return None
         return False if tared else shown
 
-    def pressed_n(self, t_ns: int) -> float | None:
+    def contact_force_n(self, t_ns: int) -> float | None:
         """Normal force of a contact, N; None if there is none, or if the force is not trusted.
 
         An image alone does not count: it may hum or drift.
         """
         contact = self.state.contact
-        if contact is None or not (self._tared() and self._estimator.in_contact and self.feels(t_ns, at_rest=True)):
+        if contact is None or not (self._tared() and self._estimator.in_contact and self.is_trusted_at_rest(t_ns)):
             return None
         return contact.normal_n
 
-    def force_pressed(self) -> bool | None:
+    def force_shows_contact(self) -> bool | None:
         """Whether the force sensor measures a contact; None if that is not known.
 
         This is the witness while the pad beside it is tared, whose own image has no zero yet.
@@ -126,15 +126,15 @@ class Finger:
             return None
         return self._estimator.in_contact if self.tare.current.id > 0 else None
 
-    def pressed_beside(self, streams: Collection[str]) -> bool | None:
+    def is_pressed_without(self, streams: Collection[str]) -> bool | None:
         """Whether something presses, judged without the streams that are about to be tared; None: not known.
 
         Args:
             streams: "wrench", "pad", or both.
         """
         if self.force is None or "pad" not in streams:
-            return self.pressed()
-        felt = self.force_pressed()
+            return self.is_pressed()
+        felt = self.force_shows_contact()
         if "wrench" not in streams:
             return felt
         shown = self._shows_contact() if self.image is not None and self.image.zero_known else None
@@ -177,16 +177,16 @@ class Finger:
         self._mu_source = "request"
         self._mu_by, self._mu_t_ns = by, t_ns
 
-    def loosens(self, mu_s: float, mu_d: float | None) -> bool:
-        """Whether `set_friction` makes a verdict more lenient (see `ContactEstimator.loosens`)."""
-        return self._estimator.loosens(mu_s, mu_d)
+    def is_more_lenient(self, mu_s: float, mu_d: float | None) -> bool:
+        """Whether `set_friction` makes a verdict more lenient (see `ContactEstimator.is_more_lenient`)."""
+        return self._estimator.is_more_lenient(mu_s, mu_d)
 
     def friction_body(self) -> dict[str, Any]:
         """Return the friction in use and who set it, as in ``status`` and replies."""
         return {"mu": self.mu, "mu_source": self.mu_source, "mu_by": self._mu_by, "mu_t_ns": self._mu_t_ns}
 
     @property
-    def trusted(self) -> bool:
+    def is_trusted(self) -> bool:
         """The newest reading is fresh, and nothing speaks against its sensor."""
         return DOUBTS.isdisjoint(self.state.verdict.reasons)
 
@@ -196,20 +196,26 @@ class Finger:
         return "pad" if self.force is None else "wrench"
 
     @property
-    def pulled(self) -> bool:
+    def is_pulled(self) -> bool:
         """The normal force is clearly negative; the counts of a pad that was never tared say nothing of that."""
         return self.state.verdict is NEGATIVE and (self.force is not None or self._tared())
 
-    def feels(self, t_ns: int, *, at_rest: bool = False) -> bool:
-        """Return whether a grip may be raised: its readings, and images, are fresh, usable and beyond doubt.
+    def is_trusted_for_raise(self, t_ns: int) -> bool:
+        """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and beyond doubt.
 
-        A late daemon is no excuse here: what it has not read yet, or reads late, may be another situation.
-
-        Args:
-            t_ns: Now.
-            at_rest: Believe a reading that repeats where the config says that the sensor's readings may rest. Enough
-                to open, for else nothing opens at rest; not to raise, for a sensor that hangs looks the same.
+        A late daemon is no excuse: what it has not read yet, or reads late, may be another situation. Nor is a sensor
+        that may rest: one that hangs looks the same.
         """
+        return self._is_trusted(t_ns, at_rest=False)
+
+    def is_trusted_at_rest(self, t_ns: int) -> bool:
+        """Return whether `is_trusted_for_raise`, or only a repeated reading that the config allows stands against it.
+
+        This is enough to open the gripper, for otherwise nothing opens at rest.
+        """
+        return self._is_trusted(t_ns, at_rest=True)
+
+    def _is_trusted(self, t_ns: int, *, at_rest: bool) -> bool:
         image, force = self.image, self.force
         if image is not None and not image.is_reliable(at_rest=at_rest):
             return False
@@ -219,7 +225,7 @@ class Finger:
             return False
         if self._freshness.is_stale(t_ns) or self._received_ns - self._acquired_ns > self._freshness.stale_ns:
             return False
-        return self.trusted and t_ns - self._acquired_ns <= self._oldest_ns
+        return self.is_trusted and t_ns - self._acquired_ns <= self._oldest_ns
 
     def age_s(self, t_ns: int) -> float | None:
         """Age of the newest force reading, s; None before the first."""
@@ -227,7 +233,7 @@ class Finger:
 
     def conditions(self, kind: str, t_ns: int) -> list[tuple[Health, str]]:
         """What people should know of the readings of the stream "wrench" or "pad"."""
-        side = self.side(kind)
+        side = self.channel(kind)
         found = [] if side is None else side.conditions(t_ns)
         if self.state.verdict is NEGATIVE and side is (self.force or self.image):
             normal_n = math.nan if self.state.wrench is None else -self.state.wrench[2]
@@ -255,20 +261,14 @@ class Finger:
         return self._part(stream).undo_tare()
 
     def _part(self, stream: str | None) -> ForceChannel | ImageChannel:
-        return cast("ForceChannel | ImageChannel", self.force or self.image if stream is None else self.side(stream))
+        return cast("ForceChannel | ImageChannel", self.force or self.image if stream is None else self.channel(stream))
 
-    def take_wrench(self, sample: WrenchSample, acquired_ns: int | None = None) -> FingerState:
-        """Decides on a reading of the force sensor, acquired when it was received unless ``acquired_ns`` says when."""
-        for _ in self.take_wrenches((sample,), (sample.t_ns if acquired_ns is None else acquired_ns,)):
-            pass
-        return self.state
-
-    def take_wrenches(
+    def decide(
         self, samples: Sequence[WrenchSample], times_ns: Sequence[int], arrival: Arrival = PROMPT
     ) -> Iterator[VerdictBatch]:
         """Decides on the readings of one read: on all at once, but for a tare, which a contact ends at once.
 
-        Readings that waited for the daemon may first wait for the image of their time; see `release`.
+        Readings that waited for the daemon may first wait for the image of their time; see `decide_held`.
 
         Args:
             samples: The readings, received together.
@@ -279,10 +279,10 @@ class Finger:
             raise ValueError(f"finger {self.name} has no force sensor")
         if arrival.waited_ns or self._held:
             self._held.hold(HeldRead(samples, times_ns, arrival))
-            return self.release(samples[-1].t_ns, arrival.unread_ns)
+            return self.decide_held(samples[-1].t_ns, arrival.unread_ns)
         return self._take_read(self.force, samples, times_ns, arrival)
 
-    def release(self, t_ns: int, unread_ns: int | None = None) -> Iterator[VerdictBatch]:
+    def decide_held(self, t_ns: int, unread_ns: int | None = None) -> Iterator[VerdictBatch]:
         """Decide on the force readings that need not wait for an image any more.
 
         Args:
@@ -316,7 +316,7 @@ class Finger:
             read = force.take(samples[at : at + step], times_ns[at : at + step], self._untouched)
             yield self._decide(read if t_ns is None else read._replace(received_ns=t_ns), arrival)
 
-    def take_tactile(
+    def update_image(
         self, sample: TactileSample, acquired_ns: int | None = None, arrival: Arrival = PROMPT
     ) -> VerdictBatch | None:
         """Takes an image; decides on it where its taxels are what measures the force."""
@@ -344,7 +344,7 @@ class Finger:
         read = WrenchBatch((t_ns,), sample.t_ns, rows, AS_IS, {0: words} if words else {}, (sample.status,))
         return self._decide(read, arrival)
 
-    def on_time(self, t_ns: int, unread_ns: int | None = None) -> FingerState | None:
+    def check_silence(self, t_ns: int, unread_ns: int | None = None) -> FingerState | None:
         """Notice that a stream which the verdict rests on fell silent; None where nothing changed.
 
         Args:
@@ -366,15 +366,20 @@ class Finger:
             return self.lose(t_ns)
         verdict = self.state.verdict
         holds = verdict.level in RESTS_ON_IMAGE and DOUBTS.isdisjoint(verdict.reasons)
-        if holds and self.state.shares is not None and not self._has_image(t_ns, unread_ns):
+        if holds and self.state.load_distribution is not None and not self._has_image(t_ns, unread_ns):
             self._newest = replace(
-                self.state, verdict=UNOBSERVED, shares=None, utilisation=None, tipping_margin_m=math.nan, model="none"
+                self.state,
+                verdict=UNOBSERVED,
+                load_distribution=None,
+                utilisation=None,
+                tipping_margin_m=math.nan,
+                model="none",
             )
             return self._newest
         return None
 
-    def loses_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
-        """Notice that no image came for too long (see `on_time`); False where there was none, or that is known."""
+    def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
+        """Return whether the newest image just became too old; True once per image (see `check_silence`)."""
         image = self.image
         return image is not None and image.t_ns is not None and not self._has_image(t_ns, unread_ns) and image.expire()
 
@@ -409,14 +414,16 @@ class Finger:
         if received_ns - min(times_ns) > usable_ns:
             read.rows[received_ns - np.array(times_ns) > usable_ns, USE] = LATE
         image = self.image
-        shares_of = image.shares if image is not None and self._has_image(received_ns, arrival.unread_ns) else None
+        shares_of = (
+            image.load_distribution if image is not None and self._has_image(received_ns, arrival.unread_ns) else None
+        )
         if waited_ns and shares_of is not None:
             until_ns = self._image_serves_until(received_ns - waited_ns)
             if until_ns is not None and times_ns[-1] > until_ns:
                 shares_of = None
         doubt, fault = self._doubt(times_ns[-1]), "" if image is None else image.fault
         pulled_n = self._pull.least_n(doubt, tared=self.tare.current.id > 0)
-        judged = self._estimator.judge(read, doubt, shares_of, self._disagreement, fault, pulled_n)
+        judged = self._estimator.estimate(read, doubt, shares_of, self._disagreement, fault, pulled_n)
         if judged.ends_at < len(judged):
             self._forget_comparison()
         self._newest = judged
@@ -424,15 +431,15 @@ class Finger:
         self._note(judged)
         if self.tare.busy:
             self._guard_tare()
-        if image is not None and image.tare.busy and self.force_pressed():
+        if image is not None and image.tare.busy and self.force_shows_contact():
             image.tare.abort("a contact began")
         return judged
 
     def _guard_tare(self) -> None:
         """Give up a tare that would take a load for zero."""
-        if self.pressed():
+        if self.is_pressed():
             self.tare.abort("a contact began")
-        elif self.pulled and not self._unloaded:
+        elif self.is_pulled and not self._unloaded:
             self.tare.abort("the normal force became negative, as if the pad were pulled")
 
     def _tared(self) -> bool:

@@ -34,7 +34,7 @@ class Tares:
             stream: "wrench", "pad", or "all"; None: what measures the force, which is the pad where there is no force
                 sensor.
         """
-        has = {kind: side for kind in STREAMS if (side := finger.side(kind)) is not None}
+        has = {kind: side for kind in STREAMS if (side := finger.channel(kind)) is not None}
         if stream == "all":
             return cls(finger, has)
         kind = next(iter(has)) if stream is None else stream
@@ -53,9 +53,9 @@ class Tares:
         for kind in self.sides:
             if not self.finger.is_fresh(kind, t_ns):
                 return Refusal("not_ready", f"finger {name} has no fresh {kind} readings to average", "finger")
-        if self.finger.pressed_beside(self.sides) is True:
+        if self.finger.is_pressed_without(self.sides) is True:
             return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
-        if self.finger.pulled and self.finger.main_stream in self.sides and not unloaded:
+        if self.finger.is_pulled and self.finger.main_stream in self.sides and not unloaded:
             message = (
                 f"the normal force of finger {name} is negative, as if the pad were pulled: status says what to"
                 " check; if this is the bias of an unloaded sensor, send unloaded: true"
@@ -66,7 +66,7 @@ class Tares:
     @property
     def verified(self) -> bool:
         """The finger is known to be untouched, by all but the zeros that these streams are about to get."""
-        return self.finger.pressed_beside(self.sides) is False
+        return self.finger.is_pressed_without(self.sides) is False
 
     @property
     def busy(self) -> bool:

@@ -73,7 +73,7 @@ class Freshness:
 
 
 class HeldRead(NamedTuple):
-    """The arguments of `Finger.take_wrenches`."""
+    """The arguments of `Finger.decide`."""
 
     samples: Sequence[WrenchSample]
     times_ns: Sequence[int]

@@ -320,7 +320,7 @@ class ImageChannel:
         """
         return bool(self.pressure.any()) if self.known else None
 
-    def shares(self, contact: Contact) -> LoadDistribution | None:
+    def load_distribution(self, contact: Contact) -> LoadDistribution | None:
         """How the image shares the force of a valid contact, found once an image; None without a usable image."""
         if not self._known or self.t_ns is None:
             return None

@@ -63,7 +63,7 @@ class FingerState:
         verdict: Level and reasons.
         wrench: Force on the finger in the pad frame, N, and torque about the pad's origin, N·m: six numbers.
         contact: What the force sensor alone sees; not valid without contact.
-        shares: How the image shares the normal force among its taxels.
+        load_distribution: How the image shares the normal force among its taxels.
         utilisation: λ of the load, with its bounds.
         tipping_margin_m: Signed distance of the centroid to the outline of the image, m.
         model: "none", "translation" or "exact": the most that was needed.
@@ -75,7 +75,7 @@ class FingerState:
     verdict: Verdict
     wrench: tuple[float, ...] | None = None
     contact: Contact | None = None
-    shares: LoadDistribution | None = None
+    load_distribution: LoadDistribution | None = None
     utilisation: Utilisation | None = None
     tipping_margin_m: float = math.nan
     model: str = "none"
@@ -83,16 +83,16 @@ class FingerState:
     age_s: float | None = None
 
     @property
-    def felt(self) -> ForceReading:
+    def force_reading(self) -> ForceReading:
         """What the reading says of the force alone."""
         return ForceReading(self.wrench, self.status, self.age_s)
 
     @property
     def loads(self) -> Loads | None:
         """Normal forces on the active taxels, N."""
-        if self.shares is None or self.contact is None:
+        if self.load_distribution is None or self.contact is None:
             return None
-        shares = self.shares.loads
+        shares = self.load_distribution.loads
         return Loads(shares.loads * self.contact.normal_n, shares.centroid_residual_m, shares.status)
 
 
@@ -104,7 +104,7 @@ class VerdictBatch:
         read: The readings.
         touch: What each is to the contact.
         contacts: As from `find_contacts`, shape (n, 15).
-        shares: How the image shares the force of those that touch.
+        load_distribution: How the image shares the force of those that touch.
         used: Numbers of the `Utilisation` of each, shape (n, 9), or (0, 9).
         margins_m: Tipping margin of each, m, shape (n,), or (0,).
         found: Numbers of the `Found` of each, shape (n, 6).
@@ -119,7 +119,7 @@ class VerdictBatch:
     read: WrenchBatch
     touch: list[int]
     contacts: Array
-    shares: LoadDistribution | None
+    load_distribution: LoadDistribution | None
     used: Array
     margins_m: Array
     found: Array
@@ -144,7 +144,7 @@ class VerdictBatch:
             state = self._made[at] = self._make(at)
         return state
 
-    def felt(self, at: int) -> ForceReading:
+    def force_reading(self, at: int) -> ForceReading:
         """What one reading says of the force alone."""
         read, row = self.read, self.contacts[at].tolist()
         age_s = (read.received_ns - read.times_ns[at]) * 1e-9
@@ -155,7 +155,7 @@ class VerdictBatch:
 
     def _make(self, at: int) -> FingerState:
         touch, t_ns = self.touch[at], self.read.times_ns[at]
-        wrench, status, age_s = self.felt(at)
+        wrench, status, age_s = self.force_reading(at)
         if touch == LATE:
             return FingerState(t_ns, LOST, age_s=age_s)
         if touch == UNTRUSTED:
@@ -173,7 +173,7 @@ class VerdictBatch:
             model, used = "exact", utilisation_told(self.used[at].tolist())
         elif math.isnan(self.mu):
             model = "none"
-        return FingerState(t_ns, verdict, wrench, contact, self.shares, used, margin_m, model, status, age_s)
+        return FingerState(t_ns, verdict, wrench, contact, self.load_distribution, used, margin_m, model, status, age_s)
 
     def _exact(self, at: int) -> bool:
         return len(self.used) > 0 and not math.isnan(self.contacts[at, 7])
@@ -183,7 +183,7 @@ class VerdictBatch:
         if self.disagreement and at < self.ends_at:
             return Verdict("unknown", ("disagreement", *self.disagreement))
         verdict = self._of_contact(at)
-        if self.shares is None and self.image_fault:
+        if self.load_distribution is None and self.image_fault:
             return Verdict(verdict.level, (self.image_fault, *verdict.reasons))
         return verdict
 

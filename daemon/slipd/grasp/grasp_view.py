@@ -142,17 +142,17 @@ class _Place:
 
 def _normal_n(finger: Finger) -> float:
     contact = finger.state.contact
-    return contact.normal_n if contact is not None and finger.trusted else math.nan
+    return contact.normal_n if contact is not None and finger.is_trusted else math.nan
 
 
 def _tangential_n(finger: Finger) -> float:
     contact = finger.state.contact
-    return contact.tangential_norm_n if contact is not None and finger.trusted else math.nan
+    return contact.tangential_norm_n if contact is not None and finger.is_trusted else math.nan
 
 
 def _utilisation(finger: Finger) -> float:
     used = finger.state.utilisation
-    return used.value if used is not None and finger.trusted else math.nan
+    return used.value if used is not None and finger.is_trusted else math.nan
 
 
 def _needed_n(finger: Finger) -> float:
@@ -163,7 +163,7 @@ def _needed_n(finger: Finger) -> float:
 def _wrench(finger: Finger, t_ns: int) -> tuple[float, ...]:
     """Force and torque on the pad; not known either where they may hold the finger's own weight."""
     wrench, force = finger.state.wrench, finger.force
-    if wrench is None or not finger.trusted:
+    if wrench is None or not finger.is_trusted:
         return _NO_WRENCH
     if force is not None and force.gravity.state(t_ns) == "unknown_orientation":
         return _NO_WRENCH

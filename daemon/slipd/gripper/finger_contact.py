@@ -19,21 +19,21 @@ class FingerContact:
 
     def pressed(self) -> bool:
         """Whether a finger is known to be pressed."""
-        return any(finger.pressed() for finger in self._fingers.values())
+        return any(finger.is_pressed() for finger in self._fingers.values())
 
     def pressed_n(self, t_ns: int) -> float | None:
         """The larger normal force of a contact, N; None where there is none, or none that is trusted."""
-        forces_n = (finger.pressed_n(t_ns) for finger in self._fingers.values())
+        forces_n = (finger.contact_force_n(t_ns) for finger in self._fingers.values())
         return max((force_n for force_n in forces_n if force_n is not None), default=None)
 
     def blind(self, t_ns: int) -> tuple[str, ...]:
         """Fingers whose sensors are stale or doubtful."""
-        return tuple(name for name, finger in self._fingers.items() if not finger.feels(t_ns))
+        return tuple(name for name, finger in self._fingers.items() if not finger.is_trusted_for_raise(t_ns))
 
     def not_free(self, t_ns: int) -> tuple[str, ...]:
         """Fingers that are pressed, or are not known to be free."""
         return tuple(
             name
             for name, finger in self._fingers.items()
-            if finger.pressed() is not False or not finger.feels(t_ns, at_rest=True)
+            if finger.is_pressed() is not False or not finger.is_trusted_at_rest(t_ns)
         )

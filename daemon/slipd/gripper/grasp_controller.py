@@ -58,7 +58,7 @@ class GraspController:
             return None
         self._due_ns = t_ns + PERIOD_NS
         state = self._view.update(t_ns, gripper.width_m)
-        feels = all(finger.feels(t_ns) for finger in self._fingers)
+        feels = all(finger.is_trusted_for_raise(t_ns) for finger in self._fingers)
         act = reflex.decide(state.level, state.grip_needed_n, state.internal_n, feels, t_ns)
         if act is None or isinstance(gripper.carry_out("reflex", t_ns, force_n=act.force_n), Refusal):
             return None

@@ -43,7 +43,7 @@ class FingerPublisher:
         if self._slip.passes(t_ns, now=changed):
             out.append(self._sequencer.message(slip_topic(topic), t_ns, self._frame, slip_body(self._finger, state)))
         if self._wrench.passes(t_ns, now=changed):
-            self._tell_wrench(t_ns, state.felt, out)
+            self._tell_wrench(t_ns, state.force_reading, out)
 
     def tell_read(self, judged: VerdictBatch, out: list[Output]) -> None:
         """Adds what is to be said of the readings of one read."""
@@ -53,7 +53,7 @@ class FingerPublisher:
             if t_ns >= slip.due_ns or LEVELS[level] != self._told:
                 self.tell(judged[at], out)
             elif wrench.passes(t_ns):
-                self._tell_wrench(t_ns, judged.felt(at), out)
+                self._tell_wrench(t_ns, judged.force_reading(at), out)
 
     def tell_image(self, t_ns: int, out: list[Output]) -> None:
         """Add the message of a new image, or of one that is too old; at once where it became usable or unusable."""

@@ -52,7 +52,7 @@ def pair(x: float, y: float) -> list[float] | None:
 def slip_body(finger: Finger, state: FingerState) -> Body:
     """``slip.<finger>``, exact while in contact."""
     contact = state.contact if state.contact is not None and state.contact.valid else None
-    used = state.utilisation
+    used, distribution = state.utilisation, state.load_distribution
     return {
         **verdict_body(finger, state),
         "force_unit": _force_unit(finger, state.status),
@@ -73,7 +73,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "pole_m": None if used is None else vector(used.pole_m),
         "tipping_margin_m": number(state.tipping_margin_m),
         "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,
-        "centroid_residual_m": None if state.shares is None else number(state.shares.loads.centroid_residual_m),
+        "centroid_residual_m": None if distribution is None else number(distribution.loads.centroid_residual_m),
         "model": state.model,
         "tare_id": finger.tare.current.id,
         "age_s": state.age_s,
@@ -106,7 +106,7 @@ def needed_n(state: FingerState, finger: Finger) -> float | None:
 
     None where it is not known, and where no force would do.
     """
-    contact, shares, loads = state.contact, state.shares, state.loads
+    contact, shares, loads = state.contact, state.load_distribution, state.loads
     if contact is None or loads is None or shares is None or state.utilisation is None:
         return None
     found = grip_needed_n(
@@ -125,7 +125,7 @@ def needed_n(state: FingerState, finger: Finger) -> float | None:
 
 def _limits(state: FingerState, finger: Finger) -> Body:
     """The torque limit in the sense of the spin, and the grip that would hold the load."""
-    contact, shares, loads = state.contact, state.shares, state.loads
+    contact, shares, loads = state.contact, state.load_distribution, state.loads
     if contact is None or loads is None or shares is None or state.utilisation is None:
         return {"torque_limit_nm": None, "grip_needed_n": None}
     mu = finger.mu or math.nan

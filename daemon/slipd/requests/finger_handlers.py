@@ -89,7 +89,7 @@ class FingerHandlers:
         if isinstance(tares, Refusal):
             return tares
         refusal = self._check_others_lease(request, t_ns, "changed")
-        if refusal is None and not tares.busy and tares.finger.pressed() is True:
+        if refusal is None and not tares.busy and tares.finger.is_pressed() is True:
             refusal = self._policy.check_lease(request.client, t_ns)
         return refusal or tares.undo()
 
@@ -123,7 +123,7 @@ class FingerHandlers:
             return Refusal("out_of_range", limit, "mu_s")
         if mu_d is not None and not 0.0 < mu_d <= mu_s:
             return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, not {mu_d:g}", "mu_d")
-        if finger.loosens(mu_s, mu_d) and not self._config.friction_without_lease:
+        if finger.is_more_lenient(mu_s, mu_d) and not self._config.friction_without_lease:
             refusal = self._policy.check_lease(request.client, t_ns)
             if refusal is not None:
                 why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"

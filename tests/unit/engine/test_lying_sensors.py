@@ -159,7 +159,7 @@ def test_a_coarse_sensor_keeps_its_raises_and_never_flickers(hold: Callable[...,
         hand.image()
         hand.run.skin(5.0, ms=0.0)
         levels.add(hand.run.level()[0])
-        granted += k >= 200 and hand.run.engine._fingers["left"].feels(hand.run.t_ns)
+        granted += k >= 200 and hand.run.engine._fingers["left"].is_trusted_for_raise(hand.run.t_ns)
     assert levels == {"stable"}
     assert granted > 150
 

@@ -31,13 +31,13 @@ def feel(finger):
         if finger.image is not None:
             pressed = rng.uniform(1500.0, 1600.0, finger.image.x.size)
             values = np.column_stack((pressed, pressed, 2 * pressed)) if finger.image.three_axis else pressed
-            finger.take_tactile(TactileSample(t_ns, None, values))
+            finger.update_image(TactileSample(t_ns, None, values))
             tactile_body(finger, finger.image)
         if finger.force is not None:
             torque = None if k % 3 == 0 else np.array((0.0, 0.0, 0.001))
             samples = [WrenchSample(t_ns, None, np.array((0.5, 0.0, -5.0 - n)), torque) for n in range(1 + k % 3)]
-            for judged in finger.take_wrenches(samples, [t_ns] * len(samples)):
-                slip_body(finger, judged[-1]), wrench_body(finger, judged[-1].felt)
+            for judged in finger.decide(samples, [t_ns] * len(samples)):
+                slip_body(finger, judged[-1]), wrench_body(finger, judged[-1].force_reading)
         slip_body(finger, finger.state)
 
 warm_up()

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from force_readings import read_force
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -49,11 +50,11 @@ def hands(finger: Finger, wrench: Wrench) -> dict[bool, Finger]:
         hand = copy.deepcopy(finger)
         for k in range(30):
             t_ns, normal_n = T0 - (300 - 10 * k) * MS, 8.0 + math.sin(k)
-            hand.take_wrench(wrench(t_ns, normal_n, (0.5, 0.0), 0.0, (0.0 if agrees else 0.006, 0.0)))
-            hand.take_tactile(TactileSample(t_ns, None, 100 * normal_n / 16 + 0.1 * (np.arange(16.0) % 3)))
+            read_force(hand, wrench(t_ns, normal_n, (0.5, 0.0), 0.0, (0.0 if agrees else 0.006, 0.0)))
+            hand.update_image(TactileSample(t_ns, None, 100 * normal_n / 16 + 0.1 * (np.arange(16.0) % 3)))
         told[agrees] = hand
     assert "disagreement" not in told[True].state.verdict.reasons
-    hand.take_wrench(wrench(T0, 8.0, (0.5, 0.0), 0.0, (0.006, 0.0)))
+    read_force(hand, wrench(T0, 8.0, (0.5, 0.0), 0.0, (0.006, 0.0)))
     assert hand.state.verdict.reasons[0] == "disagreement"
     return told
 
@@ -73,11 +74,11 @@ class Split:
         while at < len(samples):
             size = self._sizes[0]
             self._sizes = [*self._sizes[1:], size]
-            for judged in self.finger.take_wrenches(samples[at : at + size], times_ns[at : at + size]):
+            for judged in self.finger.decide(samples[at : at + size], times_ns[at : at + size]):
                 self.told += plain(judged)
                 self.voice.tell_read(judged, self.out)
             at += size
-        self.told.append(repr((self.finger.pressed(), self.finger.trusted, self.finger.age_s(times_ns[-1]))))
+        self.told.append(repr((self.finger.is_pressed(), self.finger.is_trusted, self.finger.age_s(times_ns[-1]))))
 
 
 def plain(judged: VerdictBatch) -> list[str]:
@@ -85,7 +86,7 @@ def plain(judged: VerdictBatch) -> list[str]:
     told = []
     for state, level in zip(judged, judged.levels, strict=True):
         assert level == level_code(state.verdict.level)
-        used, shares = state.utilisation, state.shares
+        used, shares = state.utilisation, state.load_distribution
         arrays = [None if values is None else values.tolist() for values in (used and used.pole_m, shares and shares.x)]
         numbers = (state.contact, used and (*used[:3], *used[4:]), state.tipping_margin_m, state.age_s)
         told.append(repr((state.t_ns, state.verdict, state.wrench, state.model, state.status, *numbers, *arrays)))
@@ -135,7 +136,7 @@ def test_any_split_of_a_run_of_readings_is_judged_the_same(
         for split in splits:
             if image is not None:
                 status = ("invalid",) if image == "invalid" else ()
-                split.finger.take_tactile(TactileSample(times_ns[0], None, IMAGES[image], status))
+                split.finger.update_image(TactileSample(times_ns[0], None, IMAGES[image], status))
             if friction is not None:
                 split.finger.set_friction(*friction)
             split.take(made, times_ns)
@@ -157,7 +158,7 @@ def odd_one(sample: WrenchSample, odd: str, before: Sequence[WrenchSample]) -> W
 
 def test_a_late_reading_ends_a_disagreement_with_its_contact(hands: dict[bool, Finger], wrench: Wrench) -> None:
     samples = [wrench(T0 + 25 * MS, 8.0, (0.5, 0.0), 0.0, (0.006, 0.0)) for _ in range(3)]
-    (judged,) = hands[False].take_wrenches(samples, [T0 + MS, T0 + 24 * MS, T0 + 25 * MS])
+    (judged,) = hands[False].decide(samples, [T0 + MS, T0 + 24 * MS, T0 + 25 * MS])
     assert [state.verdict.reasons for state in judged] == [
         ("stale",),
         ("rotation_unobserved",),
@@ -169,11 +170,11 @@ def test_a_reading_that_says_nothing_ends_neither_hysteresis_nor_slip(
     finger: Finger, wrench: Wrench, image: Image
 ) -> None:
     told = []
-    finger.take_tactile(image(T0))
+    finger.update_image(image(T0))
     for k, (pull_n, word) in enumerate(
         ((4.3, ""), (4.1, "overload"), (4.1, ""), (3.0, ""), (3.0, "overload"), (3.0, ""))
     ):
-        state = finger.take_wrench(wrench(T0 + k * MS, 10.0, (pull_n, 0.0), status=(word,) if word else ()))
+        state = read_force(finger, wrench(T0 + k * MS, 10.0, (pull_n, 0.0), status=(word,) if word else ()))
         told.append(state.verdict.level)
     assert told == ["warning", "unknown", "warning", "slipping", "unknown", "slipping"]
 
@@ -182,8 +183,8 @@ def levels(finger: Finger, wrench: Wrench, image: Image, pulls: Iterable[float])
     """Levels of readings 10 ms apart, pressed with 10 N and pulled."""
     told = []
     for k, pull_n in enumerate(pulls):
-        finger.take_tactile(image(T0 + k * 10 * MS))
-        told.append(finger.take_wrench(wrench(T0 + k * 10 * MS, 10.0, (pull_n, 0.0))).verdict.level)
+        finger.update_image(image(T0 + k * 10 * MS))
+        told.append(read_force(finger, wrench(T0 + k * 10 * MS, 10.0, (pull_n, 0.0))).verdict.level)
     return told
 
 
@@ -241,7 +242,7 @@ def test_friction_without_a_dynamic_one_leaves_the_fall_that_was_told_before(
 
 def test_a_state_is_reached_from_either_end_of_its_read(finger: Finger, wrench: Wrench) -> None:
     samples = [wrench(T0 + 2 * MS, normal_n) for normal_n in (0.0, 1.0, 2.0)]
-    (judged,) = finger.take_wrenches(samples, [T0, T0 + MS, T0 + 2 * MS])
+    (judged,) = finger.decide(samples, [T0, T0 + MS, T0 + 2 * MS])
     states: list[FingerState] = list(judged)
     assert [state.t_ns for state in states] == [T0, T0 + MS, T0 + 2 * MS]
     assert [state.age_s for state in states] == pytest.approx([0.002, 0.001, 0.0])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
+from force_readings import read_force
 
 from slipd.config import Config
 from slipd.config import Levels as LevelsConfig
@@ -44,8 +45,8 @@ def judge(finger: Finger, wrench: Wrench, image: Image) -> ContactEstimator:
     def decide(*contact: float, ms: float = 10.0, counts: np.ndarray | None = FULL, **more: object) -> FingerState:
         now[0] += round(ms * MS)
         if counts is not None:
-            finger.take_tactile(image(now[0], counts))
-        return finger.take_wrench(wrench(now[0], *contact, **more))
+            finger.update_image(image(now[0], counts))
+        return read_force(finger, wrench(now[0], *contact, **more))
 
     return decide
 
@@ -63,7 +64,7 @@ def verdict(state: FingerState) -> tuple[str, tuple[str, ...]]:
 
 def test_before_any_reading_a_finger_is_unknown(finger: Finger) -> None:
     assert verdict(finger.state) == ("unknown", ("stale",))
-    assert finger.on_time(T0) is None, "there is nothing new to tell"
+    assert finger.check_silence(T0) is None, "there is nothing new to tell"
     assert finger.age_s(T0) is None
 
 
@@ -126,8 +127,8 @@ def test_a_contact_at_the_edge_of_its_image_tips(judge: ContactEstimator) -> Non
 
 def test_noise_of_the_centroid_is_no_tipping(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
     noisy = make(left.replace("torque_std_nm = 0.0", "torque_std_nm = 0.005"), parse)
-    noisy.take_tactile(image(T0, FULL))
-    assert verdict(noisy.take_wrench(wrench(T0, 10.0, (0.0, 0.0), 0.0, (0.0065, 0.0)))) == ("stable", ())
+    noisy.update_image(image(T0, FULL))
+    assert verdict(read_force(noisy, wrench(T0, 10.0, (0.0, 0.0), 0.0, (0.0065, 0.0)))) == ("stable", ())
 
 
 def pull(judge: ContactEstimator, forces: Iterable[float], normals: Iterable[float] | None = None) -> list[str]:
@@ -174,9 +175,9 @@ def test_a_light_load_that_vanishes_is_no_slip(judge: ContactEstimator) -> None:
 
 def test_without_mu_a_contact_is_unknown(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
     finger = make(left.replace("mu = 0.5\n", ""), parse)
-    finger.take_tactile(image(T0, FULL))
-    assert verdict(finger.take_wrench(wrench(T0, 10.0, (9.0, 0.0)))) == ("unknown", ("no_mu",))
-    assert verdict(finger.take_wrench(wrench(T0, 0.0))) == ("no_contact", ())
+    finger.update_image(image(T0, FULL))
+    assert verdict(read_force(finger, wrench(T0, 10.0, (9.0, 0.0)))) == ("unknown", ("no_mu",))
+    assert verdict(read_force(finger, wrench(T0, 0.0))) == ("no_contact", ())
 
 
 @pytest.mark.parametrize("counts", [None, EMPTY])
@@ -208,8 +209,8 @@ def test_time_alone_takes_back_what_rests_on_an_old_image_and_nothing_worse(
     judge(10.0, (pull_n, 0.0))
     state = judge(10.0, (pull_n, 0.0), ms=25.0, counts=None)
     assert state.verdict.level == level
-    assert finger.on_time(state.t_ns + 5 * MS) is None
-    finger.on_time(state.t_ns + 6 * MS)
+    assert finger.check_silence(state.t_ns + 5 * MS) is None
+    finger.check_silence(state.t_ns + 6 * MS)
     after = ("unknown", ("rotation_unobserved",)) if level != "warning" else verdict(state)
     assert verdict(finger.state) == after
 
@@ -220,29 +221,29 @@ def test_time_alone_ends_no_disagreement(finger: Finger, judge: ContactEstimator
     for _ in range(100):
         state = judge(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), counts=corner)
     state = judge(5.0, (0.1, 0.0), 0.0, (0.006, 0.006), ms=25.0, counts=None)
-    assert state.shares is not None
-    assert not finger.trusted
-    finger.on_time(state.t_ns + 6 * MS)
-    assert not finger.feels(state.t_ns + 6 * MS)
+    assert state.load_distribution is not None
+    assert not finger.is_trusted
+    finger.check_silence(state.t_ns + 6 * MS)
+    assert not finger.is_trusted_for_raise(state.t_ns + 6 * MS)
     assert verdict(finger.state) == verdict(state)
 
 
 def test_a_finger_with_a_pad_that_fell_silent_does_not_feel(finger: Finger, judge: ContactEstimator) -> None:
     t_ns = judge(10.0).t_ns
     judge(10.1, ms=50.0, counts=None)
-    assert finger.feels(t_ns + 50 * MS)
-    assert not finger.feels(t_ns + 50 * MS + 1)
+    assert finger.is_trusted_for_raise(t_ns + 50 * MS)
+    assert not finger.is_trusted_for_raise(t_ns + 50 * MS + 1)
     finger.disconnect_image()
-    assert not finger.feels(t_ns + 50 * MS)
+    assert not finger.is_trusted_for_raise(t_ns + 50 * MS)
     judge(10.0)
-    assert finger.feels(t_ns + 60 * MS)
+    assert finger.is_trusted_for_raise(t_ns + 60 * MS)
 
 
 def test_an_old_image_is_none(finger: Finger, wrench: Wrench, image: Image) -> None:
-    finger.take_tactile(image(T0, FULL))
+    finger.update_image(image(T0, FULL))
     edge = T0 + 30 * MS  # three periods of 100 Hz
-    assert finger.take_wrench(wrench(edge, 10.0)).verdict.level == "stable"
-    assert verdict(finger.take_wrench(wrench(edge + 1, 10.0))) == ("unknown", ("rotation_unobserved",))
+    assert read_force(finger, wrench(edge, 10.0)).verdict.level == "stable"
+    assert verdict(read_force(finger, wrench(edge + 1, 10.0))) == ("unknown", ("rotation_unobserved",))
 
 
 @pytest.mark.parametrize(
@@ -255,13 +256,13 @@ def test_a_stream_is_stale_after_three_periods_and_never_within_20_ms(
     config = parse(robotous).finger["left"]
     assert stale_after_ns(config.wrench) == stale_ns
     finger = Finger("left", config, LevelsConfig())
-    finger.take_wrench(wrench(T0, 10.0))
-    assert finger.on_time(T0 + stale_ns) is None
-    state = finger.on_time(T0 + stale_ns + 1)
+    read_force(finger, wrench(T0, 10.0))
+    assert finger.check_silence(T0 + stale_ns) is None
+    state = finger.check_silence(T0 + stale_ns + 1)
     assert state is not None
     assert verdict(state) == ("unknown", ("stale",))
     assert state.wrench is None
-    assert finger.on_time(T0 + stale_ns + 2) is None, "it is told once"
+    assert finger.check_silence(T0 + stale_ns + 2) is None, "it is told once"
     assert finger.age_s(T0 + stale_ns + 1) == pytest.approx(stale_ns * 1e-9)
 
 
@@ -270,19 +271,19 @@ def test_a_config_may_say_when_a_stream_is_stale_but_not_when_a_grip_is_raised(
 ) -> None:
     patient = parse(left.replace("rate_hz", "stale_s = 0.1\nrate_hz")).finger["left"]
     finger = Finger("left", patient, LevelsConfig())
-    finger.take_tactile(image(T0))
-    finger.take_wrench(wrench(T0, 10.0))
-    assert finger.on_time(T0 + 100 * MS) is None
-    assert finger.feels(T0 + 50 * MS)
-    assert not finger.feels(T0 + 50 * MS + 1)
-    assert verdict(finger.on_time(T0 + 100 * MS + 1)) == ("unknown", ("stale",))
+    finger.update_image(image(T0))
+    read_force(finger, wrench(T0, 10.0))
+    assert finger.check_silence(T0 + 100 * MS) is None
+    assert finger.is_trusted_for_raise(T0 + 50 * MS)
+    assert not finger.is_trusted_for_raise(T0 + 50 * MS + 1)
+    assert verdict(finger.check_silence(T0 + 100 * MS + 1)) == ("unknown", ("stale",))
 
 
 def test_a_stale_finger_knows_again_with_its_next_reading(
     finger: Finger, judge: ContactEstimator, wrench: Wrench
 ) -> None:
     judge(10.0)
-    finger.on_time(T0 + 1000 * MS)
+    finger.check_silence(T0 + 1000 * MS)
     assert judge(10.0, ms=1000.0).verdict.level == "stable"
 
 
@@ -308,7 +309,7 @@ def test_a_reading_that_is_no_number_is_unknown_and_poisons_nothing(
     before = judge(10.0, (1.0, 0.0))
     values = np.array((1.0, 0.0, -10.0, 0.0, 0.0, 0.0))
     values[place] = bad
-    spoilt = finger.take_wrench(WrenchSample(T0 + 11 * MS, None, values[:3], values[3:]))
+    spoilt = read_force(finger, WrenchSample(T0 + 11 * MS, None, values[:3], values[3:]))
     assert verdict(spoilt) == ("unknown", ("not_finite",))
     after = judge(10.0, (1.0, 0.0), ms=2.0)
     assert verdict(after) == verdict(before)
@@ -319,18 +320,18 @@ def test_a_reading_that_is_no_number_is_unknown_and_poisons_nothing(
 
 def test_a_sensor_without_torque_proves_a_grip_unsafe_at_most(finger: Finger, image: Image) -> None:
     for pulled_n, level in ((1.0, ("unknown", ("rotation_unobserved",))), (4.8, ("warning", ("translation",)))):
-        finger.take_tactile(image(T0, FULL))
-        state = finger.take_wrench(WrenchSample(T0, None, np.array((pulled_n, 0.0, -10.0)), None))
+        finger.update_image(image(T0, FULL))
+        state = read_force(finger, WrenchSample(T0, None, np.array((pulled_n, 0.0, -10.0)), None))
         assert verdict(state) == level
         assert state.model == "translation"
         assert math.isnan(state.tipping_margin_m)
-    assert verdict(finger.take_wrench(WrenchSample(T0, None, np.zeros(3), None))) == ("no_contact", ())
+    assert verdict(read_force(finger, WrenchSample(T0, None, np.zeros(3), None))) == ("no_contact", ())
 
 
 def test_a_force_sensor_without_a_pad_proves_a_grip_unsafe_at_most(left: str, parse: Parse, wrench: Wrench) -> None:
     finger = make(left.partition("[finger.left.pad]")[0], parse)
-    assert verdict(finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0)))) == ("unknown", ("rotation_unobserved",))
-    assert verdict(finger.take_wrench(wrench(T0, 10.0, (4.8, 0.0)))) == ("warning", ("translation",))
+    assert verdict(read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))) == ("unknown", ("rotation_unobserved",))
+    assert verdict(read_force(finger, wrench(T0, 10.0, (4.8, 0.0)))) == ("warning", ("translation",))
     assert math.isnan(finger.state.tipping_margin_m)
 
 
@@ -354,9 +355,9 @@ def test_the_mounting_stands_between_sensor_and_pad(left: str, parse: Parse, ima
     pose = "{ xyz_m = [0.0, 0.0, -0.02], quat_xyzw = [1.0, 0.0, 0.0, 0.0] }"
     turned = left.replace("force_std_n = 0.0", f"force_std_n = 0.0\nsign = -1\npad_from_sensor = {pose}")
     finger = make(turned, parse)
-    finger.take_tactile(image(T0, FULL))
+    finger.update_image(image(T0, FULL))
     # Half a turn about X, and the load by the finger: the pad's (2, 0, −10) is the sensor's (−2, 0, −10).
-    state = finger.take_wrench(WrenchSample(T0, None, np.array((-2.0, 0.0, -10.0)), np.zeros(3)))
+    state = read_force(finger, WrenchSample(T0, None, np.array((-2.0, 0.0, -10.0)), np.zeros(3)))
     assert state.wrench is not None
     assert state.wrench[:3] == pytest.approx((2.0, 0.0, -10.0))
     assert state.wrench[3:] == pytest.approx((0.0, -0.04, 0.0)), "r × F with r 20 mm behind the pad"
@@ -368,65 +369,65 @@ class TestPressed:
     def tared(self, finger: Finger, wrench: Wrench, *, t_ns: int = T0 - 100 * MS) -> None:
         finger.begin_tare(t_ns, 0.01, "someone")
         for k in range(20):
-            finger.take_wrench(wrench(t_ns + k * MS, 0.0))
+            read_force(finger, wrench(t_ns + k * MS, 0.0))
         assert finger.tare.current.id == 1
 
     def test_nothing_is_known_before_the_first_reading(self, finger: Finger) -> None:
-        assert finger.pressed() is None
+        assert finger.is_pressed() is None
 
     def test_a_force_sensor_that_was_never_tared_is_not_believed(self, finger: Finger, wrench: Wrench) -> None:
         for normal_n in (0.0, 30.0):
-            finger.take_wrench(wrench(T0, normal_n))
-            assert finger.pressed() is None
+            read_force(finger, wrench(T0, normal_n))
+            assert finger.is_pressed() is None
 
     def test_a_tared_force_sensor_is(self, finger: Finger, wrench: Wrench) -> None:
         self.tared(finger, wrench)
-        finger.take_wrench(wrench(T0, 0.1))
-        assert finger.pressed() is False
-        finger.take_wrench(wrench(T0, 5.0))
-        assert finger.pressed() is True
+        read_force(finger, wrench(T0, 0.1))
+        assert finger.is_pressed() is False
+        read_force(finger, wrench(T0, 5.0))
+        assert finger.is_pressed() is True
 
     def test_a_fresh_image_tells_it_of_its_own(self, finger: Finger, judge: ContactEstimator) -> None:
         judge(0.0, counts=EMPTY)
-        assert finger.pressed() is False
+        assert finger.is_pressed() is False
         judge(0.0, counts=FULL)
-        assert finger.pressed() is True
+        assert finger.is_pressed() is True
 
     def test_an_old_image_does_not(self, finger: Finger, judge: ContactEstimator) -> None:
         judge(0.0, counts=EMPTY)
         judge(0.0, counts=None, ms=31.0)
-        assert finger.pressed() is None
+        assert finger.is_pressed() is None
 
     def test_an_image_outvotes_a_force_sensor_that_reads_nothing(
         self, finger: Finger, judge: ContactEstimator, wrench: Wrench
     ) -> None:
         self.tared(finger, wrench)
         judge(0.1, counts=FULL)
-        assert finger.pressed() is True
+        assert finger.is_pressed() is True
 
     def test_a_silent_force_sensor_is_no_free_finger(self, finger: Finger, wrench: Wrench) -> None:
         self.tared(finger, wrench)
-        finger.take_wrench(wrench(T0, 0.0))
+        read_force(finger, wrench(T0, 0.0))
         finger.lose(T0 + 100 * MS)
-        assert finger.pressed() is None
+        assert finger.is_pressed() is None
 
     @pytest.mark.parametrize(("normal_n", "known"), [(5.0, True), (0.0, None)])
     def test_an_overloaded_sensor_never_shows_a_free_finger(
         self, finger: Finger, wrench: Wrench, normal_n: float, known: bool | None
     ) -> None:
         self.tared(finger, wrench)
-        finger.take_wrench(wrench(T0, normal_n))
-        finger.take_wrench(wrench(T0 + MS, 0.0, status=("overload",)))
-        assert finger.pressed() is known
+        read_force(finger, wrench(T0, normal_n))
+        read_force(finger, wrench(T0 + MS, 0.0, status=("overload",)))
+        assert finger.is_pressed() is known
 
     def test_charge_that_rests_by_assumption_is_no_evidence(
         self, left: str, parse: Parse, wrench: Wrench, image: Image
     ) -> None:
         finger = make(left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0"), parse)
         for k in range(5):
-            finger.take_wrench(wrench(T0 + 10 * k * MS, 0.0))
-            finger.take_tactile(image(T0 + 10 * k * MS, FULL))
-        assert finger.pressed() is None
+            read_force(finger, wrench(T0 + 10 * k * MS, 0.0))
+            finger.update_image(image(T0 + 10 * k * MS, FULL))
+        assert finger.is_pressed() is None
 
     def test_taxels_that_are_the_force_sensor_count_once_they_are_tared(self, right: str, parse: Parse) -> None:
         rest, press = np.full((4, 3), 1000.0), np.tile((1000.0, 1000.0, 3000.0), (4, 1))
@@ -434,8 +435,8 @@ class TestPressed:
             finger = make(text, parse, "right")
             found = []
             for k, counts in enumerate((rest, press)):
-                finger.take_tactile(TactileSample(T0 + k * MS, None, counts, source="2"))
-                found.append(finger.pressed())
+                finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
+                found.append(finger.is_pressed())
             assert found == known
 
 
@@ -470,7 +471,7 @@ class TestTare:
     def test_a_moments_silence_does_not_end_it(self, finger: Finger, judge: ContactEstimator) -> None:
         finger.begin_tare(T0, 0.1, "someone")
         judge(0.0, counts=EMPTY)
-        finger.on_time(T0 + 50 * MS)
+        finger.check_silence(T0 + 50 * MS)
         for _ in range(12):
             judge(0.0, counts=EMPTY)
         assert finger.tare.current.id == 1
@@ -509,7 +510,7 @@ class TestCharge:
         self, finger: Finger, judge: ContactEstimator
     ) -> None:
         self.hold(judge, 3.0)
-        assert finger.on_time(T0 + 10_000 * MS) is not None
+        assert finger.check_silence(T0 + 10_000 * MS) is not None
         assert finger.image is not None
         left_over = np.round(1000 * np.exp(-3.0 / 2.0) * np.ones((4, 4)))
         assert judge(10.0, counts=left_over).verdict.level == "stable"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from force_readings import read_force
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
@@ -102,11 +103,11 @@ def test_the_doubt_of_the_weight_takes_the_margin(heavy: str, left: str, parse: 
     told = {}
     for name, text in (("light", left), ("heavy", heavy)):
         finger = Finger("left", parse(text).finger["left"], Levels())
-        finger.take_tactile(TactileSample(T0, None, np.full(16, 100.0)))
+        finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
         for shown in (False, True):
             if shown and finger.force is not None:
                 finger.force.set_gravity([0.0, 0.0, 0.0], T0)
-            state = finger.take_wrench(WrenchSample(T0, None, np.array((2.0, 0.0, -8.0)), np.zeros(3)))
+            state = read_force(finger, WrenchSample(T0, None, np.array((2.0, 0.0, -8.0)), np.zeros(3)))
             told[name, shown] = state.verdict.level, state.verdict.reasons
             assert state.contact is not None
             assert (state.contact.friction_ratio_std > 0.0) == (name == "heavy" and not shown)
@@ -161,12 +162,12 @@ def test_an_untouched_finger_by_its_image_and_without_one(left: str, parse: Pars
     text = left.replace('port = "/dev/left-wrench"', DRIFTS)
     finger = Finger("left", parse(text).finger["left"], Levels())
     for ms in range(0, 200_000, 100):
-        finger.take_tactile(TactileSample(T0 + ms * MS, None, np.zeros(16)))
-        finger.take_wrench(WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
+        finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
+        read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
     assert finger.force is not None
     assert finger.force.told(T0)["drift"][0] == pytest.approx(0.2, abs=0.01)
     alone = Finger("left", parse(text).finger["left"], Levels())
     for ms in range(0, 200_000, 100):
-        alone.take_wrench(WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
+        read_force(alone, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
     assert alone.force is not None
     assert alone.force.told(T0)["drift"][0] == pytest.approx(0.2, abs=0.01)

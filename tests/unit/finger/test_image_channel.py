@@ -43,7 +43,7 @@ def test_a_finger_without_a_pad_has_no_image(left: str, parse: Parse) -> None:
 
 def test_before_the_first_image_nothing_is_known(make: Callable[..., ImageChannel]) -> None:
     pad = make()
-    assert pad.shares(press()) is None
+    assert pad.load_distribution(press()) is None
     assert pad.shape() is None
     assert pad.shows_contact() is None
     assert pad.wrench() is None
@@ -67,7 +67,7 @@ def test_an_image_below_the_threshold_shows_no_contact_and_gives_no_loads(
     pad = make()
     pad.take(image(T0, np.full(16, 5.0)))
     assert pad.shows_contact() is False
-    assert pad.shares(press()) is None
+    assert pad.load_distribution(press()) is None
     shape = pad.shape()
     assert shape is not None
     assert shape.active == 0
@@ -80,7 +80,7 @@ def test_the_loads_carry_the_force_of_the_newest_reading(
     pad = make(rule)
     pad.take(image(T0, RAMP))
     for normal_n in (8.0, 2.0):
-        found = pad.shares(press(normal_n, (0.001, 0.001)))
+        found = pad.load_distribution(press(normal_n, (0.001, 0.001)))
         assert found is not None
         loads = found.loads.loads
         assert found.x.shape == found.y.shape == loads.shape == (15,), "the taxel without a reading carries nothing"
@@ -94,7 +94,7 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., ImageChannel]
     for rule in ("grey", "binary", "matched"):
         pad = make(rule)
         pad.take(image(T0, RAMP))
-        found = pad.shares(press(8.0, centroid))
+        found = pad.load_distribution(press(8.0, centroid))
         assert found is not None
         loads = found.loads.loads
         told[rule] = (found.x @ loads, found.y @ loads), loads
@@ -103,7 +103,7 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., ImageChannel]
     assert told["matched"][0] == pytest.approx(centroid, abs=1e-9)
     flat = make("binary")
     flat.take(image(T0, np.where(RAMP > 0.0, 100.0, 0.0)))
-    unseen = flat.shares(press(8.0, centroid))
+    unseen = flat.load_distribution(press(8.0, centroid))
     assert unseen is not None
     assert told["binary"][1] == pytest.approx(unseen.loads.loads), "it needs no pressures"
     assert told["matched"][1] != pytest.approx(unseen.loads.loads, rel=0.01)
@@ -116,11 +116,11 @@ def test_a_reading_that_is_no_number_makes_the_image_unknown(make: Callable[...,
     spoilt[2, 2] = np.nan
     pad.take(image(T0 + 1, spoilt))
     assert pad.shows_contact() is None
-    assert pad.shares(press()) is None
+    assert pad.load_distribution(press()) is None
     assert pad.shape() is None
     assert not pad.pressure.any()
     pad.take(image(T0 + 2, RAMP))
-    assert pad.shares(press()) is not None
+    assert pad.load_distribution(press()) is not None
 
 
 def test_an_image_says_why_it_cannot_be_used(make: Callable[..., ImageChannel], image: Image) -> None:
@@ -150,7 +150,7 @@ def test_a_forgotten_image_is_unknown(make: Callable[..., ImageChannel], image: 
     pad = make()
     pad.take(image(T0, RAMP))
     pad.forget()
-    assert (pad.t_ns, pad.shows_contact(), pad.shares(press())) == (None, None, None)
+    assert (pad.t_ns, pad.shows_contact(), pad.load_distribution(press())) == (None, None, None)
 
 
 def test_three_axis_taxels_are_a_force_sensor(right: str, parse: Parse) -> None:

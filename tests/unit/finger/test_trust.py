@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from force_readings import read_force
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
@@ -34,13 +35,13 @@ class Hand:
 
     def send(self, force: Array, torque: Array) -> FingerState:
         self.t_ns += MS
-        self.state = self.finger.take_wrench(WrenchSample(self.t_ns, None, force, torque))
+        self.state = read_force(self.finger, WrenchSample(self.t_ns, None, force, torque))
         return self.state
 
     def look(self, normal_n: float, spoil: Callable[[Array], None] = lambda _: None) -> None:
         counts = np.round(100 * normal_n / 16 + self.rng.normal(0.0, 1.0, 16))
         spoil(counts)
-        self.finger.take_tactile(TactileSample(self.t_ns, None, counts))
+        self.finger.update_image(TactileSample(self.t_ns, None, counts))
 
     def hold(
         self, seconds: float, spoil: Callable[[Array], None] = lambda _: None, **contact: tuple[float, float]
@@ -59,7 +60,7 @@ class Hand:
         return self.state.verdict.level, self.state.verdict.reasons
 
     def conditions(self, kind: str) -> list[tuple[Health, str]]:
-        side = self.finger.side(kind)
+        side = self.finger.channel(kind)
         assert side is not None
         return side.conditions(self.t_ns)
 
@@ -177,7 +178,7 @@ def test_T1_masked_taxels_of_a_three_axis_pad_give_no_force_of_their_own(right: 
     for k in range(120):
         counts = np.tile((0.0, 0.0, 500.0 + 100.0 * math.sin(0.5 * k)), (16, 1)) + rng.normal(0.0, 3.0, (16, 3))
         counts[6] = (9000.0, 9000.0, 65535.0)
-        judged = finger.take_tactile(TactileSample(T0 + k * 10 * MS, None, counts))
+        judged = finger.update_image(TactileSample(T0 + k * 10 * MS, None, counts))
     assert judged is not None
     (state,) = judged
     assert finger.image is not None
@@ -216,7 +217,7 @@ def test_a_force_without_torque_has_no_centroid_to_compare(hand: Hand) -> None:
         normal_n = 8.0 + 2.0 * math.sin(0.5 * k)
         hand.t_ns += 10 * MS
         force = np.array((0.1, 0.0, -normal_n)) + hand.rng.normal(0.0, 0.002, 3)
-        hand.state = hand.finger.take_wrench(WrenchSample(hand.t_ns, None, force, None))
+        hand.state = read_force(hand.finger, WrenchSample(hand.t_ns, None, force, None))
         hand.look(normal_n)
     assert hand.told == ("unknown", ("rotation_unobserved",))
 
@@ -240,7 +241,7 @@ def test_C4_a_reading_that_waited_too_long_is_no_present(hand: Hand) -> None:
     hand.look(8.0)
     assert hand.read(8.0).verdict.level == "stable"
     late = WrenchSample(hand.t_ns + 50 * MS, None, np.array((0.0, 0.0, -8.0)), np.zeros(3))
-    state = hand.finger.take_wrench(late, hand.t_ns + 10 * MS)
+    state = read_force(hand.finger, late, hand.t_ns + 10 * MS)
     assert (state.verdict.level, state.verdict.reasons) == ("unknown", ("stale",))
     assert hand.finger.age_s(hand.t_ns + 50 * MS) == pytest.approx(0.04)
 
@@ -287,18 +288,18 @@ def test_a_finger_needs_a_stream_and_takes_only_its_own(left: str, right: str, p
         Finger("left", bare, Levels())
     seeing = Finger("right", config.finger["right"], Levels())
     with pytest.raises(ValueError, match="has no force sensor"):
-        seeing.take_wrench(WrenchSample(T0, None, np.zeros(3), np.zeros(3)))
+        read_force(seeing, WrenchSample(T0, None, np.zeros(3), np.zeros(3)))
     feeling = Finger("left", config.finger["left"].model_copy(update={"pad": None}), Levels())
-    assert feeling.take_tactile(TactileSample(T0, None, np.zeros(16))) is None
+    assert feeling.update_image(TactileSample(T0, None, np.zeros(16))) is None
     feeling.disconnect_image()
-    assert feeling.side("pad") is None
+    assert feeling.channel("pad") is None
 
 
 def test_a_tare_of_a_pad_that_was_given_up_is_told(right: str, parse: Parse) -> None:
     finger = Finger("right", parse(right).finger["right"], Levels())
     finger.begin_tare(T0, 0.1, "someone")
     finger.disconnect(T0)
-    side = finger.side("pad")
+    side = finger.channel("pad")
     assert side is not None
     assert side.conditions(T0) == [(Health.OK, "the last tare was given up: the stream ended")]
 
@@ -312,11 +313,11 @@ def test_a_tare_that_is_being_measured_is_given_up_by_its_undo(hand: Hand) -> No
 
 def test_F2_what_a_device_says_of_itself_shows_in_the_health_of_its_stream(hand: Hand) -> None:
     reading = np.array((0.0, 0.0, -8.0)), np.zeros(3)
-    hand.finger.take_wrench(WrenchSample(T0, None, *reading, ("overload",)))
+    read_force(hand.finger, WrenchSample(T0, None, *reading, ("overload",)))
     assert hand.conditions("wrench") == [(Health.ERROR, "the device reports: overload")]
-    hand.finger.take_wrench(WrenchSample(T0 + MS, None, *reading, ("skipped",)))
+    read_force(hand.finger, WrenchSample(T0 + MS, None, *reading, ("skipped",)))
     assert hand.conditions("wrench") == [(Health.WARN, "the device reports: skipped")]
-    hand.finger.take_tactile(TactileSample(T0, None, np.full(16, 50.0), ("saturated",)))
+    hand.finger.update_image(TactileSample(T0, None, np.full(16, 50.0), ("saturated",)))
     assert hand.conditions("pad") == [(Health.WARN, "the device reports: saturated")]
 
 
@@ -324,19 +325,19 @@ def test_an_image_that_grows_old_takes_its_verdict_along_before_the_next_force_r
     hand.look(8.0)
     hand.t_ns += 55 * MS
     assert hand.read(8.0).verdict.level == "stable"
-    assert hand.finger.on_time(hand.t_ns + 3 * MS) is None
-    state = hand.finger.on_time(hand.t_ns + 5 * MS)
+    assert hand.finger.check_silence(hand.t_ns + 3 * MS) is None
+    state = hand.finger.check_silence(hand.t_ns + 5 * MS)
     assert state is not None
     assert (state.verdict.level, state.verdict.reasons, state.model) == ("unknown", ("rotation_unobserved",), "none")
-    assert hand.finger.on_time(hand.t_ns + 6 * MS) is None
+    assert hand.finger.check_silence(hand.t_ns + 6 * MS) is None
 
 
 def test_a_tare_does_not_go_on_over_a_long_silence(hand: Hand) -> None:
     hand.read(0.0)
     hand.finger.begin_tare(hand.t_ns, 0.1, "someone")
-    hand.finger.on_time(hand.t_ns + 400 * MS)
+    hand.finger.check_silence(hand.t_ns + 400 * MS)
     assert hand.finger.tare.busy
-    hand.finger.on_time(hand.t_ns + 600 * MS)
+    hand.finger.check_silence(hand.t_ns + 600 * MS)
     assert (hand.finger.tare.busy, hand.finger.tare.aborted_reason) == (False, "the stream fell silent")
 
 
@@ -349,7 +350,7 @@ def test_a_weight_that_may_hide_a_contact_makes_no_free_finger(make: Callable[..
     assert hand.finger.tare.current.id == 1
     hand.read(normal_n)
     assert hand.told == ("unknown", ("weight_unknown",))
-    assert hand.finger.pressed() is None
+    assert hand.finger.is_pressed() is None
     force = hand.finger.force
     assert force is not None
     force.set_gravity([0.0, 0.0, -9.8], hand.t_ns)
@@ -357,7 +358,7 @@ def test_a_weight_that_may_hide_a_contact_makes_no_free_finger(make: Callable[..
     for _ in range(20):
         hand.read(0.0)
     assert hand.told == ("no_contact", ())
-    assert hand.finger.pressed() is False
+    assert hand.finger.is_pressed() is False
     force.gravity.forget()
     hand.read(normal_n)
     assert hand.told == ("unknown", ("weight_unknown",)), "the host slept"
@@ -383,7 +384,7 @@ def test_a_centroid_that_a_weight_may_have_moved_outside_is_a_danger(make: Calla
 
 
 def test_an_image_that_its_device_distrusts_shows_nothing(hand: Hand) -> None:
-    hand.finger.take_tactile(TactileSample(T0, None, np.full(16, 50.0), ("invalid",)))
+    hand.finger.update_image(TactileSample(T0, None, np.full(16, 50.0), ("invalid",)))
     hand.read(8.0)
     assert hand.told == ("unknown", ("rotation_unobserved",))
     assert hand.conditions("pad") == [(Health.ERROR, "the device reports: invalid")]
@@ -410,10 +411,10 @@ def test_the_readings_of_one_read_are_judged_as_if_they_came_singly(left: str, p
     told = []
     for size in (1, 7, 300):
         finger = Finger("left", parse(left).finger["left"], Levels())
-        finger.take_tactile(TactileSample(T0, None, np.full(16, 50.0)))
+        finger.update_image(TactileSample(T0, None, np.full(16, 50.0)))
         states = []
         for at in range(0, len(samples), size):
-            for judged in finger.take_wrenches(samples[at : at + size], times_ns[at : at + size]):
+            for judged in finger.decide(samples[at : at + size], times_ns[at : at + size]):
                 states += list(judged)
         told.append([(state.verdict, state.utilisation and state.utilisation[:3]) for state in states])
     assert told[0] == told[1] == told[2]
@@ -423,7 +424,7 @@ def test_the_readings_of_one_read_are_judged_as_if_they_came_singly(left: str, p
 def test_a_tare_is_taken_from_readings_that_come_together(hand: Hand) -> None:
     hand.finger.begin_tare(T0, 0.01, "someone")
     samples = [WrenchSample(T0 + k * MS, None, np.full(3, 0.1), np.zeros(3)) for k in range(30)]
-    read = hand.finger.take_wrenches(samples, [sample.t_ns for sample in samples])
+    read = hand.finger.decide(samples, [sample.t_ns for sample in samples])
     states = [state for judged in read for state in judged]
     assert hand.finger.tare.current.id == 1
     assert states[0].wrench == pytest.approx((0.1, 0.1, 0.1, 0.0, 0.0, 0.0))
@@ -432,7 +433,7 @@ def test_a_tare_is_taken_from_readings_that_come_together(hand: Hand) -> None:
 
 def test_N1_a_three_axis_image_without_numbers_is_no_reading(right: str, parse: Parse) -> None:
     finger = Finger("right", parse(right).finger["right"], Levels())
-    judged = finger.take_tactile(TactileSample(T0, None, np.full((4, 3), math.nan)))
+    judged = finger.update_image(TactileSample(T0, None, np.full((4, 3), math.nan)))
     assert judged is not None
     (state,) = judged
     assert (state.verdict.level, state.verdict.reasons, state.wrench) == ("unknown", ("not_finite",), None)

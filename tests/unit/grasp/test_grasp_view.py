@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from force_readings import read_force
 from project import DOCS
 
 from slipd import config
@@ -53,8 +54,8 @@ class Hand:
 
     def press(self, name: str, *contact: Any, t_ns: int = T0, counts: np.ndarray | None = FULL, **more: Any) -> None:
         if counts is not None:
-            self.fingers[name].take_tactile(self._image(t_ns, counts))
-        self.fingers[name].take_wrench(self._wrench(t_ns, *contact, **more))
+            self.fingers[name].update_image(self._image(t_ns, counts))
+        read_force(self.fingers[name], self._wrench(t_ns, *contact, **more))
 
     def hold(self, t_ns: int = T0) -> None:
         """10 N of grip, 2.4 N of load along the pads' X in halves."""
@@ -138,7 +139,7 @@ def test_the_halves_of_a_virtual_scene_add_up_to_what_the_world_does(hand: Hand)
     load, normal_n, at = (2.5, 0.7, 0.03), 12.0, (0.002, -0.001)
     for name, centre in (("left", at), ("right", (at[0], -at[1]))):
         force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)
-        hand.fingers[name].take_wrench(WrenchSample(T0, None, force, torque, ()))
+        read_force(hand.fingers[name], WrenchSample(T0, None, force, torque, ()))
     view = GraspView(grasp, hand.fingers)
     view.update(T0, WIDTH_M)
     body = view.body(T0)
@@ -296,7 +297,7 @@ def test_pads_without_a_force_sensor_make_a_grasp_too(
     hand = Hand(parse(left + right + GRASP), wrench, image)
     hand.press("left", 10.0, (1.2, 0.0))
     counts = np.tile(np.array((1000 + 300, 1000, 1000 + 2500)), (4, 1)).astype(float)
-    hand.fingers["right"].take_tactile(TactileSample(T0, None, counts))
+    hand.fingers["right"].update_image(TactileSample(T0, None, counts))
     body = hand.body()
     assert body["internal_n"] == pytest.approx(10.0)
     assert body["external_force_n"] == pytest.approx([0.0, 0.0, 2.4], abs=1e-9)

@@ -289,14 +289,16 @@ class Pad:
     def press(self, pressed: bool | None, force_n: float | None = None) -> None:
         self._pressed, self._force_n = pressed, force_n
 
-    def pressed(self) -> bool | None:
+    def is_pressed(self) -> bool | None:
         return self._pressed
 
-    def pressed_n(self, _: int) -> float | None:
+    def contact_force_n(self, _: int) -> float | None:
         return self._force_n if self._pressed else None
 
-    def feels(self, _: int, *, at_rest: bool = False) -> bool:
-        del at_rest
+    def is_trusted_for_raise(self, _: int) -> bool:
+        return self._feels
+
+    def is_trusted_at_rest(self, _: int) -> bool:
         return self._feels
 
 

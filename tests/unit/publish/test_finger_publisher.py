@@ -31,9 +31,9 @@ def finger(left: str, parse: Parse) -> Finger:
 @pytest.fixture
 def judged(finger: Finger, wrench: Wrench) -> VerdictBatch:
     """A millisecond apart: stable, warning, slipping for long."""
-    finger.take_tactile(TactileSample(T0, None, np.full(16, 100.0)))
+    finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
     samples = [wrench(T0 + 11 * MS, 10.0, (pull_n, 0.0)) for pull_n in PULLS]
-    (judged,) = finger.take_wrenches(samples, [T0 + k * MS for k in range(len(samples))])
+    (judged,) = finger.decide(samples, [T0 + k * MS for k in range(len(samples))])
     return judged
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from force_readings import read_force
 from project import DOCS
 
 from slipd.config import Config, Levels
@@ -62,26 +63,26 @@ def nil(body: dict[str, Any]) -> set[str]:
 
 def test_a_verdict_has_exactly_its_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
     for normal_n in (0.0, 10.0, math.nan):
-        finger.take_wrench(wrench(T0, normal_n))
+        read_force(finger, wrench(T0, normal_n))
         assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
-        finger.take_tactile(image(T0, FULL))
+        finger.update_image(image(T0, FULL))
     finger.lose(T0)
     assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
 
 
 def test_the_protocol_document_lists_the_fields_that_are_sent(finger: Finger, image: Image) -> None:
-    finger.take_tactile(image(T0, FULL))
+    finger.update_image(image(T0, FULL))
     assert finger.image is not None
     words = set(LEVELS) | {"level_code"}
     listed = fields_of("slip.<finger>`: the verdict") - set(LEVELS)
     assert set(slip_body(finger, finger.state)) <= listed
-    assert fields_of("wrench.<finger>") - words == set(wrench_body(finger, finger.state.felt))
+    assert fields_of("wrench.<finger>") - words == set(wrench_body(finger, finger.state.force_reading))
     assert fields_of("tactile.<finger>") - set(IMAGE_REASONS) == set(tactile_body(finger, finger.image))
 
 
 def test_a_contact_is_told_with_everything_that_is_known_of_it(finger: Finger, wrench: Wrench, image: Image) -> None:
-    finger.take_tactile(image(T0 - MS, FULL))
-    finger.take_wrench(wrench(T0, 10.0, (3.0, 0.0), 0.012, (0.001, -0.0005)))
+    finger.update_image(image(T0 - MS, FULL))
+    read_force(finger, wrench(T0, 10.0, (3.0, 0.0), 0.012, (0.001, -0.0005)))
     body = slip_body(finger, finger.state)
     assert nil(body) == set()
     assert (body["level"], body["level_code"], body["model"]) == ("caution", 2, "exact")
@@ -103,10 +104,10 @@ def test_a_contact_is_told_with_everything_that_is_known_of_it(finger: Finger, w
 def test_the_torque_limit_is_that_in_the_sense_of_the_spin(finger: Finger, wrench: Wrench, image: Image) -> None:
     """Beside a force off the load's centre the two senses differ."""
     lopsided = np.array([[100] * 4] * 2 + [[10] * 4] * 2)
-    finger.take_tactile(image(T0, lopsided))
+    finger.update_image(image(T0, lopsided))
     limits = []
     for spin_nm in (0.001, -0.001):
-        finger.take_wrench(wrench(T0, 10.0, (3.0, 0.0), spin_nm, (0.0, -0.003)))
+        read_force(finger, wrench(T0, 10.0, (3.0, 0.0), spin_nm, (0.0, -0.003)))
         limits.append(slip_body(finger, finger.state)["torque_limit_nm"])
     assert limits[0] != pytest.approx(limits[1], rel=1e-3)
 
@@ -114,8 +115,8 @@ def test_the_torque_limit_is_that_in_the_sense_of_the_spin(finger: Finger, wrenc
 def test_without_contact_everything_that_only_a_contact_has_is_nil(
     finger: Finger, wrench: Wrench, image: Image
 ) -> None:
-    finger.take_tactile(image(T0, FULL))
-    finger.take_wrench(wrench(T0, 0.2, (0.1, 0.0)))
+    finger.update_image(image(T0, FULL))
+    read_force(finger, wrench(T0, 0.2, (0.1, 0.0)))
     body = slip_body(finger, finger.state)
     assert nil(body) == ONLY_IN_CONTACT
     assert body["normal_n"] == pytest.approx(0.2)
@@ -124,14 +125,14 @@ def test_without_contact_everything_that_only_a_contact_has_is_nil(
 
 @pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "first"])
 def test_what_cannot_be_known_is_nil(finger: Finger, wrench: Wrench, image: Image, what: str) -> None:
-    finger.take_tactile(image(T0, FULL))
+    finger.update_image(image(T0, FULL))
     if what == "stale":
-        finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0)))
+        read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
         finger.lose(T0 + 50 * MS)
     elif what == "overload":
-        finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0), status=("overload",)))
+        read_force(finger, wrench(T0, 10.0, (1.0, 0.0), status=("overload",)))
     elif what == "not_finite":
-        finger.take_wrench(wrench(T0, math.nan))
+        read_force(finger, wrench(T0, math.nan))
     body = slip_body(finger, finger.state)
     assert body["level"] == "unknown"
     assert nil(body) - {"age_s"} == ONLY_IN_CONTACT | {"normal_n"}
@@ -143,8 +144,8 @@ def test_what_cannot_be_known_is_nil(finger: Finger, wrench: Wrench, image: Imag
 def test_a_twist_that_no_grip_holds_has_no_number(finger: Finger, wrench: Wrench, image: Image) -> None:
     one = np.zeros((4, 4))
     one[1, 1] = 100
-    finger.take_tactile(image(T0, one))
-    finger.take_wrench(wrench(T0, 10.0, (0.0, 0.0), 0.01, (-0.002, -0.002)))
+    finger.update_image(image(T0, one))
+    read_force(finger, wrench(T0, 10.0, (0.0, 0.0), 0.01, (-0.002, -0.002)))
     body = slip_body(finger, finger.state)
     assert body["reasons"][0] == "unsupportable"
     assert (body["utilisation"], body["utilisation_upper"], body["grip_needed_n"]) == (None, None, None)
@@ -152,15 +153,15 @@ def test_a_twist_that_no_grip_holds_has_no_number(finger: Finger, wrench: Wrench
 
 def test_without_mu_there_is_no_source_of_it(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
     finger = Finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
-    finger.take_wrench(wrench(T0, 10.0, (1.0, 0.0)))
+    read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
     body = slip_body(finger, finger.state)
     assert (body["mu"], body["mu_source"]) == (None, None)
     assert body["friction_ratio"] == pytest.approx(0.1)
 
 
 def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench) -> None:
-    finger.take_wrench(wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
-    assert wrench_body(finger, finger.state.felt) == {
+    read_force(finger, wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
+    assert wrench_body(finger, finger.state.force_reading) == {
         "finger": "left",
         "force_unit": "N",
         "force_n": [3.0, -1.0, -10.0],
@@ -174,11 +175,11 @@ def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench)
 
 
 def test_one_component_that_is_no_number_makes_a_vector_nil(finger: Finger) -> None:
-    finger.take_wrench(WrenchSample(T0, None, np.array((1.0, math.nan, -10.0)), np.zeros(3)))
-    body = wrench_body(finger, finger.state.felt)
+    read_force(finger, WrenchSample(T0, None, np.array((1.0, math.nan, -10.0)), np.zeros(3)))
+    body = wrench_body(finger, finger.state.force_reading)
     assert (body["force_n"], body["tangential_n"]) == (None, None)
-    finger.take_wrench(WrenchSample(T0, None, np.array((1.0, 2.0, -10.0)), None))
-    body = wrench_body(finger, finger.state.felt)
+    read_force(finger, WrenchSample(T0, None, np.array((1.0, 2.0, -10.0)), None))
+    body = wrench_body(finger, finger.state.force_reading)
     assert body["force_n"] == [1.0, 2.0, -10.0]
     assert body["torque_nm"] is None
 
@@ -186,7 +187,7 @@ def test_one_component_that_is_no_number_makes_a_vector_nil(finger: Finger) -> N
 def test_an_image_is_told_taxel_by_taxel(finger: Finger, image: Image) -> None:
     counts = np.zeros((4, 4))
     counts[0, 0], counts[0, 1], counts[1, 0], counts[1, 1] = 100, 200, 100, 4
-    finger.take_tactile(image(T0, counts))
+    finger.update_image(image(T0, counts))
     assert finger.image is not None
     body = tactile_body(finger, finger.image)
     assert body["image_ok"] is True
@@ -198,7 +199,7 @@ def test_an_image_is_told_taxel_by_taxel(finger: Finger, image: Image) -> None:
 
 
 def test_an_unknown_image_is_told_as_such(finger: Finger, image: Image) -> None:
-    finger.take_tactile(image(T0, np.full((4, 4), np.nan)))
+    finger.update_image(image(T0, np.full((4, 4), np.nan)))
     assert finger.image is not None
     body = tactile_body(finger, finger.image)
     assert body["image_ok"] is False
@@ -208,7 +209,7 @@ def test_an_unknown_image_is_told_as_such(finger: Finger, image: Image) -> None:
 
 
 def test_an_empty_image_has_no_centre(finger: Finger, image: Image) -> None:
-    finger.take_tactile(image(T0, np.zeros((4, 4))))
+    finger.update_image(image(T0, np.zeros((4, 4))))
     assert finger.image is not None
     body = tactile_body(finger, finger.image)
     assert (body["image_ok"], body["active"], body["area_m2"], body["corners_m"]) == (True, 0, 0.0, [])
@@ -218,7 +219,7 @@ def test_an_empty_image_has_no_centre(finger: Finger, image: Image) -> None:
 def test_a_line_of_taxels_has_no_finite_elongation(finger: Finger, image: Image) -> None:
     counts = np.zeros((4, 4))
     counts[2, :] = 100
-    finger.take_tactile(image(T0, counts))
+    finger.update_image(image(T0, counts))
     assert finger.image is not None
     body = tactile_body(finger, finger.image)
     assert body["elongation"] is None
@@ -254,11 +255,11 @@ def test_only_what_is_calibrated_is_called_newtons(
         finger = Finger(name, settings, Levels())
         assert finger.image is not None
         assert slip_body(finger, finger.state)["force_unit"] == unit
-        assert wrench_body(finger, finger.state.felt)["force_unit"] == unit
+        assert wrench_body(finger, finger.state.force_reading)["force_unit"] == unit
         assert tactile_body(finger, finger.image)["force_unit"] == image_unit
 
 
 def test_raw_values_of_a_sensor_are_not_called_newtons(finger: Finger, wrench: Wrench) -> None:
-    finger.take_wrench(wrench(T0, 10.0, status=("raw",)))
+    read_force(finger, wrench(T0, 10.0, status=("raw",)))
     assert slip_body(finger, finger.state)["force_unit"] == "uncalibrated"
-    assert wrench_body(finger, finger.state.felt)["force_unit"] == "uncalibrated"
+    assert wrench_body(finger, finger.state.force_reading)["force_unit"] == "uncalibrated"
