@@ -310,8 +310,8 @@ class Walk:
             assert told.width_m is not None
             assert abs(told.width_m - self.goal_m) < 1e-3, "moved to another width than permitted"
         if told.force_n is not None and told not in self.sent:  # an older force may be repeated before the newest
-            assert self.session.force_told_n is not None
-            assert abs(told.force_n - self.session.force_told_n) < 1e-6, "sent another force than it says"
+            assert self.session.force_sent_n is not None
+            assert abs(told.force_n - self.session.force_sent_n) < 1e-6, "sent another force than it says"
         self.sent.add(told)
 
     def act(self) -> None:
@@ -334,10 +334,10 @@ class Walk:
 
     def permit(self, permit: Permit) -> None:
         session = self.session
-        state, activating, told_n = session._machine.state, session.activating, session.force_told_n
+        state, activating, told_n = session._machine.state, session.activating, session.force_sent_n
         taken = session.execute(permit, self.now_ns)
         if not taken:
-            assert session.force_told_n == told_n, "a refused permit changes nothing"
+            assert session.force_sent_n == told_n, "a refused permit changes nothing"
             assert session.activating == activating
             if permit.kind != "halt":
                 assert session._machine.state is state
@@ -345,7 +345,7 @@ class Walk:
         if permit.kind in ("move", "set_force"):
             assert not activating
             assert permit.force_n is not None
-            assert 0.0 <= permit.force_n - session.force_told_n < FORCE_STEP_N
+            assert 0.0 <= permit.force_n - session.force_sent_n < FORCE_STEP_N
         if permit.kind == "activate":
             assert session.activating
         self.may_activate = permit.kind == "activate" or (self.may_activate and permit.kind != "halt")

@@ -106,7 +106,7 @@ class GripperSession(Session, Protocol):
         ...
 
     @property
-    def force_told_n(self) -> float | None:
+    def force_sent_n(self) -> float | None:
         """The force in force once all that waits is sent; None where none was sent since the gripper became active."""
         ...
 
@@ -129,7 +129,7 @@ class GripperSession(Session, Protocol):
 
         Returns:
             True where the permit is taken: something will be sent, or, for "halt", something unsent was dropped.
-            `force_told_n` is then the force that will be in force, never above ``permit.force_n`` but for the
+            `force_sent_n` is then the force that will be in force, never above ``permit.force_n`` but for the
             gripper's least. False: nothing will be sent, because the gripper is not active, or not known to be, or
             reports a fault, or is activating.
 

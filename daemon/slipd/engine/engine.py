@@ -91,7 +91,7 @@ class Engine:
             self._started_ns = t_ns
         self._lateness.note(event, t_ns)
         if self._gripper is not None:
-            self._gripper.look(t_ns)
+            self._gripper.drop_after_stall(t_ns)
         match event:
             case Bytes(name, data):
                 self._receive(self._links[name], data, t_ns, out)
@@ -208,7 +208,7 @@ class Engine:
     def _take_gripper(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
         gripper = cast("GripperControl", self._gripper)
         for sample in samples:
-            gripper.take(sample)
+            gripper.update(sample)
             out.append(self._sequencer.message(GRIPPER_TOPIC, sample.t_ns, NO_FRAME, gripper.body(sample.t_ns)))
 
     def _tick(self, suspended_ns: int, t_ns: int, out: list[Output]) -> None:

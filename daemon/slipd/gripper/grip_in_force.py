@@ -53,7 +53,7 @@ class GripInForce:
         self._claimed = False  # what the gripper holds, or that it holds nothing, is the doing of a command of this run
         self._before = _Before(None, unknown=False, claimed=False)
 
-    def take(self, sample: GripperSample, *, answers_command: bool) -> None:
+    def update(self, sample: GripperSample, *, answers_command: bool) -> None:
         """Update with a status reading; while a finger is pressed, no report of the gripper ends a grasp.
 
         Args:
@@ -61,18 +61,18 @@ class GripInForce:
             answers_command: It came after the last motion was sent.
         """
         if not sample.active:
-            self._let_go()
+            self._end_grasp()
             self.command_n = None
-        elif answers_command and self._policy.letting_go:
+        elif answers_command and self._policy.releasing:
             if self._is_released(sample):
-                self._policy.let_go()
+                self._policy.end_grasp()
         elif answers_command:
             if sample.object.startswith("contact"):
                 self._held = True
             elif self._held and sample.object == "none" and not self._touch.pressed():
-                self._let_go()
+                self._end_grasp()
             if not self._claimed:
-                self._find(sample)
+                self._adopt(sample)
 
     def lose_sight(self) -> None:
         """Allow for others that move the gripper from here on, and may grip where no grip is in force."""
@@ -80,40 +80,40 @@ class GripInForce:
 
     def prepare(self) -> None:
         """Note what is in force before a command; a session that began anew knows nothing of a grip from before."""
-        if self._session.force_told_n is None:
+        if self._session.force_sent_n is None:
             self._before = _Before(self._policy.force_n, self._policy.unknown, self._claimed)
 
-    def sent(self, permit: Permit, kind: IntentKind, t_ns: int) -> None:
+    def record_sent(self, permit: Permit, kind: IntentKind, t_ns: int) -> None:
         """Note that the session accepted a permit for a motion or a force."""
-        self.command_n = applied_n = cast("float", self._session.force_told_n)
+        self.command_n = applied_n = cast("float", self._session.force_sent_n)
         if permit.kind == "move":
             self._held = self._held and self._policy.grips
         if kind == "open":
             self._held = False
-            self._policy.begin_to_let_go(applied_n)
+            self._policy.begin_release(applied_n)
         else:
             self.closed_to_m = permit.width_m if permit.kind == "move" else self.closed_to_m
-            self._policy.grip(applied_n, t_ns, reflex=kind == "reflex")
+            self._policy.record_force(applied_n, t_ns, reflex=kind == "reflex")
         self._claimed = True
 
     def renew(self) -> None:
         """Forget what was sent: an activation makes it void, and the gripper decides what becomes of its grip."""
         self._held = self._claimed = False
-        self._policy.begin_to_let_go()
+        self._policy.begin_release()
         self.command_n = None
 
     def undo(self, forget: Callable[[], bool]) -> bool:
         """Let the session forget what was not sent yet, and put back the force that it would have changed."""
-        to_be_n = self._session.force_told_n
+        to_be_n = self._session.force_sent_n
         done = forget()
-        sent_n = self._session.force_told_n
+        sent_n = self._session.force_sent_n
         if sent_n != to_be_n and sent_n is not None:
             self.command_n = sent_n
-            self._policy.put_back(sent_n)
+            self._policy.restore(sent_n)
         elif sent_n != to_be_n:
             force_n, unknown, self._claimed = self._before
             self.command_n = force_n if self._claimed else None
-            self._policy.put_back(force_n, unknown=unknown)
+            self._policy.restore(force_n, unknown=unknown)
         return done
 
     def _is_released(self, sample: GripperSample) -> bool:
@@ -122,13 +122,13 @@ class GripInForce:
             return False
         return not sample.moving or not self._touch.not_free(sample.t_ns)
 
-    def _let_go(self) -> None:
+    def _end_grasp(self) -> None:
         """End the grasp, its force and its budget."""
-        self._policy.let_go()
+        self._policy.end_grasp()
         self._held = self._claimed = False
         self.closed_to_m = None
 
-    def _find(self, sample: GripperSample) -> None:
+    def _adopt(self, sample: GripperSample) -> None:
         """Adopt a grip that no command of this run began as the one in force.
 
         Until a command changes it, its force is what the session knows to have been sent last, or else what the gripper
@@ -139,12 +139,12 @@ class GripInForce:
         if not sample.object.startswith("contact") and felt_n is None:
             return
         self._held, self.closed_to_m = True, None
-        sent_n = self._session.force_told_n
+        sent_n = self._session.force_sent_n
         if sent_n is not None:
-            self._policy.put_back(sent_n)
+            self._policy.restore(sent_n)
             return
         reported_n = number(sample.force_n) or 0.0
         force_n = reported_n if reported_n > 0.0 else felt_n
         limits, least_n = self._policy.limits, self._session.force_range_n[0]
         most_n = math.inf if limits.max_n is None else limits.max_n
-        self._policy.find(None if force_n is None else min(max(force_n, least_n, limits.min_n), most_n))
+        self._policy.adopt(None if force_n is None else min(max(force_n, least_n, limits.min_n), most_n))

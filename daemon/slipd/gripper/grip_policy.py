@@ -58,8 +58,8 @@ class GripState:
     fault: str
     force_n: float | None
     unknown: bool
-    letting_go: bool
-    asked_n: float | None
+    releasing: bool
+    requested_n: float | None
     raise_left_n: float
     lower_left_n: float
     budget_left_n: float
@@ -186,7 +186,7 @@ class GripPolicy:
         return self._unknown and not self._letting_go
 
     @property
-    def letting_go(self) -> bool:
+    def releasing(self) -> bool:
         """The gripper was sent to let go, and has not been seen to."""
         return self._letting_go
 
@@ -196,7 +196,7 @@ class GripPolicy:
         return self.unknown or self.force_n is not None
 
     @property
-    def asked_n(self) -> float | None:
+    def requested_n(self) -> float | None:
         """Force that a client asked for last, N: below it the reflex does not lower; None where it grips nothing."""
         return self._asked_n
 
@@ -207,7 +207,7 @@ class GripPolicy:
             return None
         return min(self.limits.max_n, self.force_n + self._budget_left_n())
 
-    def grip(self, force_n: float, t_ns: int, *, reflex: bool = False) -> None:
+    def record_force(self, force_n: float, t_ns: int, *, reflex: bool = False) -> None:
         """Notes the force that the gripper was told; spends slew and budget.
 
         Raises:
@@ -226,7 +226,7 @@ class GripPolicy:
         if not reflex:
             self._asked_n = force_n
 
-    def find(self, force_n: float | None) -> None:
+    def adopt(self, force_n: float | None) -> None:
         """Adopt a grip that no command began as the one in force; None: its force is not known.
 
         It is a grasp of its own: nothing of its budget is spent, and the reflex does not lower it.
@@ -235,12 +235,12 @@ class GripPolicy:
         self._unknown, self._letting_go = force_n is None, False
         self._raised_n = 0.0
 
-    def put_back(self, force_n: float | None, *, unknown: bool = False) -> None:
+    def restore(self, force_n: float | None, *, unknown: bool = False) -> None:
         """What was noted last never reached the gripper: this is in force. What it spent stays spent."""
         self._force_n, self._unknown, self._letting_go = force_n, unknown, False
         self._asked_n = force_n if force_n is None or self._asked_n is None else min(self._asked_n, force_n)
 
-    def begin_to_let_go(self, force_n: float | None = None) -> None:
+    def begin_release(self, force_n: float | None = None) -> None:
         """Note that the gripper was sent to let go, with ``force_n`` if it was sent a force.
 
         Nothing is gripped any more for whoever asks, but a new grip that comes before the old one is seen to have ended
@@ -250,7 +250,7 @@ class GripPolicy:
         if force_n is not None and self._letting_go:
             self._force_n, self._unknown = force_n, False
 
-    def let_go(self) -> None:
+    def end_grasp(self) -> None:
         """The grasp ended: the gripper opened, lost its object or is not active; the next has a budget of its own."""
         self._force_n = self._asked_n = None
         self._unknown = self._letting_go = False

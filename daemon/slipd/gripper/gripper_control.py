@@ -15,7 +15,7 @@ from slipd.finger.finger import Finger
 from slipd.gripper.finger_contact import FingerContact
 from slipd.gripper.grip_in_force import GripInForce
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
-from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperWatch
+from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge, not_taken
 from slipd.permit import Permit
@@ -31,7 +31,7 @@ Result = dict[str, Any] | Refusal
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
 #: Of the time from one look at the clock to the next so much counts: beyond it the daemon itself stood still, what the
 #: gripper said meanwhile waits to be read, and what it was to be told was meant for another situation.
-LONGEST_LOOK_NS = 50_000_000
+LONGEST_PAUSE_NS = 50_000_000
 #: A motion that no reading has shown for so long has ended, or was none.
 LONGEST_BEGIN_NS = 1_000_000_000
 #: Fingers so near to their goal have arrived.
@@ -55,7 +55,7 @@ class GripperControl:
         self._config = config
         self._session = session
         self._touch = FingerContact(fingers)
-        self._watch = GripperWatch()
+        self._faults = GripperFaultDetector()
         self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
         self.policy = GripPolicy(_limits(config), config.max_lease_ms)
         self._grip = GripInForce(self.policy, session, self._touch)
@@ -65,22 +65,22 @@ class GripperControl:
         self._seen_moving = False  # since the last motion was asked for
         self._moves = False  # the fingers, as far as is known
         self._moved_ns = 0  # when they were sent somewhere
-        self._looked_ns = self._silent_ns = 0
-        self._told_fault = ""
+        self._last_call_ns = self._silent_ns = 0
+        self._reported_fault = ""
 
-    def take(self, sample: GripperSample) -> None:
-        """Take a status reading."""
+    def update(self, sample: GripperSample) -> None:
+        """Update with a status reading."""
         self.sample, self._silent_ns = sample, 0
-        self._latch(self._watch.take(sample))
+        self._latch(self._faults.update(sample))
         self._moves = sample.moving or (self._moves and sample.t_ns <= self._moved_ns)
         self._follow(sample)
-        self._grip.take(sample, answers_command=sample.t_ns > self._moved_ns)
+        self._grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
 
-    def look(self, t_ns: int) -> None:
-        """Looks at the clock before anything is written: after a stall nothing is sent that was asked for before it."""
-        passed_ns, self._looked_ns = t_ns - self._looked_ns, t_ns
-        self._silent_ns += min(passed_ns, LONGEST_LOOK_NS)
-        if passed_ns > LONGEST_LOOK_NS:
+    def drop_after_stall(self, t_ns: int) -> None:
+        """Drop unsent commands if the daemon stood still since the last call; call it before anything is written."""
+        passed_ns, self._last_call_ns = t_ns - self._last_call_ns, t_ns
+        self._silent_ns += min(passed_ns, LONGEST_PAUSE_NS)
+        if passed_ns > LONGEST_PAUSE_NS:
             self._drop()
 
     def wake(self) -> None:
@@ -91,15 +91,15 @@ class GripperControl:
 
     def on_time(self, t_ns: int) -> bool:
         """Lets time pass; True where there is news: the latched fault is another, or a lease ended by itself."""
-        self.look(t_ns)
-        self._latch(self._watch.take_command(lost=self._session.command_lost))
+        self.drop_after_stall(t_ns)
+        self._latch(self._faults.update_command(lost=self._session.command_lost))
         if self.sample is not None and self._silent_ns > self._silence_ns:
             self._forget(NO_ANSWER)
         lapsed = self.policy.lapsed(t_ns)
         if lapsed:
             self.carry_out("lease_end", t_ns)
-        told, self._told_fault = self._told_fault, self.policy.fault
-        return lapsed or self._told_fault != told
+        before, self._reported_fault = self._reported_fault, self.policy.fault
+        return lapsed or self._reported_fault != before
 
     def lose(self) -> None:
         """The link went down: nothing is known of the gripper, and nobody holds the lease."""
@@ -154,7 +154,7 @@ class GripperControl:
             return Refusal("not_ready", "nothing is heard of the gripper, which had a grip in force: wait until it is")
         fault = self.policy.fault
         self.policy.acknowledge()
-        self._watch.acknowledge()
+        self._faults.acknowledge()
         self._session.acknowledge()
         return {"fault": fault or None}
 
@@ -191,7 +191,7 @@ class GripperControl:
         """Nothing is heard of the gripper any more; a fault only where it has something to hold."""
         if self.policy.grips:
             self.policy.latch(fault)
-        self._watch.forget()
+        self._faults.forget()
         self._lose_sight()
 
     def _lose_sight(self) -> None:
@@ -240,11 +240,11 @@ class GripperControl:
         if not self._session.execute(permit, t_ns):
             return False
         if permit.kind == "activate":
-            self._watch.activate(t_ns)
+            self._faults.activate(t_ns)
             self._grip.renew()
             self._goal_m = self._goals_m = None
             return True
-        self._grip.sent(permit, kind, t_ns)
+        self._grip.record_sent(permit, kind, t_ns)
         if permit.kind == "move":
             self._goal_m = goal_m = cast("float", permit.width_m)
             narrowest_m, widest_m = self._goals_m or (goal_m, goal_m)

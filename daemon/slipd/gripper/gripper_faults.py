@@ -17,7 +17,7 @@ ECHO_MISMATCH = "echo_mismatch"
 ACTIVATION_LOST = "activation_lost"
 
 
-class GripperWatch:
+class GripperFaultDetector:
     """Tells each fault once, when it begins: what is told again and again could never be acknowledged."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class GripperWatch:
         """
         self._wrong_echoes = 0
 
-    def take(self, sample: GripperSample) -> str:
+    def update(self, sample: GripperSample) -> str:
         """Takes a reading; returns the fault that begins with it, "" for none."""
         if self._activation == "asked" and not sample.active:
             self._activation, self._fault = "under way", ""
@@ -55,7 +55,7 @@ class GripperWatch:
         self._fault, self._active = sample.fault, sample.active
         return began
 
-    def take_command(self, *, lost: bool) -> str:
+    def update_command(self, *, lost: bool) -> str:
         """Takes whether the last command was lost; returns the fault where it has just been."""
         began = lost and not self._command_lost
         self._command_lost = lost

@@ -102,7 +102,7 @@ def gripper_has_the_force(intent: Intent, situation: Situation) -> Refusal | Non
     return None
 
 
-def unknown_grip_begins_with_the_least_force(intent: Intent, situation: Situation) -> Refusal | None:
+def unknown_grip_starts_at_least_force(intent: Intent, situation: Situation) -> Refusal | None:
     """Refuse all but the least force for a grip whose force is not known: from there steps can be judged."""
     wanted_n = intent.force_wanted_n
     if not situation.grip.unknown or wanted_n is None or wanted_n <= situation.least_n + ROUNDING_N:
@@ -113,7 +113,7 @@ def unknown_grip_begins_with_the_least_force(intent: Intent, situation: Situatio
 
 def grip_is_in_force(intent: Intent, situation: Situation) -> Refusal | None:
     """Refuse to change the force of a grip if none is in force, or its force is not known."""
-    if situation.grip.unknown and not situation.grip.letting_go:
+    if situation.grip.unknown and not situation.grip.releasing:
         begin = f"gripper.close with the least, {situation.least_n:g} N, begins a known grip"
         return Refusal("not_ready", f"the force of the grip in force is not known: {begin}")
     return _NOTHING_GRIPPED if intent.force_in_force_n is None else None
@@ -153,7 +153,7 @@ def change_is_slow_enough(intent: Intent, situation: Situation) -> Refusal | Non
     return _force("too_fast", f"may change at most {rate:g} N/s: ask again in {wait_ms} ms", intent)
 
 
-def raise_is_felt(intent: Intent, situation: Situation) -> Refusal | None:
+def raise_needs_trusted_sensors(intent: Intent, situation: Situation) -> Refusal | None:
     """Refuse a raise while a sensor is stale or doubtful."""
     if _change_n(intent) <= 0.0 or not situation.blind:
         return None
@@ -161,17 +161,17 @@ def raise_is_felt(intent: Intent, situation: Situation) -> Refusal | None:
     return _force("not_ready", f"must not be raised on a stale or doubtful sensor: {names}; see status", intent)
 
 
-def reflex_feels(_: Intent, situation: Situation) -> Refusal | None:
+def reflex_needs_trusted_sensors(_: Intent, situation: Situation) -> Refusal | None:
     """Refuse every act of the reflex while a sensor is stale or doubtful."""
     return Refusal("not_ready", f"stale or doubtful: {', '.join(situation.blind)}") if situation.blind else None
 
 
-def reflex_keeps_what_was_asked(intent: Intent, situation: Situation) -> Refusal | None:
+def reflex_keeps_the_requested_force(intent: Intent, situation: Situation) -> Refusal | None:
     """Refuse to let the reflex lower below the force a client asked for."""
-    asked_n = situation.grip.asked_n
-    if asked_n is None or _change_n(intent) >= 0.0 or (intent.force_applied_n or 0.0) >= asked_n - ROUNDING_N:
+    requested_n = situation.grip.requested_n
+    if requested_n is None or _change_n(intent) >= 0.0 or (intent.force_applied_n or 0.0) >= requested_n - ROUNDING_N:
         return None
-    return Refusal("out_of_range", f"the reflex does not lower below the {asked_n:g} N asked for")
+    return Refusal("out_of_range", f"the reflex does not lower below the {requested_n:g} N asked for")
 
 
 # -- widths and speeds

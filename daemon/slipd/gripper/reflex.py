@@ -159,7 +159,7 @@ class Reflex:
             return None
         line_n = force_n if self._line_n is None else self._line_n - rate * elapsed_ns * 1e-9
         step_n = max(rate * PERIOD_NS * 1e-9, DEAD_BAND_N)
-        self._line_n = max(line_n, force_n - step_n, keep_n, self._policy.asked_n or 0.0)
+        self._line_n = max(line_n, force_n - step_n, keep_n, self._policy.requested_n or 0.0)
         return ReflexAct(self._line_n, force_n, "calm") if self._line_n <= force_n - DEAD_BAND_N + ROUNDING_N else None
 
     def _hand_out(self, act: ReflexAct | None) -> ReflexAct | None:

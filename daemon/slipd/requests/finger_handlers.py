@@ -76,7 +76,7 @@ class FingerHandlers:
         refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)
         if refusal is not None:
             return refusal
-        if (self._policy.grips or self._policy.letting_go) and not tares.verified:
+        if (self._policy.grips or self._policy.releasing) and not tares.verified:
             return Refusal("in_contact", f"{_HELD}, and finger {tares.finger.name} is not known to be free", "finger")
         return tares.begin(t_ns, seconds, named(request.client), unloaded=unloaded)
 

@@ -33,7 +33,7 @@ class Command:
 
     t_ns: int
     by: str
-    asked_n: float
+    requested_n: float
     from_n: float | None
     applied_n: float
 
@@ -208,17 +208,17 @@ class Site(RuleBasedStateMachine):
 
     # The gripper
 
-    def tell(self, by: str, asked_n: float) -> Command:
+    def tell(self, by: str, requested_n: float) -> Command:
         """The gripper is told: its settings are steps, and it takes the one below."""
         least_n, most_n = self.limits.min_n, self.limits.max_n
         assert most_n is not None, "no limit, no actuation"
-        assert math.isfinite(asked_n)
-        assert least_n <= asked_n <= most_n
+        assert math.isfinite(requested_n)
+        assert least_n <= requested_n <= most_n
         assert not self.fault, "nothing moves while a fault is latched"
-        steps = math.floor(asked_n / self.unit_n + 1e-9) * self.unit_n if self.unit_n else asked_n
+        steps = math.floor(requested_n / self.unit_n + 1e-9) * self.unit_n if self.unit_n else requested_n
         t_ns = self.watched_ns if by == "reflex" else self.latest_ns
-        command = Command(t_ns, by, asked_n, self.force_n, max(min(steps, asked_n), least_n))
-        self.policy.grip(command.applied_n, self.t_ns, reflex=by == "reflex")
+        command = Command(t_ns, by, requested_n, self.force_n, max(min(steps, requested_n), least_n))
+        self.policy.record_force(command.applied_n, self.t_ns, reflex=by == "reflex")
         self.raised_n += max(command.applied_n - (self.force_n or math.inf), 0.0) if self.force_n is not None else 0.0
         self.force_n = command.applied_n
         self.commands.append(command)
@@ -232,19 +232,19 @@ class Site(RuleBasedStateMachine):
         """Step, and slew over every window that ends here."""
         if command.from_n is None:
             return
-        assert abs(command.asked_n - command.from_n) <= self.limits.step_n + TINY
+        assert abs(command.requested_n - command.from_n) <= self.limits.step_n + TINY
         up = down = 0.0
         for earlier in reversed([c for c in self.commands if c.by == "client" and c.from_n is not None]):
             assert earlier.from_n is not None
             up += max(earlier.applied_n - earlier.from_n, 0.0)
-            down += max(earlier.from_n - earlier.asked_n, 0.0)
+            down += max(earlier.from_n - earlier.requested_n, 0.0)
             window_s = (command.t_ns - earlier.t_ns) * 1e-9
             assert up <= self.limits.step_n + self.limits.raise_n_per_s * window_s + TINY
             assert down <= self.limits.step_n + self.limits.lower_n_per_s * window_s + TINY
 
     @rule()
     def it_lets_go(self) -> None:
-        self.policy.let_go()
+        self.policy.end_grasp()
         self.force_n, self.raised_n, self.acts = None, 0.0, []
 
     @rule(fault=st.sampled_from(("", "E-stop", "no reply", "overheated")))
@@ -314,22 +314,22 @@ class Site(RuleBasedStateMachine):
 
     def check_rise(self, act: Command, level: str) -> None:
         assert level in ("warning", "slipping")
-        assert act.asked_n <= self.settings.ceiling_n
+        assert act.requested_n <= self.settings.ceiling_n
         rate = self.settings.raise_n_per_s
         if not self.acts or self.acts[-1].from_n != act.from_n:
             self.acts.append(act)  # else it asks again, for more, as the gripper has no setting so near
         for earlier in self.acts:
             assert earlier.from_n is not None
             window_ns = act.t_ns - earlier.t_ns
-            assert act.asked_n - earlier.from_n <= rate * (window_ns + PERIOD_NS) * 1e-9 + TINY
+            assert act.requested_n - earlier.from_n <= rate * (window_ns + PERIOD_NS) * 1e-9 + TINY
 
     def check_fall(self, act: Command, level: str, needed_n: float | None) -> None:
         assert level == "stable"
         assert needed_n is not None
-        assert act.asked_n >= needed_n - TINY
+        assert act.requested_n >= needed_n - TINY
         assert act.applied_n >= self.floor_n - TINY, "what a client asked for is kept"
         assert act.from_n is not None
-        assert act.from_n - act.asked_n <= max(self.settings.lower_n_per_s * PERIOD_NS * 1e-9, 0.1) + TINY
+        assert act.from_n - act.requested_n <= max(self.settings.lower_n_per_s * PERIOD_NS * 1e-9, 0.1) + TINY
 
     # What holds always
 

@@ -289,10 +289,10 @@ def test_D2_another_version_of_the_format_is_refused_by_name() -> None:
 
 
 def test_a_driver_that_registers_again_begins_anew(holding: Bench) -> None:
-    assert holding.session.force_told_n == 10.0
+    assert holding.session.force_sent_n == 10.0
     holding.hear([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
     assert (holding.session.state, holding.session.health.restarts) == ("waiting", 1)
-    assert (holding.session.force_range_n, holding.session.force_told_n) == ((1.0, 2.0), None)
+    assert (holding.session.force_range_n, holding.session.force_sent_n) == ((1.0, 2.0), None)
     holding.run(0.1)
     assert (holding.told(), holding.session.command_lost, holding.session.state) == ([], False, "active")
 
@@ -333,8 +333,8 @@ def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding
     set_force(holding.session, 12.0)
     holding.run(0.01)
     set_force(holding.session, 15.0)
-    assert (holding.session.force_told_n, forget(holding.session, how)) == (15.0, True)
-    assert holding.session.force_told_n == 12.0
+    assert (holding.session.force_sent_n, forget(holding.session, how)) == (15.0, True)
+    assert holding.session.force_sent_n == 12.0
     assert holding.session.drop() is False
 
 
@@ -368,12 +368,12 @@ def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str, a
 
 def test_a_gripper_that_is_not_active_any_more_or_is_activated_was_told_no_force(holding: Bench) -> None:
     activate(holding.session, holding.now_ns)
-    assert (holding.session.force_told_n, holding.session.drop()) == (None, True)
-    assert holding.session.force_told_n == 10.0
+    assert (holding.session.force_sent_n, holding.session.drop()) == (None, True)
+    assert holding.session.force_sent_n == 10.0
     holding.driver.report = Report(0.04, active=False)
     holding.driver._goal_m = None
     holding.run(0.1)
-    assert holding.session.force_told_n is None
+    assert holding.session.force_sent_n is None
 
 
 def test_an_end_with_a_set_point_on_its_way_says_nothing(holding: Bench) -> None:

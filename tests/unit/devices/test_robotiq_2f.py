@@ -235,15 +235,15 @@ def test_halt_takes_back_a_move_that_never_began_with_its_force(active: Bench) -
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
 def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active: Bench, how: str) -> None:
-    assert active.session.force_told_n is None, "the gripper was active before"
+    assert active.session.force_sent_n is None, "the gripper was active before"
     active.move(200, 128, 60)
-    assert active.session.force_told_n == 61.0
+    assert active.session.force_sent_n == 61.0
     active.steps(1)
     active.set_force(90)
     active.steps(1)
     active.move(0, 255, 0)
-    assert (active.session.force_told_n, forget(active.session, how)) == (1.0, True)
-    assert active.session.force_told_n == 91.0
+    assert (active.session.force_sent_n, forget(active.session, how)) == (1.0, True)
+    assert active.session.force_sent_n == 91.0
     active.steps(3)
     assert active.gripper.output == (0x0100 if how == "halt" else 0x0900, 200, 0x805A)
 
@@ -258,7 +258,7 @@ def test_the_force_told_is_that_of_a_force_that_is_repeated_behind_a_halt(active
     halt(active.session)
     active.gripper.mute = False
     for _ in range(4):
-        assert active.session.force_told_n == 91.0
+        assert active.session.force_sent_n == 91.0
         active.steps(1)
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
@@ -273,7 +273,7 @@ def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(active: 
     active.gripper.mute = False
     active.steps(5)
     assert (active.commands(), active.session.state) == ([GO], "command lost")
-    assert (active.gripper.position, active.session.force_told_n) == (3, 61.0)
+    assert (active.gripper.position, active.session.force_sent_n) == (3, 61.0)
     active.move(200, 128, 60)
     active.gripper.mute = True
     active.steps(1)
@@ -293,7 +293,7 @@ def test_a_move_dropped_while_a_poll_was_out_is_not_made_by_a_later_force(active
     active.steps(3)
     assert active.gripper.output[1] == 0
     assert active.gripper.output[2] & 0xFF == 90
-    assert (active.session.force_told_n, active.session.command_lost) == (91.0, False)
+    assert (active.session.force_sent_n, active.session.command_lost) == (91.0, False)
 
 
 def test_a_move_that_is_not_repeated_is_not_made_by_a_later_force(active: Bench) -> None:
@@ -325,12 +325,12 @@ def test_an_activation_that_was_not_sent_is_taken_back(active: Bench, how: str) 
     active.move(200, 128, 60)
     active.steps(1)
     activate(active.session, active.now_ns)
-    assert (active.session.force_told_n, active.set_force(90)) == (None, None)
+    assert (active.session.force_sent_n, active.set_force(90)) == (None, None)
     assert forget(active.session, how)
     active.steps(4)
     assert CLEAR not in active.commands()
     assert active.gripper.output[0] == (0x0100 if how == "halt" else 0x0900), "what it did before is stopped"
-    assert (active.session.state, active.session.force_told_n) == ("active", 61.0)
+    assert (active.session.state, active.session.force_sent_n) == ("active", 61.0)
 
 
 def test_half_an_activation_is_taken_back_by_a_halt_though_the_first_half_is_unanswered() -> None:
@@ -351,7 +351,7 @@ def test_half_an_activation_that_was_taken_back_leaves_a_gripper_that_takes_noth
     activate(active.session, active.now_ns)
     active.steps(1)
     assert halt(active.session)
-    assert (active.session.force_told_n, active.move(1, 2, 3), halt(active.session)) == (None, None, False)
+    assert (active.session.force_sent_n, active.move(1, 2, 3), halt(active.session)) == (None, None, False)
     active.steps(3)
     assert (active.commands(), active.session.state) == ([GO, CLEAR], "inactive")
 
@@ -365,10 +365,10 @@ def test_a_gripper_that_was_not_active_since_was_told_no_force(active: Bench, ho
     else:
         active.gripper.stage = 0
     active.steps(1)
-    assert active.session.force_told_n is None
+    assert active.session.force_sent_n is None
     active.gripper.stage = 3
     active.steps(5)
-    assert (active.session.state, active.session.force_told_n) == ("active", None)
+    assert (active.session.state, active.session.force_sent_n) == ("active", None)
 
 
 def test_a_move_that_was_lost_before_it_was_sent_is_no_goal(active: Bench) -> None:
@@ -376,7 +376,7 @@ def test_a_move_that_was_lost_before_it_was_sent_is_no_goal(active: Bench) -> No
     active.steps(3)
     active.move(200, 128, 60)
     active.steps(1)
-    assert (active.commands(), active.session.command_lost, active.session.force_told_n) == ([], True, None)
+    assert (active.commands(), active.session.command_lost, active.session.force_sent_n) == ([], True, None)
     active.gripper.mute = False
     active.steps(4)
     active.set_force(90)
@@ -673,7 +673,7 @@ def test_a_second_halt_keeps_the_force_that_is_repeated_behind_the_first(active:
     halt(active.session)
     active.gripper.mute = False
     active.steps(1)
-    assert (halt(active.session), active.session.force_told_n) == (True, 91.0)
+    assert (halt(active.session), active.session.force_sent_n) == (True, 91.0)
     active.steps(3)
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
@@ -688,7 +688,7 @@ def test_an_unanswered_force_is_not_repeated_behind_an_activation(active: Bench)
     active.gripper.mute = False
     active.steps(8)
     assert active.commands() == [GO, FORCE, CLEAR, ACTIVATE]
-    assert (active.session.state, active.session.force_told_n) == ("active", None)
+    assert (active.session.state, active.session.force_sent_n) == ("active", None)
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])

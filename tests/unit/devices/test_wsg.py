@@ -161,7 +161,7 @@ def test_a_force_after_a_restart_of_the_daemon_sets_the_limit_alone(holding: Ben
     holding.write(holding.session.stop())
     holding.start()
     holding.sent.clear()
-    assert (holding.session.force_told_n, set_force(holding.session, 12.0)) == (None, 12.0)
+    assert (holding.session.force_sent_n, set_force(holding.session, 12.0)) == (None, 12.0)
     holding.run(0.3)
     assert holding.commands() == [wire.SET_FORCE, wire.GET_FORCE]
     assert (holding.last.width_m, holding.last.force_n) == (0.04, 12.0)
@@ -216,15 +216,15 @@ def test_a_force_behind_a_move_that_waits_goes_with_the_move(bench: Bench) -> No
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
 def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, how: str) -> None:
-    assert holding.session.force_told_n == 10.0
+    assert holding.session.force_sent_n == 10.0
     set_force(holding.session, 12.0)
     holding.write(holding.session.on_time(holding.now_ns))
     holding.swallow = lambda _: True
     set_force(holding.session, 15.0)
     holding.write(holding.session.on_time(holding.now_ns))
     set_force(holding.session, 20.0)
-    assert (holding.session.force_told_n, forget(holding.session, how)) == (20.0, True)
-    assert holding.session.force_told_n == 15.0
+    assert (holding.session.force_sent_n, forget(holding.session, how)) == (20.0, True)
+    assert holding.session.force_sent_n == 15.0
     assert holding.session.drop() is False
 
 
@@ -259,13 +259,13 @@ def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str) -
     set_force(bench.session, 10.0)
     bench.run(0.1)
     activate(bench.session, bench.now_ns)
-    assert (bench.session.force_told_n, forget(bench.session, how)) == (None, True)
+    assert (bench.session.force_sent_n, forget(bench.session, how)) == (None, True)
     bench.run(0.1)
     assert wire.HOME not in bench.commands()
-    assert (bench.session.state, bench.session.force_told_n) == ("active", 10.0)
+    assert (bench.session.state, bench.session.force_sent_n) == ("active", 10.0)
     activate(bench.session, bench.now_ns)
     bench.run(1.0)
-    assert (bench.session.state, bench.session.force_told_n) == ("active", None)
+    assert (bench.session.state, bench.session.force_sent_n) == ("active", None)
 
 
 def test_nothing_is_taken_before_the_first_reading() -> None:
@@ -281,7 +281,7 @@ def test_nothing_is_taken_before_the_first_reading() -> None:
 def test_a_gripper_that_is_not_referenced_any_more_was_told_no_force(holding: Bench) -> None:
     holding.gripper.words.clear()
     holding.run(0.1)
-    assert holding.session.force_told_n is None
+    assert holding.session.force_sent_n is None
 
 
 def test_stop_goes_before_all_else_and_nothing_resumes_behind_it(bench: Bench) -> None:

@@ -107,7 +107,7 @@ def test_an_ended_lease_is_nobodys(policy: GripPolicy) -> None:
 
 def test_A5_the_end_of_a_dead_clients_lease_is_told_once_and_moves_nothing(policy: GripPolicy) -> None:
     policy.acquire(ANN, 200, T0)
-    policy.grip(5.0, T0)
+    policy.record_force(5.0, T0)
     assert not policy.lapsed(T0 + 200 * MS - 1)
     assert policy.lapsed(T0 + 200 * MS)
     assert not policy.lapsed(T0 + 201 * MS)
@@ -127,7 +127,7 @@ def test_nobodys_lease_cannot_be_taken_away(policy: GripPolicy) -> None:
 
 def test_C4_a_late_loop_does_not_revive_a_lease(policy: GripPolicy) -> None:
     policy.acquire(ANN, 200, T0)
-    policy.grip(5.0, T0 + 250 * MS)  # whatever tells the policy the time
+    policy.record_force(5.0, T0 + 250 * MS)  # whatever tells the policy the time
     assert code(policy.renew(ANN, T0 + 100 * MS)) == "no_lease"
     assert policy.acquire(BEN, 200, T0 + 100 * MS) is None
     assert policy.holder(T0 + 449 * MS) == BEN, "and one that is given late lives from now"
@@ -178,13 +178,13 @@ def test_without_a_limit_nothing_may_be_asked(force_n: float) -> None:
 def test_the_first_force_of_a_grasp_meets_the_limits_alone(policy: GripPolicy, force_n: float) -> None:
     assert change(policy, force_n, T0) is None
     assert code(change(policy, 25.1, T0)) == "out_of_range"
-    policy.grip(force_n, T0)
-    assert (policy.force_n, policy.asked_n) == (force_n, force_n)
+    policy.record_force(force_n, T0)
+    assert (policy.force_n, policy.requested_n) == (force_n, force_n)
 
 
 @pytest.mark.parametrize("force_n", [12.0 + 1e-6, 8.0 - 1e-6, 3.0, 24.0])
 def test_A3_a_held_object_feels_no_more_than_a_step(policy: GripPolicy, force_n: float) -> None:
-    policy.grip(10.0, T0)
+    policy.record_force(10.0, T0)
     refusal = change(policy, force_n, T0 + 10_000 * MS)
     assert refusal is not None
     assert (refusal.code, refusal.field) == ("out_of_range", "force_n")
@@ -193,26 +193,26 @@ def test_A3_a_held_object_feels_no_more_than_a_step(policy: GripPolicy, force_n:
 
 @pytest.mark.parametrize(("from_n", "force_n"), [(3.1, 5.1), (4.1, 6.1), (8.3, 10.3), (10.3, 8.3)])
 def test_a_whole_step_is_a_step_however_it_is_rounded(policy: GripPolicy, from_n: float, force_n: float) -> None:
-    policy.grip(from_n, T0)
+    policy.record_force(from_n, T0)
     assert change(policy, force_n, T0) is None
 
 
 @pytest.mark.parametrize("force_n", [math.nan, math.inf, -math.inf])
 def test_N2_no_change_to_what_is_no_number(policy: GripPolicy, force_n: float) -> None:
-    policy.grip(5.0, T0)
+    policy.record_force(5.0, T0)
     assert code(change(policy, force_n, T0)) == "not_finite"
     assert code(react(policy, force_n)) == "not_finite"
     with pytest.raises(ValueError, match="not finite"):
-        policy.grip(force_n, T0)
+        policy.record_force(force_n, T0)
     assert policy.force_n == 5.0
 
 
 @pytest.mark.parametrize(("change_n", "wait_ms"), [(2.0, 200), (0.5, 50), (-2.0, 1000), (-0.5, 250)])
 def test_too_fast_says_when_to_ask_again_and_that_is_true(policy: GripPolicy, change_n: float, wait_ms: int) -> None:
-    policy.grip(10.0, T0)
+    policy.record_force(10.0, T0)
     now_n = 10.0 + math.copysign(2.0, change_n)
     assert change(policy, now_n, T0) is None
-    policy.grip(now_n, T0)
+    policy.record_force(now_n, T0)
     refusal = change(policy, now_n + change_n, T0)
     assert refusal is not None
     assert refusal.code == "too_fast"
@@ -223,40 +223,40 @@ def test_too_fast_says_when_to_ask_again_and_that_is_true(policy: GripPolicy, ch
 
 
 def test_raising_does_not_pay_for_lowering_nor_the_other_way(policy: GripPolicy) -> None:
-    policy.grip(10.0, T0)
-    policy.grip(12.0, T0)
+    policy.record_force(10.0, T0)
+    policy.record_force(12.0, T0)
     assert change(policy, 10.0, T0) is None
-    policy.grip(10.0, T0)
+    policy.record_force(10.0, T0)
     assert code(change(policy, 10.5, T0)) == "too_fast"
     assert code(change(policy, 9.5, T0)) == "too_fast"
 
 
 def test_to_ask_for_what_is_in_force_is_never_too_fast(policy: GripPolicy) -> None:
-    policy.grip(10.0, T0)
-    policy.grip(12.0, T0)
-    policy.grip(10.0, T0)
+    policy.record_force(10.0, T0)
+    policy.record_force(12.0, T0)
+    policy.record_force(10.0, T0)
     assert change(policy, 10.0, T0) is None
 
 
 def test_long_rest_allows_one_step_and_not_two(policy: GripPolicy) -> None:
-    policy.grip(10.0, T0)
-    policy.grip(12.0, T0 + 3_600_000 * MS)
+    policy.record_force(10.0, T0)
+    policy.record_force(12.0, T0 + 3_600_000 * MS)
     assert code(change(policy, 12.5, T0 + 3_600_000 * MS)) == "too_fast"
 
 
 def test_C4_an_earlier_time_allows_nothing_more(policy: GripPolicy) -> None:
-    policy.grip(10.0, T0)
-    policy.grip(12.0, T0)
+    policy.record_force(10.0, T0)
+    policy.record_force(12.0, T0)
     assert code(change(policy, 14.0, T0 - 10_000 * MS)) == "too_fast"
     assert code(change(policy, 14.0, T0 + 199 * MS)) == "too_fast"
     assert change(policy, 14.0, T0 + 200 * MS) is None
 
 
 def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: GripPolicy) -> None:
-    policy.grip(5.0, T0)
+    policy.record_force(5.0, T0)
     for k in range(1, 7):  # raised by 2 N and lowered again, by a client and by the reflex in turn
-        policy.grip(7.0, T0 + 2 * k * 1000 * MS, reflex=k % 2 == 0)
-        policy.grip(5.0, T0 + (2 * k + 1) * 1000 * MS, reflex=k % 2 == 0)
+        policy.record_force(7.0, T0 + 2 * k * 1000 * MS, reflex=k % 2 == 0)
+        policy.record_force(5.0, T0 + (2 * k + 1) * 1000 * MS, reflex=k % 2 == 0)
     later = T0 + 100_000 * MS
     assert policy.most_n == 5.0
     refusal = change(policy, 5.1, later)
@@ -264,27 +264,27 @@ def test_A8_all_raises_of_one_grasp_together_stay_within_its_budget(policy: Grip
     assert refusal is not None
     assert "of the 12 N" in refusal.message
     assert change(policy, 4.0, later) is None, "it may always be lowered"
-    policy.let_go()
-    policy.grip(5.0, later)
+    policy.end_grasp()
+    policy.record_force(5.0, later)
     assert change(policy, 7.0, later) is None, "the next grasp has a budget of its own"
 
 
 def test_what_was_put_back_stays_spent(policy: GripPolicy) -> None:
-    policy.grip(5.0, T0)
-    policy.grip(15.0, T0, reflex=True)
-    policy.grip(17.0, T0)
-    policy.put_back(15.0)
-    assert (policy.force_n, policy.asked_n, policy.most_n) == (15.0, 15.0, 15.0)
-    policy.let_go()
-    policy.put_back(15.0)
-    assert (policy.asked_n, policy.most_n) == (15.0, 15.0), "it was not let go, so it is the same grasp"
-    policy.put_back(None)
-    assert policy.force_n is policy.asked_n is None
+    policy.record_force(5.0, T0)
+    policy.record_force(15.0, T0, reflex=True)
+    policy.record_force(17.0, T0)
+    policy.restore(15.0)
+    assert (policy.force_n, policy.requested_n, policy.most_n) == (15.0, 15.0, 15.0)
+    policy.end_grasp()
+    policy.restore(15.0)
+    assert (policy.requested_n, policy.most_n) == (15.0, 15.0), "it was not let go, so it is the same grasp"
+    policy.restore(None)
+    assert policy.force_n is policy.requested_n is None
 
 
 def test_what_is_left_of_the_budget_may_be_used_up(policy: GripPolicy) -> None:
-    policy.grip(5.0, T0)
-    policy.grip(15.5, T0, reflex=True)
+    policy.record_force(5.0, T0)
+    policy.record_force(15.5, T0, reflex=True)
     assert policy.most_n == 17.0
     assert react(policy, 17.0) is None
     assert code(react(policy, 17.01)) == "budget_spent"
@@ -294,35 +294,35 @@ def test_most_is_the_limit_where_the_budget_leaves_more_and_unknown_where_nothin
     policy: GripPolicy,
 ) -> None:
     assert policy.most_n is None
-    policy.grip(20.0, T0)
+    policy.record_force(20.0, T0)
     assert policy.most_n == 25.0
     unlimited = GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 12.0), 200)
-    unlimited.grip(5.0, T0)
+    unlimited.record_force(5.0, T0)
     assert unlimited.most_n is None
 
 
 def test_the_reflex_may_do_nothing_where_nothing_is_gripped(policy: GripPolicy) -> None:
     assert code(react(policy, 5.0)) == "not_ready"
-    policy.grip(5.0, T0)
-    policy.let_go()
+    policy.record_force(5.0, T0)
+    policy.end_grasp()
     assert code(react(policy, 5.0)) == "not_ready"
-    assert (policy.force_n, policy.asked_n) == (None, None)
+    assert (policy.force_n, policy.requested_n) == (None, None)
 
 
 def test_the_reflex_keeps_what_the_client_asked_for_and_a_client_need_not(policy: GripPolicy) -> None:
-    policy.grip(5.0, T0)
-    policy.grip(8.0, T0, reflex=True)
-    assert (policy.force_n, policy.asked_n) == (8.0, 5.0)
+    policy.record_force(5.0, T0)
+    policy.record_force(8.0, T0, reflex=True)
+    assert (policy.force_n, policy.requested_n) == (8.0, 5.0)
     assert react(policy, 5.0) is None
     assert code(react(policy, 4.9)) == "out_of_range"
     assert change(policy, 6.0, T0) is None
-    policy.grip(6.0, T0)
+    policy.record_force(6.0, T0)
     assert code(react(policy, 5.9)) == "out_of_range"
 
 
 def test_a_raise_by_the_reflex_leaves_a_client_no_allowance_and_no_debt(policy: GripPolicy) -> None:
-    policy.grip(5.0, T0)
-    policy.grip(11.0, T0, reflex=True)
+    policy.record_force(5.0, T0)
+    policy.record_force(11.0, T0, reflex=True)
     assert code(change(policy, 12.0, T0)) == "too_fast"
     assert change(policy, 12.0, T0 + 100 * MS) is None
     assert change(policy, 10.0, T0) is None
@@ -330,7 +330,7 @@ def test_a_raise_by_the_reflex_leaves_a_client_no_allowance_and_no_debt(policy: 
 
 @pytest.mark.parametrize("fault", ["E-stop", "no reply", "echo differs"])
 def test_A6_D4_D5_the_first_fault_is_kept_until_it_is_acknowledged(policy: GripPolicy, fault: str) -> None:
-    policy.grip(5.0, T0)
+    policy.record_force(5.0, T0)
     policy.latch("")
     assert first(policy, 5.0) is None
     policy.latch(fault)

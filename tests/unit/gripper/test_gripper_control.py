@@ -40,7 +40,7 @@ class Recorded:
         self.width_range_m = (0.0, 0.085)
         self.speed_range_mps: tuple[float, float] | None = (0.02, 0.15)
         self.force_range_n = (3.0, 28.5)
-        self.force_told_n: float | None = None
+        self.force_sent_n: float | None = None
         self.has: float | None = None  # of that, what was sent
 
     def start(self, now_ns: int) -> bytes:
@@ -75,15 +75,15 @@ class Recorded:
         else:
             self.commands.append(("move", round(permit.width_m, 3), permit.speed_mps, permit.force_n))
         if self.takes:
-            self.force_told_n = self.applied_n(permit.force_n)
+            self.force_sent_n = self.applied_n(permit.force_n)
         return self.takes
 
     def send(self) -> None:
         """What waits is sent."""
-        self.has = self.force_told_n
+        self.has = self.force_sent_n
 
     def drop(self) -> bool:
-        dropped, self.force_told_n = self.force_told_n != self.has, self.has
+        dropped, self.force_sent_n = self.force_sent_n != self.has, self.has
         return dropped
 
     def acknowledge(self) -> None:
@@ -104,7 +104,7 @@ def make(text: str, parse: Parse, session: Recorded, **fingers: Any) -> GripperC
     config = parse(text).gripper
     assert config is not None
     control = GripperControl(config, session, fingers)
-    control.take(reading())
+    control.update(reading())
     return control
 
 
@@ -206,7 +206,7 @@ def test_g3_a_force_is_within_the_config_and_within_the_gripper(control: Gripper
     assert refused(close_(control, 1.9, None, None, T0)) == ("out_of_range", "force_n")
     assert took(close_(control, 18.0, None, None, T0))
     open_(control, None, None, T0)
-    control.take(reading(t_ns=T0 + MS))
+    control.update(reading(t_ns=T0 + MS))
     session.force_range_n = (0.0, math.inf)
     assert refused(close_(control, 25.1, None, None, T0 + MS)) == ("out_of_range", "force_n")
     assert took(close_(control, 25.0, None, None, T0 + MS)), "what is not reported is not a limit"
@@ -223,7 +223,7 @@ def test_a_force_whose_setting_would_fall_below_the_least_is_refused(
 def test_the_reflex_sets_a_force_where_the_gripper_takes_it(control: GripperControl, session: Recorded) -> None:
     assert isinstance(close_(control, 5.0, None, None, T0), dict)
     assert took(control.carry_out("reflex", T0, force_n=6.7))
-    assert (control.force_command_n, control.policy.asked_n) == (6.5, 5.0)
+    assert (control.force_command_n, control.policy.requested_n) == (6.5, 5.0)
     assert not took(control.carry_out("reflex", T0, force_n=26.0)), "beyond the limit"
     session.takes = False
     assert not took(control.carry_out("reflex", T0, force_n=7.0))
@@ -234,7 +234,7 @@ def test_a_gripper_that_has_not_told_its_widths_is_opened_only_to_a_given_one(
     control: GripperControl, session: Recorded
 ) -> None:
     session.width_range_m = (0.0, math.inf)
-    control.take(reading(0.04))
+    control.update(reading(0.04))
     assert refused(open_(control, None, None, T0)) == ("not_ready", "width_m")
     assert isinstance(open_(control, 0.05, None, T0), dict)
     assert isinstance(close_(control, 5.0, None, None, T0), dict)
@@ -243,7 +243,7 @@ def test_a_gripper_that_has_not_told_its_widths_is_opened_only_to_a_given_one(
 
 def test_closing_never_opens(control: GripperControl, session: Recorded) -> None:
     """An object held at 42.5 mm would fall at 50 mm."""
-    control.take(reading(0.0425))
+    control.update(reading(0.0425))
     assert refused(close_(control, 5.0, 0.050, None, T0)) == ("out_of_range", "width_m")
     assert session.commands == []
     assert isinstance(close_(control, 5.0, control.body(T0)["width_m"], None, T0), dict), "the width that is told"
@@ -256,27 +256,27 @@ def test_closing_never_opens_fingers_that_have_moved_on_since_they_were_heard(
     """At 150 mm/s they are 3 mm further on after a poll."""
     assert isinstance(close_(control, 5.0, 0.03, None, T0), dict)
     assert refused(close_(control, 5.0, 0.05, None, T0 + MS)) == ("out_of_range", "width_m")
-    control.take(reading(0.06, T0 + 20 * MS, moving=True))
+    control.update(reading(0.06, T0 + 20 * MS, moving=True))
     assert refused(close_(control, 5.0, 0.05, None, T0 + 21 * MS)) == ("out_of_range", "width_m")
     assert isinstance(close_(control, 5.0, 0.02, None, T0 + 21 * MS), dict)
-    control.take(reading(0.03, T0 + 60 * MS))
+    control.update(reading(0.03, T0 + 60 * MS))
     assert isinstance(open_(control, 0.08, None, T0 + 60 * MS), dict)
     assert refused(close_(control, 5.0, 0.05, None, T0 + 61 * MS)) == ("out_of_range", "width_m")
-    control.take(reading(0.08, T0 + 80 * MS))
+    control.update(reading(0.08, T0 + 80 * MS))
     assert isinstance(close_(control, 5.0, 0.05, None, T0 + 81 * MS), dict)
 
 
 def test_a_grip_in_force_is_not_closed_to_less_than_it_was(control: GripperControl, session: Recorded) -> None:
     """At the present width nothing would press any more, and the gripper would say that it holds nothing."""
     close_(control, 5.0, 0.02, None, T0)
-    control.take(reading(0.04, T0 + MS, object="contact_closing"))
+    control.update(reading(0.04, T0 + MS, object="contact_closing"))
     session.commands.clear()
     assert refused(close_(control, 5.0, 0.04, None, T0 + 2 * MS)) == ("out_of_range", "width_m")
     assert refused(close_(control, 5.0, 0.021, None, T0 + 2 * MS)) == ("out_of_range", "width_m")
     assert session.commands == []
     assert isinstance(close_(control, 5.0, 0.02, None, T0 + 2 * MS), dict)
     open_(control, 0.05, None, T0 + 3 * MS)
-    control.take(reading(0.05, T0 + 4 * MS))
+    control.update(reading(0.05, T0 + 4 * MS))
     assert isinstance(close_(control, 5.0, 0.05, None, T0 + 5 * MS), dict), "that is another grasp"
 
 
@@ -308,19 +308,19 @@ def test_a_grasp_does_not_end_on_the_word_of_the_gripper_while_a_finger_presses(
     pad = Pad()
     control = make(left + gripper, parse, session, left=pad)
     close_(control, 5.0, None, None, T0)
-    control.take(reading(0.04, T0 + MS, object="contact_closing"))
+    control.update(reading(0.04, T0 + MS, object="contact_closing"))
     pad.press(True, 5.0)
-    control.take(reading(0.04, T0 + 2 * MS, object="none"))
+    control.update(reading(0.04, T0 + 2 * MS, object="none"))
     assert control.policy.force_n == 5.0
     pad.press(False)
-    control.take(reading(0.02, T0 + 3 * MS, object="moving"))
+    control.update(reading(0.02, T0 + 3 * MS, object="moving"))
     assert control.policy.force_n == 5.0
-    control.take(reading(0.0, T0 + 4 * MS, object="none"))
+    control.update(reading(0.0, T0 + 4 * MS, object="none"))
     assert control.policy.force_n is None
 
 
 def test_a_width_is_not_asked_for_where_the_present_one_is_not_known(control: GripperControl) -> None:
-    control.take(reading(None))
+    control.update(reading(None))
     assert refused(close_(control, 5.0, 0.01, None, T0)) == ("not_ready", "width_m")
     assert isinstance(close_(control, 5.0, None, None, T0), dict)
 
@@ -351,11 +351,11 @@ def test_a_gripper_is_refused_for_what_is_wrong_with_it(control: GripperControl)
     def why() -> tuple[str, str]:
         return refused(close_(control, 5.0, None, None, T0))
 
-    control.take(reading(active=False))
+    control.update(reading(active=False))
     assert why() == ("fault_latched", ""), "it was active before"
     control.acknowledge()
     assert why() == ("not_active", "")
-    control.take(reading(active=False, fault="over_temperature"))
+    control.update(reading(active=False, fault="over_temperature"))
     control.acknowledge()
     assert why() == ("gripper_fault", "")
     assert took(ask(control, "activate", T0)), "an activation may be what clears it"
@@ -402,10 +402,10 @@ def test_a_gripper_that_is_not_there_is_told_as_unknown(control: GripperControl)
 
 
 def test_what_a_gripper_measures_is_told(control: GripperControl) -> None:
-    control.take(reading(None, current_a=0.1, force_n=7.5))
+    control.update(reading(None, current_a=0.1, force_n=7.5))
     body = control.body(T0)
     assert (body["width_m"], body["current_a"], body["force_n"]) == (None, 0.1, 7.5)
-    control.take(reading(math.nan, current_a=math.inf, force_n=math.nan))
+    control.update(reading(math.nan, current_a=math.inf, force_n=math.nan))
     body = control.body(T0)
     assert (body["width_m"], body["current_a"], body["force_n"]) == (None, None, None)
 
@@ -421,7 +421,7 @@ def test_the_force_of_a_grip_is_known_beyond_a_lost_link(control: GripperControl
     close_(control, 10.0, None, None, T0)
     control.lose()
     assert control.policy.fault == "link_lost"
-    control.take(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
+    control.update(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
     assert control.policy.force_n == 10.0
 
 
@@ -432,7 +432,7 @@ def test_what_happened_to_a_grip_is_not_acknowledged_before_the_gripper_is_heard
     control.lose()
     assert refused(control.acknowledge()) == ("not_ready", "")
     assert (control.policy.fault, session.commands[-1][0]) == ("link_lost", "move")
-    control.take(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
+    control.update(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
     assert control.acknowledge() == {"fault": "link_lost"}
 
 
@@ -444,7 +444,7 @@ def test_what_happened_without_a_grip_may_be_acknowledged_at_any_time(control: G
 
 def test_a_gripper_that_lost_its_activation_has_no_force_command(control: GripperControl) -> None:
     close_(control, 10.0, None, None, T0)
-    control.take(reading(active=False))
+    control.update(reading(active=False))
     assert control.body(T0)["force_command_n"] is control.policy.force_n is None
     assert control.policy.fault == "activation_lost"
 
@@ -453,20 +453,20 @@ def test_an_activation_ends_the_grasp(control: GripperControl, session: Recorded
     close_(control, 10.0, None, None, T0)
     assert ask(control, "activate", T0) == {}
     assert control.policy.force_n is None
-    control.take(reading(active=False, fault="activation_needed"))
+    control.update(reading(active=False, fault="activation_needed"))
     assert control.policy.fault == ""
 
 
 def test_a_reading_from_before_the_command_does_not_end_the_grasp(control: GripperControl) -> None:
     open_(control, None, None, T0 - 2 * MS)
-    control.take(reading(0.03, T0 - MS, object="contact_closing"))
+    control.update(reading(0.03, T0 - MS, object="contact_closing"))
     close_(control, 10.0, None, None, T0)
-    control.take(reading(0.03, T0, object="none"))
+    control.update(reading(0.03, T0, object="none"))
     assert control.policy.force_n == 10.0
-    control.take(reading(0.03, T0 + MS, object="none"))
+    control.update(reading(0.03, T0 + MS, object="none"))
     assert control.policy.force_n == 10.0, "it was not held yet"
-    control.take(reading(0.03, T0 + 2 * MS, object="contact_closing"))
-    control.take(reading(0.02, T0 + 3 * MS, object="none"))
+    control.update(reading(0.03, T0 + 2 * MS, object="contact_closing"))
+    control.update(reading(0.02, T0 + 3 * MS, object="none"))
     assert control.policy.force_n is None
 
 
@@ -477,11 +477,13 @@ def test_what_waited_while_the_daemon_stood_still_is_dropped_and_latched(
     session.send()
     control.on_time(T0)
     ask(control, "set", T0, force_n=6.0)
-    control.look(T0 + 50 * MS)
+    control.drop_after_stall(T0 + 50 * MS)
     assert (control.policy.force_n, control.policy.fault) == (6.0, "")
-    control.look(T0 + 101 * MS)
+    control.drop_after_stall(T0 + 101 * MS)
     assert control.policy.fault == "command_lost"
-    assert control.policy.force_n == control.policy.asked_n == control.force_command_n == session.force_told_n == 5.0
+    assert (
+        control.policy.force_n == control.policy.requested_n == control.force_command_n == session.force_sent_n == 5.0
+    )
 
 
 def test_a_first_grip_that_was_dropped_is_none(control: GripperControl, session: Recorded) -> None:
@@ -489,7 +491,7 @@ def test_a_first_grip_that_was_dropped_is_none(control: GripperControl, session:
     close_(control, 5.0, None, None, T0)
     control.on_time(T0 + 60 * MS)
     assert control.policy.fault == "command_lost"
-    assert control.policy.force_n is control.policy.asked_n is control.force_command_n is None
+    assert control.policy.force_n is control.policy.requested_n is control.force_command_n is None
 
 
 def test_a_sleep_of_the_host_drops_what_waited_and_ends_what_was_known(
@@ -519,7 +521,7 @@ def test_a_stop_puts_back_the_force_that_it_kept_from_the_gripper(
     else:
         open_(control, None, None, T0)
     assert ask(control, "stop", T0) == {}
-    assert control.policy.force_n == control.policy.asked_n == control.force_command_n == 5.0
+    assert control.policy.force_n == control.policy.requested_n == control.force_command_n == 5.0
     session.send()
     ask(control, "stop", T0)
     assert control.policy.force_n == 5.0
@@ -534,9 +536,9 @@ def test_a_force_that_was_told_before_the_link_was_lost_is_put_back_too(
 ) -> None:
     close_(control, 5.0, None, None, T0)
     control.lose()
-    session.force_told_n = None
+    session.force_sent_n = None
     session.send()
-    control.take(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
+    control.update(reading(0.03, T0 + 5000 * MS, object="contact_closing"))
     control.acknowledge()
     ask(control, "set", T0 + 5000 * MS, force_n=6.0)
     ask(control, "set", T0 + 5000 * MS, force_n=6.5)
@@ -550,7 +552,7 @@ def test_a_force_alone_is_no_motion_that_would_be_stopped(
 ) -> None:
     control = make(left + gripper + 'lease_end = "stop"\n', parse, session)
     close_(control, 5.0, None, None, T0)
-    control.take(reading(0.03, T0 + MS, object="contact_closing"))
+    control.update(reading(0.03, T0 + MS, object="contact_closing"))
     ask(control, "set", T0 + 2 * MS, force_n=6.0)
     if request_behind == "hold":
         assert ask(control, "hold", T0) == {"force_n": 6.0}
@@ -619,14 +621,14 @@ class TestAGripThatNoCommandBegan:
         self, left: str, gripper: str, parse: Parse, session: Recorded
     ) -> None:
         control = self.control(left, gripper, parse, session, Pad(True, 9.0))
-        control.take(reading(0.04, T0, force_n=6.0, **self.HOLDING))
-        assert control.policy.force_n == control.policy.asked_n == 6.0
-        control.take(reading(0.04, T0 + MS, force_n=6.5, **self.HOLDING))
+        control.update(reading(0.04, T0, force_n=6.0, **self.HOLDING))
+        assert control.policy.force_n == control.policy.requested_n == 6.0
+        control.update(reading(0.04, T0 + MS, force_n=6.5, **self.HOLDING))
         assert control.policy.force_n == 6.5, "it is followed until the first command"
         assert refused(close_(control, 25.0, None, None, T0 + MS)) == ("out_of_range", "force_n")
         assert refused(close_(control, 6.5, 0.03, None, T0 + MS)) == ("not_ready", "width_m")
         assert took(close_(control, 8.0, None, None, T0 + MS))
-        control.take(reading(0.04, T0 + 2 * MS, force_n=6.6, **self.HOLDING))
+        control.update(reading(0.04, T0 + 2 * MS, force_n=6.6, **self.HOLDING))
         assert control.policy.force_n == 8.0
 
     @pytest.mark.parametrize("reported_n", [None, 0.0, -1.0, math.nan])
@@ -634,7 +636,7 @@ class TestAGripThatNoCommandBegan:
         self, left: str, gripper: str, parse: Parse, session: Recorded, reported_n: float | None
     ) -> None:
         control = self.control(left, gripper, parse, session, Pad(True, 5.0), Pad(True, 6.0), Pad(False))
-        control.take(reading(0.04, T0, force_n=reported_n))
+        control.update(reading(0.04, T0, force_n=reported_n))
         assert control.policy.force_n == 6.0, "whatever the gripper says of an object"
 
     def test_is_over_when_neither_gripper_nor_finger_says_so_any_more(
@@ -642,9 +644,9 @@ class TestAGripThatNoCommandBegan:
     ) -> None:
         pad = Pad(True, 6.0)
         control = self.control(left, gripper, parse, session, pad)
-        control.take(reading(0.04, T0))
+        control.update(reading(0.04, T0))
         pad.press(False)
-        control.take(reading(0.04, T0 + MS))
+        control.update(reading(0.04, T0 + MS))
         assert not control.policy.grips
         assert took(close_(control, 25.0, None, None, T0 + MS))
 
@@ -652,18 +654,18 @@ class TestAGripThatNoCommandBegan:
         self, left: str, gripper: str, parse: Parse, session: Recorded
     ) -> None:
         control = self.control(left, gripper, parse, session, Pad(None))
-        control.take(reading(0.04, T0, **self.HOLDING))
+        control.update(reading(0.04, T0, **self.HOLDING))
         assert (control.policy.force_n, control.policy.unknown) == (None, True)
         control.lose()
         assert control.policy.fault == "link_lost"
         assert refused(control.acknowledge()) == ("not_ready", "")
-        control.take(reading(0.04, T0 + MS, **self.HOLDING))
+        control.update(reading(0.04, T0 + MS, **self.HOLDING))
         control.acknowledge()
         assert refused(close_(control, 5.0, None, None, T0 + MS)) == ("not_ready", "force_n")
         assert took(close_(control, 3.0, None, None, T0 + MS))
         assert ask(control, "stop", T0 + MS) == {}
         assert control.policy.unknown, "it was never sent"
-        control.take(reading(0.04, T0 + 2 * MS, **self.HOLDING))
+        control.update(reading(0.04, T0 + 2 * MS, **self.HOLDING))
         assert control.policy.unknown
         assert control.force_command_n is None
 
@@ -672,45 +674,45 @@ class TestAGripThatNoCommandBegan:
     ) -> None:
         open_(control, None, None, T0)
         session.send()
-        control.take(reading(0.085, T0 + MS))
+        control.update(reading(0.085, T0 + MS))
         control.lose()
-        session.force_told_n = session.has = None
-        control.take(reading(0.04, T0 + 2 * MS, force_n=6.0, **self.HOLDING))
+        session.force_sent_n = session.has = None
+        control.update(reading(0.04, T0 + 2 * MS, force_n=6.0, **self.HOLDING))
         assert control.policy.force_n == 6.0
 
     def test_goes_on_where_its_object_was_lost_and_came_back(self, control: GripperControl, session: Recorded) -> None:
         close_(control, 6.0, None, None, T0)
         session.send()
-        control.take(reading(0.04, T0 + MS, **self.HOLDING))
+        control.update(reading(0.04, T0 + MS, **self.HOLDING))
         for _ in range(5):
             ask(control, "set", T0, force_n=8.0)
             ask(control, "set", T0, force_n=6.0)
-        control.take(reading(0.03, T0 + 2 * MS))
+        control.update(reading(0.03, T0 + 2 * MS))
         assert not control.policy.grips
-        control.take(reading(0.04, T0 + 3 * MS, force_n=1.0, **self.HOLDING))
-        assert control.policy.force_n == session.force_told_n
+        control.update(reading(0.04, T0 + 3 * MS, force_n=1.0, **self.HOLDING))
+        assert control.policy.force_n == session.force_sent_n
 
     def test_is_let_go_of_before_an_activation(self, left: str, gripper: str, parse: Parse, session: Recorded) -> None:
         """A driver may call its gripper active all the while: until it is seen to let go, a close is a step."""
         control = self.control(left, gripper, parse, session)
-        control.take(reading(0.04, T0, force_n=6.0, **self.HOLDING))
+        control.update(reading(0.04, T0, force_n=6.0, **self.HOLDING))
         assert took(ask(control, "activate", T0))
-        control.take(reading(0.04, T0 + MS, force_n=6.0, **self.HOLDING))
+        control.update(reading(0.04, T0 + MS, force_n=6.0, **self.HOLDING))
         assert control.policy.force_n is None
         assert refused(close_(control, 25.0, None, None, T0 + MS)) == ("out_of_range", "force_n")
-        control.take(reading(0.085, T0 + 2 * MS))
+        control.update(reading(0.085, T0 + 2 * MS))
         assert took(close_(control, 25.0, None, None, T0 + 2 * MS))
 
 
 def test_what_was_opened_is_let_go_once_that_is_seen(control: GripperControl, session: Recorded) -> None:
     close_(control, 6.0, None, None, T0)
     session.send()
-    control.take(reading(0.04, T0 + MS, object="contact_closing"))
+    control.update(reading(0.04, T0 + MS, object="contact_closing"))
     open_(control, None, None, T0 + 2 * MS)
     assert control.policy.force_n is None
     assert refused(close_(control, 12.0, None, None, T0 + 2 * MS)) == ("out_of_range", "force_n")
-    control.take(reading(0.04, T0 + 3 * MS, object="contact_closing"))
+    control.update(reading(0.04, T0 + 3 * MS, object="contact_closing"))
     assert refused(close_(control, 12.0, None, None, T0 + 3 * MS)) == ("out_of_range", "force_n")
     assert refused(ask(control, "set", T0 + 3 * MS, force_n=4.0)) == ("not_ready", "")
-    control.take(reading(0.05, T0 + 4 * MS, object="moving", moving=True))
+    control.update(reading(0.05, T0 + 4 * MS, object="moving", moving=True))
     assert took(close_(control, 12.0, None, None, T0 + 4 * MS))

@@ -24,13 +24,13 @@ FREE = GripState(
     fault="",
     force_n=None,
     unknown=False,
-    letting_go=False,
-    asked_n=None,
+    releasing=False,
+    requested_n=None,
     raise_left_n=2.0,
     lower_left_n=2.0,
     budget_left_n=12.0,
 )
-HELD = replace(FREE, force_n=6.0, asked_n=6.0)
+HELD = replace(FREE, force_n=6.0, requested_n=6.0)
 MOVING: tuple[IntentKind, ...] = ("activate", "open", "close", "set", "adjust", "reflex")
 FORCING: tuple[IntentKind, ...] = ("close", "set", "adjust", "reflex")
 DAEMON = Path(slipd.__file__).parent
@@ -170,7 +170,7 @@ def test_an_unknown_force_begins_with_the_least() -> None:
 
 
 def test_a_grip_that_is_being_let_go_counts_for_a_close_alone() -> None:
-    seen = situation(replace(HELD, letting_go=True, unknown=True))
+    seen = situation(replace(HELD, releasing=True, unknown=True))
     assert code(judge(intent("close", force_in_force_n=3.0, force_wanted_n=25.0), seen)) != ""
     for kind in FORCING[1:]:
         found = judge(intent(kind, force_wanted_n=6.0), seen)

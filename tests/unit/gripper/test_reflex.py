@@ -23,7 +23,7 @@ class Held:
 
     def __init__(self, settings: ReflexSettings = SETTINGS, budget_n: float = 25.0, unit_n: float = 0.0) -> None:
         self.policy = GripPolicy(GripLimits(1.0, 25.0, 2.0, 10.0, 2.0, budget_n), 200)
-        self.policy.grip(5.0, T0)
+        self.policy.record_force(5.0, T0)
         self.reflex = Reflex(settings, self.policy)
         self.unit_n = unit_n
         self.t_ns = T0
@@ -46,7 +46,7 @@ class Held:
                 acts.append(act)
                 self.reflex.acted(act)
                 steps = math.floor(act.force_n / self.unit_n + 1e-9) * self.unit_n if self.unit_n else act.force_n
-                self.policy.grip(steps, self.t_ns, reflex=True)
+                self.policy.record_force(steps, self.t_ns, reflex=True)
         return acts
 
     @property
@@ -146,7 +146,7 @@ def test_A8_a_slip_that_comes_and_goes_asks_no_faster() -> None:
 def test_a_goal_that_a_client_has_gone_below_is_given_up() -> None:
     held = Held(replace(SETTINGS, slip_gain=2.0))
     held.watch("slipping", None, 5)
-    held.policy.grip(4.0, held.t_ns)
+    held.policy.record_force(4.0, held.t_ns)
     assert held.watch("slipping", None, 95) == []
     held.watch("slipping", None, 500)
     assert held.force_n > 4.0
@@ -156,7 +156,7 @@ def test_nothing_exceeds_the_ceiling() -> None:
     held = Held()
     held.watch("warning", 24.0, 2000)
     assert held.force_n == 20.0
-    held.policy.grip(22.0, held.t_ns)
+    held.policy.record_force(22.0, held.t_ns)
     assert held.watch("warning", 24.0, 500) == [], "nor does it lower what a client asked for above it"
 
 
@@ -175,15 +175,15 @@ def test_A8_the_budget_is_used_up_and_then_there_is_quiet() -> None:
 
 def test_without_a_limit_nothing_moves() -> None:
     policy = GripPolicy(GripLimits(0.0, None, 2.0, 10.0, 2.0, 25.0), 200)
-    policy.grip(5.0, T0)
+    policy.record_force(5.0, T0)
     assert Reflex(SETTINGS, policy).decide("warning", 9.0, None, True, T0) is None
 
 
 def test_nothing_gripped_nothing_done() -> None:
     held = Held()
-    held.policy.let_go()
+    held.policy.end_grasp()
     assert held.watch("slipping", 9.0, 200) == []
-    held.policy.grip(5.0, held.t_ns)
+    held.policy.record_force(5.0, held.t_ns)
     assert held.watch("warning", 9.0, 5) != []
 
 
@@ -229,7 +229,7 @@ def test_C4_an_act_of_long_ago_that_was_not_carried_out_is_not_built_upon() -> N
 def test_a_rise_goes_on_from_where_a_client_has_lowered_to() -> None:
     held = Held()
     held.watch("warning", 15.0, 5)
-    held.policy.grip(4.5, held.t_ns)
+    held.policy.record_force(4.5, held.t_ns)
     assert held.watch("warning", 15.0, 20) == [ReflexAct(5.5, 4.5, "needed")]
 
 
@@ -243,7 +243,7 @@ def test_coarse_settings_are_reached_too_however_slow_the_rise(rate: float, unit
 @pytest.mark.parametrize("unit_n", [0.0, 0.85])
 def test_A8_what_has_no_effect_is_asked_for_seldom(unit_n: float) -> None:
     held = Held(unit_n=unit_n)
-    held.policy.grip(5.1 if unit_n else 5.0, T0)
+    held.policy.record_force(5.1 if unit_n else 5.0, T0)
     acts = held.watch("warning", 5.5, 1000)
     assert len(acts) <= (10 if unit_n else 1)
 
@@ -281,7 +281,7 @@ def test_it_keeps_what_the_client_asked_for_last() -> None:
     held = calmed()
     held.watch("stable", 1.0, 10_000)
     assert 5.0 <= held.force_n <= 5.1
-    held.policy.grip(7.0, held.t_ns)
+    held.policy.record_force(7.0, held.t_ns)
     assert held.watch("stable", 1.0, 10_000) == []
 
 

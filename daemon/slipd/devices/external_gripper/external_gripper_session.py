@@ -117,7 +117,7 @@ class Session(PermittedSession):
         return b""
 
     @property
-    def force_told_n(self) -> float | None:
+    def force_sent_n(self) -> float | None:
         """The force of the set-point last sent or queued; None where there is none since the activation."""
         return self._setpoints.force
 

@@ -104,7 +104,7 @@ class Session(PermittedSession):
         return self._units.force_range_n
 
     @property
-    def force_told_n(self) -> float | None:
+    def force_sent_n(self) -> float | None:
         """The force of the byte last sent or queued, N on one pad; None where there is none since the activation."""
         force = self._orders.force
         return None if force is None else self._units.newtons(force)

@@ -125,7 +125,7 @@ class Session(PermittedSession):
         return self._limits.min_force / FINGERS, self._limits.nominal_force / FINGERS
 
     @property
-    def force_told_n(self) -> float | None:
+    def force_sent_n(self) -> float | None:
         """The force limit last sent or queued, N on one pad; None where there is none since the activation."""
         limit = self._orders.force
         return None if limit is None else limit / FINGERS
