@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slipd.finger.finger import Finger
-from slipd.finger.verdict_batch import FingerState
+from slipd.finger.finger_state import FingerState
 from slipd.samples import WrenchSample
 
 

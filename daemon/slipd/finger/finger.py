@@ -14,11 +14,14 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, in_newtons, stale_after_ns
 from slipd.config.model import Stream
 from slipd.finger.contact_estimator import ContactEstimator
+from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import NO_DOUBT, UNTRUSTED_FAULTS, ForceChannel, WrenchBatch
 from slipd.finger.freshness import PROMPT, Arrival, Freshness, HeldRead, HeldReads
+from slipd.finger.friction import Friction
 from slipd.finger.image_channel import UNFELT, Felt, ImageChannel, image_channel
 from slipd.finger.pull import PullDetector
-from slipd.finger.verdict_batch import HIDDEN, LOST, NEGATIVE, UNOBSERVED, FingerState, VerdictBatch
+from slipd.finger.verdict import PAD_PULLED, ROTATION_UNOBSERVED, STREAM_STALE, WEIGHT_UNKNOWN
+from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion import AS_IS, LATE, UNTRUSTED, USABLE, USE, Contact, Doubt, contact_of, wrench_told
 from slipd.fusion.slip import NO_CONTACT
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
@@ -71,11 +74,8 @@ class Finger:
         self.tare: Tare = self._part(None).tare
         self.image_in_newtons = config.pad is not None and in_newtons(config.pad)
         self.in_newtons = config.wrench is not None or self.image_in_newtons
-        self._newest: FingerState | VerdictBatch = FingerState(0, LOST)
+        self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self._estimator = ContactEstimator(config, levels)
-        self._mu_source = "config"
-        self._mu_by: str | None = None
-        self._mu_t_ns: int | None = None
         self._agreement = _agreement(config)
         self._disagreement: tuple[str, ...] = ()
         self._compared_ns = 0
@@ -103,7 +103,7 @@ class Finger:
         tared, shown = self._tared(), self._shows_contact()
         if shown or (tared and self._estimator.in_contact):
             return True
-        if self.state.contact is None or self.state.verdict is HIDDEN:
+        if self.state.contact is None or self.state.verdict is WEIGHT_UNKNOWN:
             return None
         return False if tared else shown
 
@@ -122,7 +122,7 @@ class Finger:
 
         This is the witness while the pad beside it is tared, whose own image has no zero yet.
         """
-        if self.force is None or self.state.contact is None or self.state.verdict is HIDDEN:
+        if self.force is None or self.state.contact is None or self.state.verdict is WEIGHT_UNKNOWN:
             return None
         return self._estimator.in_contact if self.tare.current.id > 0 else None
 
@@ -145,7 +145,7 @@ class Finger:
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Whether its stream "wrench" or "pad" has sent readings lately."""
         if stream == "wrench" or self.force is None:
-            return self.state.verdict is not LOST
+            return self.state.verdict is not STREAM_STALE
         return self._has_image(t_ns, None)
 
     @property
@@ -155,35 +155,23 @@ class Finger:
         return newest if isinstance(newest, FingerState) else newest[-1]
 
     @property
-    def mu(self) -> float | None:
-        """Coefficient of static friction in use; None: not known."""
-        return self._estimator.mu
-
-    @property
-    def mu_source(self) -> str | None:
-        """Where it comes from: "config" or "request"; None: not known."""
-        return None if self.mu is None else self._mu_source
+    def friction(self) -> Friction:
+        """Coefficients of friction in use, and who set them."""
+        return self._estimator.friction
 
     def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
-        """Take the friction of the object that is held, static and, where known, dynamic; for this run.
-
-        Args:
-            mu_s: Coefficient of static friction.
-            mu_d: Of dynamic friction; None: the fall that counts as a slip stays as it is.
-            by: Who states it.
-            t_ns: When.
-        """
-        self._estimator.set_friction(mu_s, mu_d)
-        self._mu_source = "request"
-        self._mu_by, self._mu_t_ns = by, t_ns
-
-    def is_more_lenient(self, mu_s: float, mu_d: float | None) -> bool:
-        """Whether `set_friction` makes a verdict more lenient (see `ContactEstimator.is_more_lenient`)."""
-        return self._estimator.is_more_lenient(mu_s, mu_d)
+        """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `Friction.set`."""
+        self._estimator.set_friction(mu_s, mu_d, by, t_ns)
 
     def friction_body(self) -> dict[str, Any]:
         """Return the friction in use and who set it, as in ``status`` and replies."""
-        return {"mu": self.mu, "mu_source": self.mu_source, "mu_by": self._mu_by, "mu_t_ns": self._mu_t_ns}
+        friction = self.friction
+        return {
+            "mu": friction.mu,
+            "mu_source": friction.source,
+            "mu_by": friction.set_by,
+            "mu_t_ns": friction.set_t_ns,
+        }
 
     @property
     def is_trusted(self) -> bool:
@@ -198,7 +186,7 @@ class Finger:
     @property
     def is_pulled(self) -> bool:
         """The normal force is clearly negative; the counts of a pad that was never tared say nothing of that."""
-        return self.state.verdict is NEGATIVE and (self.force is not None or self._tared())
+        return self.state.verdict is PAD_PULLED and (self.force is not None or self._tared())
 
     def is_trusted_for_raise(self, t_ns: int) -> bool:
         """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and beyond doubt.
@@ -235,7 +223,7 @@ class Finger:
         """What people should know of the readings of the stream "wrench" or "pad"."""
         side = self.channel(kind)
         found = [] if side is None else side.conditions(t_ns)
-        if self.state.verdict is NEGATIVE and side is (self.force or self.image):
+        if self.state.verdict is PAD_PULLED and side is (self.force or self.image):
             normal_n = math.nan if self.state.wrench is None else -self.state.wrench[2]
             advice = self._pull.advice(normal_n, tared=self._tared(), pressed=self._shows_contact())
             found.append((Health.ERROR, advice))
@@ -360,7 +348,7 @@ class Finger:
             and self._image_freshness.silent_ns(t_ns, unread_ns) > LONGEST_TARE_GAP_NS
         ):
             image.tare.abort("the stream fell silent")
-        if self.state.verdict is LOST:
+        if self.state.verdict is STREAM_STALE:
             return None
         if self._freshness.is_stale(t_ns, unread_ns):
             return self.lose(t_ns)
@@ -369,7 +357,7 @@ class Finger:
         if holds and self.state.load_distribution is not None and not self._has_image(t_ns, unread_ns):
             self._newest = replace(
                 self.state,
-                verdict=UNOBSERVED,
+                verdict=ROTATION_UNOBSERVED,
                 load_distribution=None,
                 utilisation=None,
                 tipping_margin_m=math.nan,
@@ -400,14 +388,16 @@ class Finger:
         """Forgets what the force stream told: from now on the verdict is unknown."""
         self._end_contact()
         self._free = False
-        self._newest = FingerState(t_ns, LOST, age_s=self.age_s(t_ns))
+        self._newest = FingerState(t_ns, STREAM_STALE, age_s=self.age_s(t_ns))
         return self._newest
 
     def _decide(self, read: WrenchBatch, arrival: Arrival) -> VerdictBatch:
         """Decides on the readings of one read."""
         times_ns, received_ns, waited_ns = read.times_ns, read.received_ns, arrival.waited_ns
         usable_ns = self._freshness.stale_ns
-        if waited_ns and not (arrival.dated and self.state.verdict is LOST):  # one that was late already is late itself
+        if waited_ns and not (
+            arrival.dated and self.state.verdict is STREAM_STALE
+        ):  # one that was late already is late itself
             usable_ns += waited_ns
         self._received_ns, self._acquired_ns, self._unread_ns = received_ns, times_ns[-1], arrival.unread_ns
         self._freshness.update(received_ns, times_ns[-1], arrival)
@@ -450,7 +440,7 @@ class Finger:
     def _felt(self) -> Felt:
         """What the force sensor felt since the image before."""
         contact = self.state.contact
-        if self.force is None or contact is None or self.state.verdict is LOST:
+        if self.force is None or contact is None or self.state.verdict is STREAM_STALE:
             return UNFELT
         moving = self._high_n - self._low_n > MOVING_STDS * self.force.noise_n
         self._low_n, self._high_n = contact.normal_n, contact.normal_n
@@ -539,9 +529,9 @@ class Finger:
             return
         last_ns = self._past[-1][0] if self._past else -PAST_NS
         for at, normal_n in enumerate(judged.contacts[:, 4].tolist()):
-            if judged.touch[at] <= UNTRUSTED:
+            if judged.phases[at] <= UNTRUSTED:
                 continue
-            t_ns = judged.read.times_ns[at]
+            t_ns = judged.readings.times_ns[at]
             if t_ns - last_ns >= PAST_NS:
                 self._past.append((t_ns, wrench_told(judged.contacts[at].tolist())))
                 last_ns = t_ns

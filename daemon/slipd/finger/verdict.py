@@ -1,38 +1,85 @@
-"""What a level is called, how alarming it is, and why it was reached."""
+"""Verdict on one reading: a level and its reasons, and the rules that give them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-NAMES = ("stable", "caution", "warning")
+from slipd.fusion import Found
+from slipd.fusion.slip import STABLE, WARNING
 
-#: How alarming each level is; "unknown" is worse than any verdict that says the grip holds.
 SEVERITY = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
-
-#: Rotation counts as a reason when translation alone explains less than this share of the utilisation.
+"""Severity of each level; "unknown" is worse than any level at which the grip holds."""
 TRANSLATION_SHARE = 0.9
+"""Rotation is a reason where translation alone explains less than this share of the utilisation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is decided on one reading.
+    """Level of one reading, with its reasons.
 
     Attributes:
-        level: Name of the level.
-        reasons: Why, most telling first; empty when stable.
+        level: Name of the level, one of `slipd_client.messages.LEVELS`.
+        reasons: Why it was reached, the most important first; empty when stable or without contact.
     """
 
     level: str
     reasons: tuple[str, ...]
 
 
+GRIP_HOLDS = Verdict("stable", ())
+PAD_FREE = Verdict("no_contact", ())
+STREAM_STALE = Verdict("unknown", ("stale",))
+WEIGHT_UNKNOWN = Verdict("unknown", ("weight_unknown",))
+"""The unknown weight of the finger may look like a contact, or hide one."""
+NO_MU = Verdict("unknown", ("no_mu",))
+PAD_PULLED = Verdict("unknown", ("pulled",))
+"""The normal force is clearly negative: the sensor or its config is wrong."""
+ROTATION_UNOBSERVED = Verdict("unknown", ("rotation_unobserved",))
+"""Without an image, translation alone can prove a grip unsafe, never safe."""
+TRANSLATION_UNSAFE = Verdict("warning", ("translation",))
+
+
+def translation_verdict(found: Found, level: str) -> Verdict:
+    """Return the verdict on a contact of which only the translation is known.
+
+    Args:
+        found: Result of the slip decision, from the friction ratio alone.
+        level: Its level.
+    """
+    known = ROTATION_UNOBSERVED if found.step < WARNING else TRANSLATION_UNSAFE
+    return Verdict(level, ("slip_detected", *known.reasons)) if found.slips else known
+
+
+def exact_verdict(
+    found: Found, level: str, *, utilisation: float, upper: float, translation: float, caution: float
+) -> Verdict:
+    """Return the verdict on a contact whose utilisation is known for force and spin together.
+
+    Args:
+        found: Result of the slip decision.
+        level: Its level.
+        utilisation: λ of the load.
+        upper: Upper bound of λ, without what the unknown weight of the finger may add.
+        translation: R / μ, the utilisation by the tangential force alone.
+        caution: Utilisation from which on the grip is in danger.
+    """
+    if found.step == found.tipping == STABLE and not found.slips:
+        return GRIP_HOLDS
+    reasons = danger_reasons(utilisation, translation, caution) if found.step > STABLE else ()
+    if found.step > STABLE and upper < caution and not found.weighed and found.upper > upper:
+        reasons = (*reasons, "weight_unknown")
+    if found.tipping > STABLE:
+        reasons = (*reasons, "tipping", "weight_unknown") if found.weighed else (*reasons, "tipping")
+    return Verdict(level, ("slip_detected", *reasons) if found.slips else reasons)
+
+
 def danger_reasons(utilisation: float, translation: float, caution: float) -> tuple[str, ...]:
-    """Names what uses up the friction: translation, rotation, or both.
+    """Return what uses up the friction: translation, rotation, or both.
 
     Args:
         utilisation: λ of force and spin together, at or above ``caution`` less the hysteresis.
-        translation: R / μ, the utilisation of the force alone.
-        caution: Utilisation that counts as danger.
+        translation: R / μ, the utilisation by the tangential force alone.
+        caution: Utilisation from which on the grip is in danger.
     """
     if utilisation == float("inf"):
         return ("unsupportable", "rotation")

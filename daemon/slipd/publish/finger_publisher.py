@@ -7,9 +7,10 @@ from typing import cast
 from slipd.config import Rates
 from slipd.events import Output
 from slipd.finger.finger import Finger
+from slipd.finger.finger_state import FingerState, ForceReading
 from slipd.finger.image_channel import STALE
 from slipd.finger.verdict import SEVERITY
-from slipd.finger.verdict_batch import FingerState, ForceReading, VerdictBatch
+from slipd.finger.verdict_batch import VerdictBatch
 from slipd.publish.message_bodies import number, slip_body, tactile_body, verdict_body, wrench_body
 from slipd.publish.message_sequencer import MessageSequencer, Pace
 from slipd_client.messages import LEVELS, WARNING_TOPIC, Level, slip_topic, tactile_topic, wrench_topic
@@ -47,7 +48,7 @@ class FingerPublisher:
 
     def tell_read(self, judged: VerdictBatch, out: list[Output]) -> None:
         """Adds what is to be said of the readings of one read."""
-        slip, wrench, times_ns = self._slip, self._wrench, judged.read.times_ns
+        slip, wrench, times_ns = self._slip, self._wrench, judged.readings.times_ns
         for at, level in enumerate(judged.levels):
             t_ns = times_ns[at]
             if t_ns >= slip.due_ns or LEVELS[level] != self._told:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from slipd.finger.finger import Finger
+from slipd.finger.finger_state import FingerState, ForceReading
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.verdict_batch import NEGATIVE, FingerState, ForceReading
+from slipd.finger.verdict import PAD_PULLED
 from slipd.fusion import grip_needed_n, torque_limit
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.samples import Array
@@ -64,8 +65,8 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "friction_ratio": None if contact is None else number(contact.friction_ratio),
         "friction_ratio_std": None if contact is None else number(contact.friction_ratio_std),
         "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
-        "mu": finger.mu,
-        "mu_source": finger.mu_source,
+        "mu": finger.friction.mu,
+        "mu_source": finger.friction.source,
         "utilisation": None if used is None else number(used.value),
         "utilisation_lower": None if used is None else number(used.lower),
         "utilisation_upper": None if used is None else number(used.upper),
@@ -88,7 +89,7 @@ def _normal_n(state: FingerState) -> float | None:
     """Normal force, N; also the negative one that is why nothing else is known."""
     if state.contact is not None:
         return number(state.contact.normal_n)
-    return number(-state.wrench[2]) if state.verdict is NEGATIVE and state.wrench is not None else None
+    return number(-state.wrench[2]) if state.verdict is PAD_PULLED and state.wrench is not None else None
 
 
 def verdict_body(finger: Finger, state: FingerState) -> Body:
@@ -113,7 +114,7 @@ def needed_n(state: FingerState, finger: Finger) -> float | None:
         shares.x,
         shares.y,
         loads.loads,
-        finger.mu or math.nan,
+        finger.friction.mu or math.nan,
         (contact.fx_n, contact.fy_n),
         contact.spin_nm,
         (contact.cx_m, contact.cy_m),
@@ -128,7 +129,7 @@ def _limits(state: FingerState, finger: Finger) -> Body:
     contact, shares, loads = state.contact, state.load_distribution, state.loads
     if contact is None or loads is None or shares is None or state.utilisation is None:
         return {"torque_limit_nm": None, "grip_needed_n": None}
-    mu = finger.mu or math.nan
+    mu = finger.friction.mu or math.nan
     sense = 1 if contact.spin_nm >= 0.0 else -1
     force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
     limit = torque_limit(shares.x, shares.y, loads.loads, mu, force, about, sense)

@@ -123,7 +123,7 @@ class FingerHandlers:
             return Refusal("out_of_range", limit, "mu_s")
         if mu_d is not None and not 0.0 < mu_d <= mu_s:
             return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, not {mu_d:g}", "mu_d")
-        if finger.is_more_lenient(mu_s, mu_d) and not self._config.friction_without_lease:
+        if finger.friction.is_more_lenient(mu_s, mu_d) and not self._config.friction_without_lease:
             refusal = self._policy.check_lease(request.client, t_ns)
             if refusal is not None:
                 why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
@@ -139,9 +139,9 @@ class FingerHandlers:
 
 
 def _change(finger: Finger, mu_s: float) -> str:
-    if finger.mu is None:
+    if finger.friction.mu is None:
         return f"mu_s {mu_s:g}, where none was known,"
-    return f"mu_s {mu_s:g} over {finger.mu:g}" if mu_s > finger.mu else "a lower mu_d"
+    return f"mu_s {mu_s:g} over {finger.friction.mu:g}" if mu_s > finger.friction.mu else "a lower mu_d"
 
 
 def named(client: bytes) -> str:

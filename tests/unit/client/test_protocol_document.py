@@ -53,9 +53,8 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
     for name in (
         "samples",
         "finger/verdict",
-        "finger/verdict_batch",
-        "finger/contact_estimator",
         "finger/finger",
+        "finger/verdict_batch",
         "finger/force_channel",
     ):
         for node in ast.walk(ast.parse((DAEMON / f"{name}.py").read_text(encoding="utf-8"))):

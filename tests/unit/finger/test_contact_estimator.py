@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from slipd.config import Config, Levels, Rates
 from slipd.events import Output
 from slipd.finger.finger import Finger
-from slipd.finger.verdict_batch import FingerState, VerdictBatch
+from slipd.finger.finger_state import FingerState
+from slipd.finger.verdict_batch import VerdictBatch
 from slipd.publish.finger_publisher import FingerPublisher
 from slipd.publish.message_bodies import slip_body
 from slipd.publish.message_sequencer import MessageSequencer
@@ -189,10 +190,10 @@ def levels(finger: Finger, wrench: Wrench, image: Image, pulls: Iterable[float])
 
 
 def test_the_friction_of_the_config_holds_until_another_is_told(finger: Finger, wrench: Wrench, image: Image) -> None:
-    assert (finger.mu, finger.mu_source) == (0.5, "config")
+    assert (finger.friction.mu, finger.friction.source) == (0.5, "config")
     assert levels(finger, wrench, image, [4.5]) == ["warning"]
     finger.set_friction(1.0, None)
-    assert (finger.mu, finger.mu_source) == (1.0, "request")
+    assert (finger.friction.mu, finger.friction.source) == (1.0, "request")
     body = slip_body(finger, finger.state)
     assert (body["mu"], body["mu_source"]) == (1.0, "request")
     assert levels(finger, wrench, image, [4.5]) == ["stable"], "λ is 0.45 now"
@@ -202,10 +203,10 @@ def test_the_friction_of_the_config_holds_until_another_is_told(finger: Finger, 
 
 def test_a_finger_without_a_coefficient_learns_one(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
     finger = make(left.replace("mu = 0.5\n", ""), parse)
-    assert (finger.mu, finger.mu_source) == (None, None)
+    assert (finger.friction.mu, finger.friction.source) == (None, None)
     assert levels(finger, wrench, image, [1.0]) == ["unknown"]
     finger.set_friction(0.5, None)
-    assert (finger.mu, finger.mu_source) == (0.5, "request")
+    assert (finger.friction.mu, finger.friction.source) == (0.5, "request")
     assert levels(finger, wrench, image, [1.0]) == ["stable"]
 
 

@@ -12,7 +12,7 @@ from force_readings import read_force
 from slipd.config import Config
 from slipd.config import Levels as LevelsConfig
 from slipd.finger.finger import Finger, stale_after_ns
-from slipd.finger.verdict_batch import FingerState
+from slipd.finger.finger_state import FingerState
 from slipd.fusion import torque_limit
 from slipd.samples import TactileSample, WrenchSample
 

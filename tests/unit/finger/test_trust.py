@@ -11,7 +11,7 @@ from force_readings import read_force
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
-from slipd.finger.verdict_batch import FingerState
+from slipd.finger.finger_state import FingerState
 from slipd.samples import Array, TactileSample, WrenchSample
 from slipd_client.messages import Health
 

@@ -1,0 +1,68 @@
+"""What is known of one finger after one force reading."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from slipd.finger.image_channel import LoadDistribution
+from slipd.finger.verdict import Verdict
+from slipd.fusion import Contact, Loads, Utilisation
+
+
+class ForceReading(NamedTuple):
+    """One reading of the force, as far as it is known without an image.
+
+    Attributes:
+        wrench: Force on the finger, N, and torque about the pad's origin, N·m, both in the pad frame: six numbers, NaN
+            where unknown. None where nothing is known.
+        status: Conditions that the device reported with the reading.
+        age_s: Age of the reading when it was received, s; None before the first.
+    """
+
+    wrench: tuple[float, ...] | None
+    status: tuple[str, ...]
+    age_s: float | None
+
+
+@dataclass(slots=True)
+class FingerState:
+    """State of a finger after one force reading: the verdict and the quantities behind it. None or NaN is unknown.
+
+    Attributes:
+        t_ns: When the reading was acquired, CLOCK_MONOTONIC.
+        verdict: Level and reasons.
+        wrench: Force on the finger, N, and torque about the pad's origin, N·m, both in the pad frame: six numbers.
+        contact: Contact by the force sensor alone, in the pad frame; not valid without contact.
+        load_distribution: Shares of the normal force on the taxels, by the image.
+        utilisation: λ of the load, with its bounds.
+        tipping_margin_m: Signed distance of the contact centroid to the outline of the image, m; negative outside.
+        model: Most that the utilisation takes into account: "none", "translation" or "exact".
+        status: Conditions that the device reported with the reading.
+        age_s: Age of the reading when it was received, s; None before the first.
+    """
+
+    t_ns: int
+    verdict: Verdict
+    wrench: tuple[float, ...] | None = None
+    contact: Contact | None = None
+    load_distribution: LoadDistribution | None = None
+    utilisation: Utilisation | None = None
+    tipping_margin_m: float = math.nan
+    model: str = "none"
+    status: tuple[str, ...] = ()
+    age_s: float | None = None
+
+    @property
+    def force_reading(self) -> ForceReading:
+        """The force alone."""
+        return ForceReading(self.wrench, self.status, self.age_s)
+
+    @property
+    def loads(self) -> Loads | None:
+        """Normal forces on the active taxels, N."""
+        if self.load_distribution is None or self.contact is None:
+            return None
+        unit = self.load_distribution.loads
+        return Loads(unit.loads * self.contact.normal_n, unit.centroid_residual_m, unit.status)
