@@ -8,7 +8,7 @@ from slipd.finger.finger import Finger
 
 
 class FingerContact:
-    """The fingers as the motion gate asks for them.
+    """The fingers as the motion gate sees them.
 
     Args:
         fingers: The fingers by name.
@@ -18,20 +18,20 @@ class FingerContact:
         self._fingers = fingers
 
     def pressed(self) -> bool:
-        """Whether a finger is known to be pressed."""
+        """Return whether any finger is known to be pressed."""
         return any(finger.is_pressed() for finger in self._fingers.values())
 
     def pressed_n(self, t_ns: int) -> float | None:
-        """The larger normal force of a contact, N; None where there is none, or none that is trusted."""
+        """Return the larger normal force of a contact, N; None if there is none that is trusted."""
         forces_n = (finger.contact_force_n(t_ns) for finger in self._fingers.values())
         return max((force_n for force_n in forces_n if force_n is not None), default=None)
 
     def blind(self, t_ns: int) -> tuple[str, ...]:
-        """Fingers whose sensors are stale or doubtful."""
+        """Return the fingers whose sensors are stale or not trusted."""
         return tuple(name for name, finger in self._fingers.items() if not finger.is_trusted_for_raise(t_ns))
 
     def not_free(self, t_ns: int) -> tuple[str, ...]:
-        """Fingers that are pressed, or are not known to be free."""
+        """Return the fingers that are pressed, or not known to be free."""
         return tuple(
             name
             for name, finger in self._fingers.items()

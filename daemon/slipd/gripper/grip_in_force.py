@@ -1,4 +1,4 @@
-"""The grip in force: how it began, whether it holds something, and what is in force after a dropped command."""
+"""The grip in force: how it began, whether it holds an object, and what remains after a dropped command."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from slipd.samples import GripperSample
 
 
 class _Before(NamedTuple):
-    """What was in force before the session was sent any force.
+    """The grip in force before the session sent any force.
 
     Attributes:
-        force_n: Force of the grip, N; None: there was none, or its force was not known.
-        unknown: There was one, and its force was not known.
+        force_n: Force of the grip, N; None: no grip, or not known.
+        unknown: There was a grip with an unknown force.
         claimed: As `GripInForce._claimed`.
     """
 
@@ -30,27 +30,27 @@ class _Before(NamedTuple):
 
 
 class GripInForce:
-    """Keeps the policy's force in force true to what the gripper was sent and reports.
+    """Keeps the force in force of the policy consistent with what the gripper was sent and reports.
 
-    A grip begins with a command of this run, or it is found: after a start, or after the gripper was lost from view, a
-    grip that no command of this run began may hold an object. Such a grip counts as in force.
+    A grip begins with a command of this run, or it is found: after a start, or after the gripper did not answer, a grip
+    that no command of this run began may hold an object. Such a grip counts as in force.
 
     Args:
-        policy: Where the force in force is kept.
-        session: The conversation with the gripper.
-        touch: What the fingers measure.
+        policy: Keeps the force in force.
+        session: Session with the gripper.
+        contact: Contact state of the fingers.
 
     Attributes:
-        command_n: Force that the gripper was sent last, N; None where it was sent none, or is not active.
-        closed_to_m: Width to which the grip in force was closed, m; None: there is none, or it is not known.
+        command_n: Force last sent to the gripper, N; None if none was sent or the gripper is inactive.
+        closed_to_m: Commanded width of the grip in force, m; None: no grip, or not known.
     """
 
-    def __init__(self, policy: GripPolicy, session: GripperSession, touch: FingerContact) -> None:
-        self._policy, self._session, self._touch = policy, session, touch
+    def __init__(self, policy: GripPolicy, session: GripperSession, contact: FingerContact) -> None:
+        self._policy, self._session, self._contact = policy, session, contact
         self.command_n: float | None = None
         self.closed_to_m: float | None = None
-        self._held = False  # in this grasp, something has stopped the gripper or pressed on a finger
-        self._claimed = False  # what the gripper holds, or that it holds nothing, is the doing of a command of this run
+        self._held = False  # in this grasp, an object stopped the gripper or pressed on a finger
+        self._claimed = False  # a command of this run decided what the gripper holds, or that it holds nothing
         self._before = _Before(None, unknown=False, claimed=False)
 
     def update(self, sample: GripperSample, *, answers_command: bool) -> None:
@@ -58,7 +58,7 @@ class GripInForce:
 
         Args:
             sample: The reading.
-            answers_command: It came after the last motion was sent.
+            answers_command: The reading came after the last motion was sent.
         """
         if not sample.active:
             self._end_grasp()
@@ -69,22 +69,22 @@ class GripInForce:
         elif answers_command:
             if sample.object.startswith("contact"):
                 self._held = True
-            elif self._held and sample.object == "none" and not self._touch.pressed():
+            elif self._held and sample.object == "none" and not self._contact.pressed():
                 self._end_grasp()
             if not self._claimed:
                 self._adopt(sample)
 
     def lose_sight(self) -> None:
-        """Allow for others that move the gripper from here on, and may grip where no grip is in force."""
+        """Record that the gripper is out of sight: others may move it, and grip if no grip is in force."""
         self._claimed = self._claimed and self._policy.grips
 
     def prepare(self) -> None:
-        """Note what is in force before a command; a session that began anew knows nothing of a grip from before."""
+        """Record the grip in force before a command; a new session knows nothing of an earlier grip."""
         if self._session.force_sent_n is None:
             self._before = _Before(self._policy.force_n, self._policy.unknown, self._claimed)
 
     def record_sent(self, permit: Permit, kind: IntentKind, t_ns: int) -> None:
-        """Note that the session accepted a permit for a motion or a force."""
+        """Record that the session accepted a permit for a motion or a force."""
         self.command_n = applied_n = cast("float", self._session.force_sent_n)
         if permit.kind == "move":
             self._held = self._held and self._policy.grips
@@ -97,13 +97,13 @@ class GripInForce:
         self._claimed = True
 
     def renew(self) -> None:
-        """Forget what was sent: an activation makes it void, and the gripper decides what becomes of its grip."""
+        """Forget what was sent: an activation voids it, and the gripper decides what becomes of its grip."""
         self._held = self._claimed = False
         self._policy.begin_release()
         self.command_n = None
 
     def undo(self, forget: Callable[[], bool]) -> bool:
-        """Let the session forget what was not sent yet, and put back the force that it would have changed."""
+        """Let the session forget unsent commands, and restore the force that they would have changed."""
         to_be_n = self._session.force_sent_n
         done = forget()
         sent_n = self._session.force_sent_n
@@ -117,10 +117,10 @@ class GripInForce:
         return done
 
     def _is_released(self, sample: GripperSample) -> bool:
-        """Whether what was held is seen to be let go; while the fingers move, only those known to be free show it."""
-        if sample.object == "contact_closing" or self._touch.pressed_n(sample.t_ns) is not None:
+        """Return whether the release is confirmed; while the fingers move, only fingers known to be free confirm it."""
+        if sample.object == "contact_closing" or self._contact.pressed_n(sample.t_ns) is not None:
             return False
-        return not sample.moving or not self._touch.not_free(sample.t_ns)
+        return not sample.moving or not self._contact.not_free(sample.t_ns)
 
     def _end_grasp(self) -> None:
         """End the grasp, its force and its budget."""
@@ -132,11 +132,11 @@ class GripInForce:
         """Adopt a grip that no command of this run began as the one in force.
 
         Until a command changes it, its force is what the session knows to have been sent last, or else what the gripper
-        reports, or else the larger that the fingers feel. A force outside the limits counts as the nearer limit, so
-        that every step from there can be judged.
+        reports, or else the larger force that the fingers measure. A force outside the limits counts as the nearer
+        limit, so that every step from there can be judged.
         """
-        felt_n = self._touch.pressed_n(sample.t_ns)
-        if not sample.object.startswith("contact") and felt_n is None:
+        measured_n = self._contact.pressed_n(sample.t_ns)
+        if not sample.object.startswith("contact") and measured_n is None:
             return
         self._held, self.closed_to_m = True, None
         sent_n = self._session.force_sent_n
@@ -144,7 +144,7 @@ class GripInForce:
             self._policy.restore(sent_n)
             return
         reported_n = number(sample.force_n) or 0.0
-        force_n = reported_n if reported_n > 0.0 else felt_n
+        force_n = reported_n if reported_n > 0.0 else measured_n
         limits, least_n = self._policy.limits, self._session.force_range_n[0]
         most_n = math.inf if limits.max_n is None else limits.max_n
         self._policy.adopt(None if force_n is None else min(max(force_n, least_n, limits.min_n), most_n))

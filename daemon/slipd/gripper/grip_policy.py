@@ -1,6 +1,6 @@
-"""State behind the grip rules: the lease, the force in force, slew and budget spent, and the latched fault.
+"""State behind the grip rules: the lease, the force in force, the slew and budget spent, and the latched fault.
 
-It keeps the books and judges leases alone. Whether a motion may happen is judged by `slipd.gripper.motion_gate`, on the
+The policy keeps the state and decides about leases only. `slipd.gripper.motion_gate` decides about motions, on the
 snapshot that `GripPolicy.state` returns. The end of a lease moves nothing.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from slipd.refusal import Refusal
 
-#: Differences of forces are rounded: 5.1 N over 3.1 N is not quite 2 N. Far below what any gripper resolves.
+#: Tolerance of force comparisons, N: 5.1 N - 3.1 N is not exactly 2 N. Far below the resolution of any gripper.
 ROUNDING_N = 1e-9
 _MS = 1_000_000
 NO_LEASE = Refusal("no_lease", "acquire the lease first: lease.acquire {ttl_ms}; it may have expired")
@@ -23,11 +23,11 @@ class GripLimits:
 
     Attributes:
         min_n: Least force that may be requested, N.
-        max_n: Largest, N; None: nothing may be requested.
+        max_n: Largest force that may be requested, N; None: no force may be requested.
         step_n: Largest change of the force of a held object by one request, N.
         raise_n_per_s: How fast requests may raise it, N/s.
         lower_n_per_s: How fast requests may lower it, N/s.
-        budget_n: Most that all raises of one grasp may add up to, by requests and by the reflex, N.
+        budget_n: Largest sum of all raises of one grasp, by requests and by the reflex, N.
     """
 
     min_n: float
@@ -43,15 +43,15 @@ class GripState:
     """Snapshot of a `GripPolicy`; every force is the normal force on one pad, N.
 
     Attributes:
-        holder: Client that holds the lease; None: nobody does.
-        fault: The latched fault; "" where there is none.
-        force_n: The force in force; None where nothing is gripped, or where that force is not known.
-        unknown: Something is held by a grip whose force is not known.
-        letting_go: The gripper was sent to let go, and has not been seen to: ``force_n`` may still press.
-        asked_n: The force a client asked for last; None where nothing is gripped.
-        raise_left_n: How far requests may raise the force now.
-        lower_left_n: How far requests may lower it now.
-        budget_left_n: What is left of the raises of this grasp.
+        holder: Client that holds the lease, or None.
+        fault: The latched fault, or "".
+        force_n: The force in force; None if nothing is gripped or the force is not known.
+        unknown: An object is held with a force that is not known.
+        releasing: A release was commanded and is not confirmed yet: ``force_n`` may still act.
+        requested_n: The force that a client requested last; None if nothing is gripped.
+        raise_left_n: Largest raise that requests may make now.
+        lower_left_n: Largest lowering that requests may make now.
+        budget_left_n: Rest of the raise budget of this grasp.
     """
 
     holder: bytes | None
@@ -71,13 +71,13 @@ class GripState:
 
 
 class GripPolicy:
-    """The lease, the limits, and what is in force.
+    """The lease, the limits, and the grip in force.
 
-    Time is an argument; an earlier one than the latest counts as the latest, so that a late loop revives nothing.
+    Time is an argument. A time before the latest one counts as the latest, so that a late call revives nothing.
 
     Args:
         limits: Limits of the forces.
-        max_lease_ms: Longest life of a lease without renewal.
+        max_lease_ms: Longest time that a lease lasts without renewal.
 
     Attributes:
         limits: As given.
@@ -102,54 +102,54 @@ class GripPolicy:
     # The lease
 
     def holder(self, t_ns: int) -> bytes | None:
-        """Client that holds the lease at ``t_ns``; a lease that was once seen to have run out stays so."""
+        """Return the client that holds the lease at ``t_ns``, or None; an expired lease stays expired."""
         now_ns = self._now(t_ns)
         if self._holder is not None and now_ns >= self._expires_ns:
             self.end_lease()
         return self._holder
 
     def expires_in_s(self, t_ns: int) -> float | None:
-        """Rest of the lease, s; None where nobody holds it."""
+        """Return the remaining time of the lease, s; None if nobody holds it."""
         return None if self.holder(t_ns) is None else (self._expires_ns - self._now_ns) * 1e-9
 
     def acquire(self, client: bytes, ttl_ms: int, t_ns: int) -> Refusal | None:
-        """Gives the lease to a client; one that holds it may ask again."""
+        """Give the lease to a client; its holder may acquire it again."""
         if not 0 < ttl_ms <= self._max_lease_ms:
-            return Refusal("out_of_range", f"ttl_ms must be 1 to {self._max_lease_ms}, not {ttl_ms}", "ttl_ms")
+            return Refusal("out_of_range", f"ttl_ms must be from 1 to {self._max_lease_ms}, got {ttl_ms}", "ttl_ms")
         if self.holder(t_ns) not in (None, client):
             rest = (self._expires_ns - self._now_ns) // _MS
-            return Refusal("lease_held", f"another client holds the lease, for {rest} ms unless it renews")
+            return Refusal("lease_held", f"another client holds the lease for {rest} ms more, unless it renews it")
         self._holder, self._ttl_ns = client, ttl_ms * _MS
         self._expires_ns = self._now_ns + self._ttl_ns
         return None
 
     def renew(self, client: bytes, t_ns: int) -> Refusal | None:
-        """Starts the life of a lease anew."""
+        """Restart the time of a lease."""
         refusal = self.check_lease(client, t_ns)
         if refusal is None:
             self._expires_ns = self._now_ns + self._ttl_ns
         return refusal
 
     def release(self, client: bytes, t_ns: int) -> Refusal | None:
-        """Ends the lease; moves nothing."""
+        """End the lease; nothing moves."""
         refusal = self.check_lease(client, t_ns)
         if refusal is None:
             self._holder = None
         return refusal
 
     def end_lease(self) -> None:
-        """Takes the lease away from whoever holds it, as if it had run out."""
+        """Revoke the lease, as if it had expired."""
         self._lapsed = self._lapsed or self._holder is not None
         self._holder = None
 
     def lapsed(self, t_ns: int) -> bool:
-        """True once after a lease ended that was not given back; to be asked before the next request is judged."""
+        """Return True once after a lease expired or was revoked; call it before the next request is judged."""
         self.holder(t_ns)
         lapsed, self._lapsed = self._lapsed, False
         return lapsed
 
     def check_lease(self, client: bytes, t_ns: int) -> Refusal | None:
-        """Refuses a client that does not hold the lease."""
+        """Return a refusal unless the client holds the lease."""
         if self.holder(t_ns) == client:
             return None
         return NO_LEASE
@@ -177,17 +177,17 @@ class GripPolicy:
 
     @property
     def force_n(self) -> float | None:
-        """Force that the gripper was sent last, or had when it was found holding, N; None: none, or not known."""
+        """Force last sent to the gripper, or found in force, N; None: no grip, or not known."""
         return None if self._letting_go else self._force_n
 
     @property
     def unknown(self) -> bool:
-        """Something is held by a grip whose force is not known."""
+        """An object is held with a force that is not known."""
         return self._unknown and not self._letting_go
 
     @property
     def releasing(self) -> bool:
-        """The gripper was sent to let go, and has not been seen to."""
+        """A release was commanded and is not confirmed yet."""
         return self._letting_go
 
     @property
@@ -197,24 +197,24 @@ class GripPolicy:
 
     @property
     def requested_n(self) -> float | None:
-        """Force that a client asked for last, N: below it the reflex does not lower; None where it grips nothing."""
+        """Force that a client requested last, N; the reflex does not lower below it. None if nothing is gripped."""
         return self._asked_n
 
     @property
     def most_n(self) -> float | None:
-        """Largest force that limits and budget leave to this grasp, N; None where nothing is gripped or may be."""
+        """Largest force that limits and budget allow in this grasp, N; None without a grip or a limit."""
         if self.limits.max_n is None or self.force_n is None:
             return None
         return min(self.limits.max_n, self.force_n + self._budget_left_n())
 
     def record_force(self, force_n: float, t_ns: int, *, reflex: bool = False) -> None:
-        """Notes the force that the gripper was told; spends slew and budget.
+        """Record a force that was sent to the gripper, and spend slew and budget.
 
         Raises:
             ValueError: The force is not finite.
         """
         if not math.isfinite(force_n):
-            raise ValueError(f"the gripper was told a force that is not finite: {force_n}")
+            raise ValueError(f"force_n must be finite, got {force_n}")
         now_ns = self._now(t_ns)
         if self._force_n is None:
             self._raised_n = 0.0
@@ -227,31 +227,31 @@ class GripPolicy:
             self._asked_n = force_n
 
     def adopt(self, force_n: float | None) -> None:
-        """Adopt a grip that no command began as the one in force; None: its force is not known.
+        """Adopt a grip that no command of this run began; ``force_n`` is None if its force is not known.
 
-        It is a grasp of its own: nothing of its budget is spent, and the reflex does not lower it.
+        It counts as a new grasp: its budget is whole, and the reflex does not lower it.
         """
         self._force_n = self._asked_n = force_n
         self._unknown, self._letting_go = force_n is None, False
         self._raised_n = 0.0
 
     def restore(self, force_n: float | None, *, unknown: bool = False) -> None:
-        """What was noted last never reached the gripper: this is in force. What it spent stays spent."""
+        """Restore the force in force after a command that never reached the gripper; what it spent stays spent."""
         self._force_n, self._unknown, self._letting_go = force_n, unknown, False
         self._asked_n = force_n if force_n is None or self._asked_n is None else min(self._asked_n, force_n)
 
     def begin_release(self, force_n: float | None = None) -> None:
-        """Note that the gripper was sent to let go, with ``force_n`` if it was sent a force.
+        """Record a release command, sent with ``force_n`` if a force was sent.
 
-        Nothing is gripped any more for whoever asks, but a new grip that comes before the old one is seen to have ended
-        is a change of its force: it must not be a way around step, slew and budget.
+        From here on no grip is reported as in force. But a new grip before the release is confirmed still counts as a
+        change of the old force, so that it is no way around step, slew and budget.
         """
         self._letting_go = self._letting_go or self.grips
         if force_n is not None and self._letting_go:
             self._force_n, self._unknown = force_n, False
 
     def end_grasp(self) -> None:
-        """The grasp ended: the gripper opened, lost its object or is not active; the next has a budget of its own."""
+        """Record the end of the grasp: the gripper opened, lost its object or is inactive; its budget ends too."""
         self._force_n = self._asked_n = None
         self._unknown = self._letting_go = False
 
@@ -262,20 +262,20 @@ class GripPolicy:
 
     @property
     def fault(self) -> str:
-        """The first fault since the last acknowledgement; "" where there was none."""
+        """First fault since the last acknowledgement, or ""."""
         return self._fault
 
     def latch(self, fault: str) -> None:
-        """Keeps a fault until it is acknowledged, unless one is kept already; "" is none."""
+        """Latch a fault until it is acknowledged; one that is latched already stays."""
         self._fault = self._fault or fault
 
     def acknowledge(self) -> None:
-        """Forgets the fault; what still is wrong will be latched anew."""
+        """Clear the latched fault; a fault that persists is latched again."""
         self._fault = ""
 
 
 class _Allowance:
-    """Newtons by which a force may change now: they grow with time, which never runs backwards, up to one step."""
+    """Allowance of force change, N: it grows at a rate, up to one step. Time never runs backwards."""
 
     def __init__(self, rate_n_per_s: float, most_n: float) -> None:
         self._rate_n_per_s = rate_n_per_s
@@ -283,11 +283,11 @@ class _Allowance:
         self._t_ns = 0
 
     def left_n(self, t_ns: int) -> float:
-        """What may be spent at ``t_ns``, N."""
+        """Return what may be spent at ``t_ns``, N."""
         self._left_n = min(self._left_n + self._rate_n_per_s * (t_ns - self._t_ns) * 1e-9, self._most_n)
         self._t_ns = t_ns
         return self._left_n
 
     def spend(self, amount_n: float, t_ns: int) -> None:
-        """Take it away; more than there is (by the reflex) leaves none, and no debt."""
+        """Spend an amount; overspending, which only the reflex does, leaves zero and no debt."""
         self._left_n = max(self.left_n(t_ns) - amount_n, 0.0)

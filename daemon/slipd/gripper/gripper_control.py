@@ -1,6 +1,6 @@
-"""The gripper behind its session: intents in, permitted commands out, and what it reports of itself.
+"""Control of one gripper: intents in, permitted commands out, and the state that the gripper reports.
 
-Whether a motion may happen is for `slipd.gripper.motion_gate` to say: nothing is sent here but what it permits.
+`slipd.gripper.motion_gate` decides whether a motion may happen; only what it permits is sent.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from slipd_client.messages import Health
 
 Result = dict[str, Any] | Refusal
 
-#: A gripper that was not heard for so long, or for three of its periods, does not answer. A session that repeats an
-#: unanswered command twice gives it up first.
+#: A gripper that sends no reading for so long, or for three of its periods, does not answer. It exceeds the time in
+#: which a session gives up an unanswered command after two repeats.
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
-#: Of the time from one look at the clock to the next so much counts: beyond it the daemon itself stood still, what the
-#: gripper said meanwhile waits to be read, and what it was to be told was meant for another situation.
+#: Longest pause between two calls: after a longer one the daemon itself stood still. Readings wait to be read, and
+#: unsent commands were meant for another situation.
 LONGEST_PAUSE_NS = 50_000_000
-#: A motion that no reading has shown for so long has ended, or was none.
+#: A motion that no reading has shown for so long has ended, or never began.
 LONGEST_BEGIN_NS = 1_000_000_000
-#: Fingers so near to their goal have arrived.
+#: Fingers this close to their goal have arrived, m.
 ARRIVED_M = 5e-4
 
 
 class GripperControl:
-    """One gripper: what the motion gate permits becomes a command of its session.
+    """One gripper: turns what the motion gate permits into commands of its session.
 
     Args:
         config: ``[gripper]``.
-        session: The conversation with it.
-        fingers: The fingers by name: what they feel decides with.
+        session: Session with the gripper.
+        fingers: The fingers by name; their contact state is an input of the motion gate.
 
     Attributes:
         policy: The lease, the limits, the force in force and the latched fault.
@@ -54,15 +54,15 @@ class GripperControl:
     def __init__(self, config: GripperConfig, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
         self._config = config
         self._session = session
-        self._touch = FingerContact(fingers)
+        self._contact = FingerContact(fingers)
         self._faults = GripperFaultDetector()
         self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
         self.policy = GripPolicy(_limits(config), config.max_lease_ms)
-        self._grip = GripInForce(self.policy, session, self._touch)
+        self._grip = GripInForce(self.policy, session, self._contact)
         self.sample: GripperSample | None = None
         self._goal_m: float | None = None  # of the last motion; None: not known
         self._goals_m: tuple[float, float] | None = None  # of the motions that may be under way
-        self._seen_moving = False  # since the last motion was asked for
+        self._seen_moving = False  # since the last motion was sent
         self._moves = False  # the fingers, as far as is known
         self._moved_ns = 0  # when they were sent somewhere
         self._last_call_ns = self._silent_ns = 0
@@ -84,13 +84,13 @@ class GripperControl:
             self._drop()
 
     def wake(self) -> None:
-        """The host slept: nothing is sent that was asked for before, leases are over, and what was heard is old."""
+        """Handle the end of a suspend: unsent commands are dropped, the lease ends, and all readings are old."""
         self._drop()
         self.policy.end_lease()
         self._lose_sight()
 
     def on_time(self, t_ns: int) -> bool:
-        """Lets time pass; True where there is news: the latched fault is another, or a lease ended by itself."""
+        """Update with the time; return True if the latched fault changed or a lease expired."""
         self.drop_after_stall(t_ns)
         self._latch(self._faults.update_command(lost=self._session.command_lost))
         if self.sample is not None and self._silent_ns > self._silence_ns:
@@ -102,7 +102,7 @@ class GripperControl:
         return lapsed or self._reported_fault != before
 
     def lose(self) -> None:
-        """The link went down: nothing is known of the gripper, and nobody holds the lease."""
+        """Handle the loss of the link: the state of the gripper is unknown, and the lease ends."""
         self._forget(LINK_LOST)
         self.policy.end_lease()
 
@@ -140,12 +140,12 @@ class GripperControl:
 
     @property
     def force_command_n(self) -> float | None:
-        """Force that the gripper was sent last, N; None where it was sent none, or is not active."""
+        """Force last sent to the gripper, N; None if none was sent or the gripper is inactive."""
         return self._grip.command_n
 
     @property
     def width_m(self) -> float | None:
-        """Width between the pads, m; None where it is not known."""
+        """Width between the pads, m; None if not known."""
         return None if self.sample is None else number(self.sample.width_m)
 
     def acknowledge(self) -> Result:
@@ -188,19 +188,19 @@ class GripperControl:
             self.policy.latch(fault)
 
     def _forget(self, fault: str) -> None:
-        """Nothing is heard of the gripper any more; a fault only where it has something to hold."""
+        """Forget the state of a gripper that does not answer; that is a fault only while a grip is in force."""
         if self.policy.grips:
             self.policy.latch(fault)
         self._faults.forget()
         self._lose_sight()
 
     def _lose_sight(self) -> None:
-        """Others may move the gripper from here on, and grip with it where no grip is in force."""
+        """Forget the reported state: others may move the gripper from here on."""
         self._grip.lose_sight()
         self.sample = self._goal_m = self._goals_m = None
 
     def _follow(self, sample: GripperSample) -> None:
-        """Find out whether the motions that were asked for are over; a reading may be older than what they began."""
+        """Find out whether the commanded motions are over; a reading may be older than the command."""
         since_ns = sample.t_ns - self._moved_ns
         self._seen_moving = self._seen_moving or sample.moving
         if sample.moving or since_ns <= 0:
@@ -210,7 +210,7 @@ class GripperControl:
             self._goals_m = None
 
     def _situation(self, t_ns: int) -> Situation:
-        """All that the gate judges by."""
+        """Return the input of the motion gate."""
         sample, session = self.sample, self._session
         gripper = GripperState(
             answers=sample is not None,
@@ -225,15 +225,15 @@ class GripperControl:
             force_range_n=session.force_range_n,
             stops_at_lease_end=self._config.lease_end == "stop",
         )
-        touch, policy = self._touch, self.policy
-        return Situation(policy.limits, policy.state(t_ns), gripper, touch.blind(t_ns), touch.not_free(t_ns))
+        contact, policy = self._contact, self.policy
+        return Situation(policy.limits, policy.state(t_ns), gripper, contact.blind(t_ns), contact.not_free(t_ns))
 
     def _applied_n(self, force_n: float | None) -> float | None:
-        """The force of the gripper's setting for ``force_n``: its settings may be steps."""
+        """Return the force of the gripper setting for ``force_n``, N: settings may be steps."""
         return None if force_n is None or not math.isfinite(force_n) else self._session.applied_n(force_n)
 
     def _carry_out(self, permit: Permit, kind: IntentKind, t_ns: int) -> bool:
-        """Hand a permit to the session and take note of what it changes; False: nothing will be sent."""
+        """Hand a permit to the session and record its effect; return False if nothing will be sent."""
         if permit.kind == "halt":
             return self._grip.undo(lambda: self._session.execute(permit, t_ns))
         self._grip.prepare()
@@ -253,7 +253,7 @@ class GripperControl:
         return True
 
     def _drop(self) -> None:
-        """Forget what was not sent yet; that it never will be is a fault."""
+        """Drop unsent commands; a dropped command is a fault."""
         if self._grip.undo(self._session.drop):
             self.policy.latch(COMMAND_LOST)
 

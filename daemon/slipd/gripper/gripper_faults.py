@@ -1,13 +1,13 @@
-"""What goes wrong with a gripper: which of its readings, and what else, is a fault that must be looked at."""
+"""Detect gripper faults: reported ones, echo mismatches, lost commands and lost activations."""
 
 from __future__ import annotations
 
 from slipd.samples import GripperSample
 
-#: A gripper repeats the command before in the reading that crosses it; three in a row are a mismatch.
+#: Wrong echoes in a row that count as a mismatch: a reading that crosses a command still echoes the previous one.
 ECHO_READINGS = 3
 
-#: An activation during which no reading said "inactive" for so long was done at once, or was none.
+#: An activation without an inactive reading for so long was immediate, or never happened.
 ACTIVATION_NS = 1_000_000_000
 
 COMMAND_LOST = "command_lost"
@@ -18,37 +18,37 @@ ACTIVATION_LOST = "activation_lost"
 
 
 class GripperFaultDetector:
-    """Tells each fault once, when it begins: what is told again and again could never be acknowledged."""
+    """Reports each fault once, when it begins; a fault that was reported again and again could not be acknowledged."""
 
     def __init__(self) -> None:
         self._fault = ""
         self._wrong_echoes = 0
         self._active = False
-        self._activation = ""  # "asked", then "under way" from the first inactive reading to the next active one
-        self._asked_ns = 0
+        self._activation = ""  # "requested", then "under way" from the first inactive reading to the next active one
+        self._requested_ns = 0
         self._command_lost = False
 
     def forget(self) -> None:
-        """Nothing is heard of the gripper any more: whether it stays active is for a later reading to say."""
+        """Forget the activation state: the gripper does not answer, and only a later reading can tell."""
         self._active, self._activation = False, ""
 
     def activate(self, t_ns: int) -> None:
-        """An activation was asked for: the gripper is inactive, and reports what it likes, until it is done."""
-        self._activation, self._asked_ns = "asked", t_ns
+        """Record a requested activation: until it is done, the gripper is inactive and its reports do not count."""
+        self._activation, self._requested_ns = "requested", t_ns
 
     def acknowledge(self) -> None:
-        """What was told was looked at: an echo that is still wrong is told anew.
+        """Record an acknowledgement: an echo that is still wrong is reported again.
 
-        A command stays lost, and a fault of the gripper's own stays, until a later command or activation ends it: that
-        must be possible, so they are not told again.
+        A lost command and a fault of the gripper itself are not reported again. They last until a later command or
+        activation, which must be possible.
         """
         self._wrong_echoes = 0
 
     def update(self, sample: GripperSample) -> str:
-        """Takes a reading; returns the fault that begins with it, "" for none."""
-        if self._activation == "asked" and not sample.active:
+        """Update with a reading; return the fault that begins with it, or ""."""
+        if self._activation == "requested" and not sample.active:
             self._activation, self._fault = "under way", ""
-        elif sample.active and (self._activation == "under way" or sample.t_ns - self._asked_ns > ACTIVATION_NS):
+        elif sample.active and (self._activation == "under way" or sample.t_ns - self._requested_ns > ACTIVATION_NS):
             self._activation = ""
         self._wrong_echoes = self._wrong_echoes + 1 if sample.echo_ok is False else 0
         began = "" if self._activation == "under way" else self._begun(sample)
@@ -56,7 +56,7 @@ class GripperFaultDetector:
         return began
 
     def update_command(self, *, lost: bool) -> str:
-        """Takes whether the last command was lost; returns the fault where it has just been."""
+        """Update with whether the last command was lost; return the fault if it was lost since the last call, or ""."""
         began = lost and not self._command_lost
         self._command_lost = lost
         return COMMAND_LOST if began else ""

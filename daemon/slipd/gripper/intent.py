@@ -20,11 +20,11 @@ class Intent:
             holder did not give back.
         who: The client; None: the daemon itself.
         width_now_m: Width between the pads, m; None: not known.
-        width_wanted_m: Width to go to, m; None: all the way, or no other width.
+        width_wanted_m: Width to move to, m; None: as far as possible, or no change of width.
         force_in_force_n: Force on one pad that is in force, N; None: nothing is gripped, or it is not known.
-        force_wanted_n: Force on one pad, N; None: no force is asked for.
-        force_applied_n: What the gripper's setting for it would be, N: at most ``force_wanted_n``.
-        speed_mps: Speed, m/s; None: the gripper's usual one.
+        force_wanted_n: Requested force on one pad, N; None: no force is requested.
+        force_applied_n: Force of the gripper setting that would be sent, N; at most ``force_wanted_n``.
+        speed_mps: Speed, m/s; None: the gripper's default.
         drop: The client accepts that something may fall.
     """
 
@@ -47,13 +47,13 @@ class GripperState:
         answers: It sends readings.
         active: It takes commands.
         activating: An activation is under way.
-        fault: The fault that it reports; "" where there is none.
-        moving: The fingers move, or were sent somewhere and have not reported since.
-        goals_m: Narrowest and widest goal of the motions that may be under way, m: a newer command may have replaced an
-            older one before it was sent, or not. None: the fingers rest, or move to an unknown place.
-        closed_to_m: Where the grip in force was closed to, m; None: not known.
+        fault: The fault that it reports, or "".
+        moving: The fingers move, or a move was sent and no reading has come since.
+        goals_m: Narrowest and widest goal of the moves that may be under way, m; a newer command may or may not have
+            replaced an older one before it was sent. None: the fingers rest, or their goal is not known.
+        closed_to_m: Commanded width of the grip in force, m; None: not known.
         width_range_m: Widths between the pads, m; (0, inf) while it has not reported them.
-        speed_range_mps: Speeds, m/s; None: no speed may be asked for.
+        speed_range_mps: Speeds, m/s; None: the gripper takes no speed.
         force_range_n: Forces on one pad, N; (0, inf) while it has not reported them.
         stops_at_lease_end: The config wants moving fingers stopped at the end of a lease.
     """
@@ -77,7 +77,7 @@ class Situation:
 
     Attributes:
         limits: Limits from the config.
-        grip: Lease, force in force, what is left of slew and budget, latched fault.
+        grip: Lease, force in force, remaining slew and budget, latched fault.
         gripper: State of the gripper.
         blind: Fingers whose sensors are stale or doubtful.
         not_free: Fingers that are pressed, or are not known to be free.

@@ -1,4 +1,4 @@
-"""The one place that decides whether a motion may happen; pure. docs/grip_rules.md is the table in words.
+"""The only place that decides whether a motion may happen. docs/grip_rules.md is the table in words.
 
 Every way in which fingers can move or a force can change is an `Intent`. `judge` checks it against `TABLE` in a given
 situation and returns the refusal of the first rule that it breaks, or a permit. Gripper sessions carry out permits, and
@@ -57,10 +57,10 @@ TABLE = _rows(
 
 
 def judge(intent: Intent, situation: Situation) -> Refusal | Permit | None:
-    """Judge an intent: the refusal of the first rule in `TABLE` that it breaks, or a permit.
+    """Judge an intent against every rule in `TABLE` that binds its kind.
 
     Returns:
-        None if the intent is allowed and nothing has to be sent, because the gripper is already as wanted.
+        The refusal of the first rule that it breaks, or a permit; None if it is allowed and nothing has to be sent.
     """
     for rule, kinds in TABLE:
         if intent.kind in kinds and (refusal := rule(intent, situation)) is not None:

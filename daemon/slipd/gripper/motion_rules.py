@@ -17,13 +17,13 @@ _NO_LIMIT = Refusal("no_limit", "gripper.max_force_n is not configured, so nothi
 _NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
 _NOTHING_GRIPPED = Refusal("not_ready", "no grip is in force: gripper.close begins one")
 
-#: Widths in messages are rounded to this, towards what would be accepted.
+#: Error texts round widths to this, m, towards what would be accepted.
 _SHOWN_M = 1e-4
-#: Share of that within which a width counts as shown exactly.
+#: Fraction of `_SHOWN_M` within which a width counts as exact.
 _SHOWN_ROUNDING = 1e-6
 
 
-# -- who asks, and whether the gripper can be moved at all
+# -- the client, and whether the gripper can move at all
 
 
 def client_holds_the_lease(intent: Intent, situation: Situation) -> Refusal | None:
@@ -39,7 +39,7 @@ def limit_is_configured(_: Intent, situation: Situation) -> Refusal | None:
 def no_fault_is_latched(_: Intent, situation: Situation) -> Refusal | None:
     """Refuse to move while a fault is latched."""
     fault = situation.grip.fault
-    return Refusal("fault_latched", f"{fault} is latched: put it right, then request fault.ack") if fault else None
+    return Refusal("fault_latched", f"{fault} is latched: clear its cause, then request fault.ack") if fault else None
 
 
 def gripper_answers(_: Intent, situation: Situation) -> Refusal | None:
@@ -64,11 +64,13 @@ def gripper_is_active(_: Intent, situation: Situation) -> Refusal | None:
 
 
 def fingers_are_free_or_may_drop(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to open where something is held or may be, unless the client accepts that it falls."""
+    """Refuse to open while an object is held or may be, unless the client accepts that it falls."""
     if intent.drop or not situation.not_free:
         return None
     names = ", ".join(situation.not_free)
-    return Refusal("in_contact", f"not known to be free: {names}; drop: true opens all the same", "drop")
+    return Refusal(
+        "in_contact", f"fingers must be free, got {names} pressed or unknown; drop: true opens anyway", "drop"
+    )
 
 
 # -- forces
@@ -103,7 +105,7 @@ def gripper_has_the_force(intent: Intent, situation: Situation) -> Refusal | Non
 
 
 def unknown_grip_starts_at_least_force(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse all but the least force for a grip whose force is not known: from there steps can be judged."""
+    """Refuse all but the least force while an unknown force holds an object: changes are judged from there."""
     wanted_n = intent.force_wanted_n
     if not situation.grip.unknown or wanted_n is None or wanted_n <= situation.least_n + ROUNDING_N:
         return None
@@ -136,12 +138,12 @@ def raises_stay_within_the_budget(intent: Intent, situation: Situation) -> Refus
     left_n, raise_n = situation.grip.budget_left_n, _change_n(intent)
     if raise_n <= 0.0 or raise_n <= left_n + ROUNDING_N:
         return None
-    budget = f"of the {situation.limits.budget_n:g} N by which one grasp may be raised {left_n:g} N are left"
-    return Refusal("budget_spent", f"{budget}, got {raise_n:g}", _force_field(intent))
+    budget = f"raise must be at most {left_n:g} N, the rest of the {situation.limits.budget_n:g} N budget of this grasp"
+    return Refusal("budget_spent", f"{budget}, got {raise_n:g} N", _force_field(intent))
 
 
 def change_is_slow_enough(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse a change that comes too soon after the last."""
+    """Refuse a change that exceeds the slew rate."""
     limits, change_n = situation.limits, _change_n(intent)
     raises = change_n > 0.0
     left_n = situation.grip.raise_left_n if raises else situation.grip.lower_left_n
@@ -154,16 +156,18 @@ def change_is_slow_enough(intent: Intent, situation: Situation) -> Refusal | Non
 
 
 def raise_needs_trusted_sensors(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse a raise while a sensor is stale or doubtful."""
+    """Refuse a raise while a sensor is stale or not trusted."""
     if _change_n(intent) <= 0.0 or not situation.blind:
         return None
     names = ", ".join(situation.blind)
-    return _force("not_ready", f"must not be raised on a stale or doubtful sensor: {names}; see status", intent)
+    return _force(
+        "not_ready", f"must not be raised while sensors are stale or not trusted: {names}; see status", intent
+    )
 
 
 def reflex_needs_trusted_sensors(_: Intent, situation: Situation) -> Refusal | None:
-    """Refuse every act of the reflex while a sensor is stale or doubtful."""
-    return Refusal("not_ready", f"stale or doubtful: {', '.join(situation.blind)}") if situation.blind else None
+    """Refuse every act of the reflex while a sensor is stale or not trusted."""
+    return Refusal("not_ready", f"stale or not trusted: {', '.join(situation.blind)}") if situation.blind else None
 
 
 def reflex_keeps_the_requested_force(intent: Intent, situation: Situation) -> Refusal | None:
@@ -171,7 +175,7 @@ def reflex_keeps_the_requested_force(intent: Intent, situation: Situation) -> Re
     requested_n = situation.grip.requested_n
     if requested_n is None or _change_n(intent) >= 0.0 or (intent.force_applied_n or 0.0) >= requested_n - ROUNDING_N:
         return None
-    return Refusal("out_of_range", f"the reflex does not lower below the {requested_n:g} N asked for")
+    return Refusal("out_of_range", f"the reflex must not lower below the requested {requested_n:g} N")
 
 
 # -- widths and speeds
@@ -199,36 +203,39 @@ def gripper_has_the_speed(intent: Intent, situation: Situation) -> Refusal | Non
 
 
 def open_width_is_known(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to open fully where it is not known how wide that is."""
+    """Refuse to open fully if the gripper's largest width is not known."""
     if intent.width_wanted_m is not None or math.isfinite(situation.gripper.width_range_m[1]):
         return None
     return _width("not_ready", "is needed: the gripper has not reported its widths yet")
 
 
 def least_force_is_allowed(_: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to open with a force above the limit: the gripper has none that is lower."""
+    """Refuse to open if even the least force of the gripper is above the limit."""
     most_n = situation.limits.max_n or 0.0
     if situation.least_n <= most_n:
         return None
-    return Refusal("out_of_range", f"the gripper's least force, {situation.least_n:g} N, is above max_force_n")
+    return Refusal(
+        "out_of_range",
+        f"the gripper's least force must be at most max_force_n, {most_n:g} N, got {situation.least_n:g} N",
+    )
 
 
 def present_width_is_known(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse a width if the width to compare it with is not known."""
+    """Refuse a width if there is no known width to compare it with."""
     gripper = situation.gripper
     if intent.width_wanted_m is None:
         return None
     if intent.width_now_m is None:
         return _width("not_ready", "must be left out: the present width is not known")
     if gripper.moving and gripper.goals_m is None:
-        return _width("not_ready", "must be left out: the fingers move, and it is not known where to")
+        return _width("not_ready", "must be left out: the fingers move to an unknown goal")
     if intent.kind == "close" and situation.grip.grips and gripper.closed_to_m is None:
-        return _width("not_ready", "must be left out: it is not known where the grip in force was closed to")
+        return _width("not_ready", "must be left out: the commanded width of the grip in force is not known")
     return None
 
 
 def open_only_widens(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to narrow. Fingers that move may be as wide as their goal already; fully open is always allowed."""
+    """Refuse to narrow. Moving fingers may already be as wide as their goal; fully open is always allowed."""
     gripper, wanted_m = situation.gripper, intent.width_wanted_m
     if wanted_m is None:
         return None
@@ -244,8 +251,8 @@ def open_only_widens(intent: Intent, situation: Situation) -> Refusal | None:
 def close_only_narrows(intent: Intent, situation: Situation) -> Refusal | None:
     """Refuse to widen.
 
-    Fingers that move may be as narrow as their goal already, and a grip in force presses towards where it was closed
-    to: a wider goal would open, or take away what presses on the object.
+    Moving fingers may already be as narrow as their goal. A grip in force presses towards its commanded width, so a
+    wider goal would open it or take its force away.
     """
     gripper, wanted_m = situation.gripper, intent.width_wanted_m
     if wanted_m is None:
@@ -268,7 +275,7 @@ def _narrowest(*widths_m: float | None) -> float:
 
 
 def _change_n(intent: Intent) -> float:
-    """By how much the force in force would change, N; 0 where none is in force or asked for."""
+    """Return the change of the force in force, N; 0 if none is in force or requested."""
     if intent.force_in_force_n is None or intent.force_applied_n is None:
         return 0.0
     return intent.force_applied_n - intent.force_in_force_n
