@@ -132,7 +132,7 @@ class Reflex:
             self._deficit_n = 0.0 if internal_n is None else force_n - internal_n
 
     def _raise(self, wanted_n: float | None, slipping: bool, force_n: float) -> ReflexAct | None:
-        """Return a step up: to the wanted force or, if that is in force and it slips, to `slip_gain` times the present."""
+        """Return a step up, to the wanted force or, if that force is in force and slips, to `slip_gain` times it."""
         reason = "needed"
         if slipping and (wanted_n is None or wanted_n <= force_n + DEAD_BAND_N):
             if self._t_ns - self._raise_ns >= SETTLE_NS:
