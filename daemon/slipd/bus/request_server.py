@@ -14,13 +14,15 @@ from types import TracebackType
 from typing import Any
 
 from slipd.bus.rate_limit import RateLimit
+from slipd.publish.replies import error_body
+from slipd.refusal import Refusal
 from slipd.requests.idempotency import URGENT_OPS
 from slipd.zmtp.accounts import SHARE
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
 from slipd.zmtp.peer import Peer, PeerRules
 from slipd.zmtp.wire import ProtocolError
-from slipd_client.messages import PROTOCOL_VERSION, REQUEST_LIMITS, MessageError, decode, encode
+from slipd_client.messages import REQUEST_LIMITS, MessageError, decode, encode
 
 MOST_QUEUED = 100
 """Replies kept for one client that does not read them; the rest are dropped."""
@@ -165,9 +167,7 @@ class RequestServer:
         return False
 
     def _reply_error(self, client: bytes, number: object, error: MessageError) -> None:
-        fault = {"code": error.code, "message": error.message, "field": error.field}
-        known = number if type(number) in (str, int) else None
-        self.reply(client, {"v": PROTOCOL_VERSION, "id": known, "ok": False, "error": fault})
+        self.reply(client, error_body(number, Refusal(error.code, error.message, error.field)))
 
 
 def _envelope(peer: Peer) -> tuple[bytes, ...]:

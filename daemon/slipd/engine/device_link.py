@@ -1,4 +1,4 @@
-"""One link: the device behind it, whether it is the right one, and the streams it carries."""
+"""One link: the device behind it, whether it is the right device, and the streams that it carries."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from itertools import groupby
 from operator import attrgetter
-from typing import Any, cast
+from typing import cast
 
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
@@ -14,35 +14,40 @@ from slipd.devices import DEVICES, Decoder, Session
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.engine.stream_meter import StreamMeter, make_stream
 from slipd.events import LinkSpec
+from slipd.finger.force_channel import ForceChannel
+from slipd.finger.image_channel import ImageChannel
+from slipd.publish.status_publisher import StreamStatus
 from slipd.samples import Sample
 from slipd_client.messages import Health
 
-#: A device may send so many times its expected rate, for a config is easily wrong by two; beyond it floods.
+#: Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two.
 FLOOD_FACTOR = 4.0
-#: Readings that may come at once, as time at the expected rate: what waits in the kernel after the daemon stalled.
+#: Readings that may arrive at once, as time at the expected rate: they waited in the kernel while the daemon stalled.
 BURST_S = 1.0
-#: Slow streams too come in bunches.
+#: Least number of readings that may arrive at once: slow streams come in bunches too.
 LEAST_BURST = 32.0
-#: A flood, or a fault in reading the bytes, is reported for this long after the last one.
-FLOOD_TOLD_NS = 1_000_000_000
-#: A stream that is silent for longer is looked into; bytes that came within it arrive now.
+#: A flood, or an error in decoding, is reported for this long after it happened last.
+FAULT_SHOWN_NS = 1_000_000_000
+#: A longer silence of a stream is explained; bytes count as arriving for this long.
 SILENT_NS = 1_000_000_000
 
 
 class DeviceLink:
-    """A port or server, what is spoken on it, and the streams it carries.
+    """A port or server, the conversation on it, and the streams that it carries.
 
-    A device that says it is another than before in this run, or than the config names, is refused: tare, calibration
-    and mounting belong to the one that was there.
+    Readings of another device than before in this run, or than the config names, are refused: tare, calibration and
+    mounting belong to the device that was there.
 
     Args:
         spec: What to open.
-        config: The first stream's config, for the device and its options.
+        config: Config of the first stream, which names the device and its options.
 
     Attributes:
         streams: The streams by sensor.
-        session: The conversation with the device; None where it speaks unasked.
+        session: The conversation with the device; None for a device that sends unasked.
         up: The link is open.
+        reconnects: Times that the link came up again.
+        dropped: Readings dropped because the device floods.
     """
 
     def __init__(self, spec: LinkSpec, config: StreamConfig) -> None:
@@ -58,31 +63,31 @@ class DeviceLink:
         self.dropped = 0
         self._hardware_id = config.hardware_id
         self._opened = self._first_opened = ""
-        self._first_said = ""
+        self._first_identity = ""
         self._message = "not opened yet"
-        self._stranger = ""
+        self._mismatch = ""
         self._allowed = self._rate_hz = 0.0
         self._allowed_ns = 0
         self._dropped_ns: int | None = None
         self._opened_ns = 0
-        self._heard_ns: int | None = None  # bytes came last
-        self._bad_bytes = 0  # as the link was opened
+        self._received_ns: int | None = None  # when bytes came last
+        self._bad_bytes = 0  # of the decoder when the link was opened
         self._fault = ""
         self._fault_ns = 0
 
     def add(self, sensor: str, stream: StreamMeter) -> None:
-        """Adds a stream of the link."""
+        """Add a stream of the link."""
         self.streams[sensor] = stream
         self._rate_hz += stream.expected_hz
 
     def open(self, identity: str, t_ns: int) -> bytes:
-        """The link came up; returns what is to be written first."""
+        """Begin anew on an opened link; return the first bytes for the device."""
         if self._first_opened:
             self.reconnects += 1
         self._first_opened = self._first_opened or identity
-        self.up, self._opened, self._message, self._stranger = True, identity, "", ""
+        self.up, self._opened, self._message, self._mismatch = True, identity, "", ""
         self._allowed_ns, self._allowed = t_ns, self._burst()
-        self._opened_ns, self._heard_ns = t_ns, None
+        self._opened_ns, self._received_ns = t_ns, None
         self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
         self.interrupt()
         greeting = b""
@@ -90,47 +95,50 @@ class DeviceLink:
             greeting = self.session.start(t_ns)
         else:
             cast("Decoder", self._decoder).forget()
-        self._recognise()
+        self._check_identity()
         return greeting
 
     @property
     def opened(self) -> str:
-        """What was opened last: a path, an address; "" before."""
+        """Identity of what was opened last: a path or an address; "" before."""
         return self._opened
 
     def interrupt(self) -> None:
-        """Time passed that nobody saw: what was learned of the device's clock is over."""
+        """Forget the model of the device's clock: time passed that nobody saw."""
         for stream in self.streams.values():
             stream.forget()
 
     def close(self, reason: str) -> None:
-        """The link went down or could not be opened."""
+        """End the conversation on a link that went down or could not be opened."""
         self.up, self._message = False, reason
         if self.session is not None:
             self.session.stop()
 
     def farewell(self) -> bytes:
-        """Ends the conversation; returns what the device hears last, if anything."""
+        """End the conversation on an open link; return the last bytes for the device, if any."""
         return self.session.stop() if self.session is not None and self.up else b""
 
     def receive(self, data: bytes, t_ns: int, late_ns: int = 0) -> list[tuple[str, Sequence[Sample], list[int]]]:
-        """Decodes bytes into runs of samples of one stream: its name, and when each was acquired, CLOCK_MONOTONIC.
+        """Decode bytes into readings.
 
         Args:
-            data: What was received.
-            t_ns: When it was received.
-            late_ns: How long the bytes may have waited for the daemon.
+            data: The bytes.
+            t_ns: When they were received.
+            late_ns: How long they may have waited for the daemon.
+
+        Returns:
+            Runs of readings of one stream each: its name, the readings, and when each was acquired, CLOCK_MONOTONIC.
         """
-        self._heard_ns = t_ns
+        self._received_ns = t_ns
         try:
             samples = self._decoder.receive(data, t_ns)
-        except Exception as error:  # whatever a device sends, it ends neither the daemon nor the other streams
+        except Exception as error:  # no bytes of a device may end the daemon or another stream
             self._fail(error, t_ns)
             return []
         session = self.session
-        if session is not None and (self._stranger or session.identity != self._first_said):
-            self._recognise()
-        if not samples or self._stranger:
+        if session is not None and (self._mismatch or session.identity != self._first_identity):
+            self._check_identity()
+        if not samples or self._mismatch:
             return []
         if len(samples) > self._allowed:
             samples = self._within_rate(samples, t_ns)
@@ -139,19 +147,19 @@ class DeviceLink:
         for run in [samples] if len(samples) == 1 else _runs(samples):
             stream = self.streams.get(run[0].source)
             if stream is not None:
-                kept, times_ns = stream.take(run, late_ns)
+                kept, times_ns = stream.update(run, late_ns)
                 if kept:
                     found.append((stream.name, kept, times_ns))
         return found
 
     def due(self, t_ns: int) -> list[bytes]:
-        """What the session wants written at ``t_ns``, piece by piece: some devices take one request a datagram."""
+        """Return what the session writes at ``t_ns``, one item for each datagram that a device expects."""
         session = self.session
         if session is None or not self.up:
             return []
         try:
             return self._due(session, t_ns)
-        except Exception as error:  # as above: the conversation rests on what the device sent
+        except Exception as error:  # the state of a conversation comes from bytes of the device
             self._fail(error, t_ns)
             return []
 
@@ -167,31 +175,31 @@ class DeviceLink:
         return pieces
 
     def dated(self, name: str) -> bool:
-        """Whether the newest times of a stream are those of a clock, not of its receipts."""
+        """Return whether the newest times of a stream come from a clock, not from receipts."""
         return any(stream.dated for stream in self.streams.values() if stream.name == name)
 
-    def level(
+    def condition(
         self, stream: StreamMeter, t_ns: int, unread_ns: int | None = None, late_ns: int = 0
     ) -> tuple[Health, str]:
-        """Return how a stream is doing, and a message for people.
+        """Return the health of a stream, and a message for people.
 
         Args:
-            stream: One of the link's.
+            stream: A stream of this link.
             t_ns: Now.
             unread_ns: For how long a line that brought nothing counts as unread; None: it is empty.
-            late_ns: The daemon's longest stall of late.
+            late_ns: The longest recent stall of the daemon.
         """
         counters = self._decoder.health
         stream.measure(t_ns, counters.bad_bytes, late_ns)
         if not self.up:
             return Health.ERROR, self._message
-        if self._stranger:
-            return Health.ERROR, self._stranger
-        if self._fault and t_ns - self._fault_ns < FLOOD_TOLD_NS:
+        if self._mismatch:
+            return Health.ERROR, self._mismatch
+        if self._fault and t_ns - self._fault_ns < FAULT_SHOWN_NS:
             return Health.ERROR, self._fault
-        if self._dropped_ns is not None and t_ns - self._dropped_ns < FLOOD_TOLD_NS:
+        if self._dropped_ns is not None and t_ns - self._dropped_ns < FAULT_SHOWN_NS:
             return Health.WARN, f"sends more than {FLOOD_FACTOR:g} times its rate: the oldest readings are dropped"
-        health, message = stream.level(t_ns, unread_ns, late_ns)
+        health, message = stream.condition(t_ns, unread_ns, late_ns)
         if health is not Health.STALE:
             return health, message or counters.note
         if t_ns - max(self._opened_ns, stream.last_ns or 0) <= SILENT_NS:
@@ -202,64 +210,83 @@ class DeviceLink:
     def _why_silent(self, stream: StreamMeter, t_ns: int) -> str:
         bad_bytes = self._decoder.health.bad_bytes
         newest_ns = [other.last_ns for other in self.streams.values() if other.last_ns is not None]
-        heard = LinkActivity(
-            bytes_come=self._heard_ns is not None and t_ns - self._heard_ns <= SILENT_NS,
+        activity = LinkActivity(
+            bytes_come=self._received_ns is not None and t_ns - self._received_ns <= SILENT_NS,
             garbled=bad_bytes > self._bad_bytes if stream.last_ns is None else stream.damage > 0,
             others=bool(newest_ns) and t_ns - max(newest_ns) <= SILENT_NS,
             state=self.session.state if self.session is not None else "",
         )
         sensor = next(name for name, held in self.streams.items() if held is stream)
-        return why_silent(self._device, self.spec, sensor, heard)
+        return why_silent(self._device, self.spec, sensor, activity)
 
     def _fail(self, error: Exception, t_ns: int) -> None:
-        """Drops what the decoder could not bear, and begins anew behind it."""
+        """Report bytes that the decoder cannot handle, and begin anew after them."""
         self._fault = f"its bytes cannot be read ({type(error).__name__}: {error}): they are dropped"
         self._fault_ns = t_ns
         if self.session is None:
             with suppress(Exception):
                 cast("Decoder", self._decoder).forget()
 
-    def told(self, stream: StreamMeter, t_ns: int) -> dict[str, Any]:
-        """``status.streams.<name>`` but for health and message."""
-        counters = self._decoder.health
-        said = self.session.identity if self.session is not None else ""
-        return {
-            "hardware_id": said or self._opened or None,
-            "address": self.spec.address,
-            "state": self.session.state if self.session is not None else None,
-            **stream.told(t_ns),
-            "good": counters.good,
-            "bad": counters.bad,
-            "lost": counters.lost,
-            "duplicates": counters.duplicates,
-            "restarts": counters.restarts,
-            "bad_bytes": counters.bad_bytes,
-            "dropped": self.dropped,
-            "reconnects": self.reconnects,
-        }
+    def status(
+        self,
+        stream: StreamMeter,
+        t_ns: int,
+        conditions: Sequence[tuple[Health, str]],
+        channel: ForceChannel | ImageChannel | None,
+    ) -> StreamStatus:
+        """Return the state of a stream at ``t_ns``.
 
-    def _recognise(self) -> None:
-        """Compares what was opened, and what the device says it is, with the config and with the run so far."""
-        said = self.session.identity if self.session is not None else ""
-        self._first_said = self._first_said or said
+        Args:
+            stream: A stream of this link.
+            t_ns: Now.
+            conditions: Everything that is wrong with it.
+            channel: Conditioning of its readings; None for the gripper.
+        """
+        session, clock = self.session, stream.clock
+        uncertainty_ns = clock.uncertainty_ns
+        return StreamStatus(
+            name=stream.name,
+            conditions=conditions,
+            hardware_id=(session.identity if session is not None else "") or self._opened,
+            address=self.spec.address,
+            state=session.state if session is not None else None,
+            expected_hz=stream.expected_hz,
+            rate_hz=stream.rate_hz,
+            age_s=None if stream.last_ns is None else (t_ns - stream.last_ns) * 1e-9,
+            samples=stream.count,
+            clock="host" if stream.host_clock else clock.state,
+            clock_uncertainty_s=None if uncertainty_ns is None else uncertainty_ns * 1e-9,
+            clock_drift_ppm=clock.drift_ppm,
+            counters=self._decoder.health,
+            dropped=self.dropped,
+            reconnects=self.reconnects,
+            channel=channel,
+        )
+
+    def _check_identity(self) -> None:
+        """Compare what was opened, and who the device says it is, with the config and with the run so far."""
+        identity = self.session.identity if self.session is not None else ""
+        self._first_identity = self._first_identity or identity
         wanted = self._hardware_id
-        if wanted and wanted not in (said, self._opened):
-            self._stranger = (
-                f"another device answers: {said!r}, where hardware_id says {wanted!r}"
-                if said
+        if wanted and wanted not in (identity, self._opened):
+            self._mismatch = (
+                f"another device answers: {identity!r}, where hardware_id says {wanted!r}"
+                if identity
                 else f"waits for the device to say that it is {wanted!r}"
             )
-        elif not said and self._first_said and self.session is not None and self.session.state != "running":
-            self._stranger = "waits for the device to say who it is: another one may have taken its place"
-        elif said != self._first_said and said:
-            self._stranger = f"another device answers: {said!r}, where {self._first_said!r} was; start the daemon anew"
+        elif not identity and self._first_identity and self.session is not None and self.session.state != "running":
+            self._mismatch = "waits for the device to say who it is: another one may have taken its place"
+        elif identity != self._first_identity and identity:
+            self._mismatch = (
+                f"another device answers: {identity!r}, where {self._first_identity!r} was; start the daemon anew"
+            )
         elif self._opened != self._first_opened:
-            self._stranger = f"another port answers: {self._opened!r}, where {self._first_opened!r} was"
+            self._mismatch = f"another port answers: {self._opened!r}, where {self._first_opened!r} was"
         else:
-            self._stranger = ""
+            self._mismatch = ""
 
     def _within_rate(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
-        """Refills what may pass, and drops the oldest readings beyond it."""
+        """Drop the oldest readings that exceed the rate of a flood."""
         refill = (t_ns - self._allowed_ns) * 1e-9 * FLOOD_FACTOR * self._rate_hz
         self._allowed, self._allowed_ns = min(self._allowed + refill, self._burst()), t_ns
         surplus = len(samples) - int(self._allowed)
@@ -274,12 +301,12 @@ class DeviceLink:
 
 
 def _runs(samples: Sequence[Sample]) -> list[list[Sample]]:
-    """Samples of one source each."""
+    """Return the readings in runs of one source each."""
     return [list(run) for _, run in groupby(samples, key=attrgetter("source"))]
 
 
 def make_links(config: Config) -> dict[str, DeviceLink]:
-    """One link an address; streams that share an address share the link, named after the first of them."""
+    """Return one link for each address, by the name of the first stream that uses it."""
     by_address: dict[str, DeviceLink] = {}
     for name, stream in config.streams().items():
         link = by_address.get(stream.port)

@@ -1,18 +1,18 @@
-"""How late the daemon itself is: what it reads after it stood still may have waited as long."""
+"""Lateness of the daemon itself: after a stall, what it reads may have waited for as long as the stall."""
 
 from __future__ import annotations
 
 from slipd.events import Event, Tick
 
-#: Ticks come every 5 ms. A longer gap is a daemon that was not scheduled, and half the least silence of a stale stream.
+#: Least gap between ticks that counts as a stall. Ticks come every 5 ms; no stream is stale before twice this gap.
 LATE_NS = 10_000_000
-#: A line that brings nothing counts as unread for at most as long again as the daemon stood still, within these bounds.
-#: A daemon that is not done by then is overloaded: a dead sensor must not hide behind it.
+#: After a stall a line without readings counts as unread for as long as the stall, within these bounds. A daemon that
+#: has not caught up by then is overloaded, and a dead sensor must not hide behind that.
 LEAST_CATCH_UP_NS, MOST_CATCH_UP_NS = 100_000_000, 1_000_000_000
-#: A reading that waited for longer is stale, whoever was late: its verdict is of no use any more.
+#: A reading that waited longer is stale, whatever delayed it: its verdict comes too late.
 LONGEST_WAIT_NS = 1_000_000_000
-#: The worst stall is reported for so long.
-TOLD_NS = 1_000_000_000
+#: The worst stall is reported for this long.
+SHOWN_NS = 1_000_000_000
 
 
 class Lateness:
@@ -28,7 +28,7 @@ class Lateness:
         self._since_ns = self._unread_since_ns = self._unread_until_ns = 0
         self._worst: tuple[int, int] = (0, 0)
 
-    def note(self, event: Event, t_ns: int) -> None:
+    def update(self, event: Event, t_ns: int) -> None:
         """Update with the time of an event, before the event is handled."""
         if self._tick_ns is not None and t_ns - self._tick_ns > LATE_NS:
             self._stall(self._tick_ns, t_ns)
@@ -50,7 +50,7 @@ class Lateness:
     def worst_ns(self, t_ns: int) -> int:
         """Return the longest stall of the last second, ns."""
         stall_ns, at_ns = self._worst
-        return stall_ns if t_ns - at_ns <= TOLD_NS else 0
+        return stall_ns if t_ns - at_ns <= SHOWN_NS else 0
 
     def _stall(self, tick_ns: int, t_ns: int) -> None:
         stall_ns = t_ns - tick_ns

@@ -10,13 +10,13 @@ from slipd.events import LinkSpec
 
 @dataclass(frozen=True, slots=True)
 class LinkActivity:
-    """What arrived over a link that gives no reading.
+    """What arrives over a link that gives no reading.
 
     Attributes:
         bytes_come: Bytes arrive.
         garbled: Some of them belong to no frame.
-        others: Readings arrive, of other sensors on the same port.
-        state: Where the conversation with the device stands; "" where there is none.
+        others: Readings of other sensors on the same port arrive.
+        state: State of the conversation with the device; "" where there is none.
     """
 
     bytes_come: bool
@@ -25,24 +25,24 @@ class LinkActivity:
     state: str
 
 
-def why_silent(device: Device, spec: LinkSpec, sensor: str, heard: LinkActivity) -> str:
+def why_silent(device: Device, spec: LinkSpec, sensor: str, activity: LinkActivity) -> str:
     """Return why the stream may be silent, and what to check.
 
     Args:
         device: What is expected on the link.
         spec: The link.
         sensor: Which sensor of the port is silent; "" where it carries one.
-        heard: What arrived instead.
+        activity: What arrives instead.
     """
-    if heard.others:
+    if activity.others:
         return f"readings arrive, none of sensor {sensor!r}: is it plugged in? is `sensor` right?"
-    if not heard.bytes_come:
+    if not activity.bytes_come:
         return _no_bytes(spec)
-    if heard.garbled and spec.transport in ("external", "local"):
+    if activity.garbled and spec.transport in ("external", "local"):
         return f"bytes arrive, none is {device.frame}: does the driver pack them as docs/devices.md says?"
-    if heard.garbled:
+    if activity.garbled:
         return f"bytes arrive, none is {device.frame}: {_line(device, spec)} is it another device?"
-    doing = f" ({heard.state})" if heard.state else ""
+    doing = f" ({activity.state})" if activity.state else ""
     return f"bytes arrive, but no reading{doing}"
 
 

@@ -1,27 +1,26 @@
-"""One stream of a link: when its readings were acquired, how many came, and how it is doing."""
+"""One stream of a link: the times of its readings, their count and rate, and its health."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
-from typing import Any, cast
+from typing import cast
 
 from slipd.config import Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.publish.message_bodies import number
 from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock, host_time
 from slipd_client.messages import Health
 
-#: A rate that is off by more than this share of the expected one is told.
+#: Relative deviation from the expected rate that is reported.
 RATE_TOLERANCE = 0.2
-#: The rate is counted over at least this time: a shorter one counts jitter.
+#: Least time over which the rate is counted; a shorter one counts jitter.
 RATE_WINDOW_NS = 500_000_000
-#: A pusher whose times are no times of this host is told for so long after the last of them.
-BAD_TIME_TOLD_NS = 1_000_000_000
+#: Times that are not of this host's clock are reported for this long after the last one.
+BAD_TIME_SHOWN_NS = 1_000_000_000
 
 
 @dataclass(slots=True)
@@ -29,13 +28,17 @@ class StreamMeter:
     """The readings of one sensor.
 
     Attributes:
-        name: e.g. ``left.wrench``.
-        expected_hz: Rate that the config expects.
+        name: Name, e.g. ``left.wrench``.
+        expected_hz: Rate of the config.
         freshness: Whether readings are missing.
-        kind: What its readings are.
-        shape: Of an image; empty where the readings are no images.
+        host_clock: The times of the readings are those of this host's CLOCK_MONOTONIC.
+        clock: Model of the device's clock.
+        kind: Class of the readings.
+        shape: Shape of an image; empty where the readings are not images.
         last_ns: When the newest reading was received; None before the first.
-        count: Readings handed on.
+        count: Number of readings.
+        rate_hz: Measured rate; None: not known yet.
+        damage: Bytes that belong to no frame, within the newest count of the rate.
         misfit: Why the newest reading does not fit the config; "" where it does.
     """
 
@@ -57,12 +60,15 @@ class StreamMeter:
     _counted: int = field(default=0, repr=False)
     _bad_bytes: int = field(default=0, repr=False)
 
-    def take(self, samples: Sequence[Sample], late_ns: int) -> tuple[Sequence[Sample], list[int]]:
-        """Counts the readings of one read; returns those that fit, and when each was acquired, CLOCK_MONOTONIC.
+    def update(self, samples: Sequence[Sample], late_ns: int) -> tuple[Sequence[Sample], list[int]]:
+        """Count and date the readings of one read.
 
         Args:
             samples: The readings, at least one.
-            late_ns: How long they may have waited for the daemon; nothing else tells where the device has no clock.
+            late_ns: How long they may have waited for the daemon: their possible age where the device has no clock.
+
+        Returns:
+            The readings that fit the config, and when each was acquired, CLOCK_MONOTONIC.
         """
         self.misfit = self._misfit(samples[-1])
         if self.misfit or len(samples) > 1:
@@ -72,7 +78,9 @@ class StreamMeter:
         self.last_ns = received_ns = samples[-1].t_ns
         self.count += len(samples)
         times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
-        if self.host_clock or times_ns[0] < self._acquired_ns:  # what integrates needs times that never go back
+        if (
+            self.host_clock or times_ns[0] < self._acquired_ns
+        ):  # charge and drift are integrated: their times must never go back
             times_ns = list(accumulate(times_ns, max, initial=self._acquired_ns))[1:]
         self._acquired_ns = times_ns[-1]
         self.freshness.update(received_ns, times_ns[-1], Arrival(late_ns, dated=self.dated) if late_ns else PROMPT)
@@ -80,7 +88,7 @@ class StreamMeter:
 
     @property
     def dated(self) -> bool:
-        """The newest times are those of a clock, not of their receipts."""
+        """The newest times come from a clock, not from receipts."""
         return self.host_clock or self.clock.state == "locked"
 
     def _host_times(self, samples: Sequence[Sample]) -> list[int]:
@@ -103,7 +111,7 @@ class StreamMeter:
         return times_ns
 
     def forget(self) -> None:
-        """The link was opened anew, or the host slept: what was learned of the device's clock is over."""
+        """Forget the model of the device's clock: the link was opened anew, or the host slept."""
         self.clock.forget()
 
     def _misfit(self, sample: Sample) -> str:
@@ -119,7 +127,7 @@ class StreamMeter:
         Args:
             t_ns: Now.
             bad_bytes: The link's running count.
-            late_ns: The daemon's longest stall of late: what came in it is counted late, so a long one spoils the rate.
+            late_ns: The longest recent stall of the daemon: a long one delays the count and so distorts the rate.
         """
         if self._since_ns is not None and late_ns > RATE_TOLERANCE * RATE_WINDOW_NS:
             self._since_ns = None
@@ -130,8 +138,8 @@ class StreamMeter:
         elif self._since_ns is None and self.last_ns is not None:
             self._since_ns, self._counted, self._bad_bytes = t_ns, self.count, bad_bytes
 
-    def level(self, t_ns: int, unread_ns: int | None = None, late_ns: int = 0) -> tuple[Health, str]:
-        """Return how the stream of an open link is doing, and a message for people; see `Link.level`."""
+    def condition(self, t_ns: int, unread_ns: int | None = None, late_ns: int = 0) -> tuple[Health, str]:
+        """Return the health of the stream of an open link, and a message for people; see `DeviceLink.condition`."""
         if self.misfit:
             return Health.ERROR, self.misfit
         if self.last_ns is None:
@@ -142,7 +150,7 @@ class StreamMeter:
             return Health.WARN, f"the daemon was late by {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
         if self.damage > 0:
             return Health.WARN, f"{self.damage} bytes of late belong to no frame"
-        if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_TOLD_NS:
+        if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_SHOWN_NS:
             return Health.WARN, "its times are not those of this host's CLOCK_MONOTONIC: the receipt counts"
         if self.clock.state == "not_a_clock":
             return Health.WARN, "its clock is none (stuck, jumping, or off by more than 1000 ppm): the receipt counts"
@@ -151,22 +159,9 @@ class StreamMeter:
             return Health.WARN, f"{rate:.0f} Hz instead of {self.expected_hz:.0f} Hz"
         return Health.OK, ""
 
-    def told(self, t_ns: int) -> dict[str, Any]:
-        """What ``status.streams.<name>`` says of the stream itself."""
-        uncertainty_ns = self.clock.uncertainty_ns
-        return {
-            "expected_hz": self.expected_hz,
-            "rate_hz": number(self.rate_hz),
-            "age_s": None if self.last_ns is None else (t_ns - self.last_ns) * 1e-9,
-            "samples": self.count,
-            "clock": "host" if self.host_clock else self.clock.state,
-            "clock_uncertainty_s": None if uncertainty_ns is None else uncertainty_ns * 1e-9,
-            "clock_drift_ppm": number(self.clock.drift_ppm),
-        }
-
 
 def make_stream(name: str, config: StreamConfig) -> StreamMeter:
-    """The stream of a config's table."""
+    """Return the stream of a table of the config."""
     device = DEVICES[config.device]
     poll_ns = round(config.poll_s * 1e9)
     clock = DeviceClock(device.clock_span_ns, delay_ns=round(config.delay_s * 1e9), poll_ns=poll_ns)
@@ -181,7 +176,7 @@ def make_stream(name: str, config: StreamConfig) -> StreamMeter:
 
 
 def _scanned_ns(sample: TactileSample) -> int | None:
-    """Device time of the end of a scan: what was sent at once."""
+    """Return the device time at the end of a scan: its values are sent together then."""
     start_ns = sample.device_time_ns
     return None if start_ns is None else start_ns + (len(sample.values) - 1) * sample.dwell_ns
 

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -162,16 +162,6 @@ class Finger:
     def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
         """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `Friction.set`."""
         self._estimator.set_friction(mu_s, mu_d, by, t_ns)
-
-    def friction_body(self) -> dict[str, Any]:
-        """Return the friction in use and who set it, as in ``status`` and replies."""
-        friction = self.friction
-        return {
-            "mu": friction.mu,
-            "mu_source": friction.source,
-            "mu_by": friction.set_by,
-            "mu_t_ns": friction.set_t_ns,
-        }
 
     @property
     def is_trusted(self) -> bool:

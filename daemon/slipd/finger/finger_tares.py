@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
@@ -19,11 +18,11 @@ class Tares:
 
     Attributes:
         finger: The finger.
-        sides: The channel of each, by its kind, "wrench" or "pad"; ``tare_id`` of a reply is that of the first.
+        channels: The channel of each stream, by its kind, "wrench" or "pad".
     """
 
     finger: Finger
-    sides: dict[str, ForceChannel | ImageChannel]
+    channels: dict[str, ForceChannel | ImageChannel]
 
     @classmethod
     def of(cls, finger: Finger, stream: str | None) -> Tares | Refusal:
@@ -34,7 +33,7 @@ class Tares:
             stream: "wrench", "pad", or "all"; None: what measures the force, which is the pad where there is no force
                 sensor.
         """
-        has = {kind: side for kind in STREAMS if (side := finger.channel(kind)) is not None}
+        has = {kind: channel for kind in STREAMS if (channel := finger.channel(kind)) is not None}
         if stream == "all":
             return cls(finger, has)
         kind = next(iter(has)) if stream is None else stream
@@ -50,12 +49,12 @@ class Tares:
             unloaded: The client states that nothing touches the finger, although its normal force is clearly negative.
         """
         name = self.finger.name
-        for kind in self.sides:
+        for kind in self.channels:
             if not self.finger.is_fresh(kind, t_ns):
                 return Refusal("not_ready", f"finger {name} has no fresh {kind} readings to average", "finger")
-        if self.finger.is_pressed_without(self.sides) is True:
+        if self.finger.is_pressed_without(self.channels) is True:
             return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
-        if self.finger.is_pulled and self.finger.main_stream in self.sides and not unloaded:
+        if self.finger.is_pulled and self.finger.main_stream in self.channels and not unloaded:
             message = (
                 f"the normal force of finger {name} is negative, as if the pad were pulled: status says what to"
                 " check; if this is the bias of an unloaded sensor, send unloaded: true"
@@ -66,49 +65,22 @@ class Tares:
     @property
     def verified(self) -> bool:
         """The finger is known to be untouched, by all but the zeros that these streams are about to get."""
-        return self.finger.is_pressed_without(self.sides) is False
+        return self.finger.is_pressed_without(self.channels) is False
 
     @property
     def busy(self) -> bool:
         """Whether a tare of one of them is in progress."""
-        return any(side.tare.busy for side in self.sides.values())
+        return any(channel.tare.busy for channel in self.channels.values())
 
-    def begin(self, t_ns: int, seconds: float, by: str, *, unloaded: bool) -> dict[str, Any]:
-        """Start to average, and return the reply; ``unloaded`` as in `refuse`."""
-        verified = self.verified
-        for kind in self.sides:
+    def begin(self, t_ns: int, seconds: float, by: str, *, unloaded: bool) -> None:
+        """Start to average; ``unloaded`` as in `refuse`."""
+        for kind in self.channels:
             self.finger.begin_tare(t_ns, seconds, by, kind, unloaded=unloaded)
-        ids = {kind: side.tare.current.id for kind, side in self.sides.items()}
-        return {
-            "finger": self.finger.name,
-            "seconds": seconds,
-            "verified": verified,
-            "tare_id": next(iter(ids.values())),
-            "tare_ids": ids,
-        }
 
-    def undo(self) -> dict[str, Any] | Refusal:
-        """Restore the offset before the last tare, and return the tare then in use."""
-        [kind] = self.sides
-        if not self.finger.undo_tare(kind):
-            message = f"the {kind} of finger {self.finger.name} has no earlier tare to go back to"
-            return Refusal("not_ready", message, "finger")
-        return self.body()
-
-    def body(self) -> dict[str, Any]:
-        """Return the tare in use, and whether another is being measured."""
-        [(kind, side)] = self.sides.items()
-        tare, offset = side.tare, side.tare.current
-        return {
-            "finger": self.finger.name,
-            "stream": kind,
-            "tare_id": offset.id,
-            "taken_t_ns": offset.t_ns,
-            "readings": offset.readings,
-            "offset": offset.value.ravel().tolist(),
-            "by": offset.by,
-            "gravity_mps2": None if offset.gravity_mps2 is None else offset.gravity_mps2.tolist(),
-            "std": None if offset.std is None else offset.std.ravel().tolist(),
-            "busy": tare.busy,
-            "given_up": tare.aborted_reason or None,
-        }
+    def undo(self) -> Refusal | None:
+        """Restore the offset before the last tare of the one stream; refused where there is none."""
+        [kind] = self.channels
+        if self.finger.undo_tare(kind):
+            return None
+        message = f"the {kind} of finger {self.finger.name} has no earlier tare to go back to"
+        return Refusal("not_ready", message, "finger")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -65,6 +65,7 @@ class ForceChannel:
     Attributes:
         tare: Offset of the readings, in the sensor's own frame.
         gravity: The weight of the finger beyond the sensor.
+        drift: Drift of the zero that is subtracted; None where it is not followed.
         fault: What is wrong with the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
@@ -78,10 +79,10 @@ class ForceChannel:
         self._carrier = Carrier(
             Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix, self.tare.current.value, NO_WEIGHT
         )
-        self._drift = None
+        self.drift = None
         if wrench.drift_tau_s is not None:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
-            self._drift = DriftCompensation(wrench.drift_tau_s, limit)
+            self.drift = DriftCompensation(wrench.drift_tau_s, limit)
         self._offset = self.tare.current
         self._watch = WrenchWatch(
             wrench.range_n or MOST, wrench.range_nm or MOST, repeats=wrench.stuck_after, gap_ns=max(stale_ns, 1)
@@ -124,8 +125,8 @@ class ForceChannel:
         if self.tare.current is not self._offset:
             self._take_offset()
         carrier = self._carries()
-        if self._drift is not None:
-            rows = self._less_drift(self._drift, carry(carrier, rows), times_ns, untouched())
+        if self.drift is not None:
+            rows = self._less_drift(self.drift, carry(carrier, rows), times_ns, untouched())
             carrier = AS_IS
         for at, sample in enumerate(samples):
             if not sample.has_torque:
@@ -218,20 +219,11 @@ class ForceChannel:
             found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))
         if self.gravity.state(t_ns) == "unknown_orientation" and self._offset.gravity_mps2 is None:
             found.append((Health.OK, "tare it once more while gravity.set runs: the last tare holds an unknown weight"))
-        if self._drift is not None and self._drift.total >= 1.0:
+        if self.drift is not None and self.drift.total >= 1.0:
             found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))
         if self.tare.aborted_reason:
             found.append((Health.OK, f"the last tare was given up: {self.tare.aborted_reason}"))
         return found
-
-    def told(self, t_ns: int) -> dict[str, Any]:
-        """What ``status.streams.<name>`` says of the conditioning."""
-        drift = self._drift
-        return {
-            "gravity": self.gravity.state(t_ns),
-            "drift": None if drift is None else drift.value.tolist(),
-            "drift_frozen": None if drift is None else drift.frozen,
-        }
 
     def _may_learn(self, t_ns: int) -> bool:
         """A zero is learned only from readings of which nothing else is in doubt."""
@@ -242,7 +234,7 @@ class ForceChannel:
         now, before = self.tare.current, self._offset
         self._offset = now
         self.gravity.retare(now.gravity_mps2)
-        if self._drift is not None and now.id > before.id:
-            self._drift.reset()
-        elif self._drift is not None:
-            self._drift.restore()
+        if self.drift is not None and now.id > before.id:
+            self.drift.reset()
+        elif self.drift is not None:
+            self.drift.restore()

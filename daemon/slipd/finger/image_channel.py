@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -87,6 +86,7 @@ class ImageChannel:
     Attributes:
         three_axis: The taxels measure shear too, so that the pad gives a wrench by itself.
         tare: Offset of the readings, in counts.
+        taxel_health: Which taxels are not believed, and why.
         pressure: Normal force on each taxel above the threshold, shape (n,), else 0; in the unit of ``axis_scale``.
         t_ns: When the image was acquired; None before the first.
         status: Conditions the device reported with it.
@@ -110,7 +110,7 @@ class ImageChannel:
         self._rule = finger.load_rule
         self._calibrated = pad.gain_error is not None
         self._charge = ChargeReconstruction(taxels, pad.charge_tau_s) if pad.charge_tau_s else None
-        self._health = TaxelHealth(
+        self.taxel_health = TaxelHealth(
             pad.rows,
             pad.cols,
             full_scale=None if pad.full_scale is None else pad.full_scale * abs(pad.axis_scale[-1]),
@@ -154,12 +154,12 @@ class ImageChannel:
         readings = -values[:, 2] if self.three_axis else values
         pressure = None
         if self._charge is not None:
-            anchored = felt.agrees and not doubtful and not self._health.masks
+            anchored = felt.agrees and not doubtful and not self.taxel_health.masks
             if self._calibrated and anchored and felt.normal_n is not None:
                 self._charge.anchor(felt.normal_n)
             values = pressure = self._charge.update(values, t_ns * 1e-9, felt.free)
         free = felt.normal_n is not None and felt.free and felt.normal_n > -self._least_n
-        self._health.update(readings, t_ns, free, felt.moving, pressure)
+        self.taxel_health.update(readings, t_ns, free, felt.moving, pressure)
         if not doubtful and not self.zero_known:
             self._look(values, readings, t_ns, felt)
         self._believe(values, sample)
@@ -168,7 +168,7 @@ class ImageChannel:
 
     def _believe(self, values: Array, sample: TactileSample) -> None:
         """Make pressures of forces, with the masked taxels mended."""
-        mend = self._health.repair if self._health.masks else None
+        mend = self.taxel_health.repair if self.taxel_health.masks else None
         if self.three_axis:
             if mend is not None:
                 values = np.column_stack([mend(component) for component in values.T])
@@ -227,14 +227,14 @@ class ImageChannel:
     def _find_reasons(self, values: Array, sample: TactileSample) -> tuple[str, ...]:
         """Why an image cannot be used that gives these forces on its taxels, in one row."""
         possible = float(np.dot(values, values)) <= self._most**2  # false for NaN
-        if possible and not (sample.status or self.hangs or self.untared or self._health.masks):
+        if possible and not (sample.status or self.hangs or self.untared or self.taxel_health.masks):
             return ()
         found = sorted(UNTRUSTED.intersection(sample.status))
         if self.hangs:
             found.append("stuck")
         if self.untared:
             found.append("not_tared")
-        if not self._health.usable:
+        if not self.taxel_health.usable:
             found.append("masked")
         if not possible:
             unseen = "contact_unseen" if np.isnan(values).any() else "garbage"
@@ -284,22 +284,14 @@ class ImageChannel:
                 (Health.ERROR, "its images repeat: it hangs, or stuck_after is too small for a pad this still")
             )
         found += [(Health.ERROR, _UNUSABLE[reason]) for reason in self.reasons if reason in _UNUSABLE]
-        masked = "; ".join(f"{kind} {', '.join(map(str, at))}" for kind, at in self._health.report().items() if at)
-        if masked and not self._health.usable:
+        masked = "; ".join(f"{kind} {', '.join(map(str, at))}" for kind, at in self.taxel_health.report().items() if at)
+        if masked and not self.taxel_health.usable:
             found.append((Health.ERROR, f"too many taxels cannot be believed: {masked}"))
         elif masked:
             found.append((Health.WARN, f"taxels that are not believed: {masked}"))
         if self.tare.aborted_reason:
             found.append((Health.OK, f"the last tare was given up: {self.tare.aborted_reason}"))
         return found
-
-    def told(self, t_ns: int) -> dict[str, Any]:
-        """What ``status.streams.<name>`` says of the conditioning."""
-        del t_ns
-        return {
-            "masked": np.flatnonzero(self._health.masked).tolist(),
-            "taxel_faults": {kind: at for kind, at in self._health.report().items() if at},
-        }
 
     def wrench(self) -> tuple[float, ...] | None:
         """Force and torque about the pad's origin of three-axis taxels, N and N·m: six numbers; None where unknown."""

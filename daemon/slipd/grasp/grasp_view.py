@@ -1,6 +1,6 @@
-"""Both fingers as one grasp: its grip, what the world does to the object in it, and the grip that would hold it.
+"""Both fingers as one grasp: the grip force, the load on the object, and the grip force that would hold it.
 
-A finger that is stale, or that something speaks against, says nothing here: what rests on it is not known.
+What rests on a finger whose readings are stale or doubtful is not known.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from slipd.config.model import Grasp, PadPlace
 from slipd.finger.finger import Finger
+from slipd.finger.friction_limits import needed_normal_n
 from slipd.finger.verdict import SEVERITY
+from slipd.finite import finite_or_none
 from slipd.fusion import (
     PadPose,
     asymmetry,
@@ -23,8 +25,7 @@ from slipd.fusion import (
     internal_force,
     load_share,
 )
-from slipd.publish.message_bodies import Body, needed_n, number, vector
-from slipd_client.messages import level_code
+from slipd.samples import Array
 
 _NO_WRENCH = (math.nan,) * 6
 
@@ -34,14 +35,14 @@ class GraspState:
     """What is known of a grasp; None is unknown.
 
     Attributes:
-        t_ns: When this was put together, CLOCK_MONOTONIC.
-        level: Of the worse finger.
-        reasons: Of every finger at that level.
+        t_ns: Time of the `update`, CLOCK_MONOTONIC.
+        level: Level of the worse finger.
+        reasons: Reasons of every finger at that level.
         internal_n: Grip force, N on one pad.
         grip_needed_n: Least grip force that holds both fingers with their configured safety, N on one pad; None also
-            where no force would do.
+            where no force would hold them.
         utilisation: λ of the worse finger; None also where no grip holds.
-        width_m: Between the pads, as it was told.
+        width_m: Width between the pads, m.
     """
 
     t_ns: int
@@ -53,15 +54,34 @@ class GraspState:
     width_m: float | None
 
 
+@dataclass(slots=True, frozen=True)
+class GraspLoad:
+    """The load on the object in a grasp, and how the fingers share it; None and NaN are unknown.
+
+    Attributes:
+        external_force_n: Force of the world on the object, in the gripper frame, shape (3,), N.
+        external_torque_nm: Its torque about the frame's origin, shape (3,), N·m; None where the pads' place is unknown.
+        first_share: Share of the tangential load that the first finger carries, 0 to 1.
+        asymmetry: First minus second normal force over their sum, −1 to 1.
+        age_s: Age of the older of the two force readings, s.
+    """
+
+    external_force_n: Array
+    external_torque_nm: Array | None
+    first_share: float | None
+    asymmetry: float | None
+    age_s: float | None
+
+
 class GraspView:
-    """Two fingers seen as one grasp.
+    """Two fingers as one grasp.
 
     Args:
         config: ``[grasp]``.
-        fingers: All fingers by name; both that ``[grasp]`` names are among them.
+        fingers: All fingers by name, among them the two that ``[grasp]`` names.
 
     Attributes:
-        state: As of the last `update`.
+        state: State at the last `update`.
     """
 
     def __init__(self, config: Grasp, fingers: dict[str, Finger]) -> None:
@@ -71,61 +91,56 @@ class GraspView:
         self._least_n = max(finger.config.min_normal_n for finger in self._fingers)
         self.state = self.update(0, None)
 
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the first and the second finger."""
+        first, second = self._fingers
+        return first.name, second.name
+
+    def level(self) -> str:
+        """Return the level of the worse finger."""
+        return max((finger.state.verdict.level for finger in self._fingers), key=SEVERITY.__getitem__)
+
     def update(self, t_ns: int, width_m: float | None) -> GraspState:
-        """Puts together what the fingers' newest readings say.
+        """Combine the newest readings of both fingers.
 
         Args:
             t_ns: Now, CLOCK_MONOTONIC.
-            width_m: Between the pads, m; None where that is not known.
+            width_m: Width between the pads, m; None where it is not known.
         """
         first, second = self._fingers
         verdicts = first.state.verdict, second.state.verdict
-        level = max((verdict.level for verdict in verdicts), key=SEVERITY.__getitem__)
+        level = self.level()
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)
         normal_n = _normal_n(first), _normal_n(second)
         self.state = GraspState(
             t_ns,
             level,
             tuple(reasons),
-            number(internal_force(*normal_n)),
-            number(grasp_needed_n(normal_n, (_needed_n(first), _needed_n(second)))),
-            number(grasp_utilisation(_utilisation(first), _utilisation(second))),
-            number(width_m),
+            finite_or_none(internal_force(*normal_n)),
+            finite_or_none(grasp_needed_n(normal_n, (_needed_n(first), _needed_n(second)))),
+            finite_or_none(grasp_utilisation(_utilisation(first), _utilisation(second))),
+            finite_or_none(width_m),
         )
         return self.state
 
-    def body(self, t_ns: int) -> Body:
-        """The ``grasp`` message, published at ``t_ns``, of the fingers' newest readings and the width told last."""
-        state = self.update(t_ns, self.state.width_m)
+    def load(self, t_ns: int) -> GraspLoad:
+        """Return the load at ``t_ns``, with the pads at the width of the last `update`."""
         first, second = self._fingers
         wrenches = [_wrench(finger, t_ns) for finger in self._fingers]
-        world = external_wrench(wrenches, [place.pose(state.width_m) for place in self._places])
+        world = external_wrench(wrenches, [place.pose(self.state.width_m) for place in self._places])
         ages = first.age_s(t_ns), second.age_s(t_ns)
-        return {
-            "fingers": [first.name, second.name],
-            "level": state.level,
-            "level_code": level_code(state.level),
-            "reasons": list(state.reasons),
-            "internal_n": state.internal_n,
-            "grip_needed_n": state.grip_needed_n,
-            "utilisation": state.utilisation,
-            "external_force_n": vector(world.force_n),
-            "external_torque_nm": vector(world.torque_nm),
-            "load_share": self._load_share(),
-            "asymmetry": number(asymmetry(_normal_n(first), _normal_n(second), self._least_n)),
-            "width_m": state.width_m,
-            "age_s": number(max(math.inf if age is None else age for age in ages)),
-        }
-
-    def _load_share(self) -> dict[str, float] | None:
-        """Share of the tangential load that each finger carries."""
-        first, second = self._fingers
-        share = number(load_share(_tangential_n(first), _tangential_n(second), self._least_n))
-        return None if share is None else {first.name: share, second.name: 1.0 - share}
+        return GraspLoad(
+            world.force_n,
+            world.torque_nm,
+            finite_or_none(load_share(_tangential_n(first), _tangential_n(second), self._least_n)),
+            finite_or_none(asymmetry(_normal_n(first), _normal_n(second), self._least_n)),
+            finite_or_none(max(math.inf if age is None else age for age in ages)),
+        )
 
 
 class _Place:
-    """``[grasp.pads.X]``: where a pad is at a width."""
+    """Pose of a pad at each width, from ``[grasp.pads.X]``."""
 
     def __init__(self, config: PadPlace) -> None:
         self._rotation = Rotation.from_quat(config.quat_xyzw).as_matrix()
@@ -133,7 +148,7 @@ class _Place:
         self._widths_m, self._positions_m = rows[:, 0], rows[:, 1:]
 
     def pose(self, width_m: float | None) -> PadPose:
-        """The pose; without a position where the width is not known, or beyond what was measured."""
+        """Return the pose; without a position where the width is unknown or outside the configured positions."""
         widths = self._widths_m
         if width_m is None or not widths[0] <= width_m <= widths[-1]:
             return PadPose(self._rotation, None)
@@ -156,12 +171,12 @@ def _utilisation(finger: Finger) -> float:
 
 
 def _needed_n(finger: Finger) -> float:
-    needed = needed_n(finger.state, finger)
+    needed = needed_normal_n(finger, finger.state)
     return math.nan if needed is None else needed
 
 
 def _wrench(finger: Finger, t_ns: int) -> tuple[float, ...]:
-    """Force and torque on the pad; not known either where they may hold the finger's own weight."""
+    """Return force and torque on the pad; NaN also where they may contain the finger's own weight."""
     wrench, force = finger.state.wrench, finger.force
     if wrench is None or not finger.is_trusted:
         return _NO_WRENCH

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import NamedTuple, cast
 
 from slipd.devices import GripperSession
+from slipd.finite import finite_or_none
 from slipd.gripper.finger_contact import FingerContact
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
 from slipd.permit import Permit
-from slipd.publish.message_bodies import number
 from slipd.samples import GripperSample
 
 
@@ -143,7 +143,7 @@ class GripInForce:
         if sent_n is not None:
             self._policy.restore(sent_n)
             return
-        reported_n = number(sample.force_n) or 0.0
+        reported_n = finite_or_none(sample.force_n) or 0.0
         force_n = reported_n if reported_n > 0.0 else measured_n
         limits, least_n = self._policy.limits, self._session.force_range_n[0]
         most_n = math.inf if limits.max_n is None else limits.max_n

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import cast
 
 from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
+from slipd.finite import finite_or_none
 from slipd.gripper.finger_contact import FingerContact
 from slipd.gripper.grip_in_force import GripInForce
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
@@ -19,12 +20,9 @@ from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, Gri
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
 from slipd.gripper.motion_gate import judge, not_taken
 from slipd.permit import Permit
-from slipd.publish.message_bodies import lease_body, number
 from slipd.refusal import Refusal
 from slipd.samples import GripperSample
 from slipd_client.messages import Health
-
-Result = dict[str, Any] | Refusal
 
 #: A gripper that sends no reading for so long, or for three of its periods, does not answer. It exceeds the time in
 #: which a session gives up an unanswered command after two repeats.
@@ -116,11 +114,11 @@ class GripperControl:
         width_m: float | None = None,
         speed_mps: float | None = None,
         drop: bool = False,
-    ) -> Result:
+    ) -> Refusal | None:
         """Carry out an intent if the motion gate permits it; see `Intent` for the arguments.
 
         Returns:
-            The result of the request, or why it was refused; then nothing has changed.
+            Why it was refused, and then nothing has changed; None where it was carried out.
         """
         situation, applied_n = self._situation(t_ns), self._applied_n(force_n)
         held_n = situation.grip.force_n if kind == "close" else self.policy.force_n
@@ -130,13 +128,7 @@ class GripperControl:
             return found
         if found is not None and not self._carry_out(found, kind, t_ns):
             return not_taken(situation)
-        match kind:
-            case "open" | "close" | "set" | "adjust" | "reflex":
-                return {"applied_n": self.force_command_n}
-            case "hold":
-                return {"force_n": number(self.policy.force_n)}
-            case _:
-                return {}
+        return None
 
     @property
     def force_command_n(self) -> float | None:
@@ -146,42 +138,21 @@ class GripperControl:
     @property
     def width_m(self) -> float | None:
         """Width between the pads, m; None if not known."""
-        return None if self.sample is None else number(self.sample.width_m)
+        return None if self.sample is None else finite_or_none(self.sample.width_m)
 
-    def acknowledge(self) -> Result:
-        """Clears the latched fault; returns which it was. What is held by a gripper that is not heard stays a fault."""
+    def acknowledge(self) -> Refusal | None:
+        """Clear the latched fault; refused while a gripper with a grip in force does not answer."""
         if self.sample is None and self.policy.grips:
             return Refusal("not_ready", "nothing is heard of the gripper, which had a grip in force: wait until it is")
-        fault = self.policy.fault
         self.policy.acknowledge()
         self._faults.acknowledge()
         self._session.acknowledge()
-        return {"fault": fault or None}
+        return None
 
     def conditions(self) -> list[tuple[Health, str]]:
         """What ails the gripper, for the status of its stream."""
         fault = self.policy.fault
         return [(Health.ERROR, f"{fault} is latched: say fault.ack once it was looked at")] if fault else []
-
-    def body(self, t_ns: int) -> dict[str, Any]:
-        """The ``gripper`` message."""
-        sample = self.sample
-        return {
-            "width_m": None if sample is None else number(sample.width_m),
-            "force_command_n": number(self.force_command_n),
-            "force_limit_n": self._config.max_force_n,
-            "active": None if sample is None else sample.active,
-            "object": None if sample is None else sample.object,
-            "moving": None if sample is None else sample.moving,
-            "fault": None if sample is None else sample.fault,
-            "latched_fault": self.policy.fault,
-            "echo_ok": None if sample is None else sample.echo_ok,
-            "current_a": None if sample is None else number(sample.current_a),
-            "force_n": None if sample is None else number(sample.force_n),
-            "lease": lease_body(self.policy, t_ns),
-            "reflex": None,
-            "age_s": None if sample is None else (t_ns - sample.t_ns) * 1e-9,
-        }
 
     def _latch(self, fault: str) -> None:
         if fault:

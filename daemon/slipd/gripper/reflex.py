@@ -7,9 +7,9 @@ driven up to the ceiling.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from slipd.finite import finite_or_none
 from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy
 
 #: Least time between two acts, and the time over which one act ramps: grippers take about 50 commands a second.
@@ -106,8 +106,8 @@ class Reflex:
         if force_n is None:
             self._forget()
             return None
-        self._follow(force_n, _known(internal_n) if trusted else None)
-        need_n = _known(needed_n)
+        self._follow(force_n, finite_or_none(internal_n) if trusted else None)
+        need_n = finite_or_none(needed_n)
         if trusted and level == "stable" and need_n is not None and elapsed_ns <= LONGEST_GAP_NS:
             return self._paced(self._lower(KEEP * need_n + max(self._deficit_n, 0.0), force_n, elapsed_ns))
         self._calm_ns = self._ramp_n = None
@@ -168,7 +168,3 @@ class Reflex:
         if act is None or since_ns < PERIOD_NS or (act == self._act and since_ns < SETTLE_NS):
             return None
         return act
-
-
-def _known(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None

@@ -11,7 +11,8 @@ from slipd.events import Request
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import STREAMS, Tares
 from slipd.gripper.grip_policy import GripPolicy
-from slipd.gripper.gripper_control import Result
+from slipd.publish import replies
+from slipd.publish.replies import Result
 from slipd.refusal import Refusal
 from slipd.requests.gripper_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
@@ -78,11 +79,13 @@ class FingerHandlers:
             return refusal
         if (self._policy.grips or self._policy.releasing) and not tares.verified:
             return Refusal("in_contact", f"{_HELD}, and finger {tares.finger.name} is not known to be free", "finger")
-        return tares.begin(t_ns, seconds, named(request.client), unloaded=unloaded)
+        verified = tares.verified
+        tares.begin(t_ns, seconds, client_name(request.client), unloaded=unloaded)
+        return replies.tare_begun(tares, seconds, verified=verified)
 
     def _tare_get(self, request: Request, _: int) -> Result:
         tares = self._tares(request, STREAMS)
-        return tares if isinstance(tares, Refusal) else tares.body()
+        return tares if isinstance(tares, Refusal) else replies.tare_in_use(tares)
 
     def _tare_undo(self, request: Request, t_ns: int) -> Result:
         tares = self._tares(request, STREAMS)
@@ -91,7 +94,7 @@ class FingerHandlers:
         refusal = self._check_others_lease(request, t_ns, "changed")
         if refusal is None and not tares.busy and tares.finger.is_pressed() is True:
             refusal = self._policy.check_lease(request.client, t_ns)
-        return refusal or tares.undo()
+        return refusal or tares.undo() or replies.tare_in_use(tares)
 
     def _gravity_set(self, request: Request, t_ns: int) -> Result:
         finger = self._finger(request)
@@ -109,7 +112,7 @@ class FingerHandlers:
             return Refusal("lease_held", message, "gravity_mps2")
         self._told_gravity[finger.name] = request.client, t_ns
         finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
-        return {"gravity": finger.force.gravity.state(t_ns)}
+        return replies.gravity_set(finger.force, t_ns)
 
     def _friction_set(self, request: Request, t_ns: int) -> Result:
         finger = self._finger(request)
@@ -128,8 +131,8 @@ class FingerHandlers:
             if refusal is not None:
                 why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
                 return Refusal(refusal.code, f"{why}: acquire the lease first (lease.acquire)", "")
-        finger.set_friction(mu_s, mu_d, named(request.client), t_ns)
-        return {"finger": finger.name, **finger.friction_body()}
+        finger.set_friction(mu_s, mu_d, client_name(request.client), t_ns)
+        return replies.friction_set(finger)
 
     def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
         """Refuse to shift forces on which another client relies."""
@@ -144,6 +147,6 @@ def _change(finger: Finger, mu_s: float) -> str:
     return f"mu_s {mu_s:g} over {finger.friction.mu:g}" if mu_s > finger.friction.mu else "a lower mu_d"
 
 
-def named(client: bytes) -> str:
-    """Return a readable name of a client: its key, or its process; never the route that it chose."""
+def client_name(client: bytes) -> str:
+    """Return the name of a client for people: its key or its process, without the route that it chose itself."""
     return client.partition(b"\0")[0].decode(errors="replace")

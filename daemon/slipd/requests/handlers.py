@@ -1,15 +1,17 @@
-"""Answers requests: each op is a method that returns its result, or why it is refused."""
+"""Answer requests: check each, carry it out at most once, and reply."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from slipd.config.model import Requests
 from slipd.events import RecordingChanged, Reply, Request
 from slipd.finger.finger import Finger
 from slipd.gripper.grip_policy import GripPolicy
-from slipd.gripper.gripper_control import GripperControl, Result
+from slipd.gripper.gripper_control import GripperControl
+from slipd.publish import replies
+from slipd.publish.replies import Result
+from slipd.publish.wire_values import Body
 from slipd.refusal import Refusal
 from slipd.requests.finger_handlers import FingerHandlers
 from slipd.requests.gripper_handlers import GripperHandlers, without_gripper
@@ -17,11 +19,10 @@ from slipd.requests.idempotency import URGENT_OPS, IdempotencyCache
 from slipd.requests.lease_handlers import LeaseHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import OPS, check_request
-from slipd_client.messages import PROTOCOL_VERSION
 
 
 class RequestHandlers:
-    """Judges requests and carries them out, each at most once.
+    """Check requests and carry them out, each at most once.
 
     Args:
         boot: Id of this run.
@@ -30,7 +31,7 @@ class RequestHandlers:
         policy: Keeps the lease.
         requests: ``[requests]``.
         recordings: The recordings on request.
-        status: Makes the body of the ``status`` message for an instant.
+        status: Returns the state of the daemon at a time, as in the ``status`` message.
     """
 
     def __init__(
@@ -41,14 +42,14 @@ class RequestHandlers:
         policy: GripPolicy,
         requests: Requests,
         recordings: RecordingState,
-        status: Callable[[int], dict[str, Any]],
+        status: Callable[[int], Body],
     ) -> None:
         self._boot = boot
         self._fingers = fingers
         self._recordings = recordings
         self._once = IdempotencyCache()
         self._status = status
-        self._unanswered: dict[tuple[bytes, str | int], dict[str, Any]] = {}
+        self._unanswered: dict[tuple[bytes, str | int], Body] = {}
         self._ops: dict[str, Callable[[Request, int], Result | None]] = {
             "hello": self._hello,
             "status": self._status_now,
@@ -69,18 +70,18 @@ class RequestHandlers:
         body = request.body
         refusal = check_request(body, self._boot, t_ns)
         if refusal is not None:
-            return _reply(request, refusal, t_ns)
+            return Reply(request.client, replies.reply_body(body.get("id"), refusal, t_ns))
         urgent = body["op"] in URGENT_OPS and self._holds(request.client, t_ns)
         seen = self._once.seen(request.client, body, t_ns, urgent=urgent)
         if seen is None:
             found = self._ops[body["op"]](request, t_ns)
-            reply = {} if found is None else _reply(request, found, t_ns).body
+            reply = {} if found is None else replies.reply_body(body["id"], found, t_ns)
             if found is None:
                 self._unanswered[request.client, body["id"]] = reply
             self._once.keep(request.client, body, reply, t_ns)
             return Reply(request.client, reply) if reply else None
         if isinstance(seen, Refusal):
-            return _reply(request, seen, t_ns)
+            return Reply(request.client, replies.reply_body(body["id"], seen, t_ns))
         return Reply(request.client, seen) if seen else None
 
     def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
@@ -88,16 +89,18 @@ class RequestHandlers:
         settled = self._recordings.settle(event)
         if settled is None:
             return None
-        request, found = settled
+        request, outcome = settled
+        result = outcome if isinstance(outcome, Refusal) else replies.recording_file(outcome)
         reply = self._unanswered.pop((request.client, request.body["id"]), {})
-        reply |= _reply(request, found, t_ns).body  # in place: a copy of the request gets the same reply
+        # in place, so that a copy of the request gets the same reply
+        reply |= replies.reply_body(request.body["id"], result, t_ns)
         return Reply(request.client, reply)
 
     def _holds(self, client: bytes, t_ns: int) -> bool:
         return self._policy.holder(t_ns) == client
 
     def _hello(self, _: Request, t_ns: int) -> Result:
-        return {"boot": self._boot, "t_ns": t_ns, "version": PROTOCOL_VERSION, "fingers": list(self._fingers)}
+        return replies.hello(self._boot, t_ns, self._fingers)
 
     def _status_now(self, _: Request, t_ns: int) -> Result:
         return self._status(t_ns)
@@ -106,12 +109,5 @@ class RequestHandlers:
         return self._recordings.start(request, t_ns)
 
     def _record_stop(self, _: Request, __: int) -> Result:
-        return self._recordings.stop()
-
-
-def _reply(request: Request, found: Result, t_ns: int) -> Reply:
-    head = {"v": PROTOCOL_VERSION, "id": request.body.get("id"), "t_ns": t_ns}
-    if isinstance(found, Refusal):
-        error = {"code": found.code, "message": found.message, "field": found.field}
-        return Reply(request.client, head | {"ok": False, "error": error})
-    return Reply(request.client, head | {"ok": True, "result": found})
+        ended = self._recordings.stop()
+        return ended if isinstance(ended, Refusal) else replies.recording_file(ended)

@@ -1,10 +1,11 @@
-"""Handlers of the lease requests. Every rig has a lease; without a gripper it decides who may loosen verdicts."""
+"""Handlers of the lease requests. Without a gripper the lease still decides who may make verdicts more lenient."""
 
 from __future__ import annotations
 
 from slipd.events import Request
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
-from slipd.gripper.gripper_control import Result
+from slipd.publish import replies
+from slipd.publish.replies import Result
 from slipd.requests.gripper_handlers import Handler
 
 #: Longest life of a lease without renewal on a rig without gripper; with one, it is ``gripper.max_lease_ms``.
@@ -12,7 +13,7 @@ LONGEST_LEASE_MS = 200
 
 
 class LeaseHandlers:
-    """Grants the lease to one client at a time.
+    """Grant the lease to one client at a time.
 
     Args:
         policy: Keeps the lease.
@@ -31,13 +32,13 @@ class LeaseHandlers:
 
     def _acquire(self, request: Request, t_ns: int) -> Result:
         ttl_ms = request.body["ttl_ms"]
-        return self._policy.acquire(request.client, ttl_ms, t_ns) or {"ttl_ms": ttl_ms}
+        return self._policy.acquire(request.client, ttl_ms, t_ns) or replies.lease_granted(ttl_ms)
 
     def _renew(self, request: Request, t_ns: int) -> Result:
-        return self._policy.renew(request.client, t_ns) or {}
+        return self._policy.renew(request.client, t_ns) or replies.done()
 
     def _release(self, request: Request, t_ns: int) -> Result:
-        return self._policy.release(request.client, t_ns) or {}
+        return self._policy.release(request.client, t_ns) or replies.done()
 
 
 def policy_without_gripper() -> GripPolicy:

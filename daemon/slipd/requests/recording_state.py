@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from slipd.events import Record, RecordingChanged, Request
 from slipd.refusal import Refusal
@@ -24,57 +23,61 @@ class RecordingState:
     Args:
         boot: Id of this run.
         wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+
+    Attributes:
+        requested: The newest recording on request; its state is "none" before the first.
+        whole_run: The recording of the whole run; None where there is none.
     """
 
     def __init__(self, boot: str, wall_minus_monotonic_ns: int) -> None:
         self._boot = boot
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._count = 0
-        self._requested = RecordingChanged("", "", "none")
-        self._whole_run: RecordingChanged | None = None
+        self.requested = RecordingChanged("", "", "none")
+        self.whole_run: RecordingChanged | None = None
         self._waiting: dict[str, Request] = {}
         self._due: list[Record] = []
 
     def start(self, request: Request, t_ns: int) -> Refusal | None:
         """Start a recording; None: the answer waits for the disk, see `settle`."""
         if self._running:
-            return Refusal("not_ready", f"{self._requested.name} is being recorded: record.stop ends it")
+            return Refusal("not_ready", f"{self.requested.name} is being recorded: record.stop ends it")
         self._count += 1
         wall_s = (t_ns + self._wall_minus_monotonic_ns) // 10**9 % _SPAN_S
         time = (_EPOCH + timedelta(seconds=wall_s)).strftime("%Y%m%dT%H%M%SZ")
         name = f"slipd-{time}-{self._boot}-{self._count}.mcap"
-        self._requested = RecordingChanged(name, "", "running")
+        self.requested = RecordingChanged(name, "", "running")
         self._waiting[name] = request
         self._due.append(Record(name))
         return None
 
-    def stop(self) -> dict[str, Any] | Refusal:
-        """End the recording that runs."""
-        recording = self._requested
+    def stop(self) -> RecordingChanged | Refusal:
+        """End the recording that runs, and return it."""
+        recording = self.requested
         if not self._running:
             return Refusal("not_ready", recording.reason or "nothing is being recorded: record.start begins it")
-        self._requested = replace(recording, state="stopped")
+        self.requested = replace(recording, state="stopped")
         self._due.append(Record(""))
-        return {"name": recording.name, "path": recording.path or None}
+        return self.requested
 
-    def settle(self, event: RecordingChanged) -> tuple[Request, dict[str, Any] | Refusal] | None:
+    def settle(self, event: RecordingChanged) -> tuple[Request, RecordingChanged | Refusal] | None:
         """Note what became of a recording, and return the request that waited for it with its answer.
 
         What a newer recording has replaced is not shown any more.
         """
         if not event.name:
-            self._whole_run = event
+            self.whole_run = event
             return None
-        if event.name == self._requested.name:
+        if event.name == self.requested.name:
             if self._running or event.state == "failed":
-                self._requested = event
+                self.requested = event
             elif event.state == "running":  # it began behind its own record.stop
-                self._requested = replace(event, state="stopped")
+                self.requested = replace(event, state="stopped")
         waiting = self._waiting.pop(event.name, None)
         if waiting is None:
             return None
         if event.state == "running":
-            return waiting, {"name": event.name, "path": event.path}
+            return waiting, event
         return waiting, Refusal(_CODES.get(event.state, "record_failed"), event.reason)
 
     def due(self) -> list[Record]:
@@ -82,25 +85,6 @@ class RecordingState:
         due, self._due = self._due, []
         return due
 
-    def body(self) -> dict[str, Any]:
-        """Return ``recording`` of the status: the newest one on request."""
-        return _body(self._requested)
-
-    def whole_run_body(self) -> dict[str, Any] | None:
-        """Return ``run_recording`` of the status; None where the whole run is not recorded."""
-        return None if self._whole_run is None else _body(self._whole_run)
-
     @property
     def _running(self) -> bool:
-        return self._requested.state == "running"
-
-
-def _body(recording: RecordingChanged) -> dict[str, Any]:
-    return {
-        "name": recording.name or None,
-        "path": recording.path or None,
-        "state": recording.state,
-        "running": recording.state == "running",
-        "failure": recording.reason or None,
-        "lost": recording.lost,
-    }
+        return self.requested.state == "running"

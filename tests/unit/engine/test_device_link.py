@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from slipd.devices.health import DecoderHealth
 from slipd.engine.device_link import DeviceLink, make_links
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.events import LinkSpec
+from slipd.publish.status_publisher import StreamStatus
 from slipd.samples import TactileSample
 from slipd_client.messages import Health
 
@@ -38,11 +38,11 @@ def skin(number: int, taxels: int = 4, sensors: str = "12") -> bytes:
 
 
 def health(link: DeviceLink, t_ns: int, source: str = "") -> tuple[Health, str]:
-    return link.level(link.streams[source], t_ns)
+    return link.condition(link.streams[source], t_ns)
 
 
-def told(link: DeviceLink, t_ns: int, source: str = "") -> dict[str, Any]:
-    return link.told(link.streams[source], t_ns)
+def status(link: DeviceLink, t_ns: int, source: str = "") -> StreamStatus:
+    return link.status(link.streams[source], t_ns, [], None)
 
 
 def test_every_address_is_opened_once_under_the_name_of_its_first_stream(links: dict[str, DeviceLink]) -> None:
@@ -114,16 +114,17 @@ def test_a_link_is_judged_from_its_opening_to_its_loss(links: dict[str, DeviceLi
     link.open("/dev/ttyUSB0", T0)
     assert link.opened == "/dev/ttyUSB0"
     assert health(link, T0) == (Health.STALE, "open, but no reading yet")
-    assert told(link, T0)["samples"] == 0
+    assert status(link, T0).samples == 0
     link.receive(frame(T0), T0)
-    assert [told(link, T0)[key] for key in ("samples", "good", "reconnects")] == [1, 1, 0]
-    assert told(link, T0 + 15 * MS)["age_s"] == pytest.approx(0.015)
+    now = status(link, T0)
+    assert (now.samples, now.counters.good, now.reconnects) == (1, 1, 0)
+    assert status(link, T0 + 15 * MS).age_s == pytest.approx(0.015)
     assert health(link, T0 + 20 * MS) == (Health.OK, "")
     assert health(link, T0 + 21 * MS) == (Health.STALE, "no reading for 0.02 s")
     link.close("unplugged")
     assert health(link, T0 + 21 * MS) == (Health.ERROR, "unplugged")
     link.open("/dev/ttyUSB0", T0)
-    assert [told(link, T0)[key] for key in ("reconnects", "hardware_id")] == [1, "/dev/ttyUSB0"]
+    assert (status(link, T0).reconnects, status(link, T0).hardware_id) == (1, "/dev/ttyUSB0")
 
 
 def feed(link: DeviceLink, hz: float, seconds: float, start_ns: int) -> int:
@@ -141,12 +142,12 @@ def test_a_rate_that_is_off_is_told(links: dict[str, DeviceLink], hz: float, wel
     link = links["left.wrench"]
     link.open("port", T0)
     now = feed(link, hz, 0.1, T0)
-    link.level(link.streams[""], now)
-    assert told(link, now)["rate_hz"] is None, "a tenth of a second counts jitter"
+    link.condition(link.streams[""], now)
+    assert status(link, now).rate_hz is None, "a tenth of a second counts jitter"
     now = feed(link, hz, 1.0, now)
     expected = (Health.OK, "") if well else (Health.WARN, f"{hz:.0f} Hz instead of 1000 Hz")
     assert health(link, now) == expected
-    assert told(link, now)["rate_hz"] == pytest.approx(hz, rel=0.01)
+    assert status(link, now).rate_hz == pytest.approx(hz, rel=0.01)
 
 
 def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, DeviceLink]) -> None:
@@ -164,27 +165,27 @@ def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, DeviceL
     assert message == "300 bytes of late belong to no frame"
     now = feed(link, 1000.0, 1.0, now)
     assert health(link, now) == (Health.OK, "")
-    assert told(link, now)["bad_bytes"] == 800
+    assert status(link, now).counters.bad_bytes == 800
 
 
 def test_a_device_that_must_be_spoken_to_is_spoken_to_while_the_link_is_up(links: dict[str, DeviceLink]) -> None:
     link = links["gripper"]
     assert link.due(T0) == []
     assert link.open("port", T0) != b""
-    assert told(link, T0)["state"] == "waiting"
+    assert status(link, T0).state == "waiting"
     assert link.due(T0) == [], "one transaction at a time"
     assert link.due(T0 + 100 * MS - 1) == []
     assert link.due(T0 + 100 * MS) != [], "the reply is overdue"
     link.close("unplugged")
     assert link.due(T0 + 1000 * MS) == []
-    assert told(link, T0)["state"] == "closed"
+    assert status(link, T0).state == "closed"
 
 
 def test_a_device_that_speaks_unasked_is_told_nothing(links: dict[str, DeviceLink]) -> None:
     link = links["left.pad"]
     assert link.open("port", T0) == b""
     assert link.due(T0 + 10**12) == []
-    assert told(link, T0)["state"] is None
+    assert status(link, T0).state is None
 
 
 def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
@@ -197,7 +198,7 @@ def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
 def test_L6_another_device_on_the_same_port_is_refused_and_the_old_one_taken_back(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     assert boot(link, "1234", T0) == 1
-    assert "1234" in told(link, T0)["hardware_id"]
+    assert "1234" in status(link, T0).hardware_id
     assert boot(link, "777", T0 + MS) == 0
     level, message = health(link, T0 + MS)
     assert level == Health.ERROR
@@ -235,13 +236,13 @@ def test_L9_a_flood_is_thinned_from_its_oldest_end_and_told(links: dict[str, Dev
     ((_, samples, times_ns),) = link.receive(flood, T0)
     assert len(samples) == len(times_ns) == 1000, "a second of readings may have waited"
     assert samples[-1].device_time_ns == 1499 * 1000
-    assert (told(link, T0)["dropped"], told(link, T0)["good"]) == (500, 1500)
+    assert (status(link, T0).dropped, status(link, T0).counters.good) == (500, 1500)
     assert health(link, T0) == (Health.WARN, "sends more than 4 times its rate: the oldest readings are dropped")
     ((_, samples, _),) = link.receive(flood, T0 + 10 * MS)
     assert len(samples) == 40, "four times 1000 Hz for 10 ms"
     now = feed(link, 1000.0, 1.5, T0 + 11 * MS)
     assert health(link, now) == (Health.OK, "")
-    assert told(link, now)["dropped"] == 500 + 1460
+    assert status(link, now).dropped == 500 + 1460
 
 
 class Mute:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from slipd.engine.lateness import LATE_NS, LEAST_CATCH_UP_NS, LONGEST_WAIT_NS, MOST_CATCH_UP_NS, TOLD_NS, Lateness
+from slipd.engine.lateness import LATE_NS, LEAST_CATCH_UP_NS, LONGEST_WAIT_NS, MOST_CATCH_UP_NS, SHOWN_NS, Lateness
 from slipd.events import Bytes, Tick
 
 MS = 1_000_000
@@ -15,20 +15,20 @@ UNREAD = Tick(unread=True)
 def ticked(until_ms: int) -> Lateness:
     lateness = Lateness()
     for ms in range(0, until_ms + 1, 5):
-        lateness.note(Tick(), ms * MS)
+        lateness.update(Tick(), ms * MS)
     return lateness
 
 
 def test_C4_what_is_read_after_a_stall_may_have_waited_until_the_lines_are_empty() -> None:
     lateness = ticked(100)
-    lateness.note(READ, 100 * MS + LATE_NS)
+    lateness.update(READ, 100 * MS + LATE_NS)
     assert (lateness.late_ns, lateness.waited_ns(100 * MS + LATE_NS)) == (0, 0)
-    lateness.note(READ, 400 * MS)
+    lateness.update(READ, 400 * MS)
     assert (lateness.late_ns, lateness.waited_ns(400 * MS)) == (300 * MS, 300 * MS)
-    lateness.note(UNREAD, 401 * MS)
-    lateness.note(READ, 440 * MS)
+    lateness.update(UNREAD, 401 * MS)
+    lateness.update(READ, 440 * MS)
     assert lateness.waited_ns(440 * MS) == 340 * MS, "many reads empty what has waited"
-    lateness.note(Tick(), 441 * MS)
+    lateness.update(Tick(), 441 * MS)
     assert (lateness.late_ns, lateness.waited_ns(441 * MS), lateness.unread_ns(441 * MS)) == (0, 0, None)
 
 
@@ -41,14 +41,14 @@ def test_C4_P3_a_daemon_that_never_catches_up_is_excused_for_no_longer_than_the_
 ) -> None:
     lateness, begun_ns = ticked(100), 100 * MS
     t_ns = begun_ns + stall_ns
-    lateness.note(UNREAD, t_ns)
+    lateness.update(UNREAD, t_ns)
     until_ns = t_ns + bound_ns
     while t_ns < until_ns:
         t_ns += 5 * MS
-        lateness.note(UNREAD, t_ns)
+        lateness.update(UNREAD, t_ns)
         assert lateness.unread_ns(t_ns) == t_ns - begun_ns
         assert lateness.waited_ns(t_ns) == min(t_ns - begun_ns, LONGEST_WAIT_NS)
-    lateness.note(UNREAD, t_ns + 5 * MS)
+    lateness.update(UNREAD, t_ns + 5 * MS)
     assert lateness.unread_ns(t_ns + 5 * MS) == 0, "what brings nothing is silent"
     assert lateness.waited_ns(t_ns + 5 * MS) > 0, "what comes has waited nevertheless"
 
@@ -57,7 +57,7 @@ def test_C4_P3_stalls_that_follow_each_other_are_excused_one_by_one() -> None:
     lateness, t_ns, waited = ticked(100), 100 * MS, []
     for _ in range(40):
         t_ns += 15 * MS
-        lateness.note(UNREAD, t_ns)
+        lateness.update(UNREAD, t_ns)
         waited.append(lateness.unread_ns(t_ns) or 0)
         assert lateness.waited_ns(t_ns) == t_ns - 100 * MS, "since the lines were last empty"
     assert waited[0] == 15 * MS
@@ -68,13 +68,13 @@ def test_C4_P3_stalls_that_follow_each_other_are_excused_one_by_one() -> None:
 def test_the_worst_stall_is_told_for_a_while() -> None:
     lateness = ticked(100)
     assert lateness.worst_ns(100 * MS) == 0
-    lateness.note(Tick(), 300 * MS)
-    lateness.note(Tick(), 400 * MS)
+    lateness.update(Tick(), 300 * MS)
+    lateness.update(Tick(), 400 * MS)
     assert lateness.worst_ns(400 * MS) == 200 * MS
-    assert lateness.worst_ns(301 * MS + TOLD_NS) == 0
+    assert lateness.worst_ns(301 * MS + SHOWN_NS) == 0
 
 
 def test_before_the_first_tick_nothing_is_late() -> None:
     lateness = Lateness()
-    lateness.note(READ, 10**12)
+    lateness.update(READ, 10**12)
     assert lateness.late_ns == 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slipd.config import Config
-from slipd.engine.stream_meter import BAD_TIME_TOLD_NS, StreamMeter, make_stream
+from slipd.engine.stream_meter import BAD_TIME_SHOWN_NS, StreamMeter, make_stream
 from slipd.samples import Sample, TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -19,7 +19,7 @@ Parse = Callable[[str], Config]
 
 def take(stream: StreamMeter, sample: Sample, late_ns: int = 0) -> int | None:
     """When a reading that comes alone was acquired; None where it does not fit the stream."""
-    kept, times_ns = stream.take([sample], late_ns)
+    kept, times_ns = stream.update([sample], late_ns)
     assert kept == [sample] * len(times_ns)
     return times_ns[0] if times_ns else None
 
@@ -40,17 +40,16 @@ def test_L12_readings_that_come_in_bunches_get_their_own_times(stream: StreamMet
         for k in range(16):
             acquired = take(stream, reading(receipt_ns, (bunch * 16 + k) * MS))
     assert acquired == pytest.approx(T0 + 200 * 16 * MS - 1 * MS, abs=1.5 * MS)
-    told = stream.told(receipt_ns)
-    assert told["clock"] == "locked"
-    assert 0.0 < told["clock_uncertainty_s"] < 0.005
+    assert stream.clock.state == "locked"
+    assert 0 < (stream.clock.uncertainty_ns or 0) < 5 * MS
 
 
 def test_without_a_device_clock_the_receipt_counts_less_what_waited(stream: StreamMeter) -> None:
     assert take(stream, reading(T0, None)) == T0
     assert take(stream, reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
     assert take(stream, reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
-    assert stream.told(T0)["clock"] == "none"
-    assert stream.told(T0)["clock_uncertainty_s"] is None
+    assert stream.clock.state == "none"
+    assert stream.clock.uncertainty_ns is None
 
 
 def test_a_known_delay_is_taken_off(left: str, parse: Parse) -> None:
@@ -62,7 +61,7 @@ def test_a_known_delay_is_taken_off(left: str, parse: Parse) -> None:
 def test_a_clock_that_is_none_is_told(stream: StreamMeter) -> None:
     for k in range(20_000):
         take(stream, reading(T0 + k * MS, k * 2 * MS))
-    assert stream.level(T0 + k * MS) == (
+    assert stream.condition(T0 + k * MS) == (
         Health.WARN,
         "its clock is none (stuck, jumping, or off by more than 1000 ppm): the receipt counts",
     )
@@ -75,7 +74,7 @@ def test_a_scan_is_dated_by_its_end(left: str, parse: Parse) -> None:
         acquired = take(stream, image)
     assert acquired == pytest.approx(T0 + k * 10 * MS, abs=0.1 * MS)
     assert take(stream, TactileSample(T0, 0, np.zeros(9))) is None
-    assert stream.level(T0) == (
+    assert stream.condition(T0) == (
         Health.ERROR,
         "images of 9 taxels of one axis, where the config says 16 taxels of one axis",
     )
@@ -94,29 +93,29 @@ rate_hz = 1000.0
 def test_a_pusher_on_this_host_tells_its_own_time(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
     assert take(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
-    assert stream.told(T0)["clock"] == "host"
-    assert stream.level(T0) == (Health.OK, "")
+    assert stream.host_clock
+    assert stream.condition(T0) == (Health.OK, "")
     assert take(stream, reading(T0, None)) == T0
     assert take(stream, reading(T0, T0 - 2 * MS)) == T0, "times never go back"
-    assert stream.level(T0) == (Health.OK, "")
+    assert stream.condition(T0) == (Health.OK, "")
     assert take(stream, reading(T0, T0 + MS)) == T0, "a time to come is not believed"
-    assert stream.level(T0)[0] == Health.WARN
-    assert take(stream, reading(T0 + BAD_TIME_TOLD_NS, T0 + BAD_TIME_TOLD_NS)) == T0 + BAD_TIME_TOLD_NS
-    assert stream.level(T0 + BAD_TIME_TOLD_NS) == (Health.OK, "")
+    assert stream.condition(T0)[0] == Health.WARN
+    assert take(stream, reading(T0 + BAD_TIME_SHOWN_NS, T0 + BAD_TIME_SHOWN_NS)) == T0 + BAD_TIME_SHOWN_NS
+    assert stream.condition(T0 + BAD_TIME_SHOWN_NS) == (Health.OK, "")
 
 
 def test_a_pusher_that_sends_what_the_stream_is_not_is_told(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
     assert take(stream, TactileSample(T0, T0, np.zeros(16))) is None
-    assert stream.level(T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
+    assert stream.condition(T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
     pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
     pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
     pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
     pad = make_stream("left.pad", parse(pads.replace('"left.pad"', '"p"')).streams()["left.pad"])
     assert take(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     mixed: list[Sample] = [TactileSample(T0, T0, np.zeros(shape)) for shape in (4, (4, 3), 4)]
-    assert pad.take(mixed, 0) == ([mixed[0], mixed[2]], [T0, T0]), "those that fit are kept"
-    assert pad.level(T0) == (Health.OK, ""), "the newest fits"
+    assert pad.update(mixed, 0) == ([mixed[0], mixed[2]], [T0, T0]), "those that fit are kept"
+    assert pad.condition(T0) == (Health.OK, ""), "the newest fits"
     assert take(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
-    assert "4 taxels of three axes, where the config says 4 taxels of one axis" in pad.level(T0)[1]
+    assert "4 taxels of three axes, where the config says 4 taxels of one axis" in pad.condition(T0)[1]
     assert take(pad, TactileSample(T0, T0, np.zeros(4))) == T0

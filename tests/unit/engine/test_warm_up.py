@@ -15,7 +15,7 @@ from numba.core.dispatcher import Dispatcher
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.finger.finger import Finger
-from slipd.publish.message_bodies import slip_body, tactile_body, wrench_body
+from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
 from slipd.engine.warm_up import warm_up
 from slipd.samples import TactileSample, WrenchSample
 

@@ -18,8 +18,8 @@ from slipd.events import Output
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finger.verdict_batch import VerdictBatch
+from slipd.publish.finger_messages import slip_body
 from slipd.publish.finger_publisher import FingerPublisher
-from slipd.publish.message_bodies import slip_body
 from slipd.publish.message_sequencer import MessageSequencer
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import level_code
@@ -77,7 +77,7 @@ class Split:
             self._sizes = [*self._sizes[1:], size]
             for judged in self.finger.decide(samples[at : at + size], times_ns[at : at + size]):
                 self.told += plain(judged)
-                self.voice.tell_read(judged, self.out)
+                self.voice.publish_batch(judged, self.out)
             at += size
         self.told.append(repr((self.finger.is_pressed(), self.finger.is_trusted, self.finger.age_s(times_ns[-1]))))
 

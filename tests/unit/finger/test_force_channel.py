@@ -55,7 +55,7 @@ def test_the_weight_is_taken_out_at_every_pose(heavy: str, parse: Parse) -> None
     for gravity in (DOWN, ALONG):
         force.set_gravity(gravity, T0)
         assert read(force, weigh(gravity)) == pytest.approx([0.0] * 6, abs=1e-12)
-    assert force.told(T0)["gravity"] == "compensated"
+    assert force.gravity.state(T0) == "compensated"
     assert force.doubt(T0) == (0.0, 0.0, 0.0, 0.0)
     assert force.conditions(T0) == []
 
@@ -126,17 +126,17 @@ def test_a_drifting_zero_is_followed_while_nothing_touches_and_kept_in_a_contact
         read(force, reading, T0 + k * 100 * MS, untouched=True)
     followed = read(force, reading, T0 + 1500 * 100 * MS, untouched=False)
     assert abs(followed[2]) < 0.01
-    assert force.told(T0)["drift"][2] == pytest.approx(0.2, abs=0.01)
+    assert force.drift.value[2] == pytest.approx(0.2, abs=0.01)
     for k in range(1501, 3000):
         held = read(force, [0.0, 0.0, -4.8, 0.0, 0.0, 0.0], T0 + k * 100 * MS, untouched=False)
     assert held[2] == pytest.approx(followed[2] - 5.0)
-    assert force.told(T0)["drift_frozen"]
+    assert force.drift.frozen
     force.begin_tare(T0, 0.01, "ann")
     for k in range(12):
         read(force, reading, T0 + k * MS)
-    assert force.told(T0)["drift"] == [0.0] * 6
+    assert force.drift.value.tolist() == [0.0] * 6
     assert force.undo_tare()
-    assert force.told(T0)["drift"][2] == pytest.approx(0.2, abs=0.01)
+    assert force.drift.value[2] == pytest.approx(0.2, abs=0.01)
 
 
 def test_a_drift_at_its_limit_is_told(left: str, parse: Parse) -> None:
@@ -165,9 +165,9 @@ def test_an_untouched_finger_by_its_image_and_without_one(left: str, parse: Pars
         finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
         read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
     assert finger.force is not None
-    assert finger.force.told(T0)["drift"][0] == pytest.approx(0.2, abs=0.01)
+    assert finger.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
     alone = Finger("left", parse(text).finger["left"], Levels())
     for ms in range(0, 200_000, 100):
         read_force(alone, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
     assert alone.force is not None
-    assert alone.force.told(T0)["drift"][0] == pytest.approx(0.2, abs=0.01)
+    assert alone.force.drift.value[0] == pytest.approx(0.2, abs=0.01)

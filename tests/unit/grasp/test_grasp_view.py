@@ -16,7 +16,8 @@ from slipd import config
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.grasp.grasp_view import GraspView
-from slipd.publish.message_bodies import slip_body
+from slipd.publish.finger_messages import slip_body
+from slipd.publish.grasp_publisher import grasp_body
 from slipd.samples import TactileSample, WrenchSample
 from slipd.sim.true_contact import finger_load, pad_wrench
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
@@ -63,8 +64,7 @@ class Hand:
         self.press("right", 10.0, (1.2, 0.0), t_ns=t_ns)
 
     def body(self, t_ns: int = T0, width_m: float | None = WIDTH_M) -> dict[str, Any]:
-        self.view.update(t_ns, width_m)
-        body = self.view.body(t_ns)
+        body = grasp_body(self.view, t_ns, width_m)
         assert decode(encode(body), MESSAGE_LIMITS) == body, "plain values, all finite"
         return body
 
@@ -140,9 +140,7 @@ def test_the_halves_of_a_virtual_scene_add_up_to_what_the_world_does(hand: Hand)
     for name, centre in (("left", at), ("right", (at[0], -at[1]))):
         force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)
         read_force(hand.fingers[name], WrenchSample(T0, None, force, torque, ()))
-    view = GraspView(grasp, hand.fingers)
-    view.update(T0, WIDTH_M)
-    body = view.body(T0)
+    body = grasp_body(GraspView(grasp, hand.fingers), T0, WIDTH_M)
     assert body["external_force_n"] == pytest.approx([-0.7, 0.0, 2.5])
     where = np.array((-at[1], 0.0, at[0]))
     torque = np.cross(where, np.array((-0.7, 0.0, 2.5))) - np.array((0.0, 0.03, 0.0))

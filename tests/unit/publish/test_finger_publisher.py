@@ -52,17 +52,17 @@ def test_a_read_is_told_as_its_readings_are_one_by_one(
 ) -> None:
     rates = Rates(slip_hz=slip_hz, wrench_hz=wrench_hz)
     outs: list[list[Output]] = [[], []]
-    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates).tell_read(judged, outs[0])
+    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates).publish_batch(judged, outs[0])
     singly = FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates)
     for state in judged:
-        singly.tell(state, outs[1])
+        singly.publish_state(state, outs[1])
     assert outs[0] == outs[1]
     assert len(times(outs[0], "warning")) == 3
 
 
 def test_each_topic_keeps_its_own_pace_and_a_change_goes_beside_it(finger: Finger, judged: VerdictBatch) -> None:
     out: list[Output] = []
-    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), Rates(slip_hz=250.0, wrench_hz=500.0)).tell_read(
+    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), Rates(slip_hz=250.0, wrench_hz=500.0)).publish_batch(
         judged, out
     )
     changes = times(out, "warning")

@@ -14,7 +14,9 @@ from project import DOCS
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
-from slipd.publish.message_bodies import number, slip_body, tactile_body, vector, wrench_body
+from slipd.finite import finite_or_none
+from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
+from slipd.publish.wire_values import array
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import IMAGE_REASONS, LEVELS
 
@@ -228,14 +230,14 @@ def test_a_line_of_taxels_has_no_finite_elongation(finger: Finger, image: Image)
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None])
 def test_what_is_no_number_is_nil(value: float | None) -> None:
-    assert number(value) is None
-    assert vector(np.array((1.0, math.nan if value is None else value))) is None
-    assert vector(None) is None
+    assert finite_or_none(value) is None
+    assert array(np.array((1.0, math.nan if value is None else value))) is None
+    assert array(None) is None
 
 
 def test_numbers_are_pythons_own() -> None:
-    assert type(number(np.float64(1.5))) is float
-    assert all(type(x) is float for x in vector(np.array((1.0, 2.0))) or [])
+    assert type(finite_or_none(np.float64(1.5))) is float
+    assert all(type(x) is float for x in array(np.array((1.0, 2.0))) or [])
 
 
 def test_only_what_is_calibrated_is_called_newtons(

@@ -1,0 +1,65 @@
+"""State of the daemon for the ``status`` message: its streams, lateness and recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from slipd.engine.device_link import DeviceLink
+from slipd.engine.lateness import Lateness
+from slipd.engine.stream_meter import StreamMeter
+from slipd.finger.finger import Finger
+from slipd.gripper.gripper_control import GripperControl
+from slipd.publish.status_publisher import DaemonStatus, StreamStatus
+from slipd.requests.recording_state import RecordingState
+
+
+class StatusReader:
+    """Read the state of the daemon.
+
+    Args:
+        links: The links by name.
+        fingers: The fingers by name.
+        gripper: The gripper; None where the config names none.
+        lateness: How late the daemon is.
+        recordings: The recordings of this run.
+    """
+
+    def __init__(
+        self,
+        links: Mapping[str, DeviceLink],
+        fingers: Mapping[str, Finger],
+        gripper: GripperControl | None,
+        lateness: Lateness,
+        recordings: RecordingState,
+    ) -> None:
+        self._links = links
+        self._fingers = fingers
+        self._gripper = gripper
+        self._lateness = lateness
+        self._recordings = recordings
+
+    def read(self, started_ns: int, t_ns: int) -> DaemonStatus:
+        """Return the state at ``t_ns`` of a run that began at ``started_ns``."""
+        return DaemonStatus(
+            uptime_s=(t_ns - started_ns) * 1e-9,
+            late_s=self._lateness.worst_ns(t_ns) * 1e-9,
+            streams=[
+                self._read_stream(link, stream, t_ns)
+                for link in self._links.values()
+                for stream in link.streams.values()
+            ],
+            recording=self._recordings.requested,
+            run_recording=self._recordings.whole_run,
+        )
+
+    def _read_stream(self, link: DeviceLink, stream: StreamMeter, t_ns: int) -> StreamStatus:
+        lateness = self._lateness
+        conditions = [link.condition(stream, t_ns, lateness.unread_ns(t_ns), lateness.worst_ns(t_ns))]
+        owner, _, kind = stream.name.partition(".")
+        if not kind:
+            conditions += cast("GripperControl", self._gripper).conditions()
+            return link.status(stream, t_ns, conditions, None)
+        finger = self._fingers[owner]
+        conditions += finger.conditions(kind, t_ns)
+        return link.status(stream, t_ns, conditions, finger.channel(kind))

@@ -1,0 +1,51 @@
+"""What friction can carry on one pad: the torque limit and the grip force that a load needs.
+
+They are found only where somebody asks, as each takes a search on the limit surface.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slipd.finger.finger import Finger
+from slipd.finger.finger_state import FingerState
+from slipd.finite import finite_or_none
+from slipd.fusion import grip_needed_n, torque_limit
+
+
+def needed_normal_n(finger: Finger, state: FingerState) -> float | None:
+    """Return the least normal force on this pad that holds its load with the configured safety, N.
+
+    None where it is not known, and where no force would hold the load.
+    """
+    contact, distribution, loads = state.contact, state.load_distribution, state.loads
+    if contact is None or loads is None or distribution is None or state.utilisation is None:
+        return None
+    found = grip_needed_n(
+        distribution.x,
+        distribution.y,
+        loads.loads,
+        finger.friction.mu or math.nan,
+        (contact.fx_n, contact.fy_n),
+        contact.spin_nm,
+        (contact.cx_m, contact.cy_m),
+        growth=finger.config.contact_growth,
+        safety=finger.config.grip_safety,
+    )
+    return finite_or_none(found)
+
+
+def torque_limit_nm(finger: Finger, state: FingerState) -> float | None:
+    """Return the torque in the sense of the spin that friction carries together with the tangential force, N·m.
+
+    None where it is not known.
+    """
+    contact, distribution, loads = state.contact, state.load_distribution, state.loads
+    if contact is None or loads is None or distribution is None or state.utilisation is None:
+        return None
+    sense = 1 if contact.spin_nm >= 0.0 else -1
+    force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
+    limit = torque_limit(
+        distribution.x, distribution.y, loads.loads, finger.friction.mu or math.nan, force, about, sense
+    )
+    return finite_or_none(limit.torque_nm)

@@ -1,0 +1,66 @@
+"""The reflex at work: when it is asked, what it is asked with, and its commands to the gripper."""
+
+from __future__ import annotations
+
+from slipd.config import Config
+from slipd.finger.finger import Finger
+from slipd.grasp.grasp_view import GraspView
+from slipd.gripper.gripper_control import GripperControl
+from slipd.gripper.reflex import PERIOD_NS, Reflex, ReflexAct, ReflexSettings
+
+#: Levels at which the reflex is asked at once.
+ALARMS = frozenset({"warning", "slipping"})
+
+
+class ReflexController:
+    """Let the reflex act on the grasp of two fingers.
+
+    Args:
+        settings: How the reflex acts.
+        view: The two fingers as one grasp.
+        fingers: The two fingers.
+        gripper: The gripper that holds with them.
+    """
+
+    def __init__(
+        self, settings: ReflexSettings, view: GraspView, fingers: list[Finger], gripper: GripperControl
+    ) -> None:
+        self._view, self._fingers, self._gripper = view, fingers, gripper
+        self._reflex = Reflex(settings, gripper.policy)
+        self._alarmed = False
+        self._due_ns = 0
+
+    def react(self, t_ns: int) -> ReflexAct | None:
+        """Ask the reflex: at once where a finger begins to warn, else once in a control period.
+
+        Returns:
+            The act whose command the gripper's session has accepted; None where there was none.
+        """
+        before, self._alarmed = self._alarmed, self._view.level() in ALARMS
+        if t_ns < self._due_ns and (before or not self._alarmed):
+            return None
+        self._due_ns = t_ns + PERIOD_NS
+        state = self._view.update(t_ns, self._gripper.width_m)
+        trusted = all(finger.is_trusted_for_raise(t_ns) for finger in self._fingers)
+        act = self._reflex.decide(state.level, state.grip_needed_n, state.internal_n, trusted, t_ns)
+        if act is None or self._gripper.carry_out("reflex", t_ns, force_n=act.force_n) is not None:
+            return None
+        self._reflex.acted(act)
+        return act
+
+
+def make_reflex_controller(
+    config: Config, view: GraspView | None, fingers: dict[str, Finger], gripper: GripperControl | None
+) -> ReflexController | None:
+    """Return the reflex of a config; None where it has none, or no force limit."""
+    if gripper is None or view is None or not config.reflex.enabled or gripper.policy.limits.max_n is None:
+        return None
+    wanted = config.reflex
+    settings = ReflexSettings(
+        ceiling_n=gripper.policy.limits.max_n if wanted.ceiling_n is None else wanted.ceiling_n,
+        raise_n_per_s=wanted.raise_n_per_s,
+        slip_gain=wanted.slip_gain,
+        calm_s=wanted.calm_s,
+        lower_n_per_s=wanted.lower_n_per_s,
+    )
+    return ReflexController(settings, view, [fingers[name] for name in view.names], gripper)

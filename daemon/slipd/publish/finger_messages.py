@@ -1,0 +1,122 @@
+"""Messages about one finger: ``slip``, ``warning``, ``wrench`` and ``tactile``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from slipd.finger.finger import Finger
+from slipd.finger.finger_state import FingerState, ForceReading
+from slipd.finger.friction_limits import needed_normal_n, torque_limit_nm
+from slipd.finger.image_channel import ImageChannel
+from slipd.finger.verdict import PAD_PULLED, SEVERITY
+from slipd.finite import finite_or_none
+from slipd.publish.wire_values import Body, array, numbers, pair
+from slipd_client.messages import level_code
+
+#: ``force_unit``: the unit of every force in a message; torques are in this unit times metres.
+NEWTON, UNCALIBRATED = "N", "uncalibrated"
+
+
+def slip_body(finger: Finger, state: FingerState) -> Body:
+    """Return ``slip.<finger>``: the verdict on one contact, with what it rests on."""
+    contact = state.contact if state.contact is not None and state.contact.valid else None
+    used, distribution = state.utilisation, state.load_distribution
+    return {
+        **_verdict(finger, state),
+        "force_unit": _force_unit(finger, state.status),
+        "normal_n": _normal_n(state),
+        "tangential_n": None if contact is None else pair(contact.fx_n, contact.fy_n),
+        "spin_nm": None if contact is None else finite_or_none(contact.spin_nm),
+        "centroid_m": None if contact is None else pair(contact.cx_m, contact.cy_m),
+        "centroid_std_m": None if contact is None else pair(contact.cx_std_m, contact.cy_std_m),
+        "friction_ratio": None if contact is None else finite_or_none(contact.friction_ratio),
+        "friction_ratio_std": None if contact is None else finite_or_none(contact.friction_ratio_std),
+        "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
+        "mu": finger.friction.mu,
+        "mu_source": finger.friction.source,
+        "utilisation": None if used is None else finite_or_none(used.value),
+        "utilisation_lower": None if used is None else finite_or_none(used.lower),
+        "utilisation_upper": None if used is None else finite_or_none(used.upper),
+        "torque_limit_nm": torque_limit_nm(finger, state),
+        "grip_needed_n": needed_normal_n(finger, state),
+        "pole_m": None if used is None else array(used.pole_m),
+        "tipping_margin_m": finite_or_none(state.tipping_margin_m),
+        "tipping_margin_std_m": None if finger.image is None else 0.5 * finger.image.geometry.pitch_m,
+        "centroid_residual_m": None if distribution is None else finite_or_none(distribution.loads.centroid_residual_m),
+        "model": state.model,
+        "tare_id": finger.tare.current.id,
+        "age_s": state.age_s,
+    }
+
+
+def warning_body(finger: Finger, state: FingerState, previous: str) -> Body:
+    """Return ``warning``: the level of a finger is no longer ``previous``."""
+    return {
+        **_verdict(finger, state),
+        "previous": previous,
+        "rising": SEVERITY[state.verdict.level] > SEVERITY[previous],
+        "utilisation": None if state.utilisation is None else finite_or_none(state.utilisation.value),
+    }
+
+
+def wrench_body(finger: Finger, reading: ForceReading) -> Body:
+    """Return ``wrench.<finger>``: the force on the finger in the pad frame, tared and mounted."""
+    wrench = reading.wrench
+    return {
+        "finger": finger.name,
+        "force_unit": _force_unit(finger, reading.status),
+        "force_n": None if wrench is None else numbers(wrench[:3]),
+        "torque_nm": None if wrench is None else numbers(wrench[3:]),
+        "normal_n": None if wrench is None else finite_or_none(-wrench[2]),
+        "tangential_n": None if wrench is None else numbers(wrench[:2]),
+        "status": list(reading.status),
+        "tare_id": finger.tare.current.id,
+        "age_s": reading.age_s,
+    }
+
+
+def tactile_body(finger: Finger, image: ImageChannel) -> Body:
+    """Return ``tactile.<finger>``: loads on the taxels in scan order, and the shape of the contact."""
+    known = not image.reasons
+    shape = image.shape() if known else None
+    geometry = image.geometry
+    return {
+        "finger": finger.name,
+        "rows": geometry.rows,
+        "cols": geometry.cols,
+        "pitch_m": geometry.pitch_m,
+        "tare_id": image.tare.current.id,
+        "image_ok": known,
+        "image_reasons": list(image.reasons),
+        "force_unit": NEWTON if finger.image_in_newtons else UNCALIBRATED,
+        "loads_n": image.pressure.tolist() if known else None,
+        "active": None if shape is None else shape.active,
+        "area_m2": None if shape is None else shape.area_m2,
+        "centroid_m": None if shape is None else array(shape.centroid_m),
+        "axis_rad": None if shape is None else finite_or_none(shape.axis_rad),
+        "elongation": None if shape is None else finite_or_none(shape.elongation),
+        "holes": None if shape is None else shape.holes,
+        "corners_m": None if shape is None else shape.corners_m.tolist(),
+        "status": list(image.status),
+    }
+
+
+def _verdict(finger: Finger, state: FingerState) -> Body:
+    """Return the fields that ``slip`` and ``warning`` share."""
+    return {
+        "finger": finger.name,
+        "level": state.verdict.level,
+        "level_code": level_code(state.verdict.level),
+        "reasons": list(state.verdict.reasons),
+    }
+
+
+def _force_unit(finger: Finger, status: Sequence[str]) -> str:
+    return NEWTON if finger.in_newtons and "raw" not in status else UNCALIBRATED
+
+
+def _normal_n(state: FingerState) -> float | None:
+    """Return the normal force, N; also the negative one for which nothing else is known."""
+    if state.contact is not None:
+        return finite_or_none(state.contact.normal_n)
+    return finite_or_none(-state.wrench[2]) if state.verdict is PAD_PULLED and state.wrench is not None else None

@@ -1,0 +1,64 @@
+"""Messages about both fingers as one grasp."""
+
+from __future__ import annotations
+
+from slipd.events import Output
+from slipd.grasp.grasp_view import GraspView
+from slipd.gripper.gripper_control import GripperControl
+from slipd.publish.message_sequencer import MessageSequencer, Pace
+from slipd.publish.wire_values import Body, array
+from slipd_client.messages import GRASP_TOPIC, level_code
+
+GRASP_FRAME = "gripper"
+
+
+class GraspPublisher:
+    """Publish a change of the grasp's level at once, and all else at the configured rate.
+
+    Args:
+        view: The two fingers as one grasp.
+        gripper: Measures the width between the pads; None where the config has no gripper.
+        sequencer: Numbers and dates the messages.
+        rate_hz: ``rates.grasp_hz``.
+    """
+
+    def __init__(
+        self, view: GraspView, gripper: GripperControl | None, sequencer: MessageSequencer, rate_hz: float
+    ) -> None:
+        self._view = view
+        self._gripper = gripper
+        self._sequencer = sequencer
+        self._pace = Pace(rate_hz)
+        self._level = "unknown"
+
+    def publish(self, t_ns: int, out: list[Output]) -> None:
+        """Append the message at ``t_ns`` where it is due."""
+        level = self._view.level()
+        changed = level != self._level
+        if not self._pace.passes(t_ns, now=changed):
+            return
+        self._level = level
+        width_m = None if self._gripper is None else self._gripper.width_m
+        out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, grasp_body(self._view, t_ns, width_m)))
+
+
+def grasp_body(view: GraspView, t_ns: int, width_m: float | None) -> Body:
+    """Return ``grasp``: both fingers together at ``t_ns``, with their pads at a width."""
+    state, load = view.update(t_ns, width_m), view.load(t_ns)
+    first, second = view.names
+    share = load.first_share
+    return {
+        "fingers": [first, second],
+        "level": state.level,
+        "level_code": level_code(state.level),
+        "reasons": list(state.reasons),
+        "internal_n": state.internal_n,
+        "grip_needed_n": state.grip_needed_n,
+        "utilisation": state.utilisation,
+        "external_force_n": array(load.external_force_n),
+        "external_torque_nm": array(load.external_torque_nm),
+        "load_share": None if share is None else {first: share, second: 1.0 - share},
+        "asymmetry": load.asymmetry,
+        "width_m": state.width_m,
+        "age_s": load.age_s,
+    }

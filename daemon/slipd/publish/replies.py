@@ -1,0 +1,119 @@
+"""Replies to requests: their envelope, the results that handlers return, and errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from slipd.events import RecordingChanged
+from slipd.finger.finger import Finger
+from slipd.finger.finger_tares import Tares
+from slipd.finger.force_channel import ForceChannel
+from slipd.finite import finite_or_none
+from slipd.gripper.gripper_control import GripperControl
+from slipd.publish.status_publisher import friction_body
+from slipd.publish.wire_values import Body
+from slipd.refusal import Refusal
+from slipd_client.messages import PROTOCOL_VERSION
+
+#: What a handler returns: the result of the request, or why it is refused.
+Result = Body | Refusal
+
+
+def reply_body(number: object, result: Result, t_ns: int) -> Body:
+    """Return the reply to request ``number``, answered at ``t_ns``."""
+    head = {"v": PROTOCOL_VERSION, "id": number, "t_ns": t_ns}
+    if isinstance(result, Refusal):
+        return head | {"ok": False, "error": _error(result)}
+    return head | {"ok": True, "result": result}
+
+
+def error_body(number: object, refusal: Refusal) -> Body:
+    """Return the reply to a request that no handler has seen; ``number`` may be anything that a client sent."""
+    known = number if type(number) in (str, int) else None
+    return {"v": PROTOCOL_VERSION, "id": known, "ok": False, "error": _error(refusal)}
+
+
+def _error(refusal: Refusal) -> Body:
+    return {"code": refusal.code, "message": refusal.message, "field": refusal.field}
+
+
+def done() -> Body:
+    """Return the result of a request that has nothing to report."""
+    return {}
+
+
+def hello(boot: str, t_ns: int, fingers: Iterable[str]) -> Body:
+    """Return the run and the clock of the daemon."""
+    return {"boot": boot, "t_ns": t_ns, "version": PROTOCOL_VERSION, "fingers": list(fingers)}
+
+
+def lease_granted(ttl_ms: int) -> Body:
+    """Return the life of the lease without renewal."""
+    return {"ttl_ms": ttl_ms}
+
+
+def force_applied(gripper: GripperControl) -> Body:
+    """Return the force that the gripper was sent: its setting for the one that was requested."""
+    return {"applied_n": gripper.force_command_n}
+
+
+def force_held(gripper: GripperControl) -> Body:
+    """Return the force in force, which the gripper keeps."""
+    return {"force_n": finite_or_none(gripper.policy.force_n)}
+
+
+def fault_acknowledged(fault: str) -> Body:
+    """Return the fault that was latched until now; "" is none."""
+    return {"fault": fault or None}
+
+
+def friction_set(finger: Finger) -> Body:
+    """Return the friction in use."""
+    return {"finger": finger.name, **friction_body(finger)}
+
+
+def gravity_set(force: ForceChannel, t_ns: int) -> Body:
+    """Return whether the weight of the finger is compensated."""
+    return {"gravity": force.gravity.state(t_ns)}
+
+
+def tare_begun(tares: Tares, seconds: float, *, verified: bool) -> Body:
+    """Return the tares in use while others are measured; ``tare_id`` is that of the first stream.
+
+    Args:
+        tares: The streams.
+        seconds: Averaging time, s.
+        verified: The finger was known to be untouched when the tare began.
+    """
+    ids = {kind: channel.tare.current.id for kind, channel in tares.channels.items()}
+    return {
+        "finger": tares.finger.name,
+        "seconds": seconds,
+        "verified": verified,
+        "tare_id": next(iter(ids.values())),
+        "tare_ids": ids,
+    }
+
+
+def tare_in_use(tares: Tares) -> Body:
+    """Return the tare in use of the one stream, and whether another is measured."""
+    [(kind, channel)] = tares.channels.items()
+    tare, offset = channel.tare, channel.tare.current
+    return {
+        "finger": tares.finger.name,
+        "stream": kind,
+        "tare_id": offset.id,
+        "taken_t_ns": offset.t_ns,
+        "readings": offset.readings,
+        "offset": offset.value.ravel().tolist(),
+        "by": offset.by,
+        "gravity_mps2": None if offset.gravity_mps2 is None else offset.gravity_mps2.tolist(),
+        "std": None if offset.std is None else offset.std.ravel().tolist(),
+        "busy": tare.busy,
+        "given_up": tare.aborted_reason or None,
+    }
+
+
+def recording_file(recording: RecordingChanged) -> Body:
+    """Return name and path of the file of a recording that began or was ended."""
+    return {"name": recording.name, "path": recording.path or None}
