@@ -1,4 +1,4 @@
-"""``slipd``: run, demo, check, replay, identify, import. Everything heavy is imported by the command that needs it."""
+"""The command ``slipd``: run, demo, check, replay, identify, import. Each command imports what it needs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DONE, FAULT, WRONG = 0, 1, 2
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs one command and returns its exit code: 0 done, 1 fault at run time, 2 wrong call or config."""
+    """Run one command and return its exit code: 0 done, 1 fault at run time, 2 wrong arguments or config."""
     arguments = _parser().parse_args(argv)
     open_log()
     try:
@@ -37,53 +37,67 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return DONE
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output is gone, and so is whoever would read of it
+        sys.stderr.close()  # the reader of the output is gone, and with it the reader of an error
         return DONE
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="slipd", description="Warns a robot that its gripper is about to drop something."
+        prog="slipd", description="Warn a robot that its gripper is about to drop something."
     )
     parser.add_argument("--version", action="version", version=f"slipd {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="run the daemon")
-    run.add_argument("--config", type=Path, required=True, metavar="FILE")
-    run.add_argument("--record", type=Path, metavar="FILE", help="write every event and message to this new file")
+    run.add_argument("--config", type=Path, required=True, metavar="FILE", help="config of the rig, TOML")
+    run.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
     run.set_defaults(command=_run)
 
-    demo = commands.add_parser("demo", help="run the daemon on the virtual gripper")
-    demo.add_argument("--seconds", type=_positive, default=None, metavar="N", help="end after N seconds")
-    demo.add_argument("--headless", action="store_true", help="show no live view, only the summary")
-    demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise")
-    demo.add_argument("--record", type=Path, metavar="FILE", help="write every event and message to this new file")
+    demo = commands.add_parser("demo", help="run the daemon on a virtual gripper")
+    demo.add_argument(
+        "--seconds",
+        type=_positive,
+        default=None,
+        metavar="N",
+        help="end after N seconds (default: at the end of the scene)",
+    )
+    demo.add_argument("--headless", action="store_true", help="print only the summary, without a live view")
+    demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
+    demo.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
     demo.set_defaults(command=_demo)
 
-    check = commands.add_parser("check", help="report every fault of a config")
-    check.add_argument("file", type=Path, metavar="FILE")
+    check = commands.add_parser("check", help="report every fault in a config")
+    check.add_argument("file", type=Path, metavar="FILE", help="config of a rig, TOML")
     check.set_defaults(command=_check)
 
-    replay = commands.add_parser("replay", help="run a recording through the same engine")
-    replay.add_argument("file", type=Path, metavar="FILE")
-    replay.add_argument("--speed", type=_speed, default=1.0, metavar="X|max", help="factor on real time (default 1)")
+    replay = commands.add_parser("replay", help="run a recording through the engine again")
+    replay.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
+    replay.add_argument(
+        "--speed", type=_speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
+    )
     replay.add_argument("--json", action="store_true", help="print every message, one per line")
-    replay.add_argument("--publish", action="store_true", help="publish the messages on the bus of the recorded config")
+    replay.add_argument(
+        "--publish", action="store_true", help="publish the messages on the endpoint of the recorded config"
+    )
     replay.set_defaults(command=_replay)
 
     identify = commands.add_parser(
-        "identify", help="find a finger's mass and centre of mass from a recording of several poses"
+        "identify", help="find mass and centre of mass of a finger from a recording of several poses"
     )
-    identify.add_argument("file", type=Path, metavar="FILE", help="a recording with gravity.set requests")
-    identify.add_argument("--finger", required=True, metavar="NAME")
+    identify.add_argument("file", type=Path, metavar="FILE", help="recording with gravity.set requests, MCAP")
+    identify.add_argument("--finger", required=True, metavar="NAME", help="name of the finger in the config")
     identify.set_defaults(command=_identify)
 
-    importer = commands.add_parser("import", help="convert foreign data to a recording")
+    importer = commands.add_parser("import", help="convert other data to a recording")
     formats = importer.add_subparsers(required=True, metavar="FORMAT")
-    grips = formats.add_parser("grips", help="a trial folder with xela_sensor1.csv, xela_sensor2.csv, robot_state.csv")
-    grips.add_argument("source", type=Path, metavar="SRC")
-    grips.add_argument("out", type=Path, metavar="OUT")
-    grips.add_argument("--config", type=Path, metavar="FILE", help="the rig (default: the shipped grips.toml)")
+    grips = formats.add_parser("grips", help="a gripper trial with two XELA pads")
+    grips.add_argument(
+        "source", type=Path, metavar="SRC", help="folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"
+    )
+    grips.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    grips.add_argument(
+        "--config", type=Path, metavar="FILE", help="config of the rig (default: the shipped grips.toml)"
+    )
     grips.set_defaults(command=_import_grips)
     return parser
 
@@ -92,7 +106,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from slipd import config, service
 
     rig = config.load(arguments.config)
-    return _served(service.serve(rig, record=arguments.record, on_ready=tell_endpoints))
+    return _run_daemon(service.serve(rig, record=arguments.record, on_ready=print_endpoints))
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -101,13 +115,13 @@ def _demo(arguments: argparse.Namespace) -> int:
     return run_demo(arguments.seconds, headless=arguments.headless, seed=arguments.seed, record=arguments.record)
 
 
-def tell_endpoints(endpoints: Endpoints) -> None:
-    """Prints where the daemon serves, for people and for programs that start it."""
+def print_endpoints(endpoints: Endpoints) -> None:
+    """Print the endpoints of the daemon, for people and for programs that start it."""
     print(f"publish: {endpoints.publish}\nrequests: {endpoints.requests}", flush=True)
 
 
-def _served(serving: Any) -> int:
-    """Runs the daemon; a failure inside its task group comes out as itself."""
+def _run_daemon(serving: Any) -> int:
+    """Run the daemon; raise a failure inside its task group without the group."""
     try:
         asyncio.run(serving)
     except BaseExceptionGroup as group:
@@ -119,29 +133,28 @@ def _served(serving: Any) -> int:
 
 
 def _identify(arguments: argparse.Namespace) -> int:
-    from slipd.recording.identify_mass import identify_recording, tell
+    from slipd.recording.identify_mass import identification_text, identify_recording
 
-    print(tell(identify_recording(arguments.file, arguments.finger), arguments.finger))
+    print(identification_text(identify_recording(arguments.file, arguments.finger), arguments.finger))
     return DONE
 
 
 def _check(arguments: argparse.Namespace) -> int:
     from slipd import config
-    from slipd.config.hints import hints
 
     rig = config.load(arguments.file)
     for name, stream in rig.streams().items():
         print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
-    for hint in hints(rig):
+    for hint in config.hints(rig):
         print(hint)
     if rig.reflex.enabled:
-        print(_reach(rig))
-    print(f"{arguments.file}: good, config_id {rig.config_id}")
+        print(_reflex_text(rig))
+    print(f"{arguments.file}: valid, config_id {rig.config_id}")
     return DONE
 
 
-def _reach(rig: Config) -> str:
-    """What the reflex can do in the time that the config says there is."""
+def _reflex_text(rig: Config) -> str:
+    """Return how much force the reflex can add within the configured lead time."""
     from slipd.gripper.reflex import PERIOD_NS
 
     reflex, gripper = rig.reflex, rig.gripper
@@ -149,8 +162,8 @@ def _reach(rig: Config) -> str:
     budget_n = (gripper.budget_n if gripper is not None else None) or ceiling_n
     gain_n = min(reflex.raise_n_per_s * (reflex.lead_time_s + PERIOD_NS * 1e-9), budget_n, ceiling_n)
     return (
-        f"reflex: asks for up to {gain_n:.1f} N more within the lead time of {reflex.lead_time_s:g} s,"
-        f" up to {ceiling_n:g} N on one pad; the gripper's own time to follow is not in it"
+        f"reflex: adds up to {gain_n:.1f} N within the lead time of {reflex.lead_time_s:g} s,"
+        f" up to {ceiling_n:g} N on one pad; the response time of the gripper is not included"
     )
 
 
@@ -164,19 +177,19 @@ def _replay(arguments: argparse.Namespace) -> int:
         asyncio.run(_publish(messages, recording.config_text, str(arguments.file), as_json=arguments.json))
     else:
         for topic, body in messages:
-            _show(topic, body, as_json=arguments.json)
+            _print_message(topic, body, as_json=arguments.json)
     if recording.complete:
         return DONE
-    lost = f"{recording.lost} entries were lost while recording" if recording.lost else "its end is missing"
-    print(f"slipd: this is not the whole run: {recording.fault or f'{arguments.file}: {lost}'}", file=sys.stderr)
+    lost = f"{recording.lost} entries were lost while recording" if recording.lost else "the end is missing"
+    print(f"slipd: the recording is incomplete: {recording.fault or f'{arguments.file}: {lost}'}", file=sys.stderr)
     return FAULT
 
 
 async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, file: str, *, as_json: bool) -> None:
-    """Publishes a replay; the waiting between messages is done beside the loop, which serves subscribers meanwhile."""
+    """Publish a replay; the loop serves subscribers while a thread waits between messages."""
     from slipd import config
     from slipd.bus.publisher import Publisher
-    from slipd.bus.runtime import RuntimeDirectory
+    from slipd.bus.runtime_directory import RuntimeDirectory
     from slipd_client.messages import encode
     from slipd_client.paths import publish_endpoint, runtime_dir
 
@@ -188,10 +201,10 @@ async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, fi
         print(f"publish: {publisher.endpoint}", file=sys.stderr if as_json else sys.stdout, flush=True)
         while (message := await asyncio.to_thread(next, messages, None)) is not None:
             publisher.publish(message[0], encode(message[1]))
-            _show(*message, as_json=as_json)
+            _print_message(*message, as_json=as_json)
 
 
-def _show(topic: str, body: dict[str, Any], *, as_json: bool) -> None:
+def _print_message(topic: str, body: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"topic": topic} | body, ensure_ascii=False, allow_nan=False))
     elif topic == "warning":
@@ -201,11 +214,11 @@ def _show(topic: str, body: dict[str, Any], *, as_json: bool) -> None:
 
 def _import_grips(arguments: argparse.Namespace) -> int:
     from slipd import config
-    from slipd.recording.grips import import_trial
+    from slipd.recording.grips_import import import_trial
 
     rig = config.load(arguments.config or config.shipped("grips.toml"))
     import_trial(arguments.source, arguments.out, rig.text)
-    print(f"{arguments.out}: written; slipd replay {arguments.out} --speed max")
+    print(f"{arguments.out}: written; replay it with: slipd replay {arguments.out} --speed max")
     return DONE
 
 

@@ -1,7 +1,7 @@
 """``slipd demo``: the virtual gripper, the daemon and a robot program, each a process or thread of its own.
 
-Nothing is simulated between them: the daemon reads pseudo-terminals, the program requests over ZeroMQ, and what is
-shown is what a subscriber gets. In the end a summary sets the truth beside what was told.
+Nothing is simulated between them: the daemon reads pseudo-terminals, the program sends its requests over ZeroMQ, and
+the live view is that of a subscriber. At the end a summary compares the reports with the truth.
 """
 
 from __future__ import annotations
@@ -23,34 +23,37 @@ from typing import IO, Any
 
 from slipd import config
 from slipd.errors import SlipdError
-from slipd.sim.operator import Operator, Report
+from slipd.sim.robot_program import RobotProgram
+from slipd.sim.robot_report import Report
 from slipd_client.grip import GripClient
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.watch import Display
 
-#: What a part may take to get ready: a cold cache compiles the kernels first.
 PATIENCE_S = 60.0
-#: What a part may take to end when asked to.
+"""Longest start of a part, s: with a cold cache the kernels are compiled first."""
+
 END_S = 5.0
+"""Longest end of a part after a request to end, s."""
+
 LISTEN_S = 0.05
 
 
 @dataclass(slots=True)
 class Tally:
-    """What a subscriber of everything has counted.
+    """Counts of a subscriber of every topic.
 
     Attributes:
-        messages: Messages a kind of topic.
-        missed: Messages that did not arrive.
-        latencies_s: From the last byte of a reading to the message in this process.
+        messages: Number of messages of each kind of topic.
+        missed: Number of messages that did not arrive.
+        latencies_s: Time from the last byte of a reading to its message in this process, s.
     """
 
     messages: Counter[str] = field(default_factory=Counter)
     missed: int = 0
     latencies_s: list[float] = field(default_factory=list)
 
-    def take(self, message: Message) -> None:
-        """Counts one message."""
+    def add(self, message: Message) -> None:
+        """Count one message."""
         self.messages[message.topic.partition(".")[0]] += 1
         self.missed += message.missed
         if message.topic.startswith("slip."):
@@ -58,10 +61,10 @@ class Tally:
 
 
 def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path | None) -> int:
-    """Runs the demo to its end, or for ``seconds``, and prints a summary.
+    """Run the demo to its end, or for ``seconds``, and print a summary.
 
     Returns:
-        Exit code: 0 when the scene ran and the daemon ended well.
+        Exit code: 0 if the scene ran and the daemon ended in good order.
     """
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name:
         ports = Path(name)
@@ -72,26 +75,26 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
             _part("slipd.sim.virtual_gripper", gripper_log, "--dir", name, "--seed", str(seed)) as gripper,
             _part("slipd", daemon_log, "run", "--config", str(_rig_file(ports)), *recording) as daemon,
         ):
-            _say(gripper, 1, gripper_log)
-            publish, requests = (line.split(": ", 1)[1].strip() for line in _say(daemon, 2, daemon_log))
+            _first_lines(gripper, 1, gripper_log)
+            publish, requests = (line.split(": ", 1)[1].strip() for line in _first_lines(daemon, 2, daemon_log))
             print(f"publish: {publish}\nrequests: {requests}", flush=True)
             truth = _collect(gripper)
-            operator = Operator(publish, requests)
-            operator.start()
-            tally = _watch(publish, operator, daemon, seconds, headless=headless)
-            operator.end()
-            operator.join(END_S)
+            program = RobotProgram(publish, requests)
+            program.start()
+            tally = _watch(publish, program, daemon, seconds, headless=headless)
+            program.end()
+            program.join(END_S)
             streams = _final_streams(requests) if daemon.poll() is None else {}
-        _summary(tally, operator.report, truth, streams)
+        _summary(tally, program.report, truth, streams)
         if daemon.returncode != 0:
             print(
                 f"the daemon ended with {daemon.returncode}: {daemon_log.read_text(encoding='utf-8')}", file=sys.stderr
             )
-    return 1 if operator.report.error or daemon.returncode != 0 else 0
+    return 1 if program.report.error or daemon.returncode != 0 else 0
 
 
 def _rig_file(ports: Path) -> Path:
-    """The shipped demo config, with the ports of this run."""
+    """Write the shipped demo config with the ports of this run, and return its path."""
     text = config.shipped("demo.toml").read_text(encoding="utf-8")
     rig = ports / "demo.toml"
     rig.write_text(text.replace('"virtual/', f'"{ports}/'), encoding="utf-8")
@@ -100,7 +103,7 @@ def _rig_file(ports: Path) -> Path:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """Treat SIGTERM and SIGHUP like Ctrl-C, so that no part goes on alone with an open recording."""
+    """Treat SIGTERM and SIGHUP like Ctrl-C, so that no part keeps running with an open recording."""
     numbers = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
     for number in numbers:
         signal.signal(number, signal.default_int_handler)
@@ -113,7 +116,7 @@ def _ended_by_signals() -> Iterator[None]:
 
 @contextmanager
 def _part(name: str, log: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """Starts a part out of reach of Ctrl-C, which is for the demo, and ends it whatever happens; its log goes aside."""
+    """Start a part with its log in a file, and end it in every case. Ctrl-C reaches only the demo itself."""
     command = [sys.executable, "-m", name, *arguments]
     with log.open("w", encoding="utf-8") as stderr:
         process = subprocess.Popen(  # noqa: S603 - our own programs
@@ -130,26 +133,26 @@ def _part(name: str, log: Path, *arguments: str) -> Iterator[subprocess.Popen[st
                 process.kill()
 
 
-def _say(process: subprocess.Popen[str], lines: int, log: Path) -> list[str]:
-    """The first lines that a part says once it is ready.
+def _first_lines(process: subprocess.Popen[str], count: int, log: Path) -> list[str]:
+    """Return the first lines that a part prints once it is ready.
 
     Raises:
-        SlipdError: It ended, or did not get ready in time; with what it logged.
+        SlipdError: The part ended or was not ready in time; the text contains its log.
     """
     timer = threading.Timer(PATIENCE_S, process.kill)
     timer.start()
     try:
-        said = [_pipe(process.stdout).readline() for _ in range(lines)]
+        lines = [_pipe(process.stdout).readline() for _ in range(count)]
     finally:
         timer.cancel()
-    if not all(said):
+    if not all(lines):
         logged = log.read_text(encoding="utf-8").strip()
-        raise SlipdError(f"{log.stem} did not get ready: {logged or 'it said nothing'}")
-    return said
+        raise SlipdError(f"{log.stem} did not start: {logged or 'it printed nothing'}")
+    return lines
 
 
 def _collect(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
-    """The truth that the virtual gripper tells, as it goes on."""
+    """Return a list that grows with the events that the virtual gripper reports."""
     truth: list[dict[str, Any]] = []
     stdout = _pipe(process.stdout)
     threading.Thread(target=lambda: truth.extend(map(json.loads, stdout)), name="truth", daemon=True).start()
@@ -157,18 +160,18 @@ def _collect(process: subprocess.Popen[str]) -> list[dict[str, Any]]:
 
 
 def _watch(
-    publish: str, operator: Operator, daemon: subprocess.Popen[str], seconds: float | None, *, headless: bool
+    publish: str, program: RobotProgram, daemon: subprocess.Popen[str], seconds: float | None, *, headless: bool
 ) -> Tally:
-    """Hears everything until the robot program or the time is over, or somebody interrupts."""
+    """Receive every message until the robot program ends, the time is over, or Ctrl-C."""
     tally = Tally()
     display = None if headless else Display()
     until_s = None if seconds is None else time.monotonic() + seconds
     try:
         with Subscriber(publish, ("",)) as subscriber:
-            while daemon.poll() is None and (operator.is_alive() if until_s is None else time.monotonic() < until_s):
+            while daemon.poll() is None and (program.is_alive() if until_s is None else time.monotonic() < until_s):
                 message = subscriber.receive(LISTEN_S)
                 if message is not None:
-                    tally.take(message)
+                    tally.add(message)
                 if display is not None:
                     if message is not None:
                         display.take(message)
@@ -190,15 +193,15 @@ def _summary(tally: Tally, report: Report, truth: list[dict[str, Any]], streams:
     def at(t_ns: int) -> str:
         return f"{(t_ns - begin) * 1e-9:6.2f} s" if begin is not None else "     ? s"
 
-    print("\nThe scene, as it was and as it was told:")
+    print("\nThe scene, and what slipd reported:")
     lines = [(event["t_ns"], f"truth    {_truth_line(event)}") for event in truth if event.get("t_s") is not None]
     lines += [
-        (c.t_ns, f"slipd    {c.finger}: {c.level} ({', '.join(c.reasons) or 'all well'})") for c in report.changes
+        (c.t_ns, f"slipd    {c.finger}: {c.level} ({', '.join(c.reasons) or 'no reasons'})") for c in report.changes
     ]
     for r in report.raises:
         applied = f"granted {r.result['applied_n']:.1f} N" if r.result else f"refused: {r.refusal}"
         measured = f"; measured {_n(r.before_n)} → {_n(r.after_n)}"
-        lines.append((r.asked_ns, f"program  asks for {r.asked_n:.1f} N on each pad: {applied}{measured}"))
+        lines.append((r.requested_ns, f"program  requests {r.requested_n:.1f} N on each pad: {applied}{measured}"))
     for t_ns, line in sorted(lines):
         print(f"  {at(t_ns)}  {line}")
     for line in _verdict_lines(report, truth):
@@ -211,7 +214,7 @@ def _summary(tally: Tally, report: Report, truth: list[dict[str, Any]], streams:
     print(f"messages: {tally.messages.total()} ({counts})")
     alarms = sum(change.rising and change.level in ("warning", "slipping") for change in report.changes)
     unknowns = sum(change.level == "unknown" for change in report.changes)
-    print(f"warnings: {alarms} (and {unknowns} times unknown, of {len(report.changes)} changes of level)")
+    print(f"warnings: {alarms} (unknown: {unknowns}; changes of level: {len(report.changes)})")
     print(f"gaps: {tally.missed}")
     print(f"median latency: {latency:.2f} ms from the last byte of a reading to its message here")
     if report.error:
@@ -224,11 +227,11 @@ def _verdict_lines(report: Report, truth: list[dict[str, Any]]) -> Iterator[str]
     begin = next((event["t_ns"] for event in truth if event["event"] == "begin"), None)
     if warned is not None and forecast is not None and begin is not None:
         lead = forecast - (warned.t_ns - begin) * 1e-9
-        yield f"rotation: warned {lead:.2f} s before it would have begun at the first grip"
+        yield f"rotation: warned {lead:.2f} s before it would have begun at the first grip force"
     slid = next((event["t_ns"] for event in truth if event["event"] == "slide_begins"), None)
-    told = report.slip_told
-    if slid is not None and told is not None:
-        yield f"slip: told {(told.t_ns - slid) * 1e-6:.0f} ms after it began"
+    reported = report.slip_report
+    if slid is not None and reported is not None:
+        yield f"slip: reported {(reported.t_ns - slid) * 1e-6:.0f} ms after it began"
 
 
 def _truth_line(event: dict[str, Any]) -> str:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Status words that make a reading's value untrustworthy.
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
+"""Status words that make a reading's value untrustworthy."""
 
 
 _NO_TORQUE = (0.0, 0.0, 0.0)

@@ -1,7 +1,7 @@
-"""The daemon: puts the rooms together, keeps them in one task group, and ends them in order.
+"""The daemon: assembles the rooms, runs them in one task group, and ends them in order.
 
-One callback carries what arrives from the bytes to the published message: record the event, let the engine handle it,
-send what comes out. No queue, no task and no await in between.
+One callback carries a reading from its bytes to the published message: record the event, let the engine handle it, send
+the outputs. There is no queue, task or await in between.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from typing import Any
 from slipd.bus.authentication import guard
 from slipd.bus.publisher import Publisher
 from slipd.bus.request_server import RequestServer
-from slipd.bus.runtime import RuntimeDirectory
+from slipd.bus.runtime_directory import RuntimeDirectory
 from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.engine.warm_up import warm_up
 from slipd.events import Event, Publish, Record, Reply, Request, Tick, Write
 from slipd.recording.mcap_file import check_new
-from slipd.recording.on_request import RequestedRecordings, check_room, private_directory, state_dir
 from slipd.recording.recorder_watch import RecorderWatch
+from slipd.recording.requested_recordings import RequestedRecordings, check_room, private_directory, state_dir
 from slipd.recording.writer import Recorder, Room
 from slipd.ticker import Ticker
 from slipd.transport import Links
@@ -39,15 +39,16 @@ from slipd.zmtp.listener import raise_descriptor_limit
 from slipd_client.messages import encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
 
-#: How often it is told that more was lost on this host: often enough to find the cause, too seldom to flood the log.
-LOSSES_TOLD_S = 10.0
+LOSS_REPORT_S = 10.0
+"""Period of the log lines about data lost on this host, s: often enough to find the cause, too rare to flood the
+log."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class Endpoints:
-    """Where the daemon serves."""
+    """The endpoints that the daemon serves."""
 
     publish: str
     requests: str
@@ -62,48 +63,49 @@ async def serve(
 ) -> None:
     """Run the daemon until SIGINT, SIGTERM, SIGHUP or ``stop``.
 
-    What only one daemon may have is claimed first, so that a second one is refused before its kernels are compiled.
+    Resources that only one daemon may hold are claimed first, so that a second daemon is refused before it compiles its
+    kernels.
 
     Args:
         config: The rig.
-        record: File that every event and message is written to; None: nothing is recorded.
-        on_ready: Called once the endpoints serve and the kernels are compiled.
-        stop: Set it to end the run.
+        record: New file for every event and message; None: nothing is recorded.
+        on_ready: Called once the endpoints are served and the kernels are compiled.
+        stop: Setting it ends the run.
 
     Raises:
-        LinkError: An endpoint cannot be bound, a key file is none, or another daemon holds the runtime directory.
-        RecordingError: The recording cannot be created, or its disk failed; the run itself goes on until its end.
+        LinkError: An endpoint cannot be bound, a key file is invalid, or another daemon holds the runtime directory.
+        RecordingError: The recording cannot be created, or its disk failed; a failing disk does not end the run.
     """
     stop = stop or asyncio.Event()
     with ExitStack() as stack:
         run = stack.enter_context(_Run(config, record, stop))
         warm_up()
         raise_descriptor_limit()
-        stack.enter_context(_signals(stop))
+        stack.enter_context(_ended_by_signals(stop))
         run.open()
         asyncio.get_running_loop().set_exception_handler(run.on_loop_fault)
         gc.collect()
         gc.freeze()
         stack.callback(gc.unfreeze)
-        async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.take) as links:
+        async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.handle) as links:
             run.links = links
-            ticker = tasks.create_task(Ticker(run.tick, lambda: run.taken).run(), name="ticker")
-            teller = tasks.create_task(_tell_losses(links), name="losses")
-            run.tell_recording()
+            ticker = tasks.create_task(Ticker(run.tick, lambda: run.events_handled).run(), name="ticker")
+            reporter = tasks.create_task(_report_losses(links), name="losses")
+            run.report_recording()
             on_ready(run.endpoints)
             run.ready = True
             await stop.wait()
             ticker.cancel()
             run.end()
-            teller.cancel()
+            reporter.cancel()
     run.raise_failure()
 
 
 class _Run:
-    """One run: the engine and everything that its events come from and go to, but for the links.
+    """One run: the engine, and the sources and sinks of its events except the links.
 
     Attributes:
-        taken: Events so far.
+        events_handled: Number of events that entered the engine.
     """
 
     def __init__(self, config: Config, record: Path | None, stop: asyncio.Event) -> None:
@@ -115,7 +117,7 @@ class _Run:
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._failure: BaseException | None = None
         self._over = False
-        self.taken = 0
+        self.events_handled = 0
         self._stack = ExitStack()
         self._recorder: Recorder | None = None
         self._recording: RecorderWatch | None = None
@@ -139,9 +141,9 @@ class _Run:
         self._stack.close()
 
     def open(self) -> None:
-        """Serve the endpoints, and then create the recording: a run that fails to start leaves none."""
+        """Serve the endpoints, then create the recording, so that a run that fails to start leaves no file."""
         self._requested = self._stack.enter_context(contextlib.closing(self._requested_recordings()))
-        recording = self._stack.enter_context(ExitStack())  # closed behind the sockets, with what they still send
+        recording = self._stack.enter_context(ExitStack())  # closed after the sockets, with the last messages
         self._open_bus(self._stack)
         if self._record is not None:
             self._recorder = self._make_recorder(self._record)
@@ -192,44 +194,44 @@ class _Run:
             recording.recorder.discard()
         recording.close()
 
-    def tell_recording(self) -> None:
-        """Let the engine know what became of the recording of the whole run."""
-        if self._recording is not None and (change := self._recording.look(time.monotonic_ns())):
-            self.take(change)
+    def report_recording(self) -> None:
+        """Pass changes of the recording of the whole run to the engine."""
+        if self._recording is not None and (change := self._recording.poll(time.monotonic_ns())):
+            self.handle(change)
 
     def end(self) -> None:
-        """Stops the sensors, unless the engine failed; what comes while the links close is not taken any more."""
+        """Stop the sensors, unless the engine failed; events that arrive while the links close are ignored."""
         self._over = True
         if self.links is not None and self._failure is None:
             for write in self.engine.farewell():
                 self.links.write(write.link, write.data)
 
-    def take(self, event: Event, t_ns: int | None = None) -> None:
-        """Takes one event, at ``t_ns`` or now; a failure ends the run."""
+    def handle(self, event: Event, t_ns: int | None = None) -> None:
+        """Handle one event at ``t_ns``, or now; a failure ends the run."""
         if self._over:
             return
-        self.taken += 1
+        self.events_handled += 1
         try:
             self._handle(event, time.monotonic_ns() if t_ns is None else t_ns)
-        except Exception as error:  # whatever it is: the run must end and say so
+        except Exception as error:  # of any kind: the run must end and report it
             self._failure = self._failure or error
             self._stop.set()
 
     def tick(self, tick: Tick, t_ns: int) -> None:
-        """Let time enter the engine, before what became of the recordings meanwhile."""
-        self.take(tick, t_ns)
-        self.tell_recording()
-        for change in self._requested.news(time.monotonic_ns()):
-            self.take(change)
+        """Pass the time to the engine, then changes of the recordings."""
+        self.handle(tick, t_ns)
+        self.report_recording()
+        for change in self._requested.changes(time.monotonic_ns()):
+            self.handle(change)
 
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """A callback outside the engine failed (a socket, a task): silence would be the worst answer."""
+        """End the run because a callback outside the engine failed, such as that of a socket or task."""
         loop.default_exception_handler(context)
         self._failure = self._failure or context.get("exception") or RuntimeError(context["message"])
         self._stop.set()
 
     def raise_failure(self) -> None:
-        """Raises what ended the run, if anything did."""
+        """Raise the failure that ended the run, if there is one."""
         if self._failure is not None:
             raise self._failure
 
@@ -251,35 +253,35 @@ class _Run:
             elif isinstance(output, Reply):
                 self._requests.reply(output.client, output.body)
             elif isinstance(output, Record):
-                self._requested.take(output, t_ns)
+                self._requested.handle(output, t_ns)
 
     def _on_request(self, client: bytes, body: dict[str, Any]) -> None:
-        self.take(Request(client, body))
+        self.handle(Request(client, body))
 
 
-async def _tell_losses(links: Links) -> None:
-    """Logs, now and then and at the end, what links lost on this host; the engine cannot know of it."""
-    told: dict[str, tuple[int, int]] = {}
+async def _report_losses(links: Links) -> None:
+    """Log, periodically and at the end, what the links lost on this host; the engine cannot see it."""
+    reported: dict[str, tuple[int, int]] = {}
     while True:
         try:
-            await asyncio.sleep(LOSSES_TOLD_S)
+            await asyncio.sleep(LOSS_REPORT_S)
         finally:
             for name, refused in links.refused_writes.items():
                 lost = refused, links.overruns[name]
-                if lost != told.get(name, (0, 0)):
-                    _log.warning("%s: %d writes dropped, %d datagrams lost unread so far", name, *lost)
-                told[name] = lost
+                if lost != reported.get(name, (0, 0)):
+                    _log.warning("%s: %d writes dropped, %d datagrams lost before they were read so far", name, *lost)
+                reported[name] = lost
 
 
 @contextlib.contextmanager
-def _signals(stop: asyncio.Event) -> Iterator[None]:
-    """End the run in good order on a signal that ends a service, or when its terminal closes (but under ``nohup``)."""
+def _ended_by_signals(stop: asyncio.Event) -> Iterator[None]:
+    """End the run in good order on SIGINT, SIGTERM, or SIGHUP unless ``nohup`` ignores it."""
     loop = asyncio.get_running_loop()
     numbers = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         numbers.append(signal.SIGHUP)
     for number in numbers:
-        with contextlib.suppress(ValueError, RuntimeError):  # not the main thread: whoever owns it ends the run
+        with contextlib.suppress(ValueError, RuntimeError):  # not the main thread: its owner ends the run
             loop.add_signal_handler(number, stop.set)
     try:
         yield

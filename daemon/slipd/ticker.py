@@ -1,7 +1,7 @@
-"""Feed time to the engine, and whether the lines were read since the last tick.
+"""Feed time to the engine, and whether all lines have been read since a stall.
 
-The engine measures by its ticks how late the daemon is. It cannot see whether bytes that arrived meanwhile still wait
-to be read: the ticker asks the event loop, and the answer enters with the tick.
+The engine measures with its ticks how late the daemon is. It cannot see whether bytes that arrived during a stall still
+wait to be read. The ticker finds out from the event loop, and the answer enters the engine with the tick.
 """
 
 from __future__ import annotations
@@ -13,28 +13,29 @@ from collections.abc import Callable
 from slipd.engine.lateness import LATE_NS
 from slipd.events import Tick
 
-#: How often time enters the engine: sessions and staleness (20 ms at the least, by default) are judged by it.
 TICK_S = 0.005
+"""Period of the ticks, s; sessions and staleness (20 ms or more by default) are checked at each."""
 
-#: After a stall the lines count as read empty once so many turns of the loop in a row brought no event: a WebSocket's
-#: message takes two turns from its socket to the engine.
 QUIET_TURNS = 3
+"""After a stall the lines count as read when this many consecutive turns of the loop brought no event: a WebSocket
+message takes two turns from its socket to the engine."""
 
-#: First the kernel gets this time to hand over what arrived: its worker fills a pseudo-terminal, and may be late too.
 QUIET_AFTER_S = 0.001
+"""Wait before the first turn, s. The kernel hands over the bytes of a pseudo-terminal from a worker, which may also be
+late after a stall. 1 ms is a choice: how late that worker runs has not been measured."""
 
 
 class Ticker:
-    """Ticks every TICK_S without drifting, and after a stall once more as soon as the lines are read empty.
+    """Tick every TICK_S without drift, and after a stall once more as soon as all lines have been read.
 
     Args:
-        take: Takes a tick and its time, CLOCK_MONOTONIC.
-        taken: Returns how many events entered the engine so far.
+        handle: Called with each tick and its time, CLOCK_MONOTONIC ns.
+        event_count: Returns how many events have entered the engine.
     """
 
-    def __init__(self, take: Callable[[Tick, int], None], taken: Callable[[], int]) -> None:
-        self._take = take
-        self._taken = taken
+    def __init__(self, handle: Callable[[Tick, int], None], event_count: Callable[[], int]) -> None:
+        self._handle = handle
+        self._event_count = event_count
         self._unread = False
         self._ticked_ns: int | None = None
 
@@ -46,7 +47,7 @@ class Ticker:
             self._tick(quiet=quiet)
             due_s = max(due_s + TICK_S, loop.time())
             if self._unread:
-                quiet = await self._quiet()
+                quiet = await self._wait_until_quiet()
             else:
                 await asyncio.sleep(due_s - loop.time())
 
@@ -56,19 +57,19 @@ class Ticker:
         late = self._ticked_ns is not None and t_ns - self._ticked_ns > LATE_NS
         self._unread = late or (self._unread and not quiet)
         self._ticked_ns = t_ns
-        self._take(Tick(suspended_ns, self._unread), t_ns)
+        self._handle(Tick(suspended_ns, self._unread), t_ns)
 
-    async def _quiet(self) -> bool:
-        """Turn the loop until nothing enters the engine; False where that did not happen within TICK_S.
+    async def _wait_until_quiet(self) -> bool:
+        """Turn the loop until nothing enters the engine; return False if events still enter after TICK_S.
 
-        Each turn asks the system which lines hold something, and reads from all that do.
+        Each turn polls all lines and reads from those that have bytes.
         """
         loop = asyncio.get_running_loop()
         await asyncio.sleep(QUIET_AFTER_S)
         until_s = loop.time() + TICK_S  # the sleep itself may have taken longer
         turns = 0
         while turns < QUIET_TURNS and loop.time() < until_s:
-            taken = self._taken()
+            before = self._event_count()
             await asyncio.sleep(0)
-            turns = turns + 1 if self._taken() == taken else 0
+            turns = turns + 1 if self._event_count() == before else 0
         return turns >= QUIET_TURNS

@@ -126,7 +126,7 @@ def test_a_recording_that_is_cut_short_is_shown_and_told(recording: Path, capsys
     assert main(["replay", str(recording), "--speed", "max"]) == 1
     captured = capsys.readouterr()
     assert "left: unknown → caution" in captured.out
-    assert captured.err.startswith("slipd: this is not the whole run: ")
+    assert captured.err.startswith("slipd: the recording is incomplete: ")
 
 
 @pytest.mark.parametrize("path", sorted(CONFIG.glob("*.toml")), ids=lambda path: path.name)
@@ -135,7 +135,7 @@ def test_check_tells_what_a_shipped_config_reads(path: Path, capsys: pytest.Capt
     rig = config.load(path)
     lines = capsys.readouterr().out.splitlines()
     assert [line.partition(":")[0] for line in lines[: len(rig.streams())]] == list(rig.streams())
-    assert lines[-1] == f"{path}: good, config_id {rig.config_id}"
+    assert lines[-1] == f"{path}: valid, config_id {rig.config_id}"
 
 
 def test_check_warns_of_what_is_good_but_weak(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,9 +148,9 @@ def test_check_warns_of_what_is_good_but_weak(tmp_path: Path, capsys: pytest.Cap
     )
     assert main(["check", str(rig)]) == 0
     out = capsys.readouterr().out
-    assert 'finger.left: no mu: its level will be "unknown"' in out
+    assert 'finger.left: no mu: its level is always "unknown"' in out
     assert "finger.left: no pad: rotation is not observed" in out
-    assert "gripper: no max_force_n: nothing will be moved" in out
+    assert "gripper: no max_force_n: no request can move the gripper" in out
 
 
 def test_check_asks_about_a_quaternion_that_looks_like_another_order(
@@ -209,7 +209,7 @@ def test_check_tells_how_far_the_reflex_gets_within_the_budget(
     text = (CONFIG / "demo.toml").read_text(encoding="utf-8").replace("enabled = false", "enabled = true")
     rig.write_text(text.replace("budget_n = 25.0", budget), encoding="utf-8")
     assert main(["check", str(rig)]) == 0
-    assert f"asks for up to {gain_n}.0 N more within the lead time of 0.3 s" in capsys.readouterr().out
+    assert f"adds up to {gain_n}.0 N within the lead time of 0.3 s" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -306,7 +306,7 @@ async def test_a_recording_on_request_that_cannot_be_created_fails_in_its_reply(
     async with serving(rig.config) as client:
         error = (await asked(client, "record.start"))["error"]
         assert error["code"] == "record_failed"
-        assert error["message"] == "/proc/slipd: cannot be made: No such file or directory"
+        assert error["message"] == "/proc/slipd: cannot be created: No such file or directory"
         client.ask(op="status")
         recording = (await until(client.answer))["result"]["recording"]
         assert (recording["state"], recording["failure"]) == ("failed", error["message"])
@@ -345,7 +345,7 @@ async def test_a_disk_that_is_too_full_is_left_alone(rig: Rig, tmp_path: Path, m
     async with serving(config.parse(text, "rig.toml")) as client:
         refused = (await asked(client, "record.start"))["error"]
         assert refused["code"] == "no_room"
-        assert "bytes of the disk are free, and recording.min_free_bytes is" in refused["message"]
+        assert "free bytes, less than recording.min_free_bytes" in refused["message"]
         assert left_in(tmp_path / "state") == []
 
 
@@ -461,19 +461,19 @@ async def test_what_was_lost_on_this_host_is_logged_when_it_grows_and_at_the_end
     def told() -> list[str]:
         return [record.message for record in caplog.records if record.name == "slipd.service"]
 
-    monkeypatch.setattr(service, "LOSSES_TOLD_S", 0.01)
+    monkeypatch.setattr(service, "LOSS_REPORT_S", 0.01)
     specs = [LinkSpec(name, "serial", str(tmp_path / name)) for name in ("absent", "unused")]
     async with asyncio.TaskGroup() as tasks, Links(tasks, specs, lambda _: None) as links:
-        teller = tasks.create_task(service._tell_losses(links))
+        reporter = tasks.create_task(service._report_losses(links))
         links.write("absent", b"x")
         await until(told)
         await asyncio.sleep(0.05)
         once = ["absent: 1 writes dropped, 0 datagrams lost unread so far"]
         assert told() == once
-        monkeypatch.setattr(service, "LOSSES_TOLD_S", PATIENCE_S)
+        monkeypatch.setattr(service, "LOSS_REPORT_S", PATIENCE_S)
         await asyncio.sleep(0.05)
         links.write("absent", b"x")
-        teller.cancel()
+        reporter.cancel()
     assert told() == [*once, "absent: 2 writes dropped, 0 datagrams lost unread so far"]
 
 

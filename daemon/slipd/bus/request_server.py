@@ -17,10 +17,10 @@ from slipd.bus.rate_limit import RateLimit
 from slipd.publish.replies import error_body
 from slipd.refusal import Refusal
 from slipd.requests.idempotency import URGENT_OPS
-from slipd.zmtp.accounts import SHARE
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
 from slipd.zmtp.peer import Peer, PeerRules
+from slipd.zmtp.time_accounts import SHARE
 from slipd.zmtp.wire import ProtocolError
 from slipd_client.messages import REQUEST_LIMITS, MessageError, decode, encode
 

@@ -1,22 +1,20 @@
-"""The config of a rig: its keys and defaults, the checks, and the file it is read from."""
+"""The config of a rig: its keys with units and defaults, the checks, and the file that it is read from.
 
-from slipd.config.checks import axes_of, device_options, in_newtons, stale_after_ns, transport_of
-from slipd.config.files import load, parse, shipped
-from slipd.config.model import (
-    Bus,
-    Config,
-    Finger,
-    Grasp,
-    Gripper,
-    Levels,
-    Pad,
-    Rates,
-    Recording,
-    Reflex,
-    Requests,
-    Stream,
-    Wrench,
-)
+The keys of a table and their defaults are in the file named after it: ``finger_model`` ([finger.X] with wrench, pad and
+slip), ``gripper_model`` ([gripper], [grasp], [reflex]), ``levels_model`` ([levels], [rates]), ``bus_model`` ([bus],
+[requests], [recording]), and ``stream_model`` for the keys that every device has. ``bounds`` has the range of each
+quantity.
+"""
+
+from slipd.config.bus_model import Bus, Recording, Requests
+from slipd.config.config_file import load, parse, shipped
+from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
+from slipd.config.gripper_model import Grasp, Gripper, PadPlace, Reflex
+from slipd.config.hints import hints
+from slipd.config.levels_model import Levels, Rates
+from slipd.config.model import Config
+from slipd.config.stream_model import Stream
+from slipd.config.stream_settings import axes_of, device_options, in_newtons, stale_after_ns, transport_of
 
 __all__ = [
     "Bus",
@@ -26,14 +24,18 @@ __all__ = [
     "Gripper",
     "Levels",
     "Pad",
+    "PadPlace",
+    "Pose",
     "Rates",
     "Recording",
     "Reflex",
     "Requests",
+    "Slip",
     "Stream",
     "Wrench",
     "axes_of",
     "device_options",
+    "hints",
     "in_newtons",
     "load",
     "parse",

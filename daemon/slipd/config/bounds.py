@@ -12,16 +12,23 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-#: A measured or rounded value may exceed that of the data sheet by this factor.
+Fault = tuple[str, str]
+"""A fault of a config: dotted key path, and text."""
+
 MARGIN = 1.25
-#: A quaternion written with four digits is still a unit quaternion.
+"""A measured or rounded value may exceed that of the data sheet by this factor."""
+
 QUATERNION_TOLERANCE = 1e-3
-#: Rubber on dry, rough glass reaches 2. More is a wrong unit, and makes every grip look safe.
+"""A quaternion written with four digits is still a unit quaternion."""
+
 MOST_FRICTION = 2.0
-#: The longer side of the largest pad that fits between the jaws of a gripper, m.
+"""Rubber on dry, rough glass reaches 2. More is a wrong unit, and makes every grip look safe."""
+
 LONGEST_PAD_M = 0.5
-#: A threshold of contact above this hides a grip, N; only where a force sensor measures newtons.
+"""The longer side of the largest pad that fits between the jaws of a gripper, m."""
+
 MOST_MIN_NORMAL_N = 50.0
+"""A threshold of contact above this hides a grip, N; only where a force sensor measures newtons."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,42 +102,62 @@ def unit_quaternion(quat_xyzw: list[float]) -> list[float]:
     return quat_xyzw
 
 
-#: A sensor at the wrist sits within a metre of the fingertip, and so does the mass between them.
 PLACE = Bounds(-1.0, 1.0, "m", "mm")
-#: Large parallel grippers open by some decimetres.
-WIDTH = Bounds(0.0, 1.0, "m", "mm")
-#: The strongest electric parallel grippers press with some kilonewtons.
-GRIP = Bounds(0.0, 5e3, "N", "mN")
-#: A jaw that closes at 2 m/s breaks what it grips.
-SPEED = Bounds(0.0, 2.0, "m/s", "mm/s")
+"""A sensor at the wrist sits within a metre of the fingertip, and so does the mass between them."""
 
-#: The finest tactile arrays have a pitch of some tenths of a millimetre, the coarsest skins one of some centimetres.
+WIDTH = Bounds(0.0, 1.0, "m", "mm")
+"""Large parallel grippers open by some decimetres."""
+
+GRIP = Bounds(0.0, 5e3, "N", "mN")
+"""The strongest electric parallel grippers press with some kilonewtons."""
+
+SPEED = Bounds(0.0, 2.0, "m/s", "mm/s")
+"""A jaw that closes at 2 m/s breaks what it grips."""
+
 Pitch = Annotated[float, AfterValidator(Bounds(1e-4, 0.05, "m", "mm"))]
+"""The finest tactile arrays have a pitch of some tenths of a millimetre, the coarsest skins one of some centimetres."""
+
 Electrode = Annotated[float, AfterValidator(Bounds(1e-5, 0.05, "m", "mm"))]
 Place = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(PLACE)]
-#: What hangs on a force sensor is a fingertip of grams, or a whole gripper at the wrist.
+
 Mass = Annotated[float, AfterValidator(Bounds(1e-5, 10.0, "kg", "g", zero=True))]
+"""From a fingertip of some grams to a whole gripper on a sensor at the wrist."""
+
 Friction = Annotated[float, AfterValidator(Bounds(0.01, MOST_FRICTION, ""))]
-#: A noise of 10 N hides every contact that fingers have.
+
 ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
+"""A noise of 10 N hides every contact that fingers have."""
+
 TorqueNoise = Annotated[float, AfterValidator(Bounds(0.0, 1.0, "N·m", "mN·m"))]
-#: From gram-force sensors for fingertips to the largest six-axis sensors of industrial robots.
+
 Range = Annotated[float, AfterValidator(Bounds(0.1, 1e5, "N"))]
+"""From gram-force sensors for fingertips to the largest six-axis sensors of industrial robots."""
+
 TorqueRange = Annotated[float, AfterValidator(Bounds(1e-4, 1e5, "N·m", "mN·m"))]
-#: A zero that drifts further belongs to a broken sensor.
+
 DriftForce = Annotated[float, AfterValidator(Bounds(1e-4, 100.0, "N", "mN"))]
+"""A zero that drifts further belongs to a broken sensor."""
+
 DriftTorque = Annotated[float, AfterValidator(Bounds(1e-6, 10.0, "N·m", "mN·m"))]
-#: Zeros creep within seconds at the fastest, and over days.
+
 DriftTime = Annotated[float, AfterValidator(Bounds(1e-2, 1e6, "s"))]
-#: Charge amplifiers leak within milliseconds to an hour.
+"""Zeros creep within seconds at the fastest, and over days."""
+
 Leak = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
+"""Charge amplifiers leak within milliseconds to an hour."""
+
 Grip = Annotated[float, Field(gt=0.0), AfterValidator(GRIP)]
-#: From creeping to the full force of the strongest gripper within a tenth of a second.
+
 Slew = Annotated[float, AfterValidator(Bounds(1e-3, 5e4, "N/s", "mN/s"))]
-#: A contact breaks loose within milliseconds to a second, and a slip is over within a minute.
+"""From creeping to the full force of the strongest gripper within a tenth of a second."""
+
 SlipWindow = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "s", "ms"))]
+"""A contact breaks loose within milliseconds to a second."""
+
 SlipHold = Annotated[float, AfterValidator(Bounds(1e-3, 60.0, "s", "ms"))]
-#: A warning comes some seconds before a drop at most.
+
 LeadTime = Annotated[float, AfterValidator(Bounds(1e-3, 10.0, "s", "ms"))]
+"""A warning comes some seconds before a drop at most."""
+
 Calm = Annotated[float, AfterValidator(Bounds(1e-3, 3600.0, "s", "ms"))]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(unit_quaternion)]

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 import re
 
-from slipd.config.model import Bus, Config
+from slipd.config.bounds import Fault
+from slipd.config.bus_model import Bus
+from slipd.config.model import Config
 
-Fault = tuple[str, str]
 _ENDPOINT = re.compile(r"ipc:///[^\0]+|tcp://(\d{1,3}(\.\d{1,3}){3}|localhost|\*):(\d{1,5}|\*)")
 _LOCAL = re.compile(r"tcp://(127\.|localhost:)")
 
 
 def bus_faults(config: Config) -> list[Fault]:
-    """Find endpoints that cannot be served or would admit anybody; faults that only binding shows come later."""
+    """Find endpoints that cannot be served or would admit anybody; binding finds the rest."""
     bus = config.bus
-    faults = _endpoint("publish", bus.publish, "readers", bus) + _endpoint("requests", bus.requests, "requesters", bus)
+    faults = _endpoint_faults("publish", bus.publish, "readers", bus)
+    faults += _endpoint_faults("requests", bus.requests, "requesters", bus)
     lists = [name for name in ("readers", "requesters") if getattr(bus, name) is not None]
     if bus.secret_key is None:
-        faults += [(f"bus.{name}", "needs bus.secret_key, the daemon's own key") for name in lists]
+        faults += [(f"bus.{name}", "needs bus.secret_key, the key of the daemon itself") for name in lists]
     elif not lists:
-        faults.append(
-            ("bus.secret_key", "needs bus.readers, bus.requesters or both: without a list no client is asked for a key")
-        )
+        rule = "needs bus.readers, bus.requesters or both: without a list no client has to show a key"
+        faults.append(("bus.secret_key", rule))
     return faults
 
 
-def _endpoint(name: str, endpoint: str | None, keys: str, bus: Bus) -> list[Fault]:
+def _endpoint_faults(name: str, endpoint: str | None, keys: str, bus: Bus) -> list[Fault]:
     if endpoint is None:
         return []
     if not _ENDPOINT.fullmatch(endpoint):

@@ -6,15 +6,17 @@ import itertools
 import math
 from collections.abc import Iterator
 
-from slipd.config.bounds import GRIP, MARGIN, PLACE, SPEED, WIDTH, table_fault
-from slipd.config.model import Config, Grasp, Gripper, Table
+from slipd.config.bounds import GRIP, MARGIN, PLACE, SPEED, WIDTH, Fault, table_fault
+from slipd.config.gripper_model import Grasp, Gripper
+from slipd.config.model import Config
+from slipd.config.stream_model import Table
 from slipd.devices import DEVICES, Device, GripRange
 
-Fault = tuple[str, str]
-#: Cosine of the angle between the pads of parallel jaws: they face each other within 11 degrees.
 FACING = -0.98
-#: A gripper's own settings are bytes.
+"""Largest cosine of the angle between the pads of parallel jaws: they face each other within 11 degrees."""
+
 MAX_UNITS = 255
+"""The settings of a gripper in its own units are bytes."""
 
 
 def gripper_faults(gripper: Gripper) -> list[Fault]:
@@ -36,7 +38,7 @@ def gripper_faults(gripper: Gripper) -> list[Fault]:
 
 
 def _reach(gripper: Gripper, device: Device) -> list[Fault]:
-    """Find what is beyond every gripper, or beyond the largest one of this device."""
+    """Find values beyond any gripper, or beyond the largest gripper of this device."""
     faults = [
         (f"gripper.{key}", fault)
         for key, table, bounds in (
@@ -50,22 +52,22 @@ def _reach(gripper: Gripper, device: Device) -> list[Fault]:
         return faults
     for key, what, value, most, unit in _stated(gripper, device.grip):
         if value > most * MARGIN:
-            rule = f"must state {what} of at most {most:g} {unit}, the most of any {gripper.device}"
+            rule = f"must have {what} of at most {most:g} {unit}, the most of any {gripper.device}"
             faults.append((f"gripper.{key}", f"{rule}, got {value:g}"))
     return faults
 
 
 def _stated(gripper: Gripper, grip: GripRange) -> Iterator[tuple[str, str, float, float, str]]:
-    """Yield what the config says the gripper can do: key, quantity, value, the device's maximum, unit."""
+    """Yield the abilities that the config states: key, quantity, value, maximum of the device, unit."""
     if gripper.max_force_n is not None:
         yield "max_force_n", "a force on one pad", gripper.max_force_n, grip.force_n, "N"
     if gripper.force_table is not None:
-        yield "force_table", "forces on one pad", gripper.force_table[-1][1], grip.force_n, "N"
+        yield "force_table", "a largest force on one pad", gripper.force_table[-1][1], grip.force_n, "N"
     if gripper.width_table is not None:
         widths = [width for _, width in gripper.width_table]
         yield "width_table", "a stroke", max(widths) - min(widths), grip.stroke_m, "m"
     if gripper.speed_table is not None:
-        yield "speed_table", "speeds", gripper.speed_table[-1][1], grip.speed_mps, "m/s"
+        yield "speed_table", "a largest speed", gripper.speed_table[-1][1], grip.speed_mps, "m/s"
 
 
 def _limits(gripper: Gripper) -> list[Fault]:
@@ -80,11 +82,18 @@ def _tables(gripper: Gripper, force_table: Table, width_table: Table) -> list[Fa
     _, forces = zip(*force_table, strict=True)
     closures, widths = zip(*width_table, strict=True)
     if not _settings_rise(force_table):
-        faults.append(("gripper.force_table", f"device units must rise within 0…{MAX_UNITS}, newtons from 0 or more"))
+        faults.append(
+            (
+                "gripper.force_table",
+                f"device units must rise within 0…{MAX_UNITS}, and newtons must rise from 0 or more",
+            )
+        )
     if not (_rising(closures) and _rising(widths[::-1]) and closures[0] >= 0.0 and closures[-1] <= 1.0):
         faults.append(("gripper.width_table", "closure must rise within 0…1 while the width falls"))
     if gripper.speed_table is not None and not _settings_rise(gripper.speed_table):
-        faults.append(("gripper.speed_table", f"device units must rise within 0…{MAX_UNITS}, m/s from 0 or more"))
+        faults.append(
+            ("gripper.speed_table", f"device units must rise within 0…{MAX_UNITS}, and m/s must rise from 0 or more")
+        )
     if gripper.max_force_n is None:
         return faults
     if gripper.max_force_n > forces[-1]:
@@ -112,46 +121,48 @@ def _tables(gripper: Gripper, force_table: Table, width_table: Table) -> list[Fa
 
 
 def grasp_faults(config: Config) -> list[Fault]:
-    """Find pads that belong to no known finger, or that cannot be placed."""
+    """Find pads that belong to no finger, or whose pose is impossible."""
     if config.grasp is None:
         return []
     faults = []
     for name, place in config.grasp.pads.items():
         path = f"grasp.pads.{name}"
         if name not in config.finger:
-            faults.append((path, f"there is no finger {name!r}; known: {', '.join(config.finger)}"))
+            faults.append((path, f"must be the name of a finger, got {name!r}; known: {', '.join(config.finger)}"))
         if not _rising(tuple(row[0] for row in place.positions)):
-            faults.append((f"{path}.positions", "the width, the first value of each row, must rise from row to row"))
+            faults.append(
+                (f"{path}.positions", "the width, which is the first value of each row, must rise from row to row")
+            )
         if fault := table_fault(place.positions, WIDTH, PLACE, PLACE, PLACE):
             faults.append((f"{path}.positions", fault))
     return faults or _facing(config.grasp)
 
 
 def _facing(config: Grasp) -> list[Fault]:
-    """Find pads that do not face each other: grip forces would look like an external push."""
+    """Find pads that do not face each other; their grip forces would look like an external push."""
     first, second = (_outward(place.quat_xyzw) for place in config.pads.values())
     if sum(a * b for a, b in zip(first, second, strict=True)) <= FACING:
         return []
     one, other = config.pads
-    rule = f"must turn the pad's Z axis against that of {one} (they face each other): is its order x, y, z, w?"
+    rule = f"must turn the Z axis of the pad towards that of {one}, because the pads face each other: is it x, y, z, w?"
     return [(f"grasp.pads.{other}.quat_xyzw", rule)]
 
 
 def _outward(quat_xyzw: list[float]) -> tuple[float, float, float]:
-    """Z axis of a pad in the gripper frame."""
+    """Return the Z axis of a pad in the gripper frame."""
     x, y, z, w = (part / math.hypot(*quat_xyzw) for part in quat_xyzw)
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 def reflex_faults(config: Config) -> list[Fault]:
-    """Find a reflex that could not act, or that may ask for more than the gripper's limit."""
+    """Find a reflex that could not act, or that could exceed the limit of the gripper."""
     reflex, gripper = config.reflex, config.gripper
     if not reflex.enabled:
         return []
     if gripper is None or gripper.max_force_n is None:
-        return [("reflex.enabled", "needs [gripper] with max_force_n: without a limit nothing is moved")]
+        return [("reflex.enabled", "needs [gripper] with max_force_n: nothing is moved without a limit")]
     if config.grasp is None:
-        return [("reflex.enabled", "needs [grasp], from which the grip that the object needs is computed")]
+        return [("reflex.enabled", "needs [grasp], from which the necessary grip force is computed")]
     if reflex.ceiling_n is not None and reflex.ceiling_n > gripper.max_force_n:
         return [
             (

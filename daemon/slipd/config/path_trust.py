@@ -1,4 +1,4 @@
-"""Check who else may change a file: whoever can write the config decides what moves.
+"""Check that no other user can change a config: whoever can write it decides what moves.
 
 The rule is that of OpenSSH's ``StrictModes``, as Debian ships it: the file and every folder on its path belong to root
 or to the user who runs slipd, and nobody else may write to them; a private group of that user counts as the user. It
@@ -18,18 +18,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT_UID = 0
-#: The kernel follows this many.
 MOST_LINKS = 40
+"""The kernel follows this many links in one path."""
 
 
 def trust_faults(path: Path) -> list[str]:
-    """Find what lets another user change a file: its owner or mode, or that of a folder or link on its path.
+    """Find what lets another user change a file: owner or mode of the file, or of a folder or link on its path.
 
     Raises:
-        OSError: The file is not there, or a folder cannot be entered.
+        OSError: The file does not exist, or a folder cannot be entered.
     """
     found = path.stat()
-    if not stat.S_ISREG(found.st_mode):  # such as the pipe of a shell: it has no folder
+    if not stat.S_ISREG(found.st_mode):  # such as a pipe of the shell, which has no folder
         return _faults(path, found)
     return [fault for here, entry in _walk(path) for fault in _faults(here, entry)]
 
@@ -74,11 +74,11 @@ def _faults(path: Path, entry: os.stat_result) -> list[str]:
 
 
 def _is_own_group(gid: int) -> bool:
-    """Whether the group has no member but root and the user who runs this, as a private group of that user."""
+    """Return whether the group has no member but root and the user who runs slipd."""
     mine = {ROOT_UID, os.geteuid()}
     try:
         members = {pwd.getpwnam(name).pw_uid for name in grp.getgrgid(gid).gr_mem}
-    except KeyError:  # a group, or a member, that this machine does not know
+    except KeyError:  # a group or member that this machine does not know
         return False
     return members | {user.pw_uid for user in pwd.getpwall() if user.pw_gid == gid} <= mine
 

@@ -1,4 +1,4 @@
-"""On which line of a TOML file a key stands, for error messages; tomllib itself does not tell."""
+"""Find the line of each key of a TOML file, for error messages; tomllib does not report lines."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import re
 
 _PART = re.compile(r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'""")
 _DOTTED = rf"((?:{_PART.pattern})(?:\s*\.\s*(?:{_PART.pattern}))*)"
-_TABLE = re.compile(rf"^\s*\[\[?\s*{_DOTTED}\s*\]\]?\s*(#.*)?$")  # a row of numbers in a list is none
+_TABLE = re.compile(rf"^\s*\[\[?\s*{_DOTTED}\s*\]\]?\s*(#.*)?$")  # a row of numbers in a list does not match
 _KEY = re.compile(rf"^\s*{_DOTTED}\s*=")
 
 
 def key_lines(text: str) -> dict[tuple[str, ...], int]:
-    """Finds the line, 1-based, of every table and key that stands at the beginning of a line."""
+    """Return the line, 1-based, of every table and key that starts a line."""
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.splitlines(), start=1):
@@ -24,7 +24,7 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
 
 
 def line_of(lines: dict[tuple[str, ...], int], path: tuple[str, ...]) -> int | None:
-    """Finds the line of a key, or of the innermost table round it that stands in the file."""
+    """Return the line of a key, or of the innermost enclosing table that is in the file; None if there is none."""
     while path:
         if path in lines:
             return lines[path]

@@ -11,8 +11,7 @@ from typing import cast
 import numpy as np
 
 from slipd.config import Finger as FingerConfig
-from slipd.config import Levels, in_newtons, stale_after_ns
-from slipd.config.model import Stream
+from slipd.config import Levels, Stream, in_newtons, stale_after_ns
 from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import NO_DOUBT, UNTRUSTED_FAULTS, ForceChannel, WrenchBatch

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.config.model import Grasp, PadPlace
+from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.friction_limits import needed_normal_n
 from slipd.finger.verdict import SEVERITY

@@ -1,8 +1,8 @@
-"""One event of the engine as one msgpack map, and back, exactly.
+"""Encode an event of the engine as a msgpack map, and decode it without loss.
 
-The map is ``{n, t_ns, kind, …the event's own fields…, crc32}``. ``crc32`` is the last entry and its value has
-a fixed width, so the last four bytes of a payload are the CRC-32 of all the bytes before them (big-endian): a
-damaged event is noticed before anything of it is believed.
+The map is ``{n, t_ns, kind, …the fields of the event…, crc32}``. ``crc32`` is the last entry and has a fixed width, so
+the last four bytes of a payload are the CRC-32 of all bytes before them (big-endian). It is checked before anything
+else is decoded.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Reque
 from slipd_client import messages
 
 _CRC_BYTES = 4
-_INTEGERS = range(2**63)  # what NumPy's int64 holds: the engine computes with these
+_INTEGERS = range(2**63)  # what fits in int64, with which the engine computes
 _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "bytes": (Bytes, {"link": str, "data": bytes}),
     "link_up": (LinkUp, {"link": str, "identity": str}),
@@ -27,9 +27,9 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "recording": (RecordingChanged, {"name": str, "path": str, "state": str, "reason": str, "lost": int}),
     "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }
-_OPTIONAL: dict[str, dict[str, type]] = {"tick": {"unread": bool}}  # left out where false, as in older recordings
+_OPTIONAL: dict[str, dict[str, type]] = {"tick": {"unread": bool}}  # omitted if false, as in older recordings
 _KINDS = {event_type: kind for kind, (event_type, _) in reversed(_FIELDS.items())}
-_UNICODE_ERRORS = "surrogatepass"  # an operating system's error text may hold the odd bytes of a file name
+_UNICODE_ERRORS = "surrogatepass"  # an error text of the system may contain undecodable bytes of a file name
 
 
 def encode_event(n: int, t_ns: int, event: Event) -> bytes:
@@ -38,7 +38,7 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
     Args:
         n: Running index of the entry in its recording.
         t_ns: CLOCK_MONOTONIC with which the event entered the engine.
-        event: The event; a request's body is one that ``slipd_client.messages`` can carry.
+        event: The event; the body of a request must be one that ``slipd_client.messages`` can encode.
     """
     kind = _KINDS[type(event)]
     fields = {name: getattr(event, name) for name in _FIELDS[kind][1]}
@@ -52,24 +52,24 @@ def decode_event(payload: bytes) -> tuple[int, int, Event]:
     """Return ``(n, t_ns, event)`` of a payload.
 
     Raises:
-        RecordingError: The payload is damaged, or is not an event that this version knows.
+        RecordingError: The payload is damaged, or not an event that this version knows.
     """
     if _crc(payload[:-_CRC_BYTES]) != payload[-_CRC_BYTES:]:
         raise RecordingError("an event's checksum does not match its bytes")
     whole = _unpack(payload)
     kind = whole.get("kind")
     if not isinstance(kind, str) or kind not in _FIELDS:
-        raise RecordingError(f"an event of kind {kind!r:.40}; known are {', '.join(_FIELDS)}")
+        raise RecordingError(f"the kind of an event must be one of {', '.join(_FIELDS)}, got {kind!r:.40}")
     event_type, types = _FIELDS[kind]
     types = types | {name: held for name, held in _OPTIONAL.get(kind, {}).items() if name in whole}
     expected = {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes}
     found = {name: type(value) for name, value in whole.items()}
     if found != expected:
-        raise RecordingError(f"an event of kind {kind!r} with other fields than {', '.join(expected)}")
+        raise RecordingError(f"an event of kind {kind!r} must have the fields {', '.join(expected)}")
     if any(value not in _INTEGERS for value in whole.values() if isinstance(value, int)):
-        raise RecordingError(f"an event of kind {kind!r} with a number that is not in 0 … 2**63 - 1")
+        raise RecordingError(f"the numbers of an event of kind {kind!r} must be from 0 to 2**63 - 1")
     if event_type is Request:
-        whole["body"] = _as_from_the_network(whole["body"])
+        whole["body"] = _checked_request(whole["body"])
     if kind == "recording_failed":
         return whole["n"], whole["t_ns"], RecordingChanged(whole["name"], "", "failed", whole["reason"])
     return whole["n"], whole["t_ns"], event_type(**{name: whole[name] for name in types})
@@ -79,19 +79,19 @@ def _crc(body: bytes) -> bytes:
     return zlib.crc32(body).to_bytes(_CRC_BYTES, "big")
 
 
-def _as_from_the_network(body: dict[str, Any]) -> dict[str, Any]:
-    """Judge a request that stands in a file as strictly as one that comes over a socket."""
+def _checked_request(body: dict[str, Any]) -> dict[str, Any]:
+    """Check a recorded request as strictly as one from a socket."""
     try:
         return messages.decode(msgpack.packb(body))
     except (TypeError, ValueError) as error:
-        raise RecordingError(f"a request that no client can have sent: {error}") from error
+        raise RecordingError(f"a recorded request is not valid: {error}") from error
 
 
 def _unpack(payload: bytes) -> dict[Any, Any]:
     try:
         whole = msgpack.unpackb(payload, unicode_errors=_UNICODE_ERRORS)
     except (ValueError, msgpack.UnpackException) as error:
-        raise RecordingError(f"an event that is not msgpack: {error}") from error
+        raise RecordingError(f"an event is not msgpack: {error}") from error
     if not isinstance(whole, dict):
         raise RecordingError(f"an event must be a map, got {type(whole).__name__}")
     return whole

@@ -1,7 +1,8 @@
-"""Finds a finger's mass and centre of mass in a recording in which it was held still in several poses.
+"""Find mass and centre of mass of a finger from a recording in which it was held still in several poses.
 
-While it records, whoever moves the arm tells the apparent gravity in the pad frame (``gravity.set``), and nothing
-touches the finger. The readings are decoded anew and mounted, but neither tared nor compensated: no engine runs.
+During the recording, the program that moves the arm sends the apparent gravity in the pad frame (``gravity.set``), and
+nothing touches the finger. The readings are decoded again and transformed to the pad frame, but neither tared nor
+compensated: no engine runs.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slipd import config
 from slipd.config import Config, Wrench, device_options
@@ -20,63 +20,65 @@ from slipd.devices import DEVICES
 from slipd.errors import RecordingError
 from slipd.events import Bytes, LinkDown, LinkUp, Request
 from slipd.recording.reader import Recording, open_recording
-from slipd.samples import UNTRUSTED, WrenchSample
+from slipd.samples import UNTRUSTED, Array, WrenchSample
 from slipd.signals.averaging import Average, most_std
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
 from slipd.signals.identify import Identification, identify
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import MIN_READINGS
 
-Array = NDArray[np.float64]
-
-#: A pose ends where gravity is this far from where it began, m/s²: 3° of tilt. Within it, means of both fit exactly.
 POSE_TOLERANCE_MPS2 = 0.5
-#: A pose is held for so long, ns. A slow turn that stays within the tolerance meanwhile cannot outrun its messages.
+"""A pose ends when gravity has changed by this much since its start, m/s²: 3° of tilt."""
+
 REST_NS = 200_000_000
-#: A residual above this share of the weight, or of the weight on a lever of 1 mm, is more than a good rig leaves.
+"""Shortest pose, ns: a rotation slow enough to stay within the tolerance for so long does not outrun its messages."""
+
 SUSPECT_SHARE = 0.05
+"""A force residual above this share of the weight is suspect, and so is a torque residual above the weight on a lever
+of ``SUSPECT_LEVER_M``."""
+
 SUSPECT_LEVER_M = 0.001
 
 
 def identify_recording(path: Path, finger: str) -> Identification:
-    """Identifies what hangs beyond a finger's force sensor.
+    """Identify the mass beyond the force sensor of a finger.
 
     Args:
-        path: The recording; where its end is missing, what is there is used.
+        path: The recording; if its end is missing, the rest is used.
         finger: Name of the finger.
 
     Raises:
         ConfigError: The recorded config has faults (for this version of slipd).
-        RecordingError: The file cannot be read, has no such sensor, or its poses do not tell (told why).
+        RecordingError: The file cannot be read, has no such sensor, or its poses do not determine the mass.
     """
     recording = open_recording(path)
     settings = config.parse(recording.config_text, f"{path}: config")
-    told = settings.finger.get(finger)
-    if told is None or told.wrench is None:
+    wanted = settings.finger.get(finger)
+    if wanted is None or wanted.wrench is None:
         known = ", ".join(name for name, other in settings.finger.items() if other.wrench is not None) or "none"
-        raise RecordingError(f"{path}: no finger {finger!r} with a force sensor; with one: {known}")
-    poses, unused = _poses(_timed(recording, settings, finger, told.wrench), told.wrench)
+        raise RecordingError(f"{path}: --finger must be a finger with a force sensor, got {finger!r}; known: {known}")
+    poses, unused = _poses(_timed(recording, settings, finger, wanted.wrench), wanted.wrench)
     try:
         return identify(poses[:, :3], poses[:, 3:6], poses[:, 6:])
     except ValueError as error:
-        more = f" ({unused} more, short or not still)" if unused else ""
-        damage = f"; it could not be read to its end: {recording.fault}" if recording.fault else ""
+        more = f" ({unused} more were too short or not still)" if unused else ""
+        damage = f"; the recording could not be read to its end: {recording.fault}" if recording.fault else ""
         raise RecordingError(f"{path}: finger {finger}: {error}{more}{damage}") from None
 
 
-def tell(found: Identification, finger: str) -> str:
-    """Words for people, and the lines for the config."""
+def identification_text(found: Identification, finger: str) -> str:
+    """Return the result as a text for people, with the lines for the config."""
     com_mm, std_mm = found.com_m * 1e3, found.com_std_m * 1e3
     places = ", ".join(f"{place:.2f} ± {std:.2f}" for place, std in zip(com_mm, std_mm, strict=True))
     lines = [
         f"finger {finger}, {found.poses} poses, condition {found.condition:.1f}",
         f"mass {found.mass_kg * 1e3:.2f} ± {found.mass_std_kg * 1e3:.2f} g, centre of mass ({places}) mm",
         f"reading without weight ({_listed(found.bias_force_n, 3)}) N, ({_listed(found.bias_torque_nm, 5)}) N·m",
-        f"left unexplained {found.residual_n:.2g} N, {found.residual_nm:.2g} N·m",
+        f"residual {found.residual_n:.2g} N, {found.residual_nm:.2g} N·m",
     ]
     weight_n = found.mass_kg * STANDARD_GRAVITY_MPS2
     if found.residual_n > SUSPECT_SHARE * weight_n or found.residual_nm > SUSPECT_LEVER_M * weight_n:
-        lines.append("that is much: was the finger touched, or is pad_from_sensor or an orientation wrong?")
+        lines.append("the residual is large: was the finger touched, or is pad_from_sensor or an orientation wrong?")
     lines += [
         "",
         f"[finger.{finger}.wrench]",
@@ -88,7 +90,7 @@ def tell(found: Identification, finger: str) -> str:
 
 @dataclass(slots=True)
 class _Rest:
-    """A time in which gravity stayed: readings in the sensor's frame, each with the gravity of its time."""
+    """A time of constant gravity: average of the readings in the sensor frame, each with the gravity of its time."""
 
     gravity: Array
     first_ns: int
@@ -103,7 +105,7 @@ def _listed(values: Array, digits: int) -> str:
 def _timed(
     recording: Recording, settings: Config, finger: str, wrench: Wrench
 ) -> Iterator[tuple[int, Array | WrenchSample]]:
-    """Yields what the recording tells of the finger: gravity vectors that were set, and readings."""
+    """Yield the gravity vectors and the readings of the finger, each with its time."""
     device = DEVICES[wrench.device]
     session = None if device.session is None else device.session(**device_options(wrench))
     decoder = session or device.decoder(**device_options(wrench))
@@ -123,11 +125,11 @@ def _timed(
                 session.stop()
 
 
-def _poses(told: Iterator[tuple[int, Array | WrenchSample]], wrench: Wrench) -> tuple[Array, int]:
-    """Means of mounted wrench and gravity in each pose that was held still, shape (poses, 9); how many were not."""
+def _poses(timed: Iterator[tuple[int, Array | WrenchSample]], wrench: Wrench) -> tuple[Array, int]:
+    """Return mean wrench (pad frame) and gravity of each still pose, shape (poses, 9), and the number of others."""
     still = most_std(np.repeat((wrench.force_std_n, wrench.torque_std_nm), 3))
     matrix = Mounting(wrench.pad_from_sensor.xyz_m, wrench.pad_from_sensor.quat_xyzw, wrench.sign).matrix
-    rests = [rest for rest in _rests(told) if rest.average.count >= MIN_READINGS]
+    rests = [rest for rest in _rests(timed) if rest.average.count >= MIN_READINGS]
     means = [
         np.concatenate((matrix @ rest.average.mean[:6], rest.average.mean[6:]))
         for rest in rests
@@ -136,12 +138,12 @@ def _poses(told: Iterator[tuple[int, Array | WrenchSample]], wrench: Wrench) -> 
     return np.reshape(means, (-1, 9)), len(rests) - len(means)
 
 
-def _rests(told: Iterator[tuple[int, Array | WrenchSample]]) -> list[_Rest]:
-    """The times in which gravity was known and stayed; readings that are not to be trusted stay out."""
+def _rests(timed: Iterator[tuple[int, Array | WrenchSample]]) -> list[_Rest]:
+    """Return the times of known, constant gravity; untrusted readings are left out."""
     rests: list[_Rest] = []
     gravity: Array | None = None
     set_ns = 0
-    for t_ns, item in told:
+    for t_ns, item in timed:
         if isinstance(item, np.ndarray):
             gravity, set_ns = item, t_ns
             continue

@@ -1,15 +1,15 @@
-"""The file of a recording: what stands in it, in which order, under which names.
+"""The format of a recording: its records, their order, and their names.
 
 An MCAP file (https://mcap.dev/spec) of profile ``slipd``:
 
-- a metadata record ``slipd``: format, boot, wall offset, versions, and a CRC-32 over these and the config
-  (MCAP protects no metadata, and its Python reader does not check attachments);
-- an attachment ``config.toml``: the config with which the run was started;
-- chunks of messages, in the order in which things happened. Channel ``slipd/event`` carries the events that
-  entered the engine (event_codec.py); every other channel carries the very bytes published under its topic.
-  The MCAP ``sequence`` of a message is its running index over *all* channels, modulo 2³²: a loss is a gap;
-- a metadata record ``slipd/end``: how many entries there were, lost ones included. Where the disk failed before the run
-  ended, it stands behind the last entry that reached the file, and ``stopped`` is the reason.
+- a metadata record ``slipd``: format, boot, wall offset, versions, and a CRC-32 of these and the config (MCAP does not
+  protect metadata, and its Python reader does not check attachments);
+- an attachment ``config.toml``: the config of the run;
+- chunks of messages, in the order in which things happened. Channel ``slipd/event`` carries the events that entered the
+  engine (event_codec.py); every other channel carries the bytes published under its topic. The MCAP ``sequence`` of a
+  message is its running index over *all* channels, modulo 2³², so that a loss is a gap;
+- a metadata record ``slipd/end``: the number of entries, lost ones included. If the disk failed before the run ended,
+  this record follows the last entry that reached the file, and ``stopped`` holds the reason.
 """
 
 from __future__ import annotations
@@ -39,11 +39,17 @@ END = "slipd/end"
 ENTRIES, STOPPED = "entries", "stopped"
 CONFIG = "config.toml"
 EVENTS = "slipd/event"
-SEQUENCE_MASK = 0xFFFF_FFFF  # MCAP's sequence has 32 bits
+SEQUENCE_MASK = 0xFFFF_FFFF
+"""The sequence number of MCAP has 32 bits."""
 
-CHUNK_BYTES = 256 * 1024  # closing a chunk of 256 KiB holds the writer for 6 ms; larger ones for much longer
-ENTRY_LIMIT_BYTES = 2 * 1024 * 1024  # twice the longest WebSocket message that a transport takes
-RECORD_LIMIT_BYTES = 2 * ENTRY_LIMIT_BYTES  # a chunk: CHUNK_BYTES and the one entry that made it overflow
+CHUNK_BYTES = 256 * 1024
+"""Size of a chunk: closing one of 256 KiB occupies the writer for 6 ms, a larger one for much longer."""
+
+ENTRY_LIMIT_BYTES = 2 * 1024 * 1024
+"""Longest entry, bytes: 32 times the longest piece of bytes that a transport hands on."""
+
+RECORD_LIMIT_BYTES = 2 * ENTRY_LIMIT_BYTES
+"""Longest record, bytes: a chunk has CHUNK_BYTES and at most one entry more."""
 
 _VERSIONED = ("slipd", "numpy", "numba", "msgpack", "mcap")
 
@@ -55,10 +61,10 @@ def checksum(metadata: dict[str, str], config_text: str) -> str:
 
 
 def check_new(path: Path) -> None:
-    """Refuse a path at which no recording can be created.
+    """Refuse a path where no recording can be created.
 
     Raises:
-        RecordingError: A file is there already, or its folder is missing or cannot be written to.
+        RecordingError: The file exists already, or its folder is missing or not writable.
     """
     if path.is_char_device():
         return
@@ -75,10 +81,10 @@ def _exists(path: Path) -> RecordingError:
 
 
 class RecordingFile:
-    """Writes a recording, entry by entry, on the thread of the caller.
+    """Write a recording, entry by entry, on the thread of the caller.
 
     Args:
-        path: File to be written; an existing one is never overwritten.
+        path: File to write; an existing one is never overwritten.
         config_text: The config of the run, TOML.
         boot: Id of the run.
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
@@ -97,7 +103,7 @@ class RecordingFile:
             raise _exists(path) from error
         except OSError as error:
             raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
-        output = cast("IO[bytes]", self._stream)  # of which the writer uses write, tell and flush
+        output = cast("IO[bytes]", self._stream)  # the writer uses only write, tell and flush
         self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         try:
             self._start(config_text, boot)
@@ -108,12 +114,12 @@ class RecordingFile:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file, without what is not flushed."""
+        """Size of the file, bytes, up to the last flush."""
         return self._stream.tell()
 
     @property
     def free_bytes(self) -> int:
-        """Free space of its disk."""
+        """Free space of its disk, bytes."""
         return self._stream.free_bytes()
 
     def event(self, n: int, t_ns: int, event: Event) -> None:
@@ -121,35 +127,37 @@ class RecordingFile:
         self._entry(EVENTS, n, t_ns, encode_event(n, t_ns, event))
 
     def published(self, n: int, t_ns: int, topic: str, payload: bytes) -> None:
-        """Write the very bytes that were published under ``topic``."""
+        """Write the bytes that were published under ``topic``."""
         self._entry(topic, n, t_ns, payload)
 
     def flush(self) -> None:
-        """Hand everything so far to the kernel: it outlives the process."""
+        """Pass all entries to the kernel, so that they survive the end of the process."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
     def sync(self) -> None:
-        """Hand everything flushed to the disk: it outlives a power cut."""
+        """Pass all flushed entries to the disk, so that they survive a power cut."""
         self._stream.sync()
 
     def finish(self, entries: int) -> None:
-        """Close the file in good order; ``entries`` is how many there were, lost ones included."""
-        self.flush()  # metadata would overtake a chunk that is still open
+        """Close the file in good order; ``entries`` is their number, lost ones included."""
+        self.flush()  # metadata would precede a chunk that is still open
         self._writer.add_metadata(END, {ENTRIES: str(entries)})
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.sync()
         self._stream.close()
 
     def stop(self, entries: int, reason: str) -> None:
-        """Put an end behind the last entry that reached the file, where the disk still takes these few bytes.
+        """Write an end record after the last entry that reached the file, if the disk still takes these few bytes.
 
-        May be called again, with a newer count of entries; `close` follows.
+        May be called again with a newer number of entries; call `close` afterwards.
 
         Args:
-            entries: How many entries there were, lost ones included.
-            reason: Why the rest is missing.
+            entries: Number of entries, lost ones included.
+            reason: Why the others are missing.
         """
-        reason = reason.encode(errors="replace").decode()  # the system's words may hold the odd bytes of a file name
+        reason = reason.encode(
+            errors="replace"
+        ).decode()  # an error text of the system may contain undecodable bytes of a file name
         builder = RecordBuilder()
         Metadata(name=END, metadata={ENTRIES: str(entries), STOPPED: reason}).write(builder)
         DataEnd(data_section_crc=0).write(builder)
@@ -162,7 +170,7 @@ class RecordingFile:
             self._stream.cut_back()
 
     def close(self) -> None:
-        """Close the file as it is; what was flushed stays readable."""
+        """Close the file as it is; everything flushed stays readable."""
         self._stream.close()
 
     def remove(self) -> None:
@@ -185,13 +193,13 @@ class RecordingFile:
 
     def _entry(self, topic: str, n: int, t_ns: int, payload: bytes) -> None:
         if len(payload) > ENTRY_LIMIT_BYTES:
-            raise ValueError(f"an entry of {len(payload)} bytes on {topic}; the most is {ENTRY_LIMIT_BYTES}")
+            raise ValueError(f"an entry must have at most {ENTRY_LIMIT_BYTES} bytes, got {len(payload)} on {topic}")
         wall_ns = t_ns + self._wall_minus_monotonic_ns
         channel = self._channels.get(topic) or self._register(topic)
         self._writer.add_message(channel, wall_ns, payload, wall_ns, n & SEQUENCE_MASK)
 
     def _register(self, topic: str) -> int:
-        # msgpack describes itself, but readers of MCAP look the schema up and fail where there is none.
+        # msgpack needs no schema, but MCAP readers fail if a channel has none.
         schema = self._writer.register_schema(f"slipd.{topic}", SchemaEncoding.SelfDescribing, b"")
         self._channels[topic] = self._writer.register_channel(topic, MessageEncoding.MessagePack, schema)
         return self._channels[topic]

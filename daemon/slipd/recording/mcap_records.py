@@ -1,4 +1,4 @@
-"""Read the records of an MCAP file: only the kinds that slipd writes, and none longer than slipd writes them.
+"""Read the records of an MCAP file, but only kinds and lengths that slipd writes.
 
 The ``mcap`` library decodes each record; this module decides which records it gets, and up to what length.
 """
@@ -35,14 +35,14 @@ BAD_RECORD = (McapError, ValueError, struct.error, OverflowError, zstandard.Zstd
 
 
 class DamageError(Exception):
-    """Where a recording stops making sense."""
+    """A recording is damaged or cut off here."""
 
 
 def open_mcap(path: Path) -> BinaryIO:
     """Open a file and read the magic bytes at its start.
 
     Raises:
-        RecordingError: The file cannot be opened, is empty or is no MCAP file.
+        RecordingError: The file cannot be opened, is empty, or is not an MCAP file.
     """
     try:
         file = path.open("rb")
@@ -53,12 +53,12 @@ def open_mcap(path: Path) -> BinaryIO:
         return file
     file.close()
     if not magic:
-        raise RecordingError(f"{path}: is empty: nothing was recorded before the writer ended")
-    raise RecordingError(f"{path}: not an MCAP file; recordings of slipd are")
+        raise RecordingError(f"{path}: is empty: the writer ended before it wrote anything")
+    raise RecordingError(f"{path}: not an MCAP file, and so not a recording of slipd")
 
 
 def ends_closed(file: BinaryIO) -> bool:
-    """Return whether the file ends as one that was closed in good order."""
+    """Return whether the file was closed in good order, by its last bytes."""
     here = file.tell()
     file.seek(0, 2)
     file.seek(max(here, file.tell() - len(MCAP0_MAGIC)))
@@ -68,10 +68,10 @@ def ends_closed(file: BinaryIO) -> bool:
 
 
 def data_records(file: BinaryIO) -> Iterator[McapRecord]:
-    """Yield the records of the data section that matter here, up to its end or the end of the file.
+    """Yield the relevant records of the data section, up to its end or the end of the file.
 
     Raises:
-        DamageError: A record is cut off or damaged, or is one that slipd does not write.
+        DamageError: A record is cut off, damaged, or not of a kind that slipd writes.
     """
     while True:
         place = file.tell()
@@ -109,10 +109,10 @@ def unpack_chunk(chunk: Chunk) -> bytes:
     """Return the records of a chunk.
 
     Raises:
-        DamageError: The chunk is damaged, or is one that slipd does not write.
+        DamageError: The chunk is damaged, or not one that slipd writes.
     """
     try:
-        # The library would make room for whatever length the compressed data claims.
+        # The library would allocate whatever length the compressed data claims.
         if chunk.compression != "zstd" or not (
             zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= mcap_file.RECORD_LIMIT_BYTES
         ):
@@ -127,7 +127,7 @@ def inner_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
     """Yield opcode and body of each record of a chunk.
 
     Raises:
-        DamageError: A record is cut off, or is one that slipd does not write.
+        DamageError: A record is cut off, or not of a kind that slipd writes.
     """
     rest = memoryview(data)
     while rest:

@@ -1,4 +1,4 @@
-"""Unbuffered output for an MCAP writer that can be cut back to the last whole record."""
+"""Unbuffered output of an MCAP writer, which can be cut back to the last complete record."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from pathlib import Path
 class RecordStream:
     """A new file, written record by record.
 
-    Nothing is buffered here, so nothing of a record that failed can reach the file later.
+    Nothing is buffered here, so no part of a failed record can reach the file later.
 
     Args:
-        path: File to be created; one that exists is never overwritten.
+        path: File to create; an existing one is never overwritten.
 
     Raises:
-        OSError: The file exists or cannot be created. Every method but `cut_back` and `close` raises it when the disk
-            fails.
+        OSError: The file exists or cannot be created. All methods except `cut_back`, `remove` and `close` raise it when
+            the disk fails.
     """
 
     def __init__(self, path: Path) -> None:
-        # A device file exists already, and nothing in it can be lost.
+        # A device file exists already, and holds nothing that could be lost.
         self._file = path.open("wb" if path.is_char_device() else "xb", buffering=0)
         self._path = path
         self._written = self._whole = 0
 
     def write(self, data: bytes) -> int:
-        """Write all of ``data``; a disk that is nearly full takes a part of it first."""
+        """Write all of ``data``; a disk that is nearly full may take only a part at first."""
         rest = memoryview(data)
         while rest:
             count = self._file.write(rest) or 0
@@ -40,11 +40,11 @@ class RecordStream:
         return self._written
 
     def flush(self) -> None:
-        """Note that everything so far is whole; the kernel has it already."""
+        """Mark everything written so far as complete records; the kernel has them already."""
         self._whole = self._written
 
     def sync(self) -> None:
-        """Hand everything to the disk: it outlives a power cut."""
+        """Pass everything to the disk, so that it survives a power cut."""
         os.fdatasync(self._file.fileno())
 
     def free_bytes(self) -> int:

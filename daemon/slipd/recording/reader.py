@@ -1,9 +1,9 @@
-"""Reads a recording back: whole, cut off by a kill, or damaged, and says which.
+"""Read a recording: complete, cut off by a kill, or damaged, and report which.
 
-MCAP's own readers look at the end of the file first, which a killed writer never wrote, and believe the
-lengths that they find. This one goes from the start, reads only the records that slipd writes, none longer than slipd
-writes them, and stops at the first byte that cannot be right. So its work is bounded by the size of the file: a chunk
-that unpacks to much more than it holds ends the reading. The ``mcap`` library decodes the records themselves.
+The readers of MCAP look first at the end of the file, which a killed writer never wrote, and trust the lengths that
+they find. This one starts at the beginning, reads only records of kinds and lengths that slipd writes, and stops at the
+first byte that cannot be right. So its work is bounded by the size of the file: a chunk that unpacks to far more than
+it holds ends the reading. The ``mcap`` library decodes the records themselves.
 """
 
 from __future__ import annotations
@@ -34,13 +34,14 @@ from slipd.recording.mcap_records import (
     unpack_chunk,
 )
 
-_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, times of log and publication
-_CHANNELS_MAX = 1024  # topics of a hundred fingers and more
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_CHANNELS_MAX = 1024  # enough topics for a hundred fingers
 _CHANNEL_LIMIT_BYTES = 4096
 _REASON_LIMIT = 500
-#: What all chunks may unpack to: so many bytes, or so many for each byte of the file. The ticks of an idle daemon
-#: shrink to a tenth; datagrams of 64 kB that hold nothing but zeros to a 630th, messages of 1 MiB to a 3300th.
+
 _UNPACKED_BYTES, _UNPACKED_RATIO = 64 * 1024 * 1024, 4000
+"""Most bytes that all chunks together may unpack to: this many in total, or this many per byte of the file. The ticks
+of an idle daemon compress to a tenth, datagrams of 64 kB of zeros to a 630th, messages of 1 MiB to a 3300th."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class Entered:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """The very bytes that were published under ``topic`` because of the event before it."""
+    """The bytes that were published under ``topic`` because of the event before."""
 
     n: int
     t_ns: int
@@ -64,17 +65,17 @@ class Published:
 
 @dataclass
 class Recording:
-    """A recording on disk; every pass reads the file anew.
+    """A recording on disk; every pass reads the file again.
 
     Attributes:
         path: The file.
         config_text: The config of the recorded run, TOML.
         boot: Id of the recorded run.
-        wall_minus_monotonic_ns: Its wall-clock time minus CLOCK_MONOTONIC, ns.
-        versions: Versions of what computed and wrote it.
-        closed: The file ends as a recording that was closed in good order does.
-        fault: Why a pass could not read on, None as long as none was in trouble.
-        lost: Entries that a pass found missing, as far as can be known.
+        wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC in the recorded run, ns.
+        versions: Versions of Python, slipd and its libraries in the recorded run.
+        closed: Whether the file was closed in good order, by its last bytes.
+        fault: Why a pass ended early; None if no pass did.
+        lost: Number of entries that a pass found missing, as far as it can tell.
     """
 
     path: Path
@@ -88,19 +89,19 @@ class Recording:
 
     @property
     def complete(self) -> bool:
-        """Nothing is missing; what lies in the middle of the file is known only after a pass."""
+        """Whether nothing is missing; faults within the file are known only after a pass."""
         return self.closed and self.fault is None and self.lost == 0
 
     def events(self) -> Iterator[tuple[int, Event]]:
-        """Yield ``(t_ns, event)`` of every event, in the order in which they entered."""
+        """Yield ``(t_ns, event)`` of every event, in the order in which they entered the engine."""
         return ((entry.t_ns, entry.event) for entry in self.entries() if isinstance(entry, Entered))
 
     def messages(self) -> Iterator[tuple[str, bytes]]:
-        """Yield ``(topic, payload)`` of every published message, in the order in which they went out."""
+        """Yield ``(topic, payload)`` of every published message, in the order in which they were published."""
         return ((entry.topic, entry.payload) for entry in self.entries() if isinstance(entry, Published))
 
     def entries(self) -> Iterator[Entered | Published]:
-        """Yield events and messages in their one total order, up to the first that cannot be read.
+        """Yield events and messages in their total order, up to the first that cannot be read.
 
         Raises:
             RecordingError: The file cannot be opened.
@@ -110,9 +111,9 @@ class Recording:
             with open_mcap(self.path) as file:
                 walk.file_bytes = os.fstat(file.fileno()).st_size
                 for record in data_records(file):
-                    yield from walk.take(record)
-            if walk.entries_told is None:
-                walk.fault = "ends without having been closed"
+                    yield from walk.entries(record)
+            if walk.entry_count is None:
+                walk.fault = "ends without an end record"
         except (DamageError, OSError) as error:
             walk.fault = str(error)
         self.lost = max(self.lost, walk.lost)
@@ -120,12 +121,12 @@ class Recording:
 
 
 class _Walk:
-    """One pass over the records: which channel is what, and which index comes next."""
+    """State of one pass over the records: the topic of each channel, and the next index."""
 
     def __init__(self, wall_minus_monotonic_ns: int) -> None:
         self.lost = 0
         self.fault: str | None = None
-        self.entries_told: int | None = None
+        self.entry_count: int | None = None
         self.file_bytes = 0
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._topics: dict[int, str] = {}
@@ -133,7 +134,7 @@ class _Walk:
         self._unpacked_bytes = 0
         self._next_n = 0
 
-    def take(self, record: McapRecord) -> Iterator[Entered | Published]:
+    def entries(self, record: McapRecord) -> Iterator[Entered | Published]:
         if isinstance(record, Chunk):
             yield from self._chunk(record)
         elif isinstance(record, Metadata) and record.name == mcap_file.END:
@@ -185,26 +186,26 @@ class _Walk:
 
     def _end(self, end: Metadata) -> None:
         try:
-            self.entries_told = int(end.metadata[mcap_file.ENTRIES])
+            self.entry_count = int(end.metadata[mcap_file.ENTRIES])
         except (KeyError, ValueError) as error:
             raise DamageError(f"its end is damaged: {error}") from error
-        self._skip_to(self.entries_told)
+        self._skip_to(self.entry_count)
         if mcap_file.STOPPED in end.metadata:
             reason = end.metadata[mcap_file.STOPPED][:_REASON_LIMIT]
             self.fault = f"the recording stopped before the run did ({reason}); {self.lost} entries are missing"
 
     def _skip_to(self, n: int) -> None:
         if not 0 <= n - self._next_n <= mcap_file.SEQUENCE_MASK // 2:
-            raise DamageError(f"entry {n} stands where entry {self._next_n} belongs")
+            raise DamageError(f"entry {n} is where entry {self._next_n} should be")
         self.lost += n - self._next_n
 
 
 def open_recording(path: Path) -> Recording:
-    """Open a recording and read what stands at its start.
+    """Open a recording and read its first records.
 
     Raises:
-        RecordingError: There is no such file, it is empty, it is no MCAP file, slipd did not write it, or its
-            start is damaged.
+        RecordingError: The file does not exist, is empty, is not an MCAP file, was not written by slipd, or its start
+            is damaged.
     """
     try:
         with open_mcap(path) as file:
@@ -221,11 +222,10 @@ def open_recording(path: Path) -> Recording:
 def _start(path: Path, records: Iterator[McapRecord], *, closed: bool) -> Recording:
     start, config = next(records, None), next(records, None)
     if not isinstance(start, Metadata) or start.name != mcap_file.START or not isinstance(config, Attachment):
-        raise DamageError("was cut off or damaged before its config: nothing of it can be read")
+        raise DamageError("is cut off or damaged before its config, so nothing can be read")
     metadata = start.metadata
     if metadata.get("format") != mcap_file.FORMAT:
-        told = metadata.get("format")
-        raise DamageError(f"has format {told!r}; this version of slipd reads {mcap_file.FORMAT!r}")
+        raise DamageError(f"must have format {mcap_file.FORMAT!r}, got {metadata.get('format')!r}")
     try:
         config_text = config.data.decode()
         if metadata.pop("crc32", "") != mcap_file.checksum(metadata, config_text):
@@ -239,9 +239,9 @@ def _start(path: Path, records: Iterator[McapRecord], *, closed: bool) -> Record
 
 def _event(payload: bytes, n: int, t_ns: int) -> Entered:
     try:
-        told_n, told_t_ns, event = decode_event(payload)
+        stated_n, stated_t_ns, event = decode_event(payload)
     except RecordingError as error:
         raise DamageError(f"entry {n}: {error}") from error
-    if (told_n, told_t_ns) != (n, t_ns):
-        raise DamageError(f"entry {n} calls itself {told_n}, or tells another time")
+    if (stated_n, stated_t_ns) != (n, t_ns):
+        raise DamageError(f"entry {n} has another index ({stated_n}) or time in its payload")
     return Entered(n, t_ns, event)

@@ -34,13 +34,13 @@ class RecorderWatch:
 
     @property
     def over(self) -> bool:
-        """Whether it was reported that the recording ended by itself."""
+        """Whether the end of a recording that ended by itself has been reported."""
         return self._reported is not None and self._reported.state != "running"
 
-    def look(self, t_ns: int) -> RecordingChanged | None:
+    def poll(self, t_ns: int) -> RecordingChanged | None:
         """Return what changed since the last report; None if nothing did.
 
-        A file that the disk does not create in time is given up here: its recorder removes it as soon as it can.
+        A file that the disk does not create in time is given up; its recorder removes it as soon as it can.
         """
         change = self._state(t_ns)
         before = self._reported
@@ -50,7 +50,7 @@ class RecorderWatch:
             return None
         self._reported = change
         self._losses_due_ns = t_ns + LOSSES_PERIOD_NS
-        _tell(change)
+        _log_change(change)
         return change
 
     def close(self, within_s: float = CLOSE_LIMIT_S) -> None:
@@ -81,7 +81,7 @@ class RecorderWatch:
         return RecordingChanged(name, path, "failed", reason)
 
 
-def _tell(change: RecordingChanged) -> None:
+def _log_change(change: RecordingChanged) -> None:
     if change.state == "failed":
         _log.error("%s", change.reason)
     elif change.state == "limited":

@@ -1,7 +1,7 @@
-"""Runs a recording through the same engine as the live run.
+"""Run a recording through the engine of the live run.
 
-The engine gets the recorded config, boot and wall offset, and every event with the time at which it entered; it knows
-no other clock. So what a replay publishes is, byte for byte, what the live run published.
+The engine gets the recorded config, boot and wall offset, and every event with the time at which it entered; it has no
+other clock. So a replay publishes the messages of the live run, byte for byte.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from slipd.recording.reader import Recording
 
 
 class Pace:
-    """Lets recorded time pass as real time does, or so many times faster.
+    """Let recorded time pass like real time, or faster by a factor.
 
     Args:
-        speed: Recorded seconds a second.
-        sleep: Waits for so many seconds.
-        now_ns: The clock that ``sleep`` lets pass, ns.
+        speed: Recorded seconds per second.
+        sleep: Waits for a number of seconds.
+        now_ns: The clock that runs during ``sleep``, ns.
     """
 
     def __init__(
@@ -34,14 +34,14 @@ class Pace:
         now_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         if not 0.0 < speed < math.inf:
-            raise ValueError(f"speed {speed}; a finite number above 0 is right, or none at all for no waiting")
+            raise ValueError(f"speed must be a finite number above 0, got {speed}")
         self._speed = speed
         self._sleep = sleep
         self._now_ns = now_ns
         self._recorded_minus_passed_ns: float | None = None
 
     def wait_until(self, t_ns: int) -> None:
-        """Wait until the recorded time ``t_ns``; the first call only sets the clock."""
+        """Wait until the recorded time ``t_ns``; the first call only starts the clock."""
         passed_ns = self._now_ns() * self._speed
         if self._recorded_minus_passed_ns is None:
             self._recorded_minus_passed_ns = t_ns - passed_ns
@@ -55,18 +55,18 @@ def replay(
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield ``(topic, body)`` of every message that the recorded events cause, in order.
 
-    What the engine would write to a device or answer to a client goes nowhere. Look at ``recording.complete``
-    afterwards: where events are missing, the messages behind the gap are not those of the live run.
+    Writes to devices and replies to clients are discarded. Check ``recording.complete`` afterwards: after a gap in the
+    events, the messages are not those of the live run.
 
     Args:
         recording: The recording.
-        speed: Recorded seconds a second; None: as fast as it goes.
-        sleep: Waits for so many seconds.
+        speed: Recorded seconds per second; None: as fast as possible.
+        sleep: Waits for a number of seconds.
 
     Raises:
         ConfigError: The recorded config has faults (for this version of slipd).
-        RecordingError: The file cannot be opened any more, or its events do not fit its config.
-        ValueError: The speed is no finite number above 0.
+        RecordingError: The file can no longer be opened, or its events do not fit its config.
+        ValueError: The speed is not a finite number above 0.
     """
     pace = None if speed is None else Pace(speed, sleep)
     settings = config.parse(recording.config_text, f"{recording.path}: config")
@@ -78,7 +78,7 @@ def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tu
     links = engine.links
     for t_ns, event in recording.events():
         if isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link not in links:
-            raise RecordingError(f"{recording.path}: an event of link {event.link!r}, which its config does not have")
+            raise RecordingError(f"{recording.path}: an event of link {event.link!r}, which is not in its config")
         if pace is not None:
             pace.wait_until(t_ns)
         for output in engine.handle(event, t_ns):

@@ -1,7 +1,7 @@
-"""Records a live run without ever holding it up.
+"""Record a live run without ever delaying it.
 
-The live path only numbers an entry and puts it into a queue; a thread encodes, compresses and writes. A disk
-that is slow, full or gone costs the recording, never the run.
+The live path only numbers an entry and puts it into a queue; a thread encodes, compresses and writes. A disk that is
+slow, full or gone harms the recording, never the run.
 """
 
 from __future__ import annotations
@@ -19,68 +19,75 @@ from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording.mcap_file import RecordingFile
 
-QUEUE_LIMIT = 65_536  # a disk may stall for 5 s at the 10,000 entries/s of two fingers at 4 kHz; about 30 MB
-FLUSH_PERIOD_S = 0.1  # what a killed process loses at most, beside what the queue holds
-SYNC_PERIOD_S = 1.0  # what a power cut loses at most; each sync costs the disk a journal entry
-CLOSE_LIMIT_S = 30.0  # a disk that has not taken the rest by then (a lost network mount) must not hold the exit up
+QUEUE_LIMIT = 65_536
+"""Most entries in the queue, about 30 MB: a disk may stall for 5 s at 10,000 entries/s, from two fingers at 4 kHz."""
+
+FLUSH_PERIOD_S = 0.1
+"""Most recorded time that a killed process loses, s, besides the queue."""
+
+SYNC_PERIOD_S = 1.0
+"""Most recorded time that a power cut loses, s; each sync costs the disk a journal entry."""
+
+CLOSE_LIMIT_S = 30.0
+"""Longest wait for the disk at the end, s: a lost network mount must not delay the exit any longer."""
 
 _Entry = tuple[int, int, Event] | tuple[int, int, str, bytes]
 
 
 class RecordingLimitError(RecordingError):
-    """A limit of the config does not let a recording begin or go on."""
+    """A limit of the config forbids a recording to start or to continue."""
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """How much room a recording may take; a limit that is reached ends it in good order.
+    """Limits on the disk space of a recording; reaching one ends the recording in good order.
 
     Attributes:
         max_bytes: Size of the file, bytes.
-        min_free_bytes: Free space that is left on its disk, bytes.
+        min_free_bytes: Least free space of its disk, bytes.
     """
 
     max_bytes: int
     min_free_bytes: int
 
     def check(self, file: RecordingFile) -> None:
-        """Compare a file with the limits.
+        """Check a file against the limits.
 
         Raises:
-            RecordingLimitError: One is reached.
+            RecordingLimitError: A limit is reached.
         """
         if file.size_bytes >= self.max_bytes:
             raise RecordingLimitError(f"the recording reached recording.max_bytes, {self.max_bytes}")
         free_bytes = file.free_bytes
         if free_bytes < self.min_free_bytes:
             raise RecordingLimitError(
-                f"only {free_bytes} bytes of the disk are free, and recording.min_free_bytes is {self.min_free_bytes}"
+                f"the disk has {free_bytes} free bytes, less than recording.min_free_bytes, {self.min_free_bytes}"
             )
 
 
 class Recorder:
-    """Writes the events that enter the engine, and what is published, in one total order.
+    """Write the events that enter the engine, and the messages that it publishes, in one total order.
 
-    ``event`` and ``published`` are called from one thread, in the order in which things happen: an event,
-    then the messages that it caused. They never block and never raise for a disk.
+    Call ``event`` and ``published`` from one thread, in the order in which things happen: an event, then the messages
+    that it caused. They never block, and never raise because of a disk.
 
     Attributes:
         path: The file.
-        begun: The file is created.
-        limit: Which limit ended the recording, or did not let it begin; None while there is none.
-        failure: Why the recording stopped; None while it runs, and where a limit ended it.
+        begun: Whether the file has been created.
+        limit: The limit that ended the recording or prevented its start; None otherwise.
+        failure: Why the recording failed; None while it runs, and if a limit ended it.
 
     Args:
-        path: File to be written; an existing one is never overwritten.
+        path: File to write; an existing one is never overwritten.
         config_text: The config of the run, TOML.
         boot: Id of the run.
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
-        prepare: Called on the writer's thread, which then creates the file too, so that nothing here waits for a disk;
-            a RecordingError that it raises is a failure, or a limit. None: the file is created now.
-        room: How much room the recording may take; None: no limit.
+        prepare: Called on the writer thread, which then also creates the file, so that the caller never waits for a
+            disk. A RecordingError from it becomes the failure or limit. None: the file is created at once.
+        room: Limits on the disk space; None: no limit.
 
     Raises:
-        RecordingError: The file cannot be created now.
+        RecordingError: The file cannot be created (only without ``prepare``).
     """
 
     def __init__(
@@ -105,50 +112,50 @@ class Recorder:
         self.begun = self._file is not None
         self._queue: SimpleQueue[_Entry | None] = SimpleQueue()
         self._entries = 0
-        self._next_entry = 0  # behind the last one that was taken from the queue
-        self._refused = 0  # the queue was full; counted by the caller's thread
-        self._unwritten = 0  # taken from the queue and not known to be in the file; counted by the writer's thread
+        self._next_entry = 0  # the one after the last entry taken from the queue
+        self._refused = 0  # entries lost to a full queue; counted by the thread of the caller
+        self._unwritten = 0  # taken from the queue but not yet known to be in the file; counted by the writer thread
         self._closed = self._finished = self._discarded = False
         self._thread = Thread(target=self._run, name=f"recorder {path.name}", daemon=True)
         self._thread.start()
 
     @property
     def finished(self) -> bool:
-        """Whether the file is done with: whole, or given up; `close` then waits for nothing."""
+        """Whether the file is complete or given up; `close` then does not wait."""
         return not self._thread.is_alive()
 
     @property
     def lost(self) -> int:
-        """How many entries are known not to be in the file: the queue overflowed or the disk failed."""
+        """Number of entries known to be missing from the file, because the queue overflowed or the disk failed."""
         return self._refused + (self._unwritten if self.failure else 0)
 
     def event(self, event: Event, t_ns: int) -> None:
-        """Record an event that enters the engine at ``t_ns``; it is not changed any more from here on."""
+        """Record an event that enters the engine at ``t_ns``; do not change the event afterwards."""
         self._put((self._entries, t_ns, event))
 
     def published(self, topic: str, payload: bytes, t_ns: int) -> None:
-        """Record the very bytes that were published because of the event of ``t_ns``."""
+        """Record the bytes that were published because of the event at ``t_ns``."""
         self._put((self._entries, t_ns, topic, payload))
 
     def end(self) -> None:
-        """Record no more, and let the thread finish the file meanwhile."""
+        """Stop recording, and let the thread finish the file."""
         if not self._closed:
             self._closed = True
             self._queue.put(None)
 
     def discard(self) -> None:
-        """Record no more, and let the thread remove the file."""
+        """Stop recording, and let the thread remove the file."""
         self._discarded = True
         self.end()
 
     def close(self, within_s: float = CLOSE_LIMIT_S) -> None:
-        """Write what is queued and finish the file. A second call does nothing.
+        """Write the queued entries and finish the file. A second call does nothing.
 
         Args:
-            within_s: How long the disk may take, s.
+            within_s: Longest wait for the disk, s.
 
         Raises:
-            RecordingError: The disk failed, now or before; what was flushed until then is readable.
+            RecordingError: The disk failed, now or before; everything flushed before is readable.
         """
         if self._finished:
             return
@@ -156,13 +163,13 @@ class Recorder:
         self.end()
         self._thread.join(within_s)
         if self._thread.is_alive():
-            raise RecordingError(f"{self.path}: the disk has not taken the rest in time")
+            raise RecordingError(f"{self.path}: the disk did not take the last entries in time")
         if self.failure:
             raise RecordingError(f"{self.failure}; {self.lost} entries are missing" if self.lost else self.failure)
 
     def _put(self, entry: _Entry) -> None:
         if self._closed:
-            raise ValueError(f"{self.path} is closed; record into a new one")
+            raise ValueError(f"{self.path} is closed; create a new recorder")
         self._entries += 1
         if self._queue.qsize() >= QUEUE_LIMIT:
             self._refused += 1
@@ -180,13 +187,13 @@ class Recorder:
             file.finish(self._entries)
         except RecordingLimitError as error:
             self._end_at_limit(file, error)
-        except Exception as error:  # a thread must not end in silence, whatever it was
+        except Exception as error:  # of any kind: a thread must not end silently
             self._fail(file, error)
         if self._discarded and file is not None:
             file.remove()
 
     def _end_at_limit(self, file: RecordingFile | None, error: RecordingLimitError) -> None:
-        """Finish the file behind what is written, unless the disk fails just now."""
+        """Finish the file after the entries written so far; the disk may fail here too."""
         if file is None:
             self.limit = str(error)
             self._discard_until_closed()
@@ -200,7 +207,7 @@ class Recorder:
         self._discard_until_closed()
 
     def _fail(self, file: RecordingFile | None, error: Exception) -> None:
-        """Give the file up: end it behind what was flushed, and again with the final count once the run is over."""
+        """Give up the file: end it after the flushed entries, and again with the final count when the run ends."""
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         if file is None:
             self.failure = str(error)
@@ -213,7 +220,7 @@ class Recorder:
         file.close()
 
     def _write_until_closed(self, file: RecordingFile) -> None:
-        # Entry by entry: a batch would hold the interpreter's lock, and with it the live path, for milliseconds.
+        # Entry by entry: a batch would hold the interpreter lock, and so delay the live path, for milliseconds.
         next_flush_s = time.monotonic() + FLUSH_PERIOD_S
         next_sync_s = time.monotonic() + SYNC_PERIOD_S
         while True:

@@ -6,7 +6,7 @@ lenient: a tare and its undo shift every force, and a larger μ makes a slipping
 
 from __future__ import annotations
 
-from slipd.config.model import Requests
+from slipd.config import Requests
 from slipd.events import Request
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import STREAMS, Tares

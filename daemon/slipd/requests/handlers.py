@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from slipd.config.model import Requests
+from slipd.config import Requests
 from slipd.events import RecordingChanged, Reply, Request
 from slipd.finger.finger import Finger
 from slipd.gripper.grip_policy import GripPolicy

@@ -1,1 +1,1 @@
-"""The virtual gripper: a scene with ground truth, and devices that speak real bytes."""
+"""The virtual gripper: a scene with ground truth, and emulated devices that send real bytes."""

@@ -19,8 +19,8 @@ from typing import Protocol, cast
 from urllib.parse import urlsplit
 
 from slipd.devices import DEVICES, Inquiry
+from slipd.sim.device_line import Line, open_line
 from slipd.sim.emulators import Emulator, make_emulator
-from slipd.sim.line import Line, open_line
 
 TICK_NS = 1_000_000
 """How often lines are looked at and devices go on: a device answers within a millisecond."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from slipd.sim.script import Script
+from slipd.sim.scene_script import Script
 from slipd.sim.true_contact import FrictionLimit, Load, Need, Patch
 
 LARGEST_STEP_S = 0.002

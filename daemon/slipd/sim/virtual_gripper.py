@@ -19,9 +19,9 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
-from slipd.sim.port import Port
-from slipd.sim.rig import LINES, Rig
+from slipd.sim.pseudo_terminal import PseudoTerminal
 from slipd.sim.scene import Scene
+from slipd.sim.virtual_rig import LINES, VirtualRig
 
 TICK_NS = 1_250_000
 """The force sensors' period at their shortest filter."""
@@ -44,7 +44,9 @@ class VirtualGripper:
         tell: Called with each event: a map with ``t_s`` (scene), ``t_ns`` (CLOCK_MONOTONIC) and ``event``.
     """
 
-    def __init__(self, rig: Rig, ports: dict[str, Port], tell: Callable[[dict[str, Any]], None]) -> None:
+    def __init__(
+        self, rig: VirtualRig, ports: dict[str, PseudoTerminal], tell: Callable[[dict[str, Any]], None]
+    ) -> None:
         self._rig, self._ports, self._tell = rig, ports, tell
         self._poll = select.poll()
         self._poll.register(STDIN, select.POLLIN)
@@ -111,11 +113,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     options.dir.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
-        ports: dict[str, Port] = {}
+        ports: dict[str, PseudoTerminal] = {}
         for line in LINES:
-            ports[line] = Port(options.dir / line)
+            ports[line] = PseudoTerminal(options.dir / line)
             stack.callback(ports[line].close)
-        rig = Rig(Scene(), options.seed)
+        rig = VirtualRig(Scene(), options.seed)
         gripper = VirtualGripper(rig, ports, _print)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: gripper.stop())

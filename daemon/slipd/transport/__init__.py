@@ -84,8 +84,8 @@ def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
     opener: Opener
     match spec.transport:
         case "serial":
-            from slipd.transport.serial import look
-            from slipd.transport.serial import open_serial as opener
+            from slipd.transport.serial_port import look
+            from slipd.transport.serial_port import open_serial as opener
         case "tcp":
             from slipd.transport.tcp import open_tcp as opener
         case "udp":
@@ -93,9 +93,9 @@ def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
         case "websocket":
             from slipd.transport.websocket import open_websocket as opener
         case "external":
-            from slipd.transport.push_socket import open_external as opener
+            from slipd.transport.push_socket import open_push_socket as opener
         case "local":
-            from slipd.transport.local import open_local as opener
+            from slipd.transport.driver_socket import open_driver_socket as opener
         case _:
             raise ValueError(
                 f"unknown transport {spec.transport!r}; there are serial, tcp, udp, websocket, external and local"

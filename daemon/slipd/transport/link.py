@@ -16,7 +16,7 @@ from typing import NoReturn, Protocol
 
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.transport.inquiry import inquire
+from slipd.transport.tcp_inquiry import inquire
 
 STEADY_S = 0.5
 """A connection that brought bytes for so long was well: the next pause is the first again."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.transport.delivery import Delivery
+from slipd.transport.byte_delivery import ByteDelivery
 from slipd.transport.link import OnBytes
 from slipd.zmtp.listener import Listener
 from slipd.zmtp.peer import Peer, PeerRules
@@ -28,7 +28,7 @@ _RULES = PeerRules(
 )
 
 
-async def open_external(spec: LinkSpec, on_bytes: OnBytes) -> ExternalConnection:
+async def open_push_socket(spec: LinkSpec, on_bytes: OnBytes) -> PushConnection:
     """Bind the socket, for this process and its user alone.
 
     Raises:
@@ -38,16 +38,16 @@ async def open_external(spec: LinkSpec, on_bytes: OnBytes) -> ExternalConnection
     folder = Path(path).parent
     if scheme == "ipc" and not folder.is_dir():
         raise LinkError(f"{spec.address}: there is no directory {folder}; make it, or name one that exists")
-    return ExternalConnection(spec.address, on_bytes)
+    return PushConnection(spec.address, on_bytes)
 
 
-class ExternalConnection:
+class PushConnection:
     """A bound socket; see `slipd.transport.link.Connection` for what each method promises. It is never lost."""
 
     overruns = 0
 
     def __init__(self, endpoint: str, on_bytes: OnBytes) -> None:
-        self._delivery = Delivery(on_bytes)
+        self._delivery = ByteDelivery(on_bytes)
         self._listener = Listener(endpoint, _RULES, self._take, share=SHARE)
         self._listener.__enter__()
         self.identity = self._listener.endpoint
@@ -67,4 +67,4 @@ class ExternalConnection:
 
     def _take(self, _: Peer, frames: list[bytes]) -> None:
         for frame in frames:  # a message is one frame; of longer ones the first two are judged, each by itself
-            self._delivery.hand_on(frame)
+            self._delivery.deliver(frame)

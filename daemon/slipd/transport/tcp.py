@@ -7,9 +7,9 @@ import socket
 
 from slipd.events import LinkSpec
 from slipd.transport.address import connected
-from slipd.transport.delivery import READ_BYTES, Delivery
+from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
 from slipd.transport.link import OnBytes
-from slipd.transport.sender import Sender
+from slipd.transport.nonblocking_writer import NonblockingWriter
 
 KEEPALIVE_S = 1
 """A silent device is asked for a sign of life so often."""
@@ -54,8 +54,8 @@ class TcpConnection:
         self.identity = address
         self._loop = asyncio.get_running_loop()
         self._socket = opened
-        self._delivery = Delivery(on_bytes)
-        self._sender = Sender(opened.fileno(), self._lose)
+        self._delivery = ByteDelivery(on_bytes)
+        self._writer = NonblockingWriter(opened.fileno(), self._lose)
         self._loop.add_reader(opened, self._read)
 
     async def until_lost(self) -> str:
@@ -64,17 +64,17 @@ class TcpConnection:
 
     def write(self, data: bytes) -> bool:
         """Send now or never; False while the device does not read."""
-        return not self._delivery.ended and self._sender.write(data)
+        return not self._delivery.ended and self._writer.write(data)
 
     async def close(self) -> None:
         """Let the rest of a write go for at most DRAIN_TIMEOUT_S, then close; the kernel sends what it has taken."""
         self._loop.remove_reader(self._socket)
         deadline_s = self._loop.time() + DRAIN_TIMEOUT_S
         try:
-            while self._sender.under_way and not self._delivery.ended and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
+            while self._writer.under_way and not self._delivery.ended and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
                 await asyncio.sleep(DRAIN_POLL_S)
         finally:
-            self._sender.stop()
+            self._writer.stop()
             self._socket.close()
 
     def _read(self) -> None:
@@ -87,10 +87,10 @@ class TcpConnection:
             return
         if not data:
             self._lose(ConnectionError("it closed the connection"))
-        elif not self._delivery.hand_on(data):
+        elif not self._delivery.deliver(data):
             self._loop.remove_reader(self._socket)
 
     def _lose(self, error: OSError) -> None:
         self._loop.remove_reader(self._socket)
-        self._sender.stop()
+        self._writer.stop()
         self._delivery.lose(f"{self.identity}: connection ended ({error}); it is opened again when the device is back")

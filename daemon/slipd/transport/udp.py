@@ -11,7 +11,7 @@ import socket
 
 from slipd.events import LinkSpec
 from slipd.transport.address import connected
-from slipd.transport.delivery import READ_BYTES, Delivery
+from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
 from slipd.transport.link import OnBytes
 
 RECEIVE_BUFFER_BYTES = 512 * 1024
@@ -43,7 +43,7 @@ class UdpConnection:
         self.identity = address
         self._loop = asyncio.get_running_loop()
         self._socket = opened
-        self._delivery = Delivery(on_bytes)
+        self._delivery = ByteDelivery(on_bytes)
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         self._loop.add_reader(opened, self._read)
 
@@ -87,7 +87,7 @@ class UdpConnection:
             except OSError as error:
                 self._lose(error)
                 return
-            if not self._delivery.hand_on(data):
+            if not self._delivery.deliver(data):
                 self._loop.remove_reader(self._socket)
                 return
             taken += len(data)

@@ -19,9 +19,9 @@ from websockets.uri import WebSocketURI, parse_uri
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
 from slipd.transport.address import connected
-from slipd.transport.delivery import READ_BYTES, Delivery
+from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
 from slipd.transport.link import OnBytes
-from slipd.transport.sender import Sender
+from slipd.transport.nonblocking_writer import NonblockingWriter
 
 MAX_MESSAGE_BYTES = 1 << 15
 """Largest message taken: twice one image of the largest pads as JSON text."""
@@ -119,8 +119,8 @@ class WebsocketConnection:
         self._loop = asyncio.get_running_loop()
         self._socket = opened
         self._protocol = protocol
-        self._delivery = Delivery(on_bytes)
-        self._sender = Sender(opened.fileno(), self._fail)
+        self._delivery = ByteDelivery(on_bytes)
+        self._writer = NonblockingWriter(opened.fileno(), self._fail)
         self._rest = b""
         self._reading = False
         self._read_bytes = READ_BYTES
@@ -141,7 +141,7 @@ class WebsocketConnection:
         """Say farewell, if the server reads, and close at once."""
         if not self._delivery.ended and self._protocol.state is State.OPEN:
             self._protocol.send_close(CloseCode.NORMAL_CLOSURE)
-            self._sender.write(b"".join(self._protocol.data_to_send()))
+            self._writer.write(b"".join(self._protocol.data_to_send()))
         self._end()
         self._socket.close()
 
@@ -169,13 +169,13 @@ class WebsocketConnection:
         self._read_bytes = READ_BYTES_OF_MANY if len(frames) > MANY_FRAMES else READ_BYTES
         self._rest = b"".join(frame.data for frame in frames if frame.opcode in _DATA)
         if answers := self._protocol.data_to_send():
-            self._sender.write(b"".join(answers))
+            self._writer.write(b"".join(answers))
         self._hand_on()
 
     def _hand_on(self) -> None:
         """Hand on a piece, and read on only when nothing is left of it."""
         piece, self._rest = self._rest[:PIECE_BYTES], self._rest[PIECE_BYTES:]
-        if self._delivery.ended or (piece and not self._delivery.hand_on(piece)):
+        if self._delivery.ended or (piece and not self._delivery.deliver(piece)):
             self._end()
         elif self._rest:
             self._pause()
@@ -201,7 +201,7 @@ class WebsocketConnection:
             return
         if silent_s >= PING_INTERVAL_S:
             self._protocol.send_ping(b"")
-            self._sender.write(b"".join(self._protocol.data_to_send()))
+            self._writer.write(b"".join(self._protocol.data_to_send()))
         if self._delivery.ended:  # the ping found that the connection is gone
             return
         self._next_look = self._loop.call_later(PING_INTERVAL_S, self._look)
@@ -217,4 +217,4 @@ class WebsocketConnection:
         self._pause()
         self._next_look.cancel()
         self._next_piece.cancel()
-        self._sender.stop()
+        self._writer.stop()

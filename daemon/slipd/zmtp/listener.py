@@ -12,10 +12,10 @@ import time
 from collections.abc import Callable
 from types import TracebackType
 
-from slipd.zmtp.accounts import SHARE, Account, Accounts
 from slipd.zmtp.endpoint import USER_ALONE, Access, bind, release
 from slipd.zmtp.mechanisms import Curve, Mechanism, Null
 from slipd.zmtp.peer import Peer, PeerRules
+from slipd.zmtp.time_accounts import SHARE, TimeAccount, TimeAccounts
 from slipd.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256
@@ -103,10 +103,10 @@ class Listener:
         self.refused = 0
         self._rules, self._access = rules, access
         self._on_message, self._on_ready, self._on_close = on_message, on_ready, on_close
-        self._accounts = Accounts(share)
+        self._accounts = TimeAccounts(share)
         self._pending: dict[Peer, asyncio.TimerHandle] = {}
         self._accepting = False
-        self._pacing = Account(b"", share)
+        self._pacing = TimeAccount(b"", share)
         self._told_s = float("-inf")
 
     def __enter__(self) -> Listener:
@@ -186,7 +186,7 @@ class Listener:
         if not peer.closed:
             self._pending[peer] = self._loop.call_later(HANDSHAKE_S, peer.close, "the handshake took too long")
 
-    def _make_room(self, account: Account) -> bool:
+    def _make_room(self, account: TimeAccount) -> bool:
         """End the oldest connection that has not introduced itself where a new one needs its place.
 
         So whoever connects and never says a word keeps nobody out.

@@ -12,9 +12,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from slipd.zmtp.accounts import Account
 from slipd.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
 from slipd.zmtp.outbox import Message, Outbox
+from slipd.zmtp.time_accounts import TimeAccount
 from slipd.zmtp.wire import (
     COMMAND,
     GREETING_BYTES,
@@ -93,7 +93,7 @@ class Peer:
         self,
         connection: socket.socket,
         address: bytes,
-        account: Account,
+        account: TimeAccount,
         mechanism: Mechanism,
         rules: PeerRules,
         on_ready: Callable[[Peer], None],
@@ -131,7 +131,7 @@ class Peer:
         """Messages that wait until it reads."""
         return self._outbox.waiting
 
-    def move(self, account: Account) -> None:
+    def move(self, account: TimeAccount) -> None:
         """Charge another account from here on, because the peer proved its identity."""
         self.account.leave(self.slot)
         self.account, self.slot = account, account.enter()

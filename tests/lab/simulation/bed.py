@@ -20,9 +20,9 @@ from slipd.devices import DEVICES, Decoder
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Output, Publish, Reply, Request, Tick, Write
 from slipd.sim.emulated_pvdf import PvdfElectronics
-from slipd.sim.rig import LINES, Rig
 from slipd.sim.scene import Scene
-from slipd.sim.script import Script
+from slipd.sim.scene_script import Script
+from slipd.sim.virtual_rig import LINES, VirtualRig
 from slipd_client import messages
 
 MS = 1_000_000
@@ -143,7 +143,7 @@ class Bed:
     ) -> None:
         self.seed, self.rng = seed, Random(seed)
         script = script or quiet_script()
-        self.rig = Rig(Scene(script=script), seed)
+        self.rig = VirtualRig(Scene(script=script), seed)
         if not charge:
             for finger in (self.rig._left, self.rig._right):
                 finger.pad._electronics = replace(finger.pad._electronics, tau_s=STIFF.tau_s)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from slipd.devices import bota
 from slipd.sim.emulate import prepare_process
-from slipd.sim.port import Port
+from slipd.sim.pseudo_terminal import PseudoTerminal
 
 CHUNK = 64
 """Frames a write at most; where the line takes no more, the flood pauses for a moment."""
@@ -28,7 +28,7 @@ def main() -> None:
     size = len(frames[0])
     if kind == "noise":
         frames = [random.Random(n).randbytes(size) for n in range(4096)]
-    port = Port(path)
+    port = PseudoTerminal(path)
     poll = select.poll()
     poll.register(port.fd, select.POLLIN)
     poll.register(0, select.POLLIN)

@@ -1,4 +1,4 @@
-"""The files of config/ are what a rig's owner starts from: each can be run, and together they show every key."""
+"""The files of config/ are templates: each can be run, and together they show every key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from project import CONFIG
 from pydantic import BaseModel
 
 from slipd import cli, config
-from slipd.config.model import (
+from slipd.config import (
     Bus,
     Config,
     Finger,
@@ -47,12 +47,12 @@ shipped = pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
 
 
 def owner(model: type[BaseModel], key: str) -> str:
-    """The class that brings a key: those that all streams share count once."""
+    """Return the class that defines a key; keys of all streams count once."""
     return next(above.__name__ for above in reversed(model.__mro__) if key in vars(above).get("__annotations__", {}))
 
 
 def keys_of(model: type[BaseModel], table: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Every key that a file shows, with the class that brings it."""
+    """Yield every key of a file, with the class that defines it."""
     for key, value in table.items():
         yield owner(model, key), key
         if model is Config and key == "finger":
@@ -66,20 +66,20 @@ def keys_of(model: type[BaseModel], table: dict[str, Any]) -> Iterator[tuple[str
 
 
 @shipped
-def test_a_file_has_no_fault_and_check_says_so(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_accepts_every_shipped_file(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["check", str(path)]) == 0
-    assert f"{path}: good" in capsys.readouterr().out
+    assert f"{path}: valid" in capsys.readouterr().out
 
 
 @shipped
-def test_a_file_says_what_it_is_for_in_lines_that_can_be_read(path: Path) -> None:
+def test_a_file_begins_with_its_purpose_and_has_no_long_line(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
     assert lines[0].startswith("# ")
     assert max(map(len, lines)) <= 128
 
 
 @shipped
-def test_no_serial_port_is_a_number_that_goes_to_whichever_device_is_plugged_in_first(path: Path) -> None:
+def test_serial_ports_are_named_by_id_not_by_number(path: Path) -> None:
     for stream in config.load(path).streams().values():
         if config.transport_of(stream.port) == "serial":
             assert stream.port.startswith(("/dev/serial/by-id/", "virtual/"))

@@ -1,4 +1,4 @@
-"""A fault is told on the line where its key stands, however the file is written."""
+"""A fault is reported with the line of its key, however the file is written."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ max_force_n = 25.0
         (("gripper", "max_force_n"), 17),
     ],
 )
-def test_every_key_is_found_where_it_stands(path: tuple[str, ...], line: int) -> None:
+def test_every_key_is_found(path: tuple[str, ...], line: int) -> None:
     assert line_of(key_lines(TEXT), path) == line
 
 
-def test_the_rows_of_a_list_are_no_tables() -> None:
+def test_the_rows_of_a_list_are_not_tables() -> None:
     assert set(key_lines(TEXT)) == {
         ("title",),
         ("finger", "left"),
@@ -65,7 +65,7 @@ def test_the_rows_of_a_list_are_no_tables() -> None:
     }
 
 
-def test_what_stands_nowhere_is_told_at_the_innermost_table_round_it() -> None:
+def test_a_missing_key_gets_the_line_of_the_innermost_enclosing_table() -> None:
     lines = key_lines(TEXT)
     assert line_of(lines, ("finger", "left", "wrench", "pad_from_sensor", "sign")) == 8
     assert line_of(lines, ("gripper", "force_table", "1", "0")) == 13
@@ -73,12 +73,12 @@ def test_what_stands_nowhere_is_told_at_the_innermost_table_round_it() -> None:
     assert line_of(lines, ()) is None
 
 
-def test_a_key_in_an_inline_table_is_told_at_that_table() -> None:
+def test_a_key_in_an_inline_table_gets_the_line_of_that_table() -> None:
     lines = key_lines("[finger.left.wrench]\npad_from_sensor = { xyz_m = [0, 0, 0], quat = [0, 0, 0, 1] }\n")
     assert line_of(lines, ("finger", "left", "wrench", "pad_from_sensor", "quat")) == 2
 
 
-def test_the_first_of_two_keys_of_one_name_is_told() -> None:
+def test_the_first_of_two_equal_keys_counts() -> None:
     assert key_lines("a = 1\nb = 2\na = 3\n")[("a",)] == 1
 
 
@@ -90,7 +90,7 @@ NAME = st.text("abcxyz019_-", min_size=1, max_size=6)
 
 
 @given(st.dictionaries(NAME, st.dictionaries(NAME, st.integers(-9, 9), min_size=1, max_size=4), max_size=4))
-def test_every_line_that_is_told_holds_its_key(tree: dict[str, dict[str, int]]) -> None:
+def test_every_line_found_holds_its_key(tree: dict[str, dict[str, int]]) -> None:
     text = "".join(
         f"[{table}]\n" + "".join(f"{key} = {value}\n" for key, value in keys.items()) for table, keys in tree.items()
     )

@@ -68,54 +68,54 @@ def test_every_shortened_payload_is_noticed(event: Event) -> None:
 
 
 def sealed(body: bytes) -> bytes:
-    """A payload with a good checksum, whatever it says."""
+    """A payload with a valid checksum and any content."""
     return body + zlib.crc32(body).to_bytes(4, "big")
 
 
 def written(**fields: object) -> bytes:
-    """A payload as another version, or an enemy, might write it."""
+    """A payload as another version or an attacker might write it."""
     return sealed(msgpack.packb({**fields, "crc32": bytes(4)})[:-4])
 
 
-def test_a_tick_of_an_older_recording_is_one_of_lines_that_were_empty() -> None:
+def test_a_tick_of_an_older_recording_means_that_all_lines_were_read() -> None:
     payload = written(n=0, t_ns=7, kind="tick", suspended_ns=5)
     assert payload == encode_event(0, 7, Tick(5)), "it is written as before"
     assert decode_event(payload) == (0, 7, Tick(5))
 
 
 @given(st.binary(max_size=64))
-def test_bytes_that_are_no_event_raise_only_a_recording_error(data: bytes) -> None:
+def test_arbitrary_bytes_raise_only_a_recording_error(data: bytes) -> None:
     for payload in (data, sealed(data)):
         with pytest.raises(RecordingError):
             decode_event(payload)
 
 
 @pytest.mark.parametrize(
-    ("payload", "told"),
+    ("payload", "reason"),
     [
-        (written(n=0, t_ns=0, kind="reload"), "kind 'reload'"),
+        (written(n=0, t_ns=0, kind="reload"), "must be one of .*, got 'reload'"),
         (written(n=0, t_ns=0, kind=["bytes"]), "kind"),
-        (written(n=0, t_ns=0), "kind None"),
+        (written(n=0, t_ns=0), "got None"),
         (written(n=0, t_ns=0, kind="tick"), "suspended_ns"),
-        (written(n=0, t_ns=0, kind="tick", suspended_ns=0, unread=1), "other fields"),
-        (written(n=0, t_ns=0, kind="tick", suspended_ns=0, more=1), "other fields"),
-        (written(n=0, t_ns=0, kind="tick", suspended_ns=True), "other fields"),
-        (written(n=0, t_ns=0.5, kind="tick", suspended_ns=0), "other fields"),
-        (written(n=0, t_ns=0, kind="bytes", link=b"left", data=b""), "other fields"),
-        (written(n=0, t_ns=0, kind="request", client=b"", body=[]), "other fields"),
-        (written(n=0, t_ns=-1, kind="tick", suspended_ns=0), "a number"),
-        (written(n=0, t_ns=0, kind="tick", suspended_ns=2**63), "a number"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=0, unread=1), "must have the fields"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=0, more=1), "must have the fields"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=True), "must have the fields"),
+        (written(n=0, t_ns=0.5, kind="tick", suspended_ns=0), "must have the fields"),
+        (written(n=0, t_ns=0, kind="bytes", link=b"left", data=b""), "must have the fields"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body=[]), "must have the fields"),
+        (written(n=0, t_ns=-1, kind="tick", suspended_ns=0), "must be from 0 to"),
+        (written(n=0, t_ns=0, kind="tick", suspended_ns=2**63), "must be from 0 to"),
         (written(n=0, t_ns=0, kind="request", client=b"", body={"force_n": float("nan")}), "force_n"),
-        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": [0] * 65}), "no client can have sent"),
-        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": "a" * 20_000}), "no client can have sent"),
-        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": msgpack.ExtType(4, b"")}), "no client"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": [0] * 65}), "a recorded request is not valid"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": "a" * 20_000}), "a recorded request is not valid"),
+        (written(n=0, t_ns=0, kind="request", client=b"", body={"a": msgpack.ExtType(4, b"")}), "a recorded request"),
         (sealed(msgpack.packb([1, 2, bytes(4)])[:-4]), "must be a map, got list"),
         (sealed(b"\x91" * 5000), "not msgpack"),
         (sealed(b"\xdf\xff\xff\xff\xff"), "not msgpack"),
     ],
 )
-def test_a_map_with_a_good_checksum_but_other_contents_is_refused(payload: bytes, told: str) -> None:
-    with pytest.raises(RecordingError, match=told):
+def test_a_map_with_a_good_checksum_but_other_contents_is_refused(payload: bytes, reason: str) -> None:
+    with pytest.raises(RecordingError, match=reason):
         decode_event(payload)
 
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from slipd.devices import bota
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Request, Tick
-from slipd.recording.identify_mass import identify_recording, tell
+from slipd.recording.identify_mass import identification_text, identify_recording
 from slipd.recording.mcap_file import RecordingFile
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2, FingerWeight
 from slipd.signals.mounting import Mounting
@@ -62,7 +62,7 @@ class Session:
         mounting = np.array(Mounting(XYZ, QUAT, -1).matrix)
         self._from_pad = np.linalg.inv(mounting)
 
-    def tell(self, gravity: object, finger: str = "left", op: str = "gravity.set") -> None:
+    def identification_text(self, gravity: object, finger: str = "left", op: str = "gravity.set") -> None:
         body = {"v": 1, "id": 1, "op": op, "boot": "b", "finger": finger, "gravity_mps2": gravity}
         self.events.append((self.t_ns, Request(b"arm", body)))
 
@@ -79,7 +79,7 @@ class Session:
         """Stays, and tells gravity every 100 ms."""
         for k in range(readings):
             if k % 50 == 0:
-                self.tell(list(gravity))
+                self.identification_text(list(gravity))
             self.read(gravity, **more)
 
     def turn(self, start: Sequence[float], end: Sequence[float], readings: int = 100) -> None:
@@ -90,7 +90,7 @@ class Session:
         for k in range(readings):
             whole = axis / np.linalg.norm(axis) * (angle * k / readings)
             if k % 10 == 0:
-                self.tell(list(told))
+                self.identification_text(list(told))
                 told = Rotation.from_rotvec(whole).apply(start).tolist()
             self.read(Rotation.from_rotvec(whole).apply(start).tolist())
 
@@ -130,7 +130,7 @@ def test_mass_and_centre_are_found_through_bias_mounting_and_sign(save: Save) ->
 
 def test_the_text_holds_lines_that_fit_a_config(save: Save) -> None:
     found = identify_recording(save(four_poses()), "left")
-    text = tell(found, "left")
+    text = identification_text(found, "left")
     table = tomllib.loads(text.partition("\n\n")[2])["finger"]["left"]["wrench"]
     assert table["mass_kg"] == pytest.approx(found.mass_kg, abs=1e-5)
     assert_allclose(table["com_m"], found.com_m, atol=1e-5)
@@ -144,7 +144,7 @@ def test_readings_of_a_turn_and_of_a_gravity_that_is_old_are_left_out(save: Save
         session.hold(before)
         if not np.allclose(np.cross(before, after), 0.0):
             session.turn(before, after)
-    session.tell([0.0, 0.0, -G])
+    session.identification_text([0.0, 0.0, -G])
     for _ in range(130):
         session.read((0.0, 0.0, -G))
     for _ in range(400):
@@ -167,11 +167,11 @@ def test_a_pose_that_was_not_still_or_not_trusted_does_not_count(save: Save) -> 
 def test_what_others_ask_for_and_what_is_no_gravity_is_passed_over(save: Save) -> None:
     session = Session()
     for pose in POSES:
-        session.tell(list(pose))
-        session.tell([0.0, 0.0, 5.0], finger="right")
-        session.tell([0.0, 0.0, 5.0], op="gravity.get")
-        session.tell([0.0, 0.0, 500.0])
-        session.tell("down")
+        session.identification_text(list(pose))
+        session.identification_text([0.0, 0.0, 5.0], finger="right")
+        session.identification_text([0.0, 0.0, 5.0], op="gravity.get")
+        session.identification_text([0.0, 0.0, 500.0])
+        session.identification_text("down")
         session.events.append((session.t_ns, Tick()))
         session.events.append((session.t_ns, Bytes("right.pad", b"{}")))
         for _ in range(120):
@@ -185,7 +185,7 @@ def test_what_others_ask_for_and_what_is_no_gravity_is_passed_over(save: Save) -
 def test_a_finger_that_was_touched_is_told(save: Save) -> None:
     session = four_poses()
     session.hold((-G, 0.0, 0.0), load=np.array((0.0, 0.0, -0.5, 0.0, 0.0, 0.0)))
-    text = tell(identify_recording(save(session), "left"), "left")
+    text = identification_text(identify_recording(save(session), "left"), "left")
     assert "was the finger touched, or is pad_from_sensor or an orientation wrong?" in text
 
 
@@ -195,7 +195,9 @@ def test_too_few_poses_are_told_with_the_file_and_what_was_wrong_with_the_rest(s
     session.hold(POSES[1], scale=20.0)
     session.hold(POSES[2], readings=90)
     path = save(session)
-    with pytest.raises(RecordingError, match=r"run.mcap: finger left: 1 pose\(s\).* \(2 more, short or not still\)"):
+    with pytest.raises(
+        RecordingError, match=r"run.mcap: finger left: 1 pose\(s\).* \(2 more were too short or not still\)"
+    ):
         identify_recording(path, "left")
 
 
@@ -209,7 +211,7 @@ def test_a_recording_without_gravity_tells_nothing(save: Save) -> None:
 
 @pytest.mark.parametrize("finger", ["right", "middle"])
 def test_a_finger_without_a_force_sensor_has_nothing_to_identify(save: Save, finger: str) -> None:
-    with pytest.raises(RecordingError, match=f"no finger '{finger}' with a force sensor; with one: left"):
+    with pytest.raises(RecordingError, match=f"must be a finger with a force sensor, got '{finger}'; known: left"):
         identify_recording(save(Session()), finger)
 
 

@@ -161,7 +161,7 @@ def forge(tmp_path: Path) -> Forge:
 
 
 def test_a_recording_of_another_format_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="has format '2'; this version of slipd reads '1'"):
+    with pytest.raises(RecordingError, match="must have format '1', got '2'"):
         Forge(tmp_path / "forged.mcap", format="2").read()
 
 
@@ -188,11 +188,11 @@ def test_an_index_that_goes_back_stops_the_reading(forge: Forge) -> None:
     assert recording.fault is not None
 
 
-def test_an_event_that_tells_another_index_than_its_place_stops_the_reading(forge: Forge) -> None:
+def test_an_event_with_another_index_than_its_place_stops_the_reading(forge: Forge) -> None:
     forge.event(3, sequence=0, log_time=5)
     recording, found = forge.read()
     assert not found
-    assert "calls itself 3" in str(recording.fault)
+    assert "entry 0 has another index (3)" in str(recording.fault)
 
 
 def test_a_channel_in_another_encoding_stops_the_reading(forge: Forge) -> None:
@@ -218,7 +218,7 @@ def test_a_chunk_that_slipd_does_not_write_stops_the_reading(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("claimed", [0, 1000, 1 << 40])
-def test_a_chunk_that_unpacks_to_more_than_it_may_is_not_unpacked(forge: Forge, claimed: int) -> None:
+def test_a_chunk_that_claims_too_many_bytes_is_not_unpacked(forge: Forge, claimed: int) -> None:
     bomb = zstandard.compress(bytes(64 << 20))
     body = struct.pack("<QQQII4sQ", 0, 0, claimed, 0, 4, b"zstd", len(bomb)) + bomb
     recording, found = forge.read(extra=struct.pack("<BQ", 6, len(body)) + body)
@@ -277,7 +277,7 @@ NESTED = inner(6, struct.pack("<QQQII4sQ", 0, 0, 0, 0, 4, b"zstd", 0))
         (inner(3, bytes(FILL // 2)), "a channel or schema of 2097152 bytes"),
         (inner(5) * (FILL // 9), "entry 0 is cut off"),
         (inner(4) * (FILL // 9), "damaged channel"),
-        (channel(1) + message(1, 0, b"") * 100_000, "stands where entry 1 belongs"),
+        (channel(1) + message(1, 0, b"") * 100_000, "is where entry 1 should be"),
         (channel(1) + b"\x05", "ends within a record"),
         (channel(1) + struct.pack("<BQ", 5, 2**63), "ends within a record"),
     ],
@@ -307,7 +307,7 @@ def test_an_empty_record_outside_of_chunks_stops_the_reading(forge: Forge) -> No
     assert "a record of kind 119 at byte" in str(recording.fault)
 
 
-def test_what_a_whole_file_unpacks_to_is_bounded_too(forge: Forge) -> None:
+def test_the_unpacked_size_of_a_whole_file_is_bounded(forge: Forge) -> None:
     zeros = bytes(FILL - 100)
     first = chunk(channel(1) + message(1, 0, zeros))
     rest = b"".join(chunk(message(1, n, zeros)) for n in range(1, 40))

@@ -8,7 +8,7 @@ from slipd import config
 from slipd.engine.engine import Engine
 from slipd.errors import ConfigError, RecordingError
 from slipd.events import Bytes, Event, LinkDown, LinkUp, Publish, Reply, Request, Tick
-from slipd.recording.grips import import_trial
+from slipd.recording.grips_import import import_trial
 from slipd.recording.reader import Entered, Recording, open_recording
 from slipd.recording.replay import Pace, replay
 from slipd.recording.writer import Recorder
@@ -169,9 +169,9 @@ def test_a_recorded_config_with_faults_is_told(tmp_path: Path) -> None:
         replay(open_recording(tmp_path / "run.mcap"))
 
 
-def test_an_event_of_a_link_that_the_config_does_not_have_is_told(tmp_path: Path, two_pads: str) -> None:
+def test_an_event_of_an_unknown_link_is_reported(tmp_path: Path, two_pads: str) -> None:
     recorder = Recorder(tmp_path / "run.mcap", config_text=two_pads, boot="b", wall_minus_monotonic_ns=0)
     recorder.event(LinkUp("middle.pad", ""), 1)
     recorder.close()
-    with pytest.raises(RecordingError, match=r"link 'middle\.pad', which its config does not have"):
+    with pytest.raises(RecordingError, match=r"link 'middle\.pad', which is not in its config"):
         list(replay(open_recording(tmp_path / "run.mcap")))

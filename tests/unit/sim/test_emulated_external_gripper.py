@@ -23,7 +23,7 @@ from slipd.devices.external_gripper.external_gripper_message import (
 from slipd.events import LinkSpec
 from slipd.samples import GripperSample
 from slipd.sim.emulated_external_gripper import DRIVER, Driver, make
-from slipd.transport.local import open_local
+from slipd.transport.driver_socket import open_driver_socket
 
 MS = 1_000_000
 PATIENCE_S = 30.0
@@ -95,7 +95,7 @@ async def test_a_driver_in_a_process_of_its_own_is_told_what_to_do(
         samples.extend(session.receive(data, time.monotonic_ns()))
 
     async with asyncio.timeout(PATIENCE_S):
-        line = await open_local(LinkSpec("gripper", "local", address), hear)
+        line = await open_driver_socket(LinkSpec("gripper", "local", address), hear)
 
     async def until(reached: Callable[[], bool]) -> None:
         async with asyncio.timeout(PATIENCE_S):

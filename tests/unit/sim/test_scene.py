@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slipd.sim.scene import GripCommand, Scene
-from slipd.sim.script import Script
+from slipd.sim.scene_script import Script
 from slipd.sim.true_contact import Patch
 
 CLOSE_S, OPEN_S, END_S, SPEED_MPS = 1.5, 16.0, 18.0, 0.05

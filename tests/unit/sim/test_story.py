@@ -8,10 +8,11 @@ import pytest
 from slipd import config
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, Reply, Request, Tick, Write
-from slipd.sim.operator import ALARMING, LEAST_RAISE_N, Plan
-from slipd.sim.rig import LINES, Rig
+from slipd.sim.robot_program import LEAST_RAISE_N, Plan
+from slipd.sim.robot_report import ALARMING
 from slipd.sim.scene import Scene
 from slipd.sim.virtual_gripper import TICK_NS
+from slipd.sim.virtual_rig import LINES, VirtualRig
 
 READY_S, TARE_S, BEGIN_S = 2.0, 0.5, 3.0
 MU_GIVEN_OVER_TRUE = 0.55 / 0.6
@@ -21,7 +22,7 @@ MU_GIVEN_OVER_TRUE = 0.55 / 0.6
 class Story:
     """One run: what was told and what was true, times in s of the scene."""
 
-    rig: Rig
+    rig: VirtualRig
     engine: Engine
     changes: list = field(default_factory=list)
     verdicts: list = field(default_factory=list)
@@ -98,7 +99,7 @@ class Story:
 
 def play(*, heed, until_s):
     plan = Plan()
-    rig = Rig(Scene(), seed=11)
+    rig = VirtualRig(Scene(), seed=11)
     engine = Engine(config.load(config.shipped("demo.toml")), boot="b", wall_minus_monotonic_ns=0)
     story = Story(rig, engine)
     for line in LINES:

@@ -10,7 +10,7 @@ import pytest
 
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
 from slipd.transport import address, tcp
-from slipd.transport.delivery import READ_BYTES
+from slipd.transport.byte_delivery import READ_BYTES
 
 if TYPE_CHECKING:
     from conftest import Eventually, Serving

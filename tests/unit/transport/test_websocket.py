@@ -13,7 +13,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.utils import accept_key
 
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.transport.delivery import READ_BYTES
+from slipd.transport.byte_delivery import READ_BYTES
 from slipd.transport.websocket import (
     MAX_HANDSHAKE_BYTES,
     MAX_MESSAGE_BYTES,
@@ -183,7 +183,7 @@ async def test_a_flood_leaves_the_loop_its_turns_and_keeps_nothing(
         reads += 1
         taken += self._read_bytes
         real_read(self)
-        assert len(self._sender._rest) <= 8 * READ_BYTES  # of the pongs that nobody reads
+        assert len(self._writer._rest) <= 8 * READ_BYTES  # of the pongs that nobody reads
 
     turn()
     with pytest.MonkeyPatch.context() as patch:
@@ -315,7 +315,7 @@ async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: 
             os.close(descriptor)
             os.dup2(heir.fileno(), descriptor)
             try:
-                assert not connection._sender.write(b"to another")
+                assert not connection._writer.write(b"to another")
                 await connection.close()
             finally:
                 os.close(descriptor)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
-from slipd.zmtp.accounts import Account, Accounts
 from slipd.zmtp.listener import Listener
 from slipd.zmtp.peer import MOST_FRAMES, Peer, PeerRules
+from slipd.zmtp.time_accounts import TimeAccount, TimeAccounts
 from slipd.zmtp.wire import COMMAND, MORE, encode_command, encode_frame, encode_greeting, encode_metadata
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ async def test_a_flood_waits_where_it_comes_from_and_others_have_their_turns(
     endpoint: str, raw: Raw, peer: Callable[..., Client], eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With next to no share of the time: what is not read stays in the kernel, however long the sender goes on."""
-    monkeypatch.setattr(Accounts, "of", lambda _, name: Account(name, 1e-3))
+    monkeypatch.setattr(TimeAccounts, "of", lambda _, name: TimeAccount(name, 1e-3))
     server = Server(endpoint)
     with server.listener:
         flood = raw(INTRODUCTION)

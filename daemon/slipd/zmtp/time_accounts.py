@@ -19,10 +19,10 @@ BURST_S = 0.004
 """Time that it may use at once, s: about fifty requests."""
 
 MOST_ACCOUNTS = 1024
-"""Accounts remembered; the one away for longest is forgotten first, when its burst is full again."""
+"""TimeAccounts remembered; the one away for longest is forgotten first, when its burst is full again."""
 
 
-class Account:
+class TimeAccount:
     """The time of one peer.
 
     Args:
@@ -88,16 +88,16 @@ _TURN_S = 0.0005
 """Shortest wait: the rest of the loop has its turn before."""
 
 
-class Accounts:
+class TimeAccounts:
     """The accounts of one endpoint by name."""
 
     def __init__(self, share: float = SHARE) -> None:
         self._share = share
-        self._accounts: OrderedDict[bytes, Account] = OrderedDict()
+        self._accounts: OrderedDict[bytes, TimeAccount] = OrderedDict()
 
-    def of(self, name: bytes) -> Account:
+    def of(self, name: bytes) -> TimeAccount:
         """Return the account of a peer; new ones begin with a whole burst."""
-        account = self._accounts.pop(name, None) or Account(name, self._share)
+        account = self._accounts.pop(name, None) or TimeAccount(name, self._share)
         self._accounts[name] = account
         if len(self._accounts) > MOST_ACCOUNTS:
             gone = next((each for each, found in self._accounts.items() if not found.connections), None)

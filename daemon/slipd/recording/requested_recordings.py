@@ -1,6 +1,6 @@
-"""Recordings that a client asked for, in the daemon's own directory under names of its own.
+"""Recordings that clients request, in a directory of the daemon under names that the daemon chooses.
 
-Even to create the file is left to the writer's thread: a client must not be able to make the live path wait for a disk.
+Even the file is created on the thread of the recorder: a client must not be able to make the live path wait for a disk.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.writer import CLOSE_LIMIT_S, Recorder, RecordingLimitError, Room
 
 MOST_UNFINISHED = 2
-"""Ended files that the disk may still be taking when another is begun: each holds a thread and up to 30 MB."""
+"""Ended recordings that may still be written when another starts; each holds a thread and up to 30 MB."""
 
 _log = logging.getLogger(__name__)
 
 
 def state_dir() -> Path:
-    """Directory of the recordings that clients ask for; it need not exist yet.
+    """Return the directory of requested recordings; it need not exist yet.
 
-    ``$SLIPD_STATE_DIR`` where set, else ``$XDG_STATE_HOME/slipd``, else ``~/.local/state/slipd``.
+    ``$SLIPD_STATE_DIR`` if set, else ``$XDG_STATE_HOME/slipd``, else ``~/.local/state/slipd``.
     """
     if chosen := os.environ.get("SLIPD_STATE_DIR"):
         return Path(chosen)
@@ -35,25 +35,25 @@ def state_dir() -> Path:
 
 
 def private_directory(path: Path) -> None:
-    """Makes a directory that only its user can write to, or sees that it is one.
+    """Create a directory to which only this user can write, or check that an existing one is such a directory.
 
     Raises:
-        RecordingError: It cannot be made, or others could put something in the place of a file.
+        RecordingError: It cannot be created, or other users could replace its files.
     """
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = path.lstat()
     except OSError as error:
-        raise RecordingError(f"{path}: cannot be made: {error.strerror}") from error
+        raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o022:
-        raise RecordingError(f"{path}: must be a directory of user {os.geteuid()} that nobody else can write to")
+        raise RecordingError(f"{path}: must be a directory of user {os.geteuid()} to which nobody else can write")
 
 
 def check_room(directory: Path, room: Room, max_files: int) -> None:
-    """Count the recordings of a directory, and look at the free space of its disk.
+    """Check the number of recordings in a directory and the free space of its disk.
 
     Raises:
-        RecordingLimitError: A limit does not let another recording begin; the text says how to make room.
+        RecordingLimitError: A limit forbids another recording; the text says how to make room.
         RecordingError: The directory cannot be read.
     """
     try:
@@ -68,20 +68,20 @@ def check_room(directory: Path, room: Room, max_files: int) -> None:
     free_bytes = disk.f_bavail * disk.f_frsize
     if free_bytes < room.min_free_bytes:
         raise RecordingLimitError(
-            f"{directory}: only {free_bytes} bytes of the disk are free, and recording.min_free_bytes is"
+            f"{directory}: the disk has {free_bytes} free bytes, less than recording.min_free_bytes,"
             f" {room.min_free_bytes}: make room"
         )
 
 
 class RequestedRecordings:
-    """Writes what the engine says is to be recorded, one file at a time.
+    """Start and end recordings as the engine orders, one at a time.
 
-    Nothing here raises for a disk, and nothing waits for one but `close`.
+    No method raises because of a disk, and only `close` waits for one.
 
     Args:
-        directory: Where the files go.
-        make: Makes the recorder of a file, given its path and what is to be done first on the recorder's thread.
-        prepare: Done first on that thread: what it raises keeps the recording from beginning.
+        directory: Folder of the files.
+        make: Returns the recorder of a file, given its path and a function that its thread calls first.
+        prepare: That function; if it raises, the recording does not start.
     """
 
     def __init__(
@@ -97,8 +97,8 @@ class RequestedRecordings:
         self._refused: RecordingChanged | None = None
         self._running: RecorderWatch | None = None
 
-    def take(self, record: Record, t_ns: int) -> None:
-        """Begin a recording, or end the one that runs; what comes of it is in `news`."""
+    def handle(self, record: Record, t_ns: int) -> None:
+        """Start a recording, or end the running one; `changes` returns the outcome."""
         if self._running is not None:
             self._running.recorder.end()
             self._ended.append(self._running)
@@ -106,8 +106,8 @@ class RequestedRecordings:
         if record.name:
             path = self._directory / record.name
             try:
-                recorder = self._begin(path)
-            except (RecordingError, RuntimeError) as error:  # the latter: the system gives no more threads
+                recorder = self._start(path)
+            except (RecordingError, RuntimeError) as error:  # RuntimeError: the system starts no more threads
                 _log.warning("%s: %s", path, error)
                 self._refused = RecordingChanged(record.name, str(path), "failed", f"{path}: {error}")
                 return
@@ -115,9 +115,9 @@ class RequestedRecordings:
             for event in record.opened:
                 recorder.event(event, t_ns)
 
-    def _begin(self, path: Path) -> Recorder:
+    def _start(self, path: Path) -> Recorder:
         if sum(not watch.recorder.finished for watch in self._ended) > MOST_UNFINISHED:
-            raise RecordingError("the disk has not taken the recordings before this one yet; ask again later")
+            raise RecordingError("the disk is still writing earlier recordings; try again later")
         return self._make(path, self._prepare)
 
     def record_event(self, event: Event, t_ns: int) -> None:
@@ -126,27 +126,29 @@ class RequestedRecordings:
             self._running.recorder.event(event, t_ns)
 
     def record_published(self, topic: str, payload: bytes, t_ns: int) -> None:
-        """Record the very bytes that were published."""
+        """Record the bytes that were published."""
         if self._running is not None:
             self._running.recorder.published(topic, payload, t_ns)
 
-    def news(self, t_ns: int) -> list[RecordingChanged]:
-        """Return what the engine must know; each change once."""
-        done = [watch for watch in self._ended if watch.recorder.finished]  # asked first: their last change is final
-        news = [change for watch in self._ended if (change := watch.look(t_ns))]
+    def changes(self, t_ns: int) -> list[RecordingChanged]:
+        """Return the changes that the engine must know, each once."""
+        done = [
+            watch for watch in self._ended if watch.recorder.finished
+        ]  # checked first, so that their last change is final
+        changes = [change for watch in self._ended if (change := watch.poll(t_ns))]
         self._ended = [watch for watch in self._ended if watch not in done]
         if self._refused is not None:
-            news.append(self._refused)
+            changes.append(self._refused)
             self._refused = None
-        if self._running is not None and (change := self._running.look(t_ns)):
-            news.append(change)
+        if self._running is not None and (change := self._running.poll(t_ns)):
+            changes.append(change)
             if change.state != "running":
-                self.take(Record(""), t_ns)
-        return news
+                self.handle(Record(""), t_ns)
+        return changes
 
     def close(self) -> None:
-        """Finish every file; a disk that hangs is waited for `CLOSE_LIMIT_S` in all."""
-        self.take(Record(""), 0)
+        """Finish every file; wait at most `CLOSE_LIMIT_S` in total for a disk that hangs."""
+        self.handle(Record(""), 0)
         end_s = time.monotonic() + CLOSE_LIMIT_S
         for watch in self._ended:
             try:

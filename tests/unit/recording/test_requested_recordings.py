@@ -12,16 +12,16 @@ import pytest
 
 from slipd.errors import RecordingError
 from slipd.events import LinkUp, Record, RecordingChanged, Tick
-from slipd.recording import on_request, writer
-from slipd.recording.on_request import (
+from slipd.recording import requested_recordings, writer
+from slipd.recording.reader import Entered, Published, open_recording
+from slipd.recording.recorder_watch import START_LIMIT_NS
+from slipd.recording.requested_recordings import (
     MOST_UNFINISHED,
     RequestedRecordings,
     check_room,
     private_directory,
     state_dir,
 )
-from slipd.recording.reader import Entered, Published, open_recording
-from slipd.recording.recorder_watch import START_LIMIT_NS
 from slipd.recording.writer import Recorder, RecordingLimitError, Room
 
 DEADLINE_S = 30.0
@@ -46,7 +46,7 @@ def recordings(state: Path) -> Iterator[RequestedRecordings]:
 
 def news(recordings: RequestedRecordings, t_ns: int = 1) -> RecordingChanged:
     end_s = time.monotonic() + DEADLINE_S
-    while not (found := recordings.news(t_ns)):
+    while not (found := recordings.changes(t_ns)):
         assert time.monotonic() < end_s
         time.sleep(0.002)
     assert len(found) == 1
@@ -57,10 +57,10 @@ def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRe
     up = LinkUp("left.wrench", "/dev/ttyUSB0")
     recordings.record_event(Tick(1), 10)
     recordings.record_published("status", b"\x80", 10)
-    recordings.take(Record("a.mcap", (up,)), 20)
+    recordings.handle(Record("a.mcap", (up,)), 20)
     recordings.record_event(Tick(2), 30)
     recordings.record_published("status", b"\x80", 30)
-    recordings.take(Record(""), 40)
+    recordings.handle(Record(""), 40)
     recordings.record_event(Tick(3), 50)
     recordings.close()
     recording = open_recording(tmp_path / "state" / "slipd" / "a.mcap")
@@ -71,15 +71,15 @@ def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRe
     ]
     assert recording.complete
     assert (recording.path.parent.stat().st_mode & 0o777) == 0o700
-    (change,) = recordings.news(60)
+    (change,) = recordings.changes(60)
     assert change == RecordingChanged("a.mcap", str(recording.path), "running")
-    assert recordings.news(70) == []
+    assert recordings.changes(70) == []
 
 
 def test_k3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecordings, tmp_path: Path) -> None:
-    recordings.take(Record("a.mcap"), 0)
+    recordings.handle(Record("a.mcap"), 0)
     recordings.record_event(Tick(1), 1)
-    recordings.take(Record("b.mcap"), 2)
+    recordings.handle(Record("b.mcap"), 2)
     recordings.record_event(Tick(2), 3)
     recordings.close()
     for name, tick in (("a.mcap", Tick(1)), ("b.mcap", Tick(2))):
@@ -95,21 +95,21 @@ def test_a_file_that_stands_there_is_not_overwritten_and_not_followed(
     precious = tmp_path / "precious"
     precious.write_text("mine")
     (tmp_path / "state" / "slipd" / "a.mcap").symlink_to(precious)
-    recordings.take(Record("a.mcap"), 0)
+    recordings.handle(Record("a.mcap"), 0)
     failed = news(recordings)
     assert (failed.name, failed.state) == ("a.mcap", "failed")
     assert "exists already" in failed.reason
-    assert recordings.news(2) == [], "it is reported once"
+    assert recordings.changes(2) == [], "it is reported once"
     recordings.record_event(Tick(1), 1)
     recordings.close()
     assert precious.read_text() == "mine"
     assert [record.message for record in caplog.records] == [failed.reason]
 
 
-def test_k1_a_disk_that_fails_is_told_and_nothing_else(
+def test_K1_a_disk_that_fails_is_told_and_nothing_else(
     recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
 ) -> None:
-    recordings.take(Record("full.mcap"), 0)
+    recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
     with small_disk((state / "full.mcap").stat().st_size + 150):
         for n in range(100):
@@ -118,7 +118,7 @@ def test_k1_a_disk_that_fails_is_told_and_nothing_else(
         recordings.record_event(Tick(101), 101)
     assert (failed.state, failed.lost) == ("failed", 100)
     assert "the recording stopped: File too large" in failed.reason
-    recordings.take(Record("next.mcap"), 200)
+    recordings.handle(Record("next.mcap"), 200)
     recordings.close()
     assert open_recording(state / "next.mcap").complete
 
@@ -126,20 +126,20 @@ def test_k1_a_disk_that_fails_is_told_and_nothing_else(
 def test_a_disk_that_fails_at_the_very_end_is_told_too(
     recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
 ) -> None:
-    recordings.take(Record("full.mcap"), 0)
+    recordings.handle(Record("full.mcap"), 0)
     assert news(recordings).state == "running"
     with small_disk((state / "full.mcap").stat().st_size):
-        recordings.take(Record(""), 1)
+        recordings.handle(Record(""), 1)
         assert "File too large" in news(recordings, 2).reason
-    assert recordings.news(3) == []
+    assert recordings.changes(3) == []
 
 
-def test_a_folder_that_cannot_be_used_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_used_is_reported(tmp_path: Path) -> None:
     made = RequestedRecordings(tmp_path, make, lambda: private_directory(Path("/proc/slipd")))
-    made.take(Record("a.mcap"), 0)
+    made.handle(Record("a.mcap"), 0)
     failed = news(made)
     assert failed.state == "failed"
-    assert failed.reason == "/proc/slipd: cannot be made: No such file or directory"
+    assert failed.reason == "/proc/slipd: cannot be created: No such file or directory"
     made.close()
 
 
@@ -149,13 +149,13 @@ def test_a_limit_keeps_a_recording_from_beginning(state: Path) -> None:
         (state / name).write_text("")
     check_room(state, ROOM, 3)
     made = RequestedRecordings(state, make, lambda: check_room(state, ROOM, 2))
-    made.take(Record("slipd-3.mcap"), 0)
+    made.handle(Record("slipd-3.mcap"), 0)
     refused = news(made)
     assert refused.state == "limited"
     assert f"{state} holds 2 recordings, and recording.max_files is 2: move or delete some" in refused.reason
     assert not (state / "slipd-3.mcap").exists()
     made.close()
-    with pytest.raises(RecordingLimitError, match=r"bytes of the disk are free, and recording\.min_free_bytes is"):
+    with pytest.raises(RecordingLimitError, match=r"free bytes, less than recording\.min_free_bytes"):
         check_room(state, Room(max_bytes=1, min_free_bytes=2**62), 3)
     with pytest.raises(RecordingError, match="cannot be read: No such file"):
         check_room(state / "none", ROOM, 3)
@@ -166,7 +166,7 @@ def test_a_recording_that_reaches_its_size_ends_by_itself_whole(state: Path) -> 
         return make(path, prepare, Room(max_bytes=3000, min_free_bytes=0))
 
     made = RequestedRecordings(state, make_small, lambda: private_directory(state))
-    made.take(Record("a.mcap"), 0)
+    made.handle(Record("a.mcap"), 0)
     assert news(made).state == "running"
     for n in range(500):
         made.record_event(Tick(n), n)
@@ -187,36 +187,36 @@ def test_a_file_that_the_disk_does_not_create_in_time_is_given_up_and_removed(st
         private_directory(state)
 
     made = RequestedRecordings(state, make, prepare)
-    made.take(Record("a.mcap"), 0)
-    assert made.news(START_LIMIT_NS - 1) == []
-    (failed,) = made.news(START_LIMIT_NS)
+    made.handle(Record("a.mcap"), 0)
+    assert made.changes(START_LIMIT_NS - 1) == []
+    (failed,) = made.changes(START_LIMIT_NS)
     assert failed.state == "failed"
     assert "the disk did not create the file within 0.5 s" in failed.reason
     go_on.set()
     made.close()
-    assert made.news(2 * START_LIMIT_NS) == []
+    assert made.changes(2 * START_LIMIT_NS) == []
     assert list(state.iterdir()) == []
 
 
-def test_lost_entries_are_told_now_and_then(
+def test_lost_entries_are_reported_periodically(
     recordings: RequestedRecordings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    recordings.take(Record("a.mcap"), 0)
+    recordings.handle(Record("a.mcap"), 0)
     assert news(recordings, 1).lost == 0
     monkeypatch.setattr(writer, "QUEUE_LIMIT", 0)
     for n in range(7):
         recordings.record_event(Tick(n), n)
-    assert recordings.news(2) == []
-    (change,) = recordings.news(2_000_000_000)
+    assert recordings.changes(2) == []
+    (change,) = recordings.changes(2_000_000_000)
     assert (change.state, change.lost) == ("running", 7)
     assert "7 entries lost so far: the disk is too slow" in caplog.text
     recordings.record_event(Tick(8), 8)
-    assert recordings.news(2_100_000_000) == []
+    assert recordings.changes(2_100_000_000) == []
     recordings.close()
     assert "8 entries are missing: the disk was too slow" in caplog.text
 
 
-def test_k1_a_slow_disk_is_not_given_more_recordings_than_it_takes(
+def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     go_on = threading.Event()
@@ -233,23 +233,23 @@ def test_k1_a_slow_disk_is_not_given_more_recordings_than_it_takes(
     recordings = RequestedRecordings(tmp_path / "slipd", make_slow, lambda: private_directory(tmp_path / "slipd"))
     refused = []
     for n in range(20):
-        recordings.take(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
+        recordings.handle(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
         recordings.record_event(Tick(n), n)
-        refused += [change.name for change in recordings.news(0) if "not taken" in change.reason]
-        recordings.take(Record(""), 0)
+        refused += [change.name for change in recordings.changes(0) if "still writing" in change.reason]
+        recordings.handle(Record(""), 0)
     assert len(made) == MOST_UNFINISHED + 1
     assert refused == [f"{n}.mcap" for n in range(len(made), 20)]
     go_on.set()
     for recorder in made:
         recorder.close()
-    recordings.take(Record("next.mcap"), 0)
-    assert all(change.state == "running" for change in recordings.news(1)), "the disk has taken what was before"
+    recordings.handle(Record("next.mcap"), 0)
+    assert all(change.state == "running" for change in recordings.changes(1)), "the disk has taken what was before"
     recordings.close()
     assert len(list((tmp_path / "slipd").iterdir())) == len(made)
     assert [record.levelname for record in caplog.records].count("WARNING") == len(refused)
 
 
-def test_a_recording_for_which_there_is_no_thread_fails_and_nothing_else(
+def test_a_recording_without_a_thread_fails_alone(
     recordings: RequestedRecordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def start(thread: threading.Thread) -> None:
@@ -257,16 +257,16 @@ def test_a_recording_for_which_there_is_no_thread_fails_and_nothing_else(
 
     with monkeypatch.context() as patch:
         patch.setattr(threading.Thread, "start", start)
-        recordings.take(Record("a.mcap"), 0)
+        recordings.handle(Record("a.mcap"), 0)
     recordings.record_event(Tick(1), 1)
     path = str(tmp_path / "state" / "slipd" / "a.mcap")
     assert news(recordings) == RecordingChanged("a.mcap", path, "failed", f"{path}: can't start new thread")
-    recordings.take(Record("b.mcap"), 2)
+    recordings.handle(Record("b.mcap"), 2)
     recordings.close()
     assert open_recording(tmp_path / "state" / "slipd" / "b.mcap").complete
 
 
-def test_k1_a_disk_that_hangs_delays_the_end_once_and_not_for_each_recording(
+def test_K1_a_disk_that_hangs_delays_the_end_once_not_once_per_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     go_on = threading.Event()
@@ -284,29 +284,31 @@ def test_k1_a_disk_that_hangs_delays_the_end_once_and_not_for_each_recording(
         return Hanging(path, config_text="", boot="b", wall_minus_monotonic_ns=0, prepare=hang)
 
     recordings = RequestedRecordings(tmp_path, make_hanging, hang)
-    recordings.take(Record("a.mcap"), 0)
-    recordings.take(Record("b.mcap"), 0)
-    monkeypatch.setattr(on_request, "CLOSE_LIMIT_S", 0.05)
+    recordings.handle(Record("a.mcap"), 0)
+    recordings.handle(Record("b.mcap"), 0)
+    monkeypatch.setattr(requested_recordings, "CLOSE_LIMIT_S", 0.05)
     recordings.close()
     assert (0.0 < waits[0] <= 0.05, waits[1:]) == (True, [0.0]), "the first took all the time there was"
-    assert caplog.text.count("has not taken the rest in time") == 2
+    assert caplog.text.count("did not take the last entries in time") == 2
     go_on.set()
 
 
-def test_a_directory_that_others_may_write_to_is_none(tmp_path: Path) -> None:
+def test_a_directory_that_others_may_write_to_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o770)
-    with pytest.raises(RecordingError, match="nobody else can write to"):
+    with pytest.raises(RecordingError, match="to which nobody else can write"):
         private_directory(tmp_path)
     tmp_path.chmod(0o700)
     (tmp_path / "link").symlink_to(tmp_path)
-    with pytest.raises(RecordingError, match="nobody else can write to"):
+    with pytest.raises(RecordingError, match="to which nobody else can write"):
         private_directory(tmp_path / "link")
     (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match="cannot be made"):
+    with pytest.raises(RecordingError, match="cannot be created"):
         private_directory(tmp_path / "file" / "slipd")
 
 
-def test_the_directory_is_the_users_own_unless_the_environment_names_another(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_directory_belongs_to_the_user_unless_the_environment_names_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     for name in ("SLIPD_STATE_DIR", "XDG_STATE_HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("HOME", "/home/ann")

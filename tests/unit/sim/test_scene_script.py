@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from slipd.sim.script import Script
+from slipd.sim.scene_script import Script
 
 
 def test_the_weight_comes_on_after_the_lift_and_goes_to_the_table_again():

@@ -3,12 +3,12 @@ import select
 
 import pytest
 
-from slipd.sim.port import Port
+from slipd.sim.pseudo_terminal import PseudoTerminal
 
 
 @pytest.fixture
 def port(tmp_path):
-    made = Port(tmp_path / "left-pad")
+    made = PseudoTerminal(tmp_path / "left-pad")
     yield made
     made.close()
 
@@ -79,7 +79,7 @@ def test_reading_from_a_line_that_nobody_holds_is_empty(port):
 def test_the_link_replaces_an_old_one_and_goes_with_the_port(tmp_path):
     link = tmp_path / "gripper"
     link.symlink_to("/dev/pts/gone")
-    port = Port(link)
+    port = PseudoTerminal(link)
     assert str(link.readlink()).startswith("/dev/pts/")
     assert link.exists()
     port.close()
@@ -88,7 +88,7 @@ def test_the_link_replaces_an_old_one_and_goes_with_the_port(tmp_path):
 
 def test_a_link_that_is_anothers_by_now_stays(tmp_path):
     link = tmp_path / "gripper"
-    first, second = Port(link), Port(link)
+    first, second = PseudoTerminal(link), PseudoTerminal(link)
     first.close()
     assert link.exists()
     second.close()
@@ -98,5 +98,5 @@ def test_a_link_that_is_anothers_by_now_stays(tmp_path):
 def test_a_file_in_its_place_is_not_replaced(tmp_path):
     (tmp_path / "gripper").write_text("precious")
     with pytest.raises(FileExistsError):
-        Port(tmp_path / "gripper")
+        PseudoTerminal(tmp_path / "gripper")
     assert (tmp_path / "gripper").read_text() == "precious"

@@ -6,13 +6,13 @@ import asyncio
 
 import pytest
 
-from slipd.zmtp.accounts import BURST_S, MOST_ACCOUNTS, Account, Accounts
+from slipd.zmtp.time_accounts import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
 
 SHARE = 0.25
 
 
 def test_an_account_gets_its_share_for_long_and_a_burst_at_once() -> None:
-    account, now_s, took_s = Account(b"a", SHARE), 100.0, 0.0
+    account, now_s, took_s = TimeAccount(b"a", SHARE), 100.0, 0.0
     for _ in range(40_000):  # a second, looked at every 25 µs; it always wants more
         if account.has_time(now_s):
             account.charge(50e-6)
@@ -24,7 +24,7 @@ def test_an_account_gets_its_share_for_long_and_a_burst_at_once() -> None:
 
 
 def test_a_dear_turn_is_paid_off_before_the_next() -> None:
-    account = Account(b"a", SHARE)
+    account = TimeAccount(b"a", SHARE)
     assert account.has_time(10.0)
     account.charge(BURST_S + 0.010)
     assert not account.has_time(10.039)
@@ -32,7 +32,7 @@ def test_a_dear_turn_is_paid_off_before_the_next() -> None:
 
 
 async def test_those_that_wait_have_their_turns_in_order_when_there_is_time() -> None:
-    account, turns = Account(b"a", SHARE), []
+    account, turns = TimeAccount(b"a", SHARE), []
     assert account.has_time(asyncio.get_running_loop().time())
     account.charge(BURST_S + 0.001)
     done = asyncio.Event()
@@ -52,7 +52,7 @@ async def test_those_that_wait_have_their_turns_in_order_when_there_is_time() ->
 
 
 async def test_a_turn_that_fails_reaches_the_loop_and_the_next_has_its_own() -> None:
-    account, faults, done = Account(b"a", SHARE), [], asyncio.Event()
+    account, faults, done = TimeAccount(b"a", SHARE), [], asyncio.Event()
     asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context["exception"]))
 
     def fail() -> None:
@@ -66,7 +66,7 @@ async def test_a_turn_that_fails_reaches_the_loop_and_the_next_has_its_own() -> 
 
 
 def test_a_connection_takes_the_place_of_one_that_is_gone() -> None:
-    account = Account(b"a")
+    account = TimeAccount(b"a")
     assert [account.enter() for _ in range(3)] == [0, 1, 2]
     account.leave(1)
     assert account.connections == 2
@@ -74,7 +74,7 @@ def test_a_connection_takes_the_place_of_one_that_is_gone() -> None:
 
 
 def test_an_account_is_the_same_after_its_peer_came_back_and_the_idle_are_forgotten_first() -> None:
-    accounts = Accounts()
+    accounts = TimeAccounts()
     here = accounts.of(b"here")
     slot = here.enter()
     gone = accounts.of(b"gone")

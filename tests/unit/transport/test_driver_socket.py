@@ -12,7 +12,7 @@ import pytest
 
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.transport.local import MAX_PATH_BYTES, open_local
+from slipd.transport.driver_socket import MAX_PATH_BYTES, open_driver_socket
 
 if TYPE_CHECKING:
     from conftest import Eventually, Serving
@@ -124,7 +124,7 @@ async def test_the_socket_of_a_dead_daemon_is_taken_over(
 def test_a_file_that_is_no_socket_is_left_alone(spec: LinkSpec, path: Path) -> None:
     path.write_bytes(b"precious")
     with pytest.raises(LinkError, match="this file is no socket"):
-        asyncio.run(open_local(spec, bytes))
+        asyncio.run(open_driver_socket(spec, bytes))
     assert path.read_bytes() == b"precious"
 
 
@@ -134,7 +134,7 @@ async def test_what_others_serve_is_left_alone(spec: LinkSpec, path: Path) -> No
         other.listen(0)
         for _ in range(3):  # its queue fills up
             with pytest.raises(LinkError, match="another program serves here"):
-                await open_local(spec, bytes)
+                await open_driver_socket(spec, bytes)
     assert lies_there(path)
 
 
@@ -146,7 +146,7 @@ def open_to_all(tmp_path: Path) -> Path:
 
 async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(open_to_all: Path) -> None:
     with pytest.raises(LinkError, match="others may change its directory"):
-        await open_local(LinkSpec("gripper", "local", f"unix://{open_to_all}/gripper"), bytes)
+        await open_driver_socket(LinkSpec("gripper", "local", f"unix://{open_to_all}/gripper"), bytes)
     assert not lies_there(open_to_all / "gripper")
 
 
@@ -160,14 +160,14 @@ async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(open_
 )
 async def test_an_address_that_cannot_be_served_says_what_would_be_right(address: str, words: str) -> None:
     with pytest.raises(LinkError, match=words):
-        await open_local(LinkSpec("gripper", "local", address), bytes)
+        await open_driver_socket(LinkSpec("gripper", "local", address), bytes)
 
 
 async def test_the_umask_is_left_as_it_was(spec: LinkSpec) -> None:
     before = os.umask(0o022)
     try:
         with pytest.raises(LinkError):
-            await open_local(LinkSpec("gripper", "local", "unix:///proc/gripper"), bytes)
+            await open_driver_socket(LinkSpec("gripper", "local", "unix:///proc/gripper"), bytes)
         assert os.umask(0o022) == 0o022
     finally:
         os.umask(before)

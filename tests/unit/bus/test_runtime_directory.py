@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from slipd.bus.runtime import RuntimeDirectory
+from slipd.bus.runtime_directory import RuntimeDirectory
 from slipd.errors import LinkError
 from slipd.zmtp.endpoint import bind, release
 
@@ -20,7 +20,7 @@ needs_a_group = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives fi
 
 HOLD = """
 import sys, pathlib
-from slipd.bus.runtime import RuntimeDirectory
+from slipd.bus.runtime_directory import RuntimeDirectory
 with RuntimeDirectory(pathlib.Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -9,7 +9,7 @@ from project import TRIAL
 from slipd.devices.xela import Decoder
 from slipd.errors import ConfigError, RecordingError
 from slipd.events import Bytes, LinkUp, Tick
-from slipd.recording.grips import import_trial
+from slipd.recording.grips_import import import_trial
 from slipd.recording.reader import open_recording
 
 LAST_NS = 5_751_000_000
@@ -77,7 +77,7 @@ def test_the_decoder_reads_every_count_of_every_row_at_its_time(tmp_path: Path, 
         assert [sample.device_time_ns for sample in of_pad] == [sample.t_ns for sample in of_pad]
 
 
-def test_columns_of_other_files_and_their_order_do_not_matter(trial: Path, tmp_path: Path, two_pads: str) -> None:
+def test_other_columns_and_their_order_do_not_matter(trial: Path, tmp_path: Path, two_pads: str) -> None:
     times = (trial / "robot_state.csv").read_text().split()
     (trial / "robot_state.csv").write_text("\n".join(f"{i},{time},x" for i, time in enumerate(times)))
     import_trial(TRIAL, tmp_path / "reduced.mcap", two_pads)
@@ -87,7 +87,7 @@ def test_columns_of_other_files_and_their_order_do_not_matter(trial: Path, tmp_p
 
 
 @pytest.mark.parametrize("name", ["xela_sensor1.csv", "xela_sensor2.csv", "robot_state.csv"])
-def test_a_file_that_lacks_is_named(trial: Path, refused: Callable[[str], None], name: str) -> None:
+def test_a_missing_file_is_named(trial: Path, refused: Callable[[str], None], name: str) -> None:
     (trial / name).unlink()
     refused(f"{name}: cannot be read: No such file or directory")
 
@@ -95,53 +95,53 @@ def test_a_file_that_lacks_is_named(trial: Path, refused: Callable[[str], None],
 @pytest.mark.parametrize(
     ("cell", "text"),
     [
-        ("16305.5", "'16305.5'; a whole number of 0 … 65535 is right"),
-        ("-1", "'-1'; a whole number of 0 … 65535 is right"),
-        ("65536.0", "'65536.0'; a whole number of 0 … 65535 is right"),
-        ("high", "'high'; a number is right"),
-        ("nan", "'nan'; a number is right"),
-        ("1e999", "'1e999'; a number is right"),
-        ("", "''; a number is right"),
+        ("16305.5", "an integer from 0 to 65535, got '16305.5'"),
+        ("-1", "an integer from 0 to 65535, got '-1'"),
+        ("65536.0", "an integer from 0 to 65535, got '65536.0'"),
+        ("high", "a finite number, got 'high'"),
+        ("nan", "a finite number, got 'nan'"),
+        ("1e999", "a finite number, got '1e999'"),
+        ("", "a finite number, got ''"),
     ],
 )
-def test_a_count_that_is_none_is_told_with_its_place(
+def test_an_invalid_count_is_reported_with_file_and_line(
     trial: Path, refused: Callable[[str], None], cell: str, text: str
 ) -> None:
     spoil(trial / "xela_sensor2.csv", 17, 4, cell)
-    refused(f"xela_sensor2.csv:17: txl2_y is {text}")
+    refused(f"xela_sensor2.csv:17: txl2_y must be {text}")
 
 
 def test_a_missing_column_is_named(trial: Path, refused: Callable[[str], None]) -> None:
     spoil(trial / "xela_sensor1.csv", 1, 5, "txl2_w")
-    refused("xela_sensor1.csv:1: has no column 'txl2_z'")
+    refused("xela_sensor1.csv:1: must have one column 'txl2_z', got 0")
 
 
-def test_a_doubled_column_is_named(trial: Path, refused: Callable[[str], None]) -> None:
+def test_a_duplicate_column_is_named(trial: Path, refused: Callable[[str], None]) -> None:
     spoil(trial / "xela_sensor1.csv", 1, 4, "txl2_x")
-    refused("xela_sensor1.csv:1: has 2 columns 'txl2_x'")
+    refused("xela_sensor1.csv:1: must have one column 'txl2_x', got 2")
 
 
-def test_a_row_that_is_cut_off_is_told_with_its_place(trial: Path, refused: Callable[[str], None]) -> None:
+def test_a_truncated_row_is_reported_with_file_and_line(trial: Path, refused: Callable[[str], None]) -> None:
     whole = (trial / "xela_sensor1.csv").read_text()
     (trial / "xela_sensor1.csv").write_text(whole[:-30])
-    refused("xela_sensor1.csv:286: 45 cells; the header has 48")
+    refused("xela_sensor1.csv:286: must have 48 cells, as the header, got 45")
 
 
-def test_pads_with_other_rows_than_times_are_refused(trial: Path, refused: Callable[[str], None]) -> None:
+def test_a_pad_with_another_number_of_rows_than_times_is_refused(trial: Path, refused: Callable[[str], None]) -> None:
     rows = (trial / "xela_sensor2.csv").read_text().splitlines()
     (trial / "xela_sensor2.csv").write_text("\n".join(rows[:-2]))
-    refused("xela_sensor2.csv: 283 rows, but robot_state.csv has 285; each row has its time")
+    refused("xela_sensor2.csv: must have as many rows as robot_state.csv, 285, got 283")
 
 
 @pytest.mark.parametrize(
     ("cell", "text"),
     [
-        ("0.001", "0.001 is before that of the row above; it must not fall"),
-        ("4751", "4751 is over an hour after the first; seconds are right"),
-        ("soon", "is 'soon'; a number is right"),
+        ("0.001", "must not decrease, got 0.001 after a later time"),
+        ("4751", "must be in seconds, within an hour of the first row, got 4751"),
+        ("soon", "must be a finite number, got 'soon'"),
     ],
 )
-def test_a_time_that_cannot_be_is_told_with_its_place(
+def test_an_invalid_time_is_reported_with_file_and_line(
     trial: Path, refused: Callable[[str], None], cell: str, text: str
 ) -> None:
     spoil(trial / "robot_state.csv", 50, 0, cell)
@@ -157,14 +157,14 @@ def test_a_trial_without_rows_is_refused(trial: Path, tmp_path: Path, two_pads: 
 
 
 @pytest.mark.parametrize("data", [b"time\n\xff\n", b'time\n"0\n', b"\x00\x89PNG"])
-def test_a_file_that_is_no_csv_is_refused(trial: Path, tmp_path: Path, two_pads: str, data: bytes) -> None:
+def test_a_file_that_is_not_csv_is_refused(trial: Path, tmp_path: Path, two_pads: str, data: bytes) -> None:
     (trial / "robot_state.csv").write_bytes(data)
     with pytest.raises(RecordingError, match=r"robot_state\.csv"):
         import_trial(trial, tmp_path / "out.mcap", two_pads)
     assert not (tmp_path / "out.mcap").exists()
 
 
-def test_a_config_with_faults_is_refused_with_all_of_them(tmp_path: Path, two_pads: str) -> None:
+def test_a_config_with_faults_is_refused(tmp_path: Path, two_pads: str) -> None:
     with pytest.raises(ConfigError, match="rowz"):
         import_trial(TRIAL, tmp_path / "out.mcap", two_pads.replace("rows", "rowz"))
 
@@ -172,9 +172,9 @@ def test_a_config_with_faults_is_refused_with_all_of_them(tmp_path: Path, two_pa
 @pytest.mark.parametrize(
     ("old", "new"), [('sensor = "2"', 'sensor = "3"'), ("ws://127.0.0.1:5000", "ws://127.0.0.1:5001")]
 )
-def test_a_config_whose_pads_could_not_be_fed_is_refused(tmp_path: Path, two_pads: str, old: str, new: str) -> None:
+def test_a_config_with_other_sensors_or_addresses_is_refused(tmp_path: Path, two_pads: str, old: str, new: str) -> None:
     head, tail = two_pads.rsplit(old, 1)
-    with pytest.raises(RecordingError, match="both at one address"):
+    with pytest.raises(RecordingError, match="must have the XELA sensors 1 and 2 at one address"):
         import_trial(TRIAL, tmp_path / "out.mcap", head + new + tail)
     assert list(tmp_path.iterdir()) == []
 
@@ -186,14 +186,12 @@ def test_an_existing_recording_is_never_overwritten(tmp_path: Path, two_pads: st
     assert (tmp_path / "out.mcap").read_text() == "precious"
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, two_pads: str) -> None:
+def test_a_folder_that_does_not_exist_is_reported(tmp_path: Path, two_pads: str) -> None:
     with pytest.raises(RecordingError, match=r"out\.mcap: cannot be written: No such file"):
         import_trial(TRIAL, tmp_path / "nowhere" / "out.mcap", two_pads)
 
 
-def test_a_disk_that_fails_in_the_middle_leaves_nothing(
-    tmp_path: Path, two_pads: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_failure_leaves_no_file(tmp_path: Path, two_pads: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def fdatasync(fd: int) -> None:
         raise OSError(28, "No space left on device")
 

@@ -28,7 +28,7 @@ WAITING = 8
 BUSY = "another driver is connected"
 
 
-async def open_local(spec: LinkSpec, on_bytes: OnBytes) -> LocalConnection:
+async def open_driver_socket(spec: LinkSpec, on_bytes: OnBytes) -> DriverConnection:
     """Bind the socket, for this process's user alone, and wait for a driver.
 
     Raises:
@@ -46,10 +46,10 @@ async def open_local(spec: LinkSpec, on_bytes: OnBytes) -> LocalConnection:
         _close(server, path)
         raise
     driver.setblocking(False)
-    return LocalConnection(spec.address, driver, on_bytes, server)
+    return DriverConnection(spec.address, driver, on_bytes, server)
 
 
-class LocalConnection(TcpConnection):
+class DriverConnection(TcpConnection):
     """A connected driver; see `slipd.transport.link.Connection` for what each method promises."""
 
     def __init__(self, address: str, driver: socket.socket, on_bytes: OnBytes, server: socket.socket) -> None:

@@ -11,7 +11,7 @@ READ_BYTES = 1024
 pyserial-asyncio reads as much at once."""
 
 
-class Delivery:
+class ByteDelivery:
     """From a connection to its consumer.
 
     Args:
@@ -27,7 +27,7 @@ class Delivery:
         """Nothing is to be handed on or written any more."""
         return self._lost.done()
 
-    def hand_on(self, data: bytes) -> bool:
+    def deliver(self, data: bytes) -> bool:
         """Give bytes to the consumer; False when that ended the connection.
 
         What the consumer raises is kept for `until_lost`: out of a callback asyncio would only log it and go on.

@@ -1,9 +1,9 @@
-"""Imports gripper trials with two XELA pads as recordings.
+"""Import gripper trials with two XELA pads as recordings.
 
-The source is one trial folder as published with "proactive slip control" (github.com/imanlab/proactive-slip-control):
-``xela_sensor1.csv`` and ``xela_sensor2.csv`` with the raw counts of sixteen three-axis taxels a row, and
-``robot_state.csv`` with the ``time`` of each row. The counts are put into the messages with which XELA's server
-would have sent them, so that everything from the decoder on is the way of a live run.
+The source is a trial folder as published with "proactive slip control" (github.com/imanlab/proactive-slip-control):
+``xela_sensor1.csv`` and ``xela_sensor2.csv`` with the raw counts of sixteen three-axis taxels per row, and
+``robot_state.csv`` with the ``time`` of each row. The counts become the messages that the XELA server would have sent,
+so that everything from the decoder on runs as in a live run.
 """
 
 from __future__ import annotations
@@ -28,10 +28,16 @@ from slipd.recording.mcap_file import RecordingFile
 SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}
 TIMES = "robot_state.csv"
 TAXELS = 16
-LONGEST_S = 3600.0  # the trials last seconds; a longer one has its times in another unit
-START_NS = 1_000_000_000  # the first row; also in wall-clock time, for none is known
+LONGEST_S = 3600.0
+"""Longest trial, s: trials last seconds, so a longer one has its times in another unit."""
+
+START_NS = 1_000_000_000
+"""Time of the first row, ns; the wall-clock time too, because it is not known."""
+
 TICK_NS = 10_000_000
-AFTER_NS = 500_000_000  # long enough for every stream to be told stale
+AFTER_NS = 500_000_000
+"""Recorded time after the last row, ns: long enough for every stream to become stale."""
+
 BOOT = "imported"
 WELCOME = b'{"message":"Welcome"}'
 
@@ -41,20 +47,20 @@ _COUNT_MAX = 2**16 - 1
 
 
 def import_trial(source: Path, out: Path, config_text: str) -> None:
-    """Write one trial as a recording: what a live run with this config would have seen.
+    """Write one trial as the recording of a live run with this config.
 
-    The server comes up at ``START_NS`` and welcomes; then one message a row, holding both pads, at the row's time;
-    between them a tick every 10 ms, up to half a second behind the last row.
+    The server connects and sends its welcome at ``START_NS``, then one message per row with both pads, at the time of
+    the row. A tick comes every 10 ms, until half a second after the last row.
 
     Args:
-        source: The folder of the trial.
-        out: Recording to be written; an existing one is never overwritten, and none is left half-written.
-        config_text: Config with which it is to be replayed, TOML; its pads share one WebSocket address.
+        source: Folder of the trial.
+        out: Recording to write; an existing one is never overwritten, and a failure leaves no file.
+        config_text: Config for the replay, TOML; its pads share one WebSocket address.
 
     Raises:
         ConfigError: The config has faults.
-        RecordingError: The source is not such a trial (told with file, line and what would be right), the config
-            has no such address, or ``out`` cannot be written.
+        RecordingError: The source is not such a trial (with file, line and rule), the config has no such address, or
+            ``out`` cannot be written.
     """
     link = _server(config_text, f"config for {out.name}")
     times_ns = _times_ns(source / TIMES)
@@ -62,7 +68,7 @@ def import_trial(source: Path, out: Path, config_text: str) -> None:
     for sensor, pad in pads.items():
         if len(pad) != len(times_ns):
             path = source / SENSORS[sensor]
-            raise RecordingError(f"{path}: {len(pad)} rows, but {TIMES} has {len(times_ns)}; each row has its time")
+            raise RecordingError(f"{path}: must have as many rows as {TIMES}, {len(times_ns)}, got {len(pad)}")
     if out.exists():
         raise RecordingError(f"{out}: exists already; give the name of a new file")
     try:
@@ -75,14 +81,14 @@ def import_trial(source: Path, out: Path, config_text: str) -> None:
 
 
 def _server(config_text: str, file_name: str) -> LinkSpec:
-    """Return the one link over which the config reads the pads."""
+    """Return the link over which the config reads both pads."""
     settings = config.parse(config_text, file_name)
     pads = [finger.pad for finger in settings.finger.values() if finger.pad and finger.pad.device == "xela"]
     ports, sensors = {pad.port for pad in pads}, {pad.sensor for pad in pads}
     if len(ports) != 1 or not sensors <= SENSORS.keys():
         raise RecordingError(
-            f"{file_name}: XELA sensors {sorted(sensors)} at {len(ports)} addresses; "
-            f"right are the sensors {' and '.join(SENSORS)}, both at one address"
+            f"{file_name}: must have the XELA sensors {' and '.join(SENSORS)} at one address, "
+            f"got {sorted(sensors)} at {len(ports)} addresses"
         )
     links = Engine(settings, boot=BOOT, wall_minus_monotonic_ns=0).links
     return next(link for link in links.values() if link.address in ports)
@@ -118,19 +124,21 @@ def _write(path: Path, config_text: str, events: Iterator[tuple[int, Event]]) ->
 
 
 def _rows(path: Path, columns: list[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield line and the cells of ``columns`` of every row."""
+    """Yield the line number and the cells of ``columns`` of every row."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             reader = csv.reader(file, strict=True)
             header = next(reader, [])
             for name in columns:
                 if header.count(name) != 1:
-                    found = f"{header.count(name)} columns" if name in header else "no column"
-                    raise RecordingError(f"{path}:1: has {found} {name!r}")
+                    found = header.count(name)
+                    raise RecordingError(f"{path}:1: must have one column {name!r}, got {found}")
             places = [header.index(name) for name in columns]
             for row in reader:
                 if len(row) != len(header):
-                    raise RecordingError(f"{path}:{reader.line_num}: {len(row)} cells; the header has {len(header)}")
+                    raise RecordingError(
+                        f"{path}:{reader.line_num}: must have {len(header)} cells, as the header, got {len(row)}"
+                    )
                 yield reader.line_num, [row[place] for place in places]
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
@@ -144,12 +152,12 @@ def _number(path: Path, line: int, column: str, cell: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise RecordingError(f"{path}:{line}: {column} is {cell!r}; a number is right")
+        raise RecordingError(f"{path}:{line}: {column} must be a finite number, got {cell!r}")
     return number
 
 
 def _times_ns(path: Path) -> list[int]:
-    """Read when each row was taken; the first is at ``START_NS``."""
+    """Read the time of each row, ns; the first is at ``START_NS``."""
     times_ns: list[int] = []
     first_s = 0.0
     for line, (cell,) in _rows(path, ["time"]):
@@ -158,23 +166,23 @@ def _times_ns(path: Path) -> list[int]:
             first_s = time_s
         t_ns = START_NS + round((time_s - first_s) * 1e9)
         if times_ns and t_ns < times_ns[-1]:
-            raise RecordingError(f"{path}:{line}: time {cell} is before that of the row above; it must not fall")
+            raise RecordingError(f"{path}:{line}: time must not decrease, got {cell} after a later time")
         if time_s - first_s > LONGEST_S:
-            raise RecordingError(f"{path}:{line}: time {cell} is over an hour after the first; seconds are right")
+            raise RecordingError(f"{path}:{line}: time must be in seconds, within an hour of the first row, got {cell}")
         times_ns.append(t_ns)
     if not times_ns:
-        raise RecordingError(f"{path}: has no rows; one for each reading is right")
+        raise RecordingError(f"{path}: must have one row for each reading, got none")
     return times_ns
 
 
 def _counts(path: Path) -> list[Counts]:
-    """Read the counts of one pad, one array (taxels, 3) a row."""
+    """Read the counts of one pad, one array of shape (taxels, 3) per row."""
     pad = []
     for line, cells in _rows(path, _COLUMNS):
         row = [_number(path, line, *named) for named in zip(_COLUMNS, cells, strict=True)]
         for column, cell, count in zip(_COLUMNS, cells, row, strict=True):
             if not (0 <= count <= _COUNT_MAX and count.is_integer()):
-                right = f"a whole number of 0 … {_COUNT_MAX}"
-                raise RecordingError(f"{path}:{line}: {column} is {cell!r}; {right} is right")
+                rule = f"must be an integer from 0 to {_COUNT_MAX}"
+                raise RecordingError(f"{path}:{line}: {column} {rule}, got {cell!r}")
         pad.append(np.array(row, dtype=np.uint16).reshape(TAXELS, 3))
     return pad

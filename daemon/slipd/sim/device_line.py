@@ -17,7 +17,7 @@ import zmq
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 
-from slipd.sim.port import Port
+from slipd.sim.pseudo_terminal import PseudoTerminal
 
 READ_BYTES = 65_536
 PIECES_PER_LOOK = 64
@@ -108,7 +108,7 @@ def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
 
 class _PtyLine:
     def __init__(self, path: Path) -> None:
-        self._port = Port(path)
+        self._port = PseudoTerminal(path)
         self._poll = select.poll()
         self._poll.register(self._port.fd, select.POLLIN)
 

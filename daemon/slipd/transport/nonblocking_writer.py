@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 
 
-class Sender:
+class NonblockingWriter:
     """Sends on a non-blocking file descriptor; nothing waits in a queue but the rest of one write.
 
     Args:

@@ -11,7 +11,7 @@ from pathlib import Path
 READ_BYTES = 4096
 
 
-class Port:
+class PseudoTerminal:
     """The device's end of a raw pseudo-terminal; its other end is opened by ``path``.
 
     Args:

@@ -5,9 +5,9 @@ from slipd.devices import bota, modbus, pvdf
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.fusion import contact_from_wrench
 from slipd.signals.mounting import Mounting
-from slipd.sim.rig import LEFT_MOUNT, LINES, RIGHT_MOUNT, Rig
 from slipd.sim.scene import Scene
 from slipd.sim.true_contact import Patch
+from slipd.sim.virtual_rig import LEFT_MOUNT, LINES, RIGHT_MOUNT, VirtualRig
 
 TICK_NS = 1_250_000
 
@@ -22,7 +22,7 @@ def tell(rig, registers, t_ns):
 @pytest.fixture(scope="module")
 def played():
     """The first nine seconds with a grip of 7.5 N: every sample of each line, and the rig."""
-    rig = Rig(Scene(), seed=5)
+    rig = VirtualRig(Scene(), seed=5)
     decoders = {line: bota.Decoder() if "wrench" in line else pvdf.Decoder() for line in LINES[:4]}
     samples = {line: [] for line in decoders}
     for tick in range(1, round(9.5e9 / TICK_NS)):
@@ -80,14 +80,14 @@ def test_the_images_are_pressed_where_the_wrench_says(played):
 
 
 def test_the_same_seed_says_the_same_bytes():
-    first, second, other = (Rig(Scene(), seed) for seed in (1, 1, 2))
+    first, second, other = (VirtualRig(Scene(), seed) for seed in (1, 1, 2))
     said = [[rig.advance(t * TICK_NS) for t in range(1, 400)] for rig in (first, second, other)]
     assert said[0] == said[1]
     assert said[0] != said[2]
 
 
 def test_the_fingers_do_not_share_their_noise():
-    rig = Rig(Scene())
+    rig = VirtualRig(Scene())
     said = [rig.advance(tick * TICK_NS) for tick in range(1, 200)]
     noise = [
         bota.Decoder().receive(b"".join(each[line] for each in said), 0)[0].force_n - mount.bias[:3]
@@ -98,7 +98,7 @@ def test_the_fingers_do_not_share_their_noise():
 
 
 def test_opening_a_sensors_line_boots_it_and_only_it():
-    rig = Rig(Scene())
+    rig = VirtualRig(Scene())
     for tick in range(1, 400):
         rig.advance(tick * TICK_NS)
     rig.opened("right-wrench", 400 * TICK_NS)
@@ -107,7 +107,7 @@ def test_opening_a_sensors_line_boots_it_and_only_it():
 
 
 def test_commands_reach_the_sensor_they_are_written_to():
-    rig = Rig(Scene())
+    rig = VirtualRig(Scene())
     for tick in range(1, 400):
         rig.advance(tick * TICK_NS)
     assert rig.receive("left-wrench", b"C", 400 * TICK_NS).startswith(b"r,0,C,0")

@@ -39,7 +39,7 @@ class _Finger:
         return self.wrench.advance(t_ns), self.pad.advance(t_ns, scene.normal_n)
 
 
-class Rig:
+class VirtualRig:
     """Two fingers and a gripper in a scene. The scene's clock begins when the gripper is first told to activate.
 
     Args:

@@ -12,7 +12,7 @@ import pytest
 import zmq
 from websockets.asyncio.client import connect
 
-from slipd.sim.line import SEND_AHEAD, Line, open_line
+from slipd.sim.device_line import SEND_AHEAD, Line, open_line
 
 PATIENCE_S = 20.0
 

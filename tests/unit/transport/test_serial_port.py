@@ -13,8 +13,8 @@ import pytest
 import serial as pyserial
 
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.transport import serial
-from slipd.transport.serial import why_not_opened
+from slipd.transport import serial_port
+from slipd.transport.serial_port import why_not_opened
 
 if TYPE_CHECKING:
     from conftest import Device, Eventually, Serving
@@ -142,21 +142,21 @@ async def test_L6_a_device_that_was_long_away_is_opened_without_waiting_for_the_
 
 def test_L6_what_is_at_a_path_is_told_apart(device: Device, tmp_path: Path) -> None:
     path = str(device.path)
-    assert serial.look(path) is None
+    assert serial_port.look(path) is None
     device.plug()
-    first = serial.look(path)
+    first = serial_port.look(path)
     assert first is not None
-    assert serial.look(path) == first
+    assert serial_port.look(path) == first
     device.unplug()
-    assert serial.look(path) is None
+    assert serial_port.look(path) is None
     time.sleep(0.02)  # the kernel stamps files by a clock that ticks every few milliseconds
     device.plug()
-    assert serial.look(path) != first, "the kernel gives its number again"
+    assert serial_port.look(path) != first, "the kernel gives its number again"
     file = tmp_path / "rights"
     file.touch(mode=0o600)
-    before = serial.look(str(file))
+    before = serial_port.look(str(file))
     file.chmod(0o660)
-    assert serial.look(str(file)) != before, "udev sets the group after the port has appeared"
+    assert serial_port.look(str(file)) != before, "udev sets the group after the port has appeared"
 
 
 class UsbPort:
@@ -181,14 +181,14 @@ class UsbPort:
 def test_L6_the_identity_of_a_port_names_its_usb_device(
     path: str, identity: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serial, "SysFS", UsbPort)
-    assert serial.identity_of(path) == identity
+    monkeypatch.setattr(serial_port, "SysFS", UsbPort)
+    assert serial_port.identity_of(path) == identity
 
 
 async def test_L6_a_path_that_may_become_another_devices_is_warned_of_once(
     serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture, quick: None
 ) -> None:
-    serial._advise.cache_clear()
+    serial_port._advise.cache_clear()
     numbered = LinkSpec("a", "serial", "/dev/ttyUSB4711", 115200)
     stable = LinkSpec("b", "serial", "/dev/serial/by-id/none", 115200)
     async with serving(numbered, stable) as (_, events):
@@ -442,7 +442,7 @@ async def test_closing_does_not_wait_for_a_device_that_never_reads(
 async def test_a_write_taken_in_part_is_completed_before_the_end(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serial, "DRAIN_TIMEOUT_S", 60.0)
+    monkeypatch.setattr(serial_port, "DRAIN_TIMEOUT_S", 60.0)
     device.plug()
     got = bytearray()
 
@@ -458,14 +458,14 @@ async def test_a_write_taken_in_part_is_completed_before_the_end(
 
 async def test_a_port_can_be_opened_as_soon_as_it_is_closed(device: Device, spec: LinkSpec) -> None:
     device.plug()
-    connection = await serial.open_serial(spec, print)
+    connection = await serial_port.open_serial(spec, print)
     await connection.close()
     pyserial.Serial(str(device.path), exclusive=True).close()
 
 
 async def test_a_port_that_takes_no_more_bytes_is_lost_although_it_still_reads(device: Device, spec: LinkSpec) -> None:
     device.plug()
-    connection = await serial.open_serial(spec, print)
+    connection = await serial_port.open_serial(spec, print)
     readable, writable = os.pipe()
     os.dup2(readable, connection._port.fileno())
     assert not connection.write(b"command")
@@ -495,14 +495,14 @@ async def test_a_port_whose_opening_was_given_up_is_closed(
 ) -> None:
     device.plug()
     entered, allowed = threading.Event(), threading.Event()
-    really_open = serial._open_port
+    really_open = serial_port._open_port
 
     def open_slowly(path: str, baud: int) -> pyserial.Serial:
         entered.set()
         allowed.wait()
         return really_open(path, baud)
 
-    monkeypatch.setattr(serial, "_open_port", open_slowly)
+    monkeypatch.setattr(serial_port, "_open_port", open_slowly)
     async with serving(spec) as (_, events):
         await eventually(entered.is_set)
     allowed.set()
@@ -516,14 +516,14 @@ async def test_a_port_unplugged_while_it_is_opened_is_an_ordinary_loss(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     device.plug()
-    really_open = serial._open_port
+    really_open = serial_port._open_port
 
     def open_and_unplug(path: str, baud: int) -> pyserial.Serial:
         port = really_open(path, baud)
         device.unplug()
         return port
 
-    monkeypatch.setattr(serial, "_open_port", open_and_unplug)
+    monkeypatch.setattr(serial_port, "_open_port", open_and_unplug)
     files = open_files()
     async with serving(spec) as (_, events):
         await eventually(lambda: events)

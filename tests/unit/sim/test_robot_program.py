@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import zmq
 
-from slipd.sim.operator import Operator, Plan
+from slipd.sim.robot_program import Plan, RobotProgram
 from slipd_client.messages import LEVELS, decode, encode
 
 BOOT = "run1"
@@ -94,11 +94,11 @@ def warning(level="warning", reasons=("rotation",), rising=True, finger="left"):
 
 
 def work(daemon, plan=QUICK):
-    operator = Operator(*daemon.endpoints, plan)
-    operator.start()
-    operator.join(30.0)
-    assert not operator.is_alive()
-    return operator.report
+    program = RobotProgram(*daemon.endpoints, plan)
+    program.start()
+    program.join(30.0)
+    assert not program.is_alive()
+    return program.report
 
 
 def test_it_tares_grips_and_opens_in_this_order(daemon):
@@ -137,11 +137,11 @@ def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
     report = work(daemon)
     assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.5]
     (made,) = report.raises
-    assert (made.asked_n, made.before_n, made.result, made.refusal) == (9.5, 6.9, {"applied_n": 9.5}, "")
-    assert made.asked_ns < made.answered_ns
+    assert (made.requested_n, made.before_n, made.result, made.refusal) == (9.5, 6.9, {"applied_n": 9.5}, "")
+    assert made.requested_ns < made.answered_ns
     assert report.rotation_warning.level == "warning"
-    assert report.rotation_warning.t_ns < report.rotation_warning.heard_ns <= made.asked_ns
-    assert report.slip_told.level == "slipping"
+    assert report.rotation_warning.t_ns < report.rotation_warning.received_ns <= made.requested_ns
+    assert report.slip_report.level == "slipping"
 
 
 def test_a_raise_is_made_in_the_steps_that_the_gripper_allows(daemon):
@@ -149,7 +149,7 @@ def test_a_raise_is_made_in_the_steps_that_the_gripper_allows(daemon):
     report = work(daemon, replace(QUICK, step_n=2.0, step_s=0.05))
     assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.0, 10.5]
     first, second = report.raises
-    assert second.asked_ns - first.asked_ns >= 50_000_000
+    assert second.requested_ns - first.requested_ns >= 50_000_000
 
 
 def test_a_step_that_came_too_soon_is_asked_for_again(daemon):
@@ -247,18 +247,18 @@ def test_a_refused_grip_ends_it_and_the_lease_is_given_back(daemon):
 
 
 def test_told_to_end_it_opens_nothing(daemon):
-    operator = Operator(*daemon.endpoints, Plan(tare_s=0.01, close_s=0.0))
-    operator.start()
+    program = RobotProgram(*daemon.endpoints, Plan(tare_s=0.01, close_s=0.0))
+    program.start()
     deadline = time.monotonic() + 30.0
-    while operator.report.closed_ns is None:
+    while program.report.closed_ns is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    operator.end()
-    operator.join(30.0)
+    program.end()
+    program.join(30.0)
     assert daemon.ops()[-2:] == ["gripper.close", "lease.release"]
 
 
 def test_without_a_daemon_it_says_so():
-    operator = Operator("ipc:///nowhere/publish", "ipc:///nowhere/requests")
-    operator.run()
-    assert "nobody takes requests" in operator.report.error
+    program = RobotProgram("ipc:///nowhere/publish", "ipc:///nowhere/requests")
+    program.run()
+    assert "nobody takes requests" in program.report.error

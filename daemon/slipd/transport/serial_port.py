@@ -21,9 +21,9 @@ from serial.tools.list_ports_linux import SysFS
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.transport.delivery import Delivery
+from slipd.transport.byte_delivery import ByteDelivery
 from slipd.transport.link import OnBytes
-from slipd.transport.sender import Sender
+from slipd.transport.nonblocking_writer import NonblockingWriter
 
 DRAIN_TIMEOUT_S = 0.2
 """How long closing waits for the last bytes to leave: 2 kB at 115200 baud, far more than any farewell."""
@@ -107,8 +107,8 @@ class SerialConnection(asyncio.Protocol):
         self.identity = port.identity
         self._loop = asyncio.get_running_loop()
         self._port = port
-        self._delivery = Delivery(on_bytes)
-        self._sender = Sender(port.fileno(), self._lose)
+        self._delivery = ByteDelivery(on_bytes)
+        self._writer = NonblockingWriter(port.fileno(), self._lose)
         self._closed = asyncio.Event()
         self._transport = serial_asyncio.SerialTransport(self._loop, self, port)
 
@@ -118,7 +118,7 @@ class SerialConnection(asyncio.Protocol):
 
     def write(self, data: bytes) -> bool:
         """Send now or never; False while the device does not read."""
-        return not self._delivery.ended and self._sender.write(data)
+        return not self._delivery.ended and self._writer.write(data)
 
     async def close(self) -> None:
         """Let the last bytes leave for at most DRAIN_TIMEOUT_S, then release the port."""
@@ -132,7 +132,7 @@ class SerialConnection(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Hand on; called by the transport."""
-        if not self._delivery.hand_on(data):
+        if not self._delivery.deliver(data):
             self._transport.pause_reading()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -141,13 +141,13 @@ class SerialConnection(asyncio.Protocol):
         self._closed.set()
 
     def _lose(self, error: Exception | None) -> None:
-        self._sender.stop()
+        self._writer.stop()
         self._delivery.lose(f"{self._port.port}: went away ({error}); it is opened again when it is back")
 
     async def _drain(self) -> None:
         deadline_s = self._loop.time() + DRAIN_TIMEOUT_S
         with contextlib.suppress(OSError):  # unplugged meanwhile
-            while (self._sender.under_way or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
+            while (self._writer.under_way or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
                 await asyncio.sleep(DRAIN_POLL_S)
 
 

@@ -11,8 +11,8 @@ import pytest
 from slipd.devices import Inquiry
 from slipd.errors import LinkError
 from slipd.events import Bytes, LinkDown, LinkSpec, LinkUp
-from slipd.transport import inquiry
-from slipd.transport.inquiry import MAX_REPLY_BYTES, inquire
+from slipd.transport import tcp_inquiry
+from slipd.transport.tcp_inquiry import MAX_REPLY_BYTES, inquire
 
 if TYPE_CHECKING:
     from conftest import Eventually, Serving
@@ -83,7 +83,7 @@ async def test_nobody_on_the_port_is_told(unused_tcp_port: int) -> None:
 
 
 async def test_a_host_that_never_answers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inquiry, "TIMEOUT_S", 0.05)
+    monkeypatch.setattr(tcp_inquiry, "TIMEOUT_S", 0.05)
     async with host(b"on", hangs_up=False) as port:
         assert "no answer within 0.05 s" in await why_not(port, 11)
 

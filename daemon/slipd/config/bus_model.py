@@ -1,0 +1,62 @@
+"""Keys of ``[bus]``, ``[requests]`` and ``[recording]``: who may connect, and what clients may request."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from slipd.config.bounds import StrictModel
+
+File = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]+$")]
+"""An absolute path."""
+
+
+class Bus(StrictModel):
+    """``[bus]``: the endpoints, and who may connect to them.
+
+    Attributes:
+        publish: ZeroMQ endpoint of the messages; None: a socket in the private runtime directory. An endpoint over TCP
+            needs ``secret_key`` and ``readers``.
+        requests: ZeroMQ endpoint of the requests, likewise; over TCP it needs ``secret_key`` and ``requesters``.
+        secret_key: File with the secret key of the daemon (``slipctl keys new`` creates one).
+        readers: Directory with the public keys (``*.key``) that may subscribe; None: no key is needed.
+        requesters: Directory with the public keys that may send requests, likewise. A client that may do both has its
+            key in both directories.
+        allow_local_tcp: Serve TCP ports of this machine without keys; every user of the machine can then move the
+            gripper.
+        requests_hz: Requests per second that one client may send.
+    """
+
+    publish: str | None = None
+    requests: str | None = None
+    secret_key: File | None = None
+    readers: File | None = None
+    requesters: File | None = None
+    allow_local_tcp: bool = False
+    requests_hz: float = Field(default=50.0, ge=1.0, le=10_000.0)
+
+
+class Requests(StrictModel):
+    """``[requests]``: what clients may request.
+
+    Attributes:
+        friction_without_lease: Any client may raise μ of a finger, which makes its verdicts more lenient. False: only
+            the client that holds the lease may.
+    """
+
+    friction_without_lease: bool = False
+
+
+class Recording(StrictModel):
+    """``[recording]``: limits of the recordings that clients start; ``slipd run --record`` has none.
+
+    Attributes:
+        max_bytes: Size of one file, bytes. A recording that reaches it is closed properly within 0.1 s.
+        max_files: Number of files; at this number ``record.start`` is refused. No file is deleted.
+        min_free_bytes: Free disk space, bytes; below it no recording starts, and a running one ends.
+    """
+
+    max_bytes: int = Field(default=1_000_000_000, ge=1_000_000)
+    max_files: int = Field(default=20, ge=1)
+    min_free_bytes: int = Field(default=1_000_000_000, ge=0)

@@ -1,0 +1,97 @@
+"""Read the config of a rig from its file, and report every fault with its line.
+
+A file of ``config/`` describes one rig. An unknown key, a wrong type or a value out of range refuses the whole file,
+and all faults are reported at once. A missing limit means that nothing is moved, never that there is no limit.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from slipd.config.checks import meaning_faults
+from slipd.config.fault_texts import explain
+from slipd.config.model import Config
+from slipd.config.path_trust import trust_faults
+from slipd.config.toml_lines import key_lines, line_of
+from slipd.errors import ConfigError, ConfigFault
+
+
+def load(path: Path) -> Config:
+    """Read a config file that no other user may change (see `slipd.config.path_trust`).
+
+    Raises:
+        ConfigError: The file cannot be read, other users may change it, or it has faults; the error lists them all.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        untrusted = trust_faults(path)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise ConfigError(str(path), [ConfigFault("", None, f"cannot be read: {reason}")]) from None
+    if untrusted:
+        raise ConfigError(str(path), [ConfigFault("", None, fault) for fault in untrusted])
+    return parse(text, str(path))
+
+
+def parse(text: str, file: str) -> Config:
+    """Parse the text of a config.
+
+    Args:
+        text: The text, TOML.
+        file: Name of the file, for errors.
+
+    Raises:
+        ConfigError: The text has faults; the error lists them all.
+    """
+    try:
+        tree = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # not only TOMLDecodeError: a number or list may be too long or deep
+        where = re.search(r"\(at line (\d+)", str(error))
+        raise ConfigError(file, [ConfigFault("", int(where[1]) if where else None, f"not TOML: {error}")]) from None
+    try:
+        config = Config.model_validate(tree)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        found = [explain(fault) for fault in errors]
+        for fault in errors:
+            _remove_value(tree, fault["loc"])
+        with contextlib.suppress(ValidationError):  # the valid values may still not fit each other
+            found += _meaning_faults(Config.model_validate(tree))
+        raise _config_error(file, text, found) from None
+    if faults := _meaning_faults(config):
+        raise _config_error(file, text, faults)
+    return config.with_text(text)
+
+
+def shipped(name: str) -> Path:
+    """Return the path of a file of ``config/``, in the source tree or in the installed package."""
+    source_tree = Path(__file__).parents[3] / "config" / name
+    return source_tree if source_tree.is_file() else Path(str(resources.files("slipd") / "shipped_config" / name))
+
+
+def _meaning_faults(config: Config) -> list[tuple[tuple[str, ...], str]]:
+    return [(tuple(path.split(".")), message) for path, message in meaning_faults(config)]
+
+
+def _config_error(file: str, text: str, found: list[tuple[tuple[str, ...], str]]) -> ConfigError:
+    lines = key_lines(text)
+    return ConfigError(file, [ConfigFault(".".join(path), line_of(lines, path), message) for path, message in found])
+
+
+def _remove_value(tree: Any, location: tuple[int | str, ...]) -> None:
+    """Remove a faulty value, so that its default applies; a faulty value in a list removes the whole list."""
+    for depth, key in enumerate(location):
+        if not isinstance(tree, dict) or key not in tree:
+            return
+        last = depth == len(location) - 1 or not isinstance(tree[key], dict)
+        if last:
+            del tree[key]
+            return
+        tree = tree[key]

@@ -1,0 +1,159 @@
+"""Keys of ``[finger.X]`` and its tables: the force/torque sensor, the tactile pad, and slip detection."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from slipd.config.bounds import (
+    MOST_FRICTION,
+    DriftForce,
+    DriftTime,
+    DriftTorque,
+    Electrode,
+    ForceNoise,
+    Friction,
+    Leak,
+    Mass,
+    Pitch,
+    Place,
+    Quaternion,
+    Range,
+    SlipHold,
+    SlipWindow,
+    StrictModel,
+    TorqueNoise,
+    TorqueRange,
+)
+from slipd.config.stream_model import NotNegative, Positive, Stream
+
+MU_RAISE = 2.0
+"""`friction.set` accepts up to this many times the configured μ, unless ``mu_max`` is given."""
+
+
+class Pose(StrictModel):
+    """``pad_from_sensor``: transforms coordinates of the sensor frame to the pad frame."""
+
+    xyz_m: Place = Field(default=[0.0, 0.0, 0.0])
+    quat_xyzw: Quaternion = Field(default=[0.0, 0.0, 0.0, 1.0])
+
+
+class Wrench(Stream):
+    """``[finger.X.wrench]``: a force/torque sensor.
+
+    Attributes:
+        sign: +1 if the sensor reports the load on the finger, −1 if it reports the load that the finger exerts.
+        pad_from_sensor: Pose of the sensor in the pad frame.
+        mass_kg: Mass of the part of the finger beyond the sensor, kg; 0: no weight is compensated.
+        com_m: Centre of mass of that part in the pad frame, m.
+        force_std_n: Noise of each force component, standard deviation, N.
+        torque_std_nm: Noise of each torque component, standard deviation, N·m.
+        range_n: Largest force that the sensor can report, as the length of the vector, N. Readings beyond it, and
+            jumps back and forth by a quarter of it, are treated as damaged. None: unknown; only readings above 1e6 N,
+            which no sensor has, are treated as damaged.
+        range_nm: Largest torque that the sensor can report, likewise, N·m.
+        stuck_after: The sensor counts as stuck after this many repeats of a reading (over 20 ms or more). Up to 50,
+            repeats over 70 ms that are unusual for this sensor count too; above 50, for a sensor whose readings rest
+            for long, only the number counts. 0: a reading may repeat for ever. In every case no grip is raised on a
+            reading that repeats for longer than usual, or for over 50 ms.
+        drift_tau_s: Time constant with which a drifting zero is followed while nothing touches, s; None: not followed.
+        drift_limit_n: Largest drift compensation of each force component since the tare, N; also part of the tolerance
+            for a negative normal force.
+        drift_limit_nm: Largest drift compensation of each torque component since the tare, N·m.
+    """
+
+    sign: Literal[1, -1] = 1
+    pad_from_sensor: Pose = Pose()
+    mass_kg: Mass = 0.0
+    com_m: Place = Field(default=[0.0, 0.0, 0.0])
+    force_std_n: ForceNoise = 0.02
+    torque_std_nm: TorqueNoise = 0.0005
+    range_n: Range | None = None
+    range_nm: TorqueRange | None = None
+    stuck_after: int = Field(default=50, ge=0)
+    drift_tau_s: DriftTime | None = None
+    drift_limit_n: DriftForce = 1.0
+    drift_limit_nm: DriftTorque = 0.02
+
+
+class Pad(Stream):
+    """``[finger.X.pad]``: a tactile pad.
+
+    Attributes:
+        rows: Rows of taxels.
+        cols: Columns of taxels.
+        pitch_m: Distance between the centres of neighbouring taxels, m.
+        electrode_m: Diameter of the sensing area of a taxel, m.
+        swap_xy: The rows of the scan run along X; the shear axes of three-axis taxels are swapped with them.
+        flip_x: The scan runs against X. Shear changes its sign by ``axis_scale``, not by this key.
+        flip_y: The scan runs against Y, likewise.
+        axis_scale: Newtons (or another unit) per count, one value for each component that a taxel measures; the sign
+            sets the direction of the axis.
+        threshold: A taxel is active above this normal force, in the unit of ``axis_scale``.
+        tare: Counts of the unloaded pad, one for each component of each taxel in scan order; empty: zero.
+        full_scale: Largest count of a taxel; None: unknown, and a saturated taxel is reported as stuck or hot.
+        gain_error: Relative error of ``axis_scale`` where it gives newtons, such as 0.05. The sum of the image is then
+            compared with the force sensor. None: the unit is not newtons.
+        stuck_after: As for a wrench, for taxels that measure the force by themselves (three axes, no ``wrench``). The
+            default is 0, because a pad without noise repeats its image as long as its load does; no grip is raised
+            meanwhile.
+        charge_tau_s: Leak time constant of the charge amplifiers, s; None for pads that measure force itself.
+    """
+
+    rows: int = Field(gt=0, le=64)
+    cols: int = Field(gt=0, le=64)
+    pitch_m: Pitch
+    electrode_m: Electrode
+    swap_xy: bool = False
+    flip_x: bool = False
+    flip_y: bool = False
+    axis_scale: list[float] = Field(default=[1.0], min_length=1, max_length=3)
+    threshold: NotNegative = 0.0
+    tare: list[float] = Field(default=[])
+    full_scale: Positive | None = None
+    gain_error: float | None = Field(default=None, gt=0.0, lt=1.0)
+    stuck_after: int = Field(default=0, ge=0)
+    charge_tau_s: Leak | None = None
+
+
+class Slip(StrictModel):
+    """``[finger.X.slip]``: when a drop of R counts as a slip (see `slipd.fusion.slip.SlipSettings`)."""
+
+    drop: float = Field(default=0.12, gt=0.0, lt=1.0)
+    window_s: SlipWindow = 0.04
+    armed_at: Positive = 0.7
+    hold_s: SlipHold = 0.25
+
+
+class Finger(StrictModel):
+    """``[finger.X]``.
+
+    Attributes:
+        mu: Safe estimate of the coefficient of static friction; None: every level is "unknown".
+        mu_max: Largest μ that `friction.set` accepts; None: twice ``mu``, at most 2.
+        min_normal_n: Below this normal force there is no contact, N.
+        load_rule: How the normal force is distributed over the taxels.
+        contact_growth: Exponent with which the size of the contact grows with the normal force: 0 rigid, 1/3 Hertz.
+        grip_safety: Safety factor on the load in ``grip_needed_n``.
+        wrench: The force/torque sensor, if there is one.
+        pad: The tactile pad, if there is one.
+        slip: Slip detection.
+    """
+
+    mu: Friction | None = None
+    mu_max: Friction | None = None
+    min_normal_n: Positive = 0.3
+    load_rule: Literal["matched", "grey", "binary"] = "matched"
+    contact_growth: float = Field(default=0.0, ge=0.0, le=1.0)
+    grip_safety: float = Field(default=1.3, ge=1.0, le=10.0)
+    wrench: Wrench | None = None
+    pad: Pad | None = None
+    slip: Slip = Slip()
+
+    @property
+    def most_mu(self) -> float:
+        """Largest μ that `friction.set` accepts."""
+        if self.mu_max is not None:
+            return self.mu_max
+        return MOST_FRICTION if self.mu is None else min(MU_RAISE * self.mu, MOST_FRICTION)

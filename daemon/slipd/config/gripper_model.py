@@ -1,0 +1,84 @@
+"""Keys of ``[gripper]``, ``[grasp]`` and ``[reflex]``, with units and defaults."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, Strict
+
+from slipd.config.bounds import Calm, Grip, LeadTime, Quaternion, Slew, StrictModel
+from slipd.config.stream_model import NotNegative, Stream, Table
+
+
+class Gripper(Stream):
+    """``[gripper]``. Every force is the normal force on one pad.
+
+    Attributes:
+        force_table: Rows of (device units, N on one pad), both rising; linear between the rows. Only for grippers that
+            do not take newtons.
+        width_table: Rows of (closure 0…1, m between the pads), closure rising and width falling; likewise.
+        speed_table: Rows of (device units, m/s of the jaws), both rising; None: no request may set ``speed_mps``.
+        max_force_n: Largest force that a request may set, N; None: no request may move anything.
+        min_force_n: Smallest force that a request may set, N.
+        step_n: Largest change of the force on a held object by one request, N.
+        raise_n_per_s: Fastest rise of that force by requests, N/s.
+        lower_n_per_s: Fastest fall of that force by requests, N/s.
+        budget_n: Largest sum of all raises of one grasp, N; None: ``max_force_n``.
+        max_lease_ms: Longest life of a lease without renewal, ms.
+        lease_end: What happens to moving fingers when a lease runs out: "hold" lets them finish, "stop" stops them
+            where they are. Neither opens them.
+    """
+
+    force_table: Table | None = None
+    width_table: Table | None = None
+    speed_table: Table | None = None
+    max_force_n: Grip | None = None
+    min_force_n: NotNegative | None = None
+    step_n: Grip = 2.0
+    raise_n_per_s: Slew = 10.0
+    lower_n_per_s: Slew = 2.0
+    budget_n: Grip | None = None
+    max_lease_ms: int = Field(default=200, gt=0, le=200)
+    lease_end: Literal["hold", "stop"] = "hold"
+
+
+class PadPlace(StrictModel):
+    """``[grasp.pads.X]``: pose of the pad of a finger in the gripper frame.
+
+    Attributes:
+        positions: Rows of (width m, x m, y m, z m): origin of the pad frame at some widths between the pads, width
+            rising. Linear between the rows, unknown beyond them.
+        quat_xyzw: Rotation from pad coordinates to gripper coordinates.
+    """
+
+    positions: list[Annotated[tuple[float, float, float, float], Strict(False)]] = Field(min_length=2)
+    quat_xyzw: Quaternion
+
+
+class Grasp(StrictModel):
+    """``[grasp]``: two fingers as one grasp; ``pads`` names both."""
+
+    pads: dict[str, PadPlace] = Field(min_length=2, max_length=2)
+
+
+class Reflex(StrictModel):
+    """``[reflex]``: raises the grip without a request when a finger warns; needs ``[grasp]`` and ``[gripper]``.
+
+    Attributes:
+        enabled: The reflex acts.
+        raise_n_per_s: How fast it raises the force on one pad, N/s.
+        ceiling_n: Largest force that it sets, N on one pad; None: ``gripper.max_force_n``.
+        slip_gain: Factor on the present force if a finger slips although the grip should hold, because the assumed μ
+            is too high.
+        lead_time_s: Time from a warning to the drop, s; `slipd check` prints how much force the reflex can add in it.
+        calm_s: Time without need after which the reflex lowers the force again, s.
+        lower_n_per_s: How fast it lowers the force to what is needed, N/s; 0: never.
+    """
+
+    enabled: bool = False
+    raise_n_per_s: Slew = 50.0
+    ceiling_n: Grip | None = None
+    slip_gain: float = Field(default=1.2, ge=1.0, le=3.0)
+    lead_time_s: LeadTime = 0.1
+    calm_s: Calm = 2.0
+    lower_n_per_s: float = Field(default=0.0, ge=0.0)
