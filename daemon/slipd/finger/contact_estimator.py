@@ -15,7 +15,7 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.friction import Friction
-from slipd.finger.image_channel import LoadDistribution
+from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion import (
     FREE,

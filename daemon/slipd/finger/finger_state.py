@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from slipd.finger.image_channel import LoadDistribution
+from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict import Verdict
 from slipd.fusion import Contact, Loads, Utilisation
 

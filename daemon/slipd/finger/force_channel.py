@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.config import Wrench
+from slipd.finger.freshness import Arrival
 from slipd.fusion import AS_IS, UNTRUSTED, USABLE, USE, Carrier, Doubt, carry
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.samples import Array, WrenchSample
@@ -17,19 +18,9 @@ from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import Tare
-from slipd_client.messages import Health
 
 #: Faults with which a reading says nothing. One that flickers is believed while it is there.
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
-_FAULTS = {
-    "stuck": (Health.ERROR, "its readings repeat: it hangs, or stuck_after is too small for this sensor"),
-    "garbage": (
-        Health.ERROR,
-        "its readings are out of range_n or range_nm, or jump to and fro: check the range and units of the sensor",
-    ),
-    "not_finite": (Health.ERROR, "its readings are not finite numbers"),
-    "intermittent": (Health.WARN, "it failed several times within 10 s"),
-}
 GARBAGE, NOT_FINITE = ("garbage",), ("not_finite",)
 NO_WEIGHT = np.zeros(6)
 NO_DOUBT = Doubt()
@@ -66,6 +57,7 @@ class ForceChannel:
         tare: Offset of the readings, in the sensor's own frame.
         gravity: The weight of the finger beyond the sensor.
         drift: Drift of the zero that is subtracted; None where it is not followed.
+        status: Conditions that the device reported with the newest reading.
         fault: What is wrong with the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
@@ -79,7 +71,7 @@ class ForceChannel:
         self._carrier = Carrier(
             Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix, self.tare.current.value, NO_WEIGHT
         )
-        self.drift = None
+        self.drift: DriftCompensation | None = None
         if wrench.drift_tau_s is not None:
             limit = np.repeat((wrench.drift_limit_n, wrench.drift_limit_nm), 3)
             self.drift = DriftCompensation(wrench.drift_tau_s, limit)
@@ -88,7 +80,8 @@ class ForceChannel:
             wrench.range_n or MOST, wrench.range_nm or MOST, repeats=wrench.stuck_after, gap_ns=max(stale_ns, 1)
         )
         self.fault = ""
-        self._status: tuple[str, ...] = ()
+        self.status: tuple[str, ...] = ()
+        self._waited_undated = False
 
     @property
     def suspect(self) -> bool:
@@ -105,7 +98,7 @@ class ForceChannel:
         """Standard deviation of a force component, N."""
         return self._noise[0]
 
-    def take(
+    def condition(
         self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: Callable[[], bool | None]
     ) -> WrenchBatch:
         """Takes the readings of one read; while a tare is being measured, one at a time.
@@ -133,9 +126,14 @@ class ForceChannel:
                 rows[at, 3:6] = math.nan
         return WrenchBatch(times_ns, samples[-1].t_ns, rows, carrier, untrusted, statuses)
 
-    def excuse(self, t_ns: int) -> None:
-        """Count no gap of the stream until ``t_ns``: the daemon did not read it."""
-        self._watch.excuse(t_ns)
+    def begin_read(self, first_ns: int, arrival: Arrival) -> None:
+        """Note how a read reached the daemon; ``first_ns``: when its first reading was acquired.
+
+        Without a clock, time seems to stand still for readings that waited, and then to jump: that is no gap.
+        """
+        if self._waited_undated:
+            self._watch.excuse(first_ns)
+        self._waited_undated = arrival.waited_ns > 0 and not arrival.dated
 
     def _carries(self) -> Carrier:
         """What moves readings onto the pad, with the offset and the weight in force."""
@@ -165,7 +163,7 @@ class ForceChannel:
     ) -> dict[int, tuple[str, ...]]:
         """What speaks against each reading, by its place."""
         untrusted: dict[int, tuple[str, ...]] = {}
-        self._status = statuses[-1]
+        self.status = statuses[-1]
         if any(statuses):
             words = (UNTRUSTED_WORDS.intersection(status) for status in statuses)
             untrusted = {at: tuple(sorted(found)) for at, found in enumerate(words) if found}
@@ -207,23 +205,6 @@ class ForceChannel:
         if self._mass_kg == 0.0:
             return self._noise_alone
         return Doubt(*self._noise, *self.gravity.uncertainty(t_ns))
-
-    def conditions(self, t_ns: int) -> list[tuple[Health, str]]:
-        """What people should know of the sensor's readings."""
-        found = [_FAULTS[self.fault]] if self.fault else []
-        if self._status:
-            level = Health.WARN if UNTRUSTED_WORDS.isdisjoint(self._status) else Health.ERROR
-            found.append((level, f"the device reports: {', '.join(self._status)}"))
-        if self.gravity.state(t_ns) == "unknown_orientation":
-            force_n = self.gravity.uncertainty(t_ns)[0]
-            found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))
-        if self.gravity.state(t_ns) == "unknown_orientation" and self._offset.gravity_mps2 is None:
-            found.append((Health.OK, "tare it once more while gravity.set runs: the last tare holds an unknown weight"))
-        if self.drift is not None and self.drift.total >= 1.0:
-            found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))
-        if self.tare.aborted_reason:
-            found.append((Health.OK, f"the last tare was given up: {self.tare.aborted_reason}"))
-        return found
 
     def _may_learn(self, t_ns: int) -> bool:
         """A zero is learned only from readings of which nothing else is in doubt."""

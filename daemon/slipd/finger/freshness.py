@@ -6,11 +6,7 @@ daemon's ticks until its lines are read empty (see `slipd.engine.lateness`), tha
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
-
-from slipd.samples import WrenchSample
 
 
 class Arrival(NamedTuple):
@@ -18,8 +14,8 @@ class Arrival(NamedTuple):
 
     Attributes:
         waited_ns: How long they may have waited to be read; 0 while the daemon runs freely.
-        unread_ns: For how long another line that brought nothing counts as unread by then; None: it is empty.
-        dated: Their times are those of a clock, not of their receipt.
+        unread_ns: How long another line that brought nothing counts as unread by then; None: it is empty.
+        dated: Their times are those of a device clock, not of their receipt.
     """
 
     waited_ns: int = 0
@@ -28,6 +24,7 @@ class Arrival(NamedTuple):
 
 
 PROMPT = Arrival()
+"""The daemon ran freely."""
 
 
 class Freshness:
@@ -38,20 +35,24 @@ class Freshness:
 
     Attributes:
         came_ns: When the newest reading reached this host, as far as is known; None before the first.
+        received_ns: When the newest reading was read; 0 before the first.
+        acquired_ns: When it was acquired; 0 before the first.
+        unread_ns: As in its `Arrival`.
     """
 
     def __init__(self, stale_ns: int) -> None:
         self.stale_ns = stale_ns
         self.came_ns: int | None = None
-        self._received_ns = 0
+        self.received_ns = self.acquired_ns = 0
+        self.unread_ns: int | None = None
 
     def update(self, received_ns: int, acquired_ns: int, arrival: Arrival = PROMPT) -> None:
         """Update with the newest reading.
 
-        One that waited reached the host long before it was read. A reading that is not late reaches it within
+        A reading that waited reached the host long before it was read. One that is not late reaches it within
         ``stale_ns`` of its acquisition, so a stream that stopped during a stall is stale once the lines are empty.
         """
-        self._received_ns = received_ns
+        self.received_ns, self.acquired_ns, self.unread_ns = received_ns, acquired_ns, arrival.unread_ns
         if arrival.waited_ns and arrival.dated:
             received_ns = min(received_ns, acquired_ns + self.stale_ns)
         self.came_ns = received_ns
@@ -61,51 +62,50 @@ class Freshness:
 
         Args:
             t_ns: Now.
-            unread_ns: For how long the line counts as unread; None: it is empty, so what was read last came last.
+            unread_ns: How long the line counts as unread; None: it is empty, so the reading that was read last came
+                last.
         """
         if self.came_ns is None:
             return 0
-        return t_ns - (self.came_ns if unread_ns is None else self._received_ns + unread_ns)
+        return t_ns - (self.came_ns if unread_ns is None else self.received_ns + unread_ns)
 
     def is_stale(self, t_ns: int, unread_ns: int | None = None) -> bool:
-        """Return whether readings are missing, see `silent_ns`; before the first they are."""
+        """Return whether readings are missing (see `silent_ns`); True before the first."""
         return self.came_ns is None or self.silent_ns(t_ns, unread_ns) > self.stale_ns
 
-
-class HeldRead(NamedTuple):
-    """The arguments of `Finger.decide`."""
-
-    samples: Sequence[WrenchSample]
-    times_ns: Sequence[int]
-    arrival: Arrival
+    def age_s(self, t_ns: int) -> float | None:
+        """Return the age of the newest reading, s; None before the first."""
+        return None if self.came_ns is None else (t_ns - self.acquired_ns) * 1e-9
 
 
-class HeldReads:
-    """Force readings that wait for the image of their time.
+class ImageFreshness(Freshness):
+    """Freshness of a pad's images, and how long the newest one serves force readings.
 
-    After a stall both lines hold readings, and the force may be read first. To judge it on the image from before the
-    stall would call safe what nobody saw; to judge it without would call a healthy pad silent.
+    Attributes:
+        late: The newest image was already too old when it came, by more than it waited for the daemon.
     """
 
-    def __init__(self) -> None:
-        self._reads: deque[HeldRead] = deque()
+    def __init__(self, stale_ns: int) -> None:
+        super().__init__(stale_ns)
+        self.late = False
+        self._dated = True
 
-    def __len__(self) -> int:
-        return len(self._reads)
+    def update(self, received_ns: int, acquired_ns: int, arrival: Arrival = PROMPT) -> None:
+        """Update with the newest image; behind a late one, only a prompt one is believed again."""
+        excused_ns = 0 if self.late and arrival.dated else arrival.waited_ns
+        self.late = received_ns - acquired_ns - excused_ns > self.stale_ns
+        self._dated = arrival.dated
+        super().update(received_ns, acquired_ns, arrival)
 
-    def hold(self, read: HeldRead) -> None:
-        """Add a read to those that wait."""
-        self._reads.append(read)
+    def serves_until_ns(self, since_ns: int) -> int | None:
+        """Return the latest acquisition time of a force reading that the newest image serves; None: any.
 
-    def clear(self) -> None:
-        """Forget the reads: their stream ended."""
-        self._reads.clear()
-
-    def release(self, serves_until_ns: int | None) -> Iterator[HeldRead]:
-        """Yield the reads that need not wait any more, in order.
+        An image that has no time of its own, and was read after a stall, serves any reading: nobody knows better when
+        it was acquired.
 
         Args:
-            serves_until_ns: Latest time of a reading that the newest image serves; None: no image is awaited.
+            since_ns: The force readings waited from here on.
         """
-        while self._reads and (serves_until_ns is None or self._reads[0].times_ns[-1] <= serves_until_ns):
-            yield self._reads.popleft()
+        if not self._dated and (self.came_ns or 0) > since_ns:
+            return None
+        return self.acquired_ns + self.stale_ns

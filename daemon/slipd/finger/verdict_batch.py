@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from slipd.finger.finger_state import FingerState, ForceReading
 from slipd.finger.force_channel import WrenchBatch
-from slipd.finger.image_channel import LoadDistribution
+from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict import (
     NO_MU,
     PAD_FREE,

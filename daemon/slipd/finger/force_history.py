@@ -1,0 +1,72 @@
+"""Force readings of the recent past, for the images of the pad beside the sensor."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from slipd.finger.finger_state import FingerState
+from slipd.finger.force_evidence import NO_EVIDENCE, ForceEvidence
+from slipd.finger.verdict import PAD_FREE, STREAM_STALE
+from slipd.finger.verdict_batch import VerdictBatch
+from slipd.fusion import UNTRUSTED, wrench_told
+
+MOVING_STDS = 6.0
+"""The normal force moves where its range between two images exceeds this many standard deviations of its noise."""
+PAST_NS, PASTS = 1_000_000, 128
+"""One reading in this time is kept, and so many in all: the longest scan of a pad takes a tenth of a second."""
+
+
+class ForceHistory:
+    """Range of the normal force since the newest image, and wrenches of the last 128 ms at least.
+
+    Args:
+        noise_n: Standard deviation of a force component, N.
+    """
+
+    def __init__(self, noise_n: float) -> None:
+        self._moving_n = MOVING_STDS * noise_n
+        self._low_n, self._high_n = math.inf, -math.inf
+        self._past: deque[tuple[int, tuple[float, ...]]] = deque(maxlen=PASTS)
+
+    def update(self, batch: VerdictBatch) -> None:
+        """Add the readings of one read that can be trusted."""
+        last_ns = self._past[-1][0] if self._past else -PAST_NS
+        for k, normal_n in enumerate(batch.contacts[:, 4].tolist()):
+            if batch.phases[k] <= UNTRUSTED:
+                continue
+            t_ns = batch.readings.times_ns[k]
+            if t_ns - last_ns >= PAST_NS:
+                self._past.append((t_ns, wrench_told(batch.contacts[k].tolist())))
+                last_ns = t_ns
+            if normal_n < self._low_n:
+                self._low_n = normal_n
+            if normal_n > self._high_n:
+                self._high_n = normal_n
+
+    def take_evidence(self, state: FingerState, *, agrees: bool) -> ForceEvidence:
+        """Return what the force sensor measured since the image before, and begin the next interval.
+
+        Args:
+            state: After the newest force reading.
+            agrees: Force and images did not contradict each other so far.
+        """
+        contact = state.contact
+        if contact is None or state.verdict is STREAM_STALE:
+            return NO_EVIDENCE
+        moving = self._high_n - self._low_n > self._moving_n
+        self._low_n = self._high_n = contact.normal_n
+        return ForceEvidence(state.verdict is PAD_FREE, contact.normal_n, moving, agrees)
+
+    def wrench_at(self, t_ns: int) -> tuple[float, ...]:
+        """Return the wrench of the kept reading nearest to ``t_ns``, in the pad frame: N and N·m, six numbers.
+
+        Raises:
+            IndexError: There was no reading yet.
+        """
+        nearest = self._past[-1]
+        for past in reversed(self._past):
+            if abs(past[0] - t_ns) > abs(nearest[0] - t_ns):
+                break
+            nearest = past
+        return nearest[1]

@@ -1,0 +1,92 @@
+"""Compare force sensor and pad of one finger: both should see the same contact."""
+
+from __future__ import annotations
+
+import math
+
+from slipd.config import Finger as FingerConfig
+from slipd.config import Pad
+from slipd.finger.finger_state import FingerState
+from slipd.finger.force_channel import ForceChannel
+from slipd.finger.force_evidence import ForceEvidence
+from slipd.finger.force_history import ForceHistory
+from slipd.finger.image_channel import ImageChannel
+from slipd.finger.verdict_batch import VerdictBatch
+from slipd.fusion import Contact, Doubt, contact_of
+from slipd.signals.agreement import STDS, Agreement
+
+COMPARE_NS = 10_000_000
+"""At most one comparison in this time: a disagreement counts only once it has lasted for longer."""
+
+
+class ForceImageCheck:
+    """What force sensor and image of one finger contradict each other about.
+
+    Args:
+        config: ``[finger.X]``.
+        pad: ``[finger.X.pad]``.
+        force: The force sensor.
+        image: The pad.
+
+    Attributes:
+        disagreement: Reasons of a verdict: "disagreement_contact", "disagreement_centroid", "disagreement_force".
+    """
+
+    def __init__(self, config: FingerConfig, pad: Pad, force: ForceChannel, image: ImageChannel) -> None:
+        self._force, self._image = force, image
+        self._history = ForceHistory(force.noise_n)
+        self._agreement = Agreement(pad.rows, pad.cols, pad.pitch_m, config.min_normal_n, pad.gain_error)
+        self._compared_ns = 0
+        self.disagreement: tuple[str, ...] = ()
+
+    def update_force(self, batch: VerdictBatch) -> None:
+        """Update with the force readings of one read."""
+        if batch.ends_at < len(batch):
+            self.reset()
+        self._history.update(batch)
+
+    def take_evidence(self, state: FingerState) -> ForceEvidence:
+        """Return what the force sensor measured since the image before; ``state`` is that of the newest reading."""
+        return self._history.take_evidence(state, agrees=not self.disagreement)
+
+    def update_image(self, t_ns: int, state: FingerState, least_normal_n: float) -> None:
+        """Compare the newest image with the force at its time.
+
+        Args:
+            t_ns: When the image was acquired.
+            state: After the newest force reading.
+            least_normal_n: Least normal force that counts as contact, N.
+        """
+        image = self._image
+        if state.contact is None or not image.is_independent:
+            self.reset()
+            return
+        if t_ns - self._compared_ns < COMPARE_NS:
+            return
+        self._compared_ns = t_ns
+        doubt = self._force.doubt(t_ns)
+        contact = _contact(self._history.wrench_at(t_ns), doubt, least_normal_n)
+        found = self._agreement.update(
+            t_ns, contact, doubt.force_std_n + doubt.force_n, image.x, image.y, image.pressure
+        )
+        self.disagreement = tuple(f"disagreement_{what}" for what in found)
+
+    def reset(self) -> None:
+        """Forget what was compared: the contact or a stream ended."""
+        self.disagreement = ()
+        self._agreement.reset()
+
+
+def _contact(wrench: tuple[float, ...], doubt: Doubt, least_normal_n: float) -> Contact:
+    """Return the contact by the force sensor; without torque its centroid and spin are NaN.
+
+    What the unknown weight of the finger may add counts fully: `Agreement` allows ``STDS`` standard deviations.
+    """
+    force_std_n = doubt.force_std_n + doubt.force_n / STDS
+    torque_std_nm = doubt.torque_std_nm + doubt.torque_nm / STDS
+    fx, fy, fz, *torque = wrench
+    if math.isnan(torque[0]):
+        contact = contact_of((fx, fy, fz, 0.0, 0.0, 0.0), least_normal_n, force_std_n, torque_std_nm)
+        nan = math.nan
+        return contact._replace(cx_m=nan, cy_m=nan, cx_std_m=nan, cy_std_m=nan, spin_nm=nan)
+    return contact_of((fx, fy, fz, *torque), least_normal_n, force_std_n, torque_std_nm)

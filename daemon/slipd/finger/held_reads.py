@@ -1,0 +1,61 @@
+"""Force readings that wait for the image of their time.
+
+After a stall both lines of a finger hold readings, and the force may be read first. To decide on it with the image from
+before the stall would call safe what nobody saw; to decide without an image would call a healthy pad silent.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from slipd.finger.freshness import Arrival
+from slipd.finger.image_channel import ImageChannel
+from slipd.samples import WrenchSample
+
+
+class HeldRead(NamedTuple):
+    """Arguments of `slipd.finger.finger.Finger.decide`."""
+
+    samples: Sequence[WrenchSample]
+    times_ns: Sequence[int]
+    arrival: Arrival
+
+
+class HeldReads:
+    """Force readings that wait, in their order.
+
+    Args:
+        image: The pad beside the force sensor; None: nothing is worth waiting for.
+    """
+
+    def __init__(self, image: ImageChannel | None) -> None:
+        self._image = image
+        self._reads: deque[HeldRead] = deque()
+
+    def __len__(self) -> int:
+        return len(self._reads)
+
+    def hold(self, read: HeldRead) -> None:
+        """Add a read behind those that wait."""
+        self._reads.append(read)
+
+    def clear(self) -> None:
+        """Forget the reads: their stream ended."""
+        self._reads.clear()
+
+    def release(self, t_ns: int, unread_ns: int | None) -> Iterator[HeldRead]:
+        """Yield the reads that need not wait any more, in order, with how long they waited until ``t_ns``.
+
+        Args:
+            t_ns: Now.
+            unread_ns: How long the image's line counts as unread; None: it is empty, and no image is awaited.
+        """
+        image, until_ns = self._image, None
+        if unread_ns and image is not None and image.is_fresh(t_ns, unread_ns):
+            until_ns = image.freshness.serves_until_ns(t_ns - unread_ns)
+        while self._reads and (until_ns is None or self._reads[0].times_ns[-1] <= until_ns):
+            samples, times_ns, arrival = self._reads.popleft()
+            waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
+            yield HeldRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))

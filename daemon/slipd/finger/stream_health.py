@@ -1,0 +1,75 @@
+"""Health of a finger's streams, with texts for people: what is wrong, and what to check."""
+
+from __future__ import annotations
+
+from slipd.finger.force_channel import ForceChannel
+from slipd.finger.image_channel import ImageChannel
+from slipd.samples import UNTRUSTED
+from slipd.signals.tare import Tare
+from slipd_client.messages import Health
+
+Condition = tuple[Health, str]
+"""Severity and text."""
+
+_FORCE_FAULTS: dict[str, Condition] = {
+    "stuck": (Health.ERROR, "its readings repeat: it hangs, or stuck_after is too small for this sensor"),
+    "garbage": (
+        Health.ERROR,
+        "its readings are out of range_n or range_nm, or jump to and fro: check the range and units of the sensor",
+    ),
+    "not_finite": (Health.ERROR, "its readings are not finite numbers"),
+    "intermittent": (Health.WARN, "it failed several times within 10 s"),
+}
+_UNTARED_PAD = (
+    "it was never tared and reads a load that may not exist: with nothing touching it, run `slipctl tare take FINGER "
+    "--stream pad`, or set tare in the config to its unloaded counts"
+)
+_UNUSABLE_IMAGES = {
+    "not_finite": "its images hold readings that are not finite numbers",
+    "garbage": "its readings are larger than those of any pad: check axis_scale and the configuration of the pad",
+}
+
+
+def force_conditions(force: ForceChannel, t_ns: int) -> list[Condition]:
+    """Return what people should know of the readings of a force sensor at ``t_ns``."""
+    found = [_FORCE_FAULTS[force.fault]] if force.fault else []
+    found += _device_status(force.status)
+    if force.gravity.state(t_ns) == "unknown_orientation":
+        force_n = force.gravity.uncertainty(t_ns)[0]
+        found.append((Health.WARN, f"no fresh gravity.set: the finger's weight may add {force_n:.2f} N"))
+        if force.tare.current.gravity_mps2 is None:
+            text = "tare it once more while gravity.set runs: the last tare holds an unknown weight"
+            found.append((Health.OK, text))
+    if force.drift is not None and force.drift.total >= 1.0:
+        found.append((Health.WARN, "its zero drifted to the limit of what is followed: tare it"))
+    return found + _aborted_tare(force.tare)
+
+
+def image_conditions(image: ImageChannel) -> list[Condition]:
+    """Return what people should know of the images of a pad."""
+    found = _device_status(image.status)
+    if image.lacks_tare:
+        found.append((Health.ERROR, _UNTARED_PAD))
+    if image.is_frozen:
+        found.append((Health.ERROR, "its images repeat while the force moves: it hangs"))
+    if image.repeats:
+        found.append((Health.ERROR, "its images repeat: it hangs, or stuck_after is too small for a pad this still"))
+    found += [(Health.ERROR, _UNUSABLE_IMAGES[reason]) for reason in image.reasons if reason in _UNUSABLE_IMAGES]
+    faults = image.taxel_health.report().items()
+    masked = "; ".join(f"{kind} {', '.join(map(str, taxels))}" for kind, taxels in faults if taxels)
+    if masked and not image.taxel_health.usable:
+        found.append((Health.ERROR, f"too many taxels cannot be believed: {masked}"))
+    elif masked:
+        found.append((Health.WARN, f"taxels that are not believed: {masked}"))
+    return found + _aborted_tare(image.tare)
+
+
+def _device_status(status: tuple[str, ...]) -> list[Condition]:
+    if not status:
+        return []
+    level = Health.WARN if UNTRUSTED.isdisjoint(status) else Health.ERROR
+    return [(level, f"the device reports: {', '.join(status)}")]
+
+
+def _aborted_tare(tare: Tare) -> list[Condition]:
+    return [(Health.OK, f"the last tare was given up: {tare.aborted_reason}")] if tare.aborted_reason else []

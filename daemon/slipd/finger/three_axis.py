@@ -1,0 +1,36 @@
+"""Force readings of a pad whose taxels measure three axes each, so that it needs no force sensor behind it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slipd.finger.force_channel import WrenchBatch
+from slipd.finger.image_channel import ImageChannel
+from slipd.fusion import AS_IS, UNTRUSTED, USABLE
+from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
+from slipd.samples import TactileSample
+
+_UNKNOWN = (math.nan,) * 6
+
+
+def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> WrenchBatch:
+    """Return the newest image of a pad as a batch of one force reading, in the pad frame.
+
+    Args:
+        image: The pad, updated with ``sample``.
+        sample: The image.
+        t_ns: When it was acquired, CLOCK_MONOTONIC.
+    """
+    reasons = tuple(sorted(UNTRUSTED_WORDS.intersection(sample.status)))
+    if image.lacks_tare:
+        reasons = ("not_tared", *reasons)
+    wrench = image.wrench()
+    if wrench is None:
+        reasons = reasons or ("not_finite",)
+    elif image.is_stuck(wrench, t_ns):
+        reasons = ("stuck", *reasons)
+    use = UNTRUSTED if reasons else USABLE
+    rows = np.array([(*(_UNKNOWN if wrench is None else wrench), t_ns * 1e-9, use)])
+    return WrenchBatch((t_ns,), sample.t_ns, rows, AS_IS, {0: reasons} if reasons else {}, (sample.status,))

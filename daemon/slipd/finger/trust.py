@@ -1,0 +1,72 @@
+"""Decide whether a finger's readings are trusted, and whether a grip may be raised or opened on them."""
+
+from __future__ import annotations
+
+from slipd.config.model import Stream
+from slipd.finger.force_channel import UNTRUSTED_FAULTS, ForceChannel
+from slipd.finger.freshness import Freshness
+from slipd.finger.image_channel import ImageChannel
+from slipd.finger.verdict import Verdict
+from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
+
+DOUBTS = frozenset({"stale", "not_finite", "disagreement", "not_tared", "pulled"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
+"""Reasons of a verdict with which the force on the finger is not known."""
+OLDEST_S = 0.05
+"""A grip is raised only on readings no older than this, beside the delay of the line."""
+OLDEST_PERIODS = 2.5
+"""Likewise in periods of the stream; the longer of both counts."""
+
+
+def is_trusted(verdict: Verdict) -> bool:
+    """Return whether the reading of a verdict was fresh, and nothing speaks against its sensor."""
+    return DOUBTS.isdisjoint(verdict.reasons)
+
+
+class RaiseTrust:
+    """Trust in the sensors of one finger, for motions of the gripper.
+
+    Args:
+        stream: Config of the stream that measures the force.
+        pad: ``[finger.X.pad]``; None where there is none.
+        force: The force sensor; None where the pad measures the force.
+        image: The pad; None where there is none.
+        freshness: Of the force readings.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        pad: Stream | None,
+        force: ForceChannel | None,
+        image: ImageChannel | None,
+        freshness: Freshness,
+    ) -> None:
+        self._force, self._image, self._freshness = force, image, freshness
+        self._oldest_ns = _oldest_ns(stream)
+        self._oldest_image_ns = _oldest_ns(pad or stream)
+
+    def allows(self, verdict: Verdict, t_ns: int, *, at_rest: bool) -> bool:
+        """Return whether the newest readings and images are fresh, usable and beyond doubt at ``t_ns``.
+
+        A late daemon is no excuse: what it has not read yet, or reads late, may be another situation.
+
+        Args:
+            verdict: On the newest force reading.
+            t_ns: Now.
+            at_rest: Accept a reading that repeats, where the config says that this sensor's readings may rest.
+        """
+        image, force, freshness = self._image, self._force, self._freshness
+        if image is not None and not image.is_reliable(at_rest=at_rest):
+            return False
+        if image is not None and t_ns - (image.t_ns or 0) > self._oldest_image_ns:
+            return False
+        if force is not None and force.suspect and not (at_rest and force.rests):
+            return False
+        if freshness.is_stale(t_ns) or freshness.received_ns - freshness.acquired_ns > freshness.stale_ns:
+            return False
+        return is_trusted(verdict) and t_ns - freshness.acquired_ns <= self._oldest_ns
+
+
+def _oldest_ns(stream: Stream) -> int:
+    """Return the greatest age of a reading on which a grip is raised, ns."""
+    return round(1e9 * (max(OLDEST_S, OLDEST_PERIODS / stream.rate_hz) + stream.delay_s))

@@ -1,0 +1,182 @@
+"""The way of one reading, from sample to verdict.
+
+A force reading passes `ForceChannel.condition` (checks, tare, mounting, weight, drift), is marked if it is too late,
+and goes with the newest image of its time through `ContactEstimator.estimate`, whose rows `VerdictBatch` turns into
+states. An image passes `ImageChannel.update`, and is compared with the force by `ForceImageCheck`; that of three-axis
+taxels is a force reading too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from slipd.config import Finger as FingerConfig
+from slipd.config import Levels
+from slipd.finger.contact_estimator import ContactEstimator
+from slipd.finger.contact_presence import ContactPresence
+from slipd.finger.finger_state import FingerState
+from slipd.finger.force_channel import NO_DOUBT, ForceChannel, WrenchBatch
+from slipd.finger.force_evidence import NO_EVIDENCE
+from slipd.finger.force_image_check import ForceImageCheck
+from slipd.finger.freshness import Arrival, Freshness
+from slipd.finger.image_channel import ImageChannel
+from slipd.finger.pull import PullDetector
+from slipd.finger.tare_guard import TareGuard
+from slipd.finger.three_axis import wrench_by_taxels
+from slipd.finger.verdict import ROTATION_UNOBSERVED, STREAM_STALE
+from slipd.finger.verdict_batch import VerdictBatch
+from slipd.fusion import LATE, USE
+from slipd.samples import TactileSample, WrenchSample
+from slipd.signals.tare import Tare
+
+
+class VerdictPath:
+    """Turns the samples of one finger into verdicts, and keeps the newest.
+
+    Args:
+        config: ``[finger.X]``.
+        levels: ``[levels]``.
+        force: The force sensor; None where the pad measures the force.
+        image: The pad; None where there is none.
+        tare: Tare of the stream that measures the force.
+        freshness: Of the force readings.
+
+    Attributes:
+        estimator: The contact, read by read.
+        presence: Whether something presses on the pad.
+        pull: Limit of a negative normal force.
+        tares: Tares of both channels while they are measured.
+    """
+
+    def __init__(
+        self,
+        config: FingerConfig,
+        levels: Levels,
+        force: ForceChannel | None,
+        image: ImageChannel | None,
+        tare: Tare,
+        freshness: Freshness,
+    ) -> None:
+        self._force, self._image, self._freshness = force, image, freshness
+        self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
+        self._check: ForceImageCheck | None = None
+        if config.pad is not None and force is not None and image is not None:
+            self._check = ForceImageCheck(config, config.pad, force, image)
+        self.estimator = ContactEstimator(config, levels)
+        self.presence = ContactPresence(config, force, image, self.estimator, freshness)
+        self.pull = PullDetector(config)
+        self.tares = TareGuard(tare, image, freshness, self.presence)
+
+    @property
+    def state(self) -> FingerState:
+        """State after the newest force reading."""
+        newest = self._newest
+        return newest if isinstance(newest, FingerState) else newest[-1]
+
+    def decide(
+        self,
+        force: ForceChannel,
+        samples: Sequence[WrenchSample],
+        times_ns: Sequence[int],
+        arrival: Arrival,
+        t_ns: int | None = None,
+    ) -> Iterator[VerdictBatch]:
+        """Yield the verdicts on the force readings of one read: one batch, or one by one while a tare is measured.
+
+        Args:
+            force: The force sensor.
+            samples: The readings.
+            times_ns: When each was acquired, CLOCK_MONOTONIC.
+            arrival: How they reached the daemon.
+            t_ns: Now, if they were held; None: they were just received.
+        """
+        force.begin_read(times_ns[0], arrival)
+        step = 1 if force.tare.busy else len(samples)
+        for k in range(0, len(samples), step):
+            readings = force.condition(samples[k : k + step], times_ns[k : k + step], self._is_untouched)
+            yield self._estimate(readings if t_ns is None else readings._replace(received_ns=t_ns), arrival)
+
+    def update_image(
+        self, image: ImageChannel, sample: TactileSample, acquired_ns: int | None, arrival: Arrival
+    ) -> VerdictBatch | None:
+        """Update with an image; return the verdict where its three-axis taxels are what measures the force."""
+        check, t_ns = self._check, sample.t_ns if acquired_ns is None else acquired_ns
+        image.update(sample, t_ns, NO_EVIDENCE if check is None else check.take_evidence(self.state), arrival)
+        if check is not None:
+            check.update_image(t_ns, self.state, self.estimator.least_normal_n)
+        if self._force is not None or not image.three_axis:
+            return None
+        return self._estimate(wrench_by_taxels(image, sample, t_ns), arrival)
+
+    def _estimate(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
+        """Return the verdicts on conditioned readings, and update what rests on them."""
+        force, image, check = self._force, self._image, self._check
+        self._mark_late(readings, arrival)
+        self._freshness.update(readings.received_ns, readings.times_ns[-1], arrival)
+        doubt = NO_DOUBT if force is None else force.doubt(readings.times_ns[-1])
+        batch = self.estimator.estimate(
+            readings,
+            doubt,
+            image.load_distribution if image is not None and _serves(image, readings, arrival) else None,
+            () if check is None else check.disagreement,
+            "" if image is None else image.fault,
+            self.pull.least_n(doubt, tared=self.tares.main.current.id > 0),
+        )
+        self._newest = batch
+        if check is not None:
+            check.update_force(batch)
+        if self.tares.busy:
+            self.tares.check_load(self.state)
+        return batch
+
+    def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:
+        """Mark readings that are too old by more than they waited for the daemon; behind a stale stream, too old."""
+        received_ns, times_ns, usable_ns = readings.received_ns, readings.times_ns, self._freshness.stale_ns
+        if arrival.waited_ns and not (arrival.dated and self.state.verdict is STREAM_STALE):
+            usable_ns += arrival.waited_ns
+        if received_ns - min(times_ns) > usable_ns:
+            readings.rows[received_ns - np.array(times_ns) > usable_ns, USE] = LATE
+
+    def _is_untouched(self) -> bool | None:
+        """Return whether nothing touches the finger; None: unknown."""
+        disagreement = self._check is not None and bool(self._check.disagreement)
+        return self.presence.is_untouched(self.state, disagreement=disagreement)
+
+    def lose_image(self) -> FingerState:
+        """Return the state without the image: rotation is not observed any more."""
+        self._newest = replace(
+            self.state,
+            verdict=ROTATION_UNOBSERVED,
+            load_distribution=None,
+            utilisation=None,
+            tipping_margin_m=math.nan,
+            model="none",
+        )
+        return self._newest
+
+    def lose_force(self, t_ns: int) -> FingerState:
+        """Return the state without the force, at ``t_ns``: the contact is forgotten, and nothing is known."""
+        if self.estimator.in_contact:
+            self.forget_comparison()
+        self.estimator.end_contact()
+        self._newest = FingerState(t_ns, STREAM_STALE, age_s=self._freshness.age_s(t_ns))
+        return self._newest
+
+    def forget_comparison(self) -> None:
+        """Forget what force sensor and image contradict each other about."""
+        if self._check is not None:
+            self._check.reset()
+
+
+def _serves(image: ImageChannel, readings: WrenchBatch, arrival: Arrival) -> bool:
+    """Return whether the newest image is fresh, and of the time of the readings where they waited."""
+    if not image.is_fresh(readings.received_ns, arrival.unread_ns):
+        return False
+    if not arrival.waited_ns:
+        return True
+    until_ns = image.freshness.serves_until_ns(readings.received_ns - arrival.waited_ns)
+    return until_ns is None or readings.times_ns[-1] <= until_ns
