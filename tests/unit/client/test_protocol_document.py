@@ -53,7 +53,8 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
     for name in (
         "samples",
         "finger/verdict",
-        "finger/finger",
+        "finger/three_axis",
+        "finger/trust",
         "finger/verdict_batch",
         "finger/force_channel",
     ):

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from force_readings import read_force
 
-from slipd.config import Config
+from slipd.config import Config, stale_after_ns
 from slipd.config import Levels as LevelsConfig
-from slipd.finger.finger import Finger, stale_after_ns
+from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.fusion import torque_limit
 from slipd.samples import TactileSample, WrenchSample
@@ -408,7 +408,7 @@ class TestPressed:
     def test_a_silent_force_sensor_is_no_free_finger(self, finger: Finger, wrench: Wrench) -> None:
         self.tared(finger, wrench)
         read_force(finger, wrench(T0, 0.0))
-        finger.lose(T0 + 100 * MS)
+        finger.disconnect(T0 + 100 * MS)
         assert finger.is_pressed() is None
 
     @pytest.mark.parametrize(("normal_n", "known"), [(5.0, True), (0.0, None)])

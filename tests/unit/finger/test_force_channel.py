@@ -12,6 +12,7 @@ from force_readings import read_force
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
+from slipd.finger.stream_health import force_conditions
 from slipd.fusion import carry
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
@@ -40,7 +41,7 @@ def read(
     force: ForceChannel, values: object, t_ns: int = T0, *, untouched: bool | None = None, status: tuple[str, ...] = ()
 ) -> tuple[float, ...]:
     six = np.array(values, dtype=np.float64)
-    taken = force.take([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], lambda: untouched)
+    taken = force.condition([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], lambda: untouched)
     return tuple(carry(taken.carrier, taken.rows)[0, :6].tolist())
 
 
@@ -57,7 +58,7 @@ def test_the_weight_is_taken_out_at_every_pose(heavy: str, parse: Parse) -> None
         assert read(force, weigh(gravity)) == pytest.approx([0.0] * 6, abs=1e-12)
     assert force.gravity.state(T0) == "compensated"
     assert force.doubt(T0) == (0.0, 0.0, 0.0, 0.0)
-    assert force.conditions(T0) == []
+    assert force_conditions(force, T0) == []
 
 
 def test_a_tare_at_a_known_pose_keeps_its_weight_apart(heavy: str, parse: Parse) -> None:
@@ -78,14 +79,14 @@ def test_a_tare_at_a_known_pose_keeps_its_weight_apart(heavy: str, parse: Parse)
 def test_an_unknown_orientation_is_a_doubt_that_is_told(heavy: str, parse: Parse) -> None:
     force = side(heavy, parse)
     assert force.doubt(T0)[2] == pytest.approx(0.1 * G)
-    ((level, message),) = force.conditions(T0)
+    ((level, message),) = force_conditions(force, T0)
     assert level == Health.WARN
     assert "no fresh gravity.set: the finger's weight may add 0.98 N" in message
     force.begin_tare(T0, 0.01, "ann")
     for k in range(12):
         read(force, weigh(DOWN), T0 + k * MS)
     assert force.doubt(T0)[2] == pytest.approx(2 * 0.1 * G)
-    assert any("tare it once more while gravity.set runs" in text for _, text in force.conditions(T0))
+    assert any("tare it once more while gravity.set runs" in text for _, text in force_conditions(force, T0))
 
 
 def test_a_tare_is_given_up_when_the_finger_is_turned(heavy: str, parse: Parse) -> None:
@@ -96,7 +97,7 @@ def test_a_tare_is_given_up_when_the_finger_is_turned(heavy: str, parse: Parse) 
     assert force.tare.busy, "a tenth of a noise is no turn"
     force.set_gravity(ALONG, T0)
     assert (force.tare.busy, force.tare.aborted_reason) == (False, "the finger was turned")
-    assert (Health.OK, "the last tare was given up: the finger was turned") in force.conditions(T0)
+    assert (Health.OK, "the last tare was given up: the finger was turned") in force_conditions(force, T0)
 
 
 def test_the_doubt_of_the_weight_takes_the_margin(heavy: str, left: str, parse: Parse) -> None:
@@ -144,7 +145,7 @@ def test_a_drift_at_its_limit_is_told(left: str, parse: Parse) -> None:
     force = side(text, parse)
     for k in range(9000):
         read(force, [0.0, 0.0, 0.5, 0.0, 0.0, 0.0], T0 + k * 100 * MS, untouched=True)
-    assert (Health.WARN, "its zero drifted to the limit of what is followed: tare it") in force.conditions(T0)
+    assert (Health.WARN, "its zero drifted to the limit of what is followed: tare it") in force_conditions(force, T0)
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from slipd.config import Config
-from slipd.finger.image_channel import ImageChannel, image_channel
+from slipd.config import Config, Levels
+from slipd.finger.finger import Finger
+from slipd.finger.image_channel import ImageChannel
 from slipd.fusion import Contact, contact_from_wrench
 from slipd.samples import TactileSample
 
@@ -37,10 +38,6 @@ def press(normal_n: float = 8.0, centroid_m: tuple[float, float] = (0.0, 0.0)) -
     return contact_from_wrench(force, np.cross((*centroid_m, 0.0), force))
 
 
-def test_a_finger_without_a_pad_has_no_image(left: str, parse: Parse) -> None:
-    assert image_channel(parse(left.partition("[finger.left.pad]")[0]).finger["left"]) is None
-
-
 def test_before_the_first_image_nothing_is_known(make: Callable[..., ImageChannel]) -> None:
     pad = make()
     assert pad.load_distribution(press()) is None
@@ -53,7 +50,7 @@ def test_counts_become_newtons_above_the_threshold(make: Callable[..., ImageChan
     pad = make(more=f"tare = {[100.0] * 16}\n")
     counts = np.full(16, 100.0)
     counts[3], counts[4], counts[5], counts[6] = 300.0, 106.0, 105.0, 0.0
-    pad.take(image(T0, counts))
+    pad.update(image(T0, counts))
     expected = np.zeros(16)
     expected[3], expected[4] = 2.0, 0.06
     assert pad.pressure == pytest.approx(expected)
@@ -65,7 +62,7 @@ def test_an_image_below_the_threshold_shows_no_contact_and_gives_no_loads(
     make: Callable[..., ImageChannel], image: Image
 ) -> None:
     pad = make()
-    pad.take(image(T0, np.full(16, 5.0)))
+    pad.update(image(T0, np.full(16, 5.0)))
     assert pad.shows_contact() is False
     assert pad.load_distribution(press()) is None
     shape = pad.shape()
@@ -78,7 +75,7 @@ def test_the_loads_carry_the_force_of_the_newest_reading(
     make: Callable[..., ImageChannel], image: Image, rule: str
 ) -> None:
     pad = make(rule)
-    pad.take(image(T0, RAMP))
+    pad.update(image(T0, RAMP))
     for normal_n in (8.0, 2.0):
         found = pad.load_distribution(press(normal_n, (0.001, 0.001)))
         assert found is not None
@@ -93,7 +90,7 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., ImageChannel]
     told = {}
     for rule in ("grey", "binary", "matched"):
         pad = make(rule)
-        pad.take(image(T0, RAMP))
+        pad.update(image(T0, RAMP))
         found = pad.load_distribution(press(8.0, centroid))
         assert found is not None
         loads = found.loads.loads
@@ -102,7 +99,7 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., ImageChannel]
     assert told["binary"][0] == pytest.approx(centroid, abs=1e-9)
     assert told["matched"][0] == pytest.approx(centroid, abs=1e-9)
     flat = make("binary")
-    flat.take(image(T0, np.where(RAMP > 0.0, 100.0, 0.0)))
+    flat.update(image(T0, np.where(RAMP > 0.0, 100.0, 0.0)))
     unseen = flat.load_distribution(press(8.0, centroid))
     assert unseen is not None
     assert told["binary"][1] == pytest.approx(unseen.loads.loads), "it needs no pressures"
@@ -111,15 +108,15 @@ def test_the_rules_differ_in_what_they_believe(make: Callable[..., ImageChannel]
 
 def test_a_reading_that_is_no_number_makes_the_image_unknown(make: Callable[..., ImageChannel], image: Image) -> None:
     pad = make()
-    pad.take(image(T0, RAMP))
+    pad.update(image(T0, RAMP))
     spoilt = RAMP.copy()
     spoilt[2, 2] = np.nan
-    pad.take(image(T0 + 1, spoilt))
+    pad.update(image(T0 + 1, spoilt))
     assert pad.shows_contact() is None
     assert pad.load_distribution(press()) is None
     assert pad.shape() is None
     assert not pad.pressure.any()
-    pad.take(image(T0 + 2, RAMP))
+    pad.update(image(T0 + 2, RAMP))
     assert pad.load_distribution(press()) is not None
 
 
@@ -139,7 +136,7 @@ def test_an_image_says_why_it_cannot_be_used(make: Callable[..., ImageChannel], 
         assert pad.reasons == ("stale",)
         sample = image(T0, counts)
         sample.status = status
-        pad.take(sample)
+        pad.update(sample)
         assert pad.reasons == reasons
         assert (pad.shape() is not None) is not bool(reasons)
         pad.forget()
@@ -148,19 +145,18 @@ def test_an_image_says_why_it_cannot_be_used(make: Callable[..., ImageChannel], 
 
 def test_a_forgotten_image_is_unknown(make: Callable[..., ImageChannel], image: Image) -> None:
     pad = make()
-    pad.take(image(T0, RAMP))
+    pad.update(image(T0, RAMP))
     pad.forget()
     assert (pad.t_ns, pad.shows_contact(), pad.load_distribution(press())) == (None, None, None)
 
 
 def test_three_axis_taxels_are_a_force_sensor(right: str, parse: Parse) -> None:
-    finger = parse(right).finger["right"]
-    pad = image_channel(finger)
+    pad = Finger("right", parse(right).finger["right"], Levels()).image
     assert pad is not None
     assert pad.three_axis
     counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)  # at (+2, −2) mm: 0.2 N and −0.1 N of shear, 3 N into the pad
-    pad.take(TactileSample(T0, None, counts))
+    pad.update(TactileSample(T0, None, counts))
     wrench = pad.wrench()
     assert wrench is not None
     force, torque = wrench[:3], wrench[3:]
@@ -170,11 +166,12 @@ def test_three_axis_taxels_are_a_force_sensor(right: str, parse: Parse) -> None:
 
 
 def test_a_turned_three_axis_pad_turns_its_shear_with_its_rows(right: str, parse: Parse) -> None:
-    pad = image_channel(parse(right.replace("pitch_m", "swap_xy = true\npitch_m")).finger["right"])
+    config = parse(right.replace("pitch_m", "swap_xy = true\npitch_m"))
+    pad = Finger("right", config.finger["right"], Levels()).image
     assert pad is not None
     counts = np.full((4, 3), 1000.0)
     counts[1] += (200.0, -100.0, 3000.0)
-    pad.take(TactileSample(T0, None, counts))
+    pad.update(TactileSample(T0, None, counts))
     wrench = pad.wrench()
     assert wrench is not None
     assert wrench[:3] == pytest.approx((-0.1, 0.2, -3.0))
@@ -187,7 +184,7 @@ def test_the_shape_is_told_in_the_frame_of_the_pad(make: Callable[..., ImageChan
     centres = {}
     for more in ("", "flip_y = true\n", "swap_xy = true\n"):
         pad = make(more=more)
-        pad.take(image(T0, counts))
+        pad.update(image(T0, counts))
         shape = pad.shape()
         assert shape is not None
         assert shape.active == 4

@@ -65,9 +65,7 @@ class Hand:
         return self.state.verdict.level, self.state.verdict.reasons
 
     def conditions(self, kind: str) -> list[tuple[Health, str]]:
-        side = self.finger.channel(kind)
-        assert side is not None
-        return side.conditions(self.t_ns)
+        return self.finger.conditions(kind, self.t_ns)
 
 
 @pytest.fixture
@@ -304,9 +302,7 @@ def test_a_tare_of_a_pad_that_was_given_up_is_told(right: str, parse: Parse) -> 
     finger = Finger("right", parse(right).finger["right"], Levels())
     finger.begin_tare(T0, 0.1, "someone")
     finger.disconnect(T0)
-    side = finger.channel("pad")
-    assert side is not None
-    assert side.conditions(T0) == [(Health.OK, "the last tare was given up: the stream ended")]
+    assert finger.conditions("pad", T0) == [(Health.OK, "the last tare was given up: the stream ended")]
 
 
 def test_a_tare_that_is_being_measured_is_given_up_by_its_undo(hand: Hand) -> None:

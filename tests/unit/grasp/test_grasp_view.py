@@ -194,7 +194,7 @@ def test_a_finger_that_is_not_known_leaves_nothing_of_the_grasp_known(hand: Hand
     hand.press(other, 10.0, (1.2, 0.0))
     if what == "stale":
         hand.press(name, 10.0, (1.2, 0.0))
-        hand.fingers[name].lose(T0)
+        hand.fingers[name].disconnect(T0)
     elif what == "overload":
         hand.press(name, 10.0, (1.2, 0.0), status=("overload",))
     elif what == "not_finite":

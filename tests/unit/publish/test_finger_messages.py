@@ -68,7 +68,7 @@ def test_a_verdict_has_exactly_its_fields_whatever_is_known(finger: Finger, wren
         read_force(finger, wrench(T0, normal_n))
         assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
         finger.update_image(image(T0, FULL))
-    finger.lose(T0)
+    finger.disconnect(T0)
     assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
 
 
@@ -130,7 +130,7 @@ def test_what_cannot_be_known_is_nil(finger: Finger, wrench: Wrench, image: Imag
     finger.update_image(image(T0, FULL))
     if what == "stale":
         read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
-        finger.lose(T0 + 50 * MS)
+        finger.disconnect(T0 + 50 * MS)
     elif what == "overload":
         read_force(finger, wrench(T0, 10.0, (1.0, 0.0), status=("overload",)))
     elif what == "not_finite":
