@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slipd.config.model import Stream
+from slipd.config import Stream
 from slipd.finger.force_channel import UNTRUSTED_FAULTS, ForceChannel
 from slipd.finger.freshness import Freshness
 from slipd.finger.image_channel import ImageChannel
