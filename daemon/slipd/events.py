@@ -1,7 +1,7 @@
-"""What may enter the engine, and what may leave it.
+"""Events that enter the engine, and outputs that leave it.
 
-Everything that can change a decision is one of these events; a recording is their sequence, and a replay feeds the
-same sequence to the same engine.
+Everything that can change a decision is one of these events. A recording is their sequence, and a replay feeds the same
+sequence to the same engine.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from slipd.devices import Inquiry
 
 @dataclass(slots=True, frozen=True)
 class LinkSpec:
-    """A port, socket or server that the engine wants open.
+    """A port, socket or server that the engine wants opened.
 
     Attributes:
         name: Name of the link, e.g. ``left.wrench``.
         transport: "serial", "tcp", "udp", "websocket", "external" or "local".
         address: Path of a serial port; ``tcp://HOST:PORT``, ``udp://HOST:PORT`` or URL of a server; endpoint of the
-            socket to which other processes push, or path of the one to which a driver connects.
-        baud: Line speed of a serial port, bit/s; 0 for others.
-        inquiry: What is asked over TCP before the link is up; the answer is the link's first Bytes.
+            socket to which other processes push, or path of the socket to which a driver connects.
+        baud: Line speed of a serial port, bit/s; 0 for other transports.
+        inquiry: Request that is sent over TCP before the link is up; its answer is the first `Bytes` of the link.
     """
 
     name: str
@@ -33,7 +33,7 @@ class LinkSpec:
 
 
 class Bytes(NamedTuple):
-    """Bytes that arrived on a link, in the split in which they were read."""
+    """Bytes that one read of a link returned."""
 
     link: str
     data: bytes
@@ -41,7 +41,7 @@ class Bytes(NamedTuple):
 
 @dataclass(slots=True, frozen=True)
 class LinkUp:
-    """A link was opened; ``identity`` names what was opened (a path, an address)."""
+    """A link was opened; ``identity`` is what was opened, e.g. a path or an address."""
 
     link: str
     identity: str
@@ -49,7 +49,7 @@ class LinkUp:
 
 @dataclass(slots=True, frozen=True)
 class LinkDown:
-    """A link closed or could not be opened; ``reason`` is for people."""
+    """A link closed or could not be opened; ``reason`` is a text for people."""
 
     link: str
     reason: str
@@ -57,7 +57,7 @@ class LinkDown:
 
 @dataclass(slots=True, frozen=True)
 class Request:
-    """A well-formed request map from a client; what it asks for is not yet judged."""
+    """A request of a client: a well-formed map whose fields are not checked yet."""
 
     client: bytes
     body: dict[str, Any]
@@ -68,8 +68,8 @@ class Tick:
     """Time passed.
 
     Attributes:
-        suspended_ns: How long the host has slept since boot (BOOTTIME − MONOTONIC).
-        unread: The daemon stood still, and the lines were not seen empty since: what came meanwhile may wait there.
+        suspended_ns: How long the host has slept since boot (CLOCK_BOOTTIME − CLOCK_MONOTONIC).
+        unread: The daemon stalled, and its lines were not read empty since: bytes may still wait there.
     """
 
     suspended_ns: int = 0
@@ -83,9 +83,9 @@ class RecordingChanged:
     Attributes:
         name: Name of its file, as in `Record`; "" for the recording of the whole run.
         path: Path of its file.
-        state: "running"; "limited": a limit of the config ended it in good order, or did not let it begin; or "failed":
-            its file could not be created or written.
-        reason: Why it does not run, for people; "" while it does.
+        state: "running"; "limited": a limit of the config ended it in good order or prevented it; or "failed": its file
+            could not be created or written.
+        reason: Why it does not run, for people; "" while it runs.
         lost: Number of entries known to be missing from the file.
     """
 
@@ -127,8 +127,9 @@ class Record:
     """Begin a recording, or end the one that runs.
 
     Attributes:
-        name: Of its file; "" ends the one that runs.
-        opened: The links that are open as it begins: its first events, without which a replay would not hear them.
+        name: Name of its file; "" ends the recording that runs.
+        opened: Links that are open when it begins. They are its first events: without them a replay would take no bytes
+            from these links.
     """
 
     name: str

@@ -1,1 +1,1 @@
-"""Messages: what each topic carries, and how often. The only room that knows the keys of the wire; pure."""
+"""Messages and replies: their bodies, and when they are published. No other room knows the keys of the wire; pure."""

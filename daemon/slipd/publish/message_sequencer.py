@@ -1,4 +1,4 @@
-"""What every message carries, and how often at most a topic is published."""
+"""Head of every message, and the largest rate of a topic."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ from typing import Any
 from slipd.events import Publish
 from slipd_client.messages import PROTOCOL_VERSION
 
-#: Of messages without vectors.
+#: Frame of messages without vectors.
 NO_FRAME = ""
 
 
 class MessageSequencer:
-    """Makes messages: numbers them per topic without gaps and dates them.
+    """Number messages without gaps within their topic, and date them.
 
     Args:
         boot: Id of this run.
         config_id: Id of the config in force.
         wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
+
+    Attributes:
+        boot: As given.
+        published: Number of messages so far.
     """
 
     def __init__(self, boot: str, config_id: str, wall_minus_monotonic_ns: int) -> None:
@@ -28,7 +32,14 @@ class MessageSequencer:
         self.published = 0
 
     def message(self, topic: str, t_ns: int, frame: str, body: dict[str, Any]) -> Publish:
-        """Makes the next message of a topic about the instant ``t_ns`` (CLOCK_MONOTONIC)."""
+        """Return the next message of a topic.
+
+        Args:
+            topic: The topic.
+            t_ns: Time of the readings that the message is about, CLOCK_MONOTONIC.
+            frame: Frame of its vectors.
+            body: Its fields beside the head.
+        """
         seq = self._seq.get(topic, 0)
         self._seq[topic] = seq + 1
         self.published += 1
@@ -46,10 +57,10 @@ class MessageSequencer:
 
 
 class Pace:
-    """Lets at most ``rate_hz`` pass, by data time, without drifting against it.
+    """Let at most ``rate_hz`` messages pass, by the time of their data, without drift against that time.
 
     Attributes:
-        due_ns: From when on the next one passes.
+        due_ns: Time from which the next message passes.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -57,7 +68,7 @@ class Pace:
         self.due_ns = 0
 
     def passes(self, t_ns: int, *, now: bool = False) -> bool:
-        """Whether a message about ``t_ns`` is due; ``now`` lets it pass anyway, beside the others."""
+        """Return whether a message about ``t_ns`` is due; with ``now`` it passes in any case, beside the others."""
         if t_ns < self.due_ns:
             return now
         late = t_ns - self.due_ns

@@ -18,13 +18,13 @@ from slipd.requests.gripper_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
 
 DEFAULT_TARE_S = 0.5
-#: A longer average waits for drift, not for noise.
+#: A longer average contains drift of the sensor.
 LONGEST_TARE_S = 10.0
-_HELD = "a tare may erase the load of what is held: a grip is in force"
+_GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"
 
 
 class FingerHandlers:
-    """Checks these requests and carries them out.
+    """Carry out the requests about a finger.
 
     Args:
         fingers: The fingers by name.
@@ -39,7 +39,7 @@ class FingerHandlers:
         self._fingers = fingers
         self._policy = policy
         self._config = config
-        self._told_gravity: dict[str, tuple[bytes, int]] = {}
+        self._gravity_from: dict[str, tuple[bytes, int]] = {}
         self.ops: dict[str, Handler] = {
             "tare": self._tare,
             "tare.get": self._tare_get,
@@ -52,8 +52,8 @@ class FingerHandlers:
         name = request.body["finger"]
         finger = self._fingers.get(name)
         if finger is None:
-            known = ", ".join(self._fingers)
-            return Refusal("unknown_finger", f"there is no finger {name!r:.40}; known: {known}", "finger")
+            rule = f"finger must be one of {', '.join(self._fingers)}, got {name!r:.40}"
+            return Refusal("unknown_finger", rule, "finger")
         return finger
 
     def _tares(self, request: Request, known: tuple[str, ...]) -> Tares | Refusal:
@@ -63,7 +63,7 @@ class FingerHandlers:
             return finger
         stream = request.body.get("stream")
         if stream not in (None, *known):
-            return Refusal("out_of_range", f"stream must be one of {', '.join(known)}, not {stream!r:.40}", "stream")
+            return Refusal("out_of_range", f"stream must be one of {', '.join(known)}, got {stream!r:.40}", "stream")
         return Tares.of(finger, stream)
 
     def _tare(self, request: Request, t_ns: int) -> Result:
@@ -72,13 +72,15 @@ class FingerHandlers:
             return tares
         seconds = request.body.get("seconds", DEFAULT_TARE_S)
         if not 0.0 < seconds <= LONGEST_TARE_S:
-            return Refusal("out_of_range", f"seconds must be above 0 and at most {LONGEST_TARE_S:g}", "seconds")
+            rule = f"seconds must be above 0 and at most {LONGEST_TARE_S:g}, got {seconds:g}"
+            return Refusal("out_of_range", rule, "seconds")
         unloaded = request.body.get("unloaded", False)
         refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)
         if refusal is not None:
             return refusal
         if (self._policy.grips or self._policy.releasing) and not tares.verified:
-            return Refusal("in_contact", f"{_HELD}, and finger {tares.finger.name} is not known to be free", "finger")
+            rule = f"{_GRIP_IN_FORCE}: finger {tares.finger.name} must be known to be free"
+            return Refusal("in_contact", rule, "finger")
         verified = tares.verified
         tares.begin(t_ns, seconds, client_name(request.client), unloaded=unloaded)
         return replies.tare_begun(tares, seconds, verified=verified)
@@ -101,16 +103,18 @@ class FingerHandlers:
         if isinstance(finger, Refusal):
             return finger
         if finger.force is None:
-            return Refusal("not_ready", f"finger {finger.name} has no force sensor that weighs it", "finger")
+            return Refusal(
+                "not_ready", f"finger {finger.name} has no force sensor, so that its weight is not measured", "finger"
+            )
         fault = gravity_fault(request.body["gravity_mps2"])
         if fault is not None:
             return Refusal("out_of_range", fault, "gravity_mps2")
-        teller, told_ns = self._told_gravity.get(finger.name, (request.client, t_ns))
-        held = self._policy.holder(t_ns) not in (None, request.client)
-        if held and teller == self._policy.holder(t_ns) and t_ns - told_ns <= FRESH_NS:
-            message = f"the client that holds the lease sends the gravity of finger {finger.name}: no other client may"
-            return Refusal("lease_held", message, "gravity_mps2")
-        self._told_gravity[finger.name] = request.client, t_ns
+        sender, sent_ns = self._gravity_from.get(finger.name, (request.client, t_ns))
+        holder = self._policy.holder(t_ns)
+        if holder not in (None, request.client) and sender == holder and t_ns - sent_ns <= FRESH_NS:
+            rule = f"the lease holder sends the gravity of finger {finger.name}: no other client may send it now"
+            return Refusal("lease_held", rule, "gravity_mps2")
+        self._gravity_from[finger.name] = request.client, t_ns
         finger.force.set_gravity(request.body["gravity_mps2"], t_ns)
         return replies.gravity_set(finger.force, t_ns)
 
@@ -118,32 +122,48 @@ class FingerHandlers:
         finger = self._finger(request)
         if isinstance(finger, Refusal):
             return finger
-        body, most = request.body, finger.config.most_mu
-        mu_s = float(body["mu_s"])
-        mu_d = float(body["mu_d"]) if "mu_d" in body else None
-        if not 0.0 < mu_s <= most:
-            limit = f"mu_s must be above 0 and at most {most:g}, the mu_max of finger {finger.name}, not {mu_s:g}"
-            return Refusal("out_of_range", limit, "mu_s")
-        if mu_d is not None and not 0.0 < mu_d <= mu_s:
-            return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, not {mu_d:g}", "mu_d")
-        if finger.friction.is_more_lenient(mu_s, mu_d) and not self._config.friction_without_lease:
-            refusal = self._policy.check_lease(request.client, t_ns)
-            if refusal is not None:
-                why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
-                return Refusal(refusal.code, f"{why}: acquire the lease first (lease.acquire)", "")
+        mu_s = float(request.body["mu_s"])
+        mu_d = float(request.body["mu_d"]) if "mu_d" in request.body else None
+        refusal = _check_friction(finger, mu_s, mu_d) or self._check_lenience(request, finger, mu_s, mu_d, t_ns)
+        if refusal is not None:
+            return refusal
         finger.set_friction(mu_s, mu_d, client_name(request.client), t_ns)
         return replies.friction_set(finger)
 
+    def _check_lenience(
+        self, request: Request, finger: Finger, mu_s: float, mu_d: float | None, t_ns: int
+    ) -> Refusal | None:
+        """Refuse coefficients that make a verdict more lenient, unless the client holds the lease."""
+        if self._config.friction_without_lease or not finger.friction.is_more_lenient(mu_s, mu_d):
+            return None
+        refusal = self._policy.check_lease(request.client, t_ns)
+        if refusal is None:
+            return None
+        why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
+        return Refusal(refusal.code, f"{why}: acquire the lease first (lease.acquire)")
+
     def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
-        """Refuse to shift forces on which another client relies."""
+        """Refuse to change the readings by which another client moves the gripper."""
         if self._policy.holder(t_ns) in (None, request.client):
             return None
-        return Refusal("lease_held", f"another client holds the lease: its sensors may not be {done} by others")
+        return Refusal("lease_held", f"another client holds the lease: only that client may have its sensors {done}")
+
+
+def _check_friction(finger: Finger, mu_s: float, mu_d: float | None) -> Refusal | None:
+    """Refuse coefficients out of range."""
+    most = finger.config.most_mu
+    if not 0.0 < mu_s <= most:
+        rule = f"mu_s must be above 0 and at most {most:g}, the mu_max of finger {finger.name}, got {mu_s:g}"
+        return Refusal("out_of_range", rule, "mu_s")
+    if mu_d is not None and not 0.0 < mu_d <= mu_s:
+        return Refusal("out_of_range", f"mu_d must be above 0 and at most mu_s, {mu_s:g}, got {mu_d:g}", "mu_d")
+    return None
 
 
 def _change(finger: Finger, mu_s: float) -> str:
+    """Return what is more lenient about a coefficient, for people."""
     if finger.friction.mu is None:
-        return f"mu_s {mu_s:g}, where none was known,"
+        return f"mu_s {mu_s:g}, while no coefficient is known,"
     return f"mu_s {mu_s:g} over {finger.friction.mu:g}" if mu_s > finger.friction.mu else "a lower mu_d"
 
 

@@ -14,11 +14,11 @@ from slipd.publish.replies import Result
 from slipd.publish.wire_values import Body
 from slipd.refusal import Refusal
 from slipd.requests.finger_handlers import FingerHandlers
-from slipd.requests.gripper_handlers import GripperHandlers, without_gripper
+from slipd.requests.gripper_handlers import gripper_handlers
 from slipd.requests.idempotency import URGENT_OPS, IdempotencyCache
 from slipd.requests.lease_handlers import LeaseHandlers
 from slipd.requests.recording_state import RecordingState
-from slipd.requests.request_check import OPS, check_request
+from slipd.requests.request_check import check_request
 
 
 class RequestHandlers:
@@ -46,20 +46,20 @@ class RequestHandlers:
     ) -> None:
         self._boot = boot
         self._fingers = fingers
+        self._policy = policy
         self._recordings = recordings
-        self._once = IdempotencyCache()
         self._status = status
-        self._unanswered: dict[tuple[bytes, str | int], Body] = {}
+        self._kept = IdempotencyCache()
+        self._pending: dict[tuple[bytes, str | int], Body] = {}
         self._ops: dict[str, Callable[[Request, int], Result | None]] = {
             "hello": self._hello,
             "status": self._status_now,
             "record.start": self._record_start,
             "record.stop": self._record_stop,
+            **LeaseHandlers(policy).ops,
+            **FingerHandlers(fingers, policy, requests).ops,
+            **gripper_handlers(gripper),
         }
-        self._policy = policy
-        grip_ops = {} if gripper is None else GripperHandlers(gripper).ops
-        self._ops = dict.fromkeys(OPS, without_gripper) | self._ops | grip_ops
-        self._ops |= LeaseHandlers(policy).ops | FingerHandlers(fingers, policy, requests).ops
 
     def answer(self, request: Request, t_ns: int) -> Reply | None:
         """Check a request at ``t_ns`` and carry it out unless a rule forbids it.
@@ -71,18 +71,22 @@ class RequestHandlers:
         refusal = check_request(body, self._boot, t_ns)
         if refusal is not None:
             return Reply(request.client, replies.reply_body(body.get("id"), refusal, t_ns))
-        urgent = body["op"] in URGENT_OPS and self._holds(request.client, t_ns)
-        seen = self._once.seen(request.client, body, t_ns, urgent=urgent)
-        if seen is None:
-            found = self._ops[body["op"]](request, t_ns)
-            reply = {} if found is None else replies.reply_body(body["id"], found, t_ns)
-            if found is None:
-                self._unanswered[request.client, body["id"]] = reply
-            self._once.keep(request.client, body, reply, t_ns)
-            return Reply(request.client, reply) if reply else None
+        urgent = body["op"] in URGENT_OPS and self._policy.holder(t_ns) == request.client
+        seen = self._kept.seen(request.client, body, t_ns, urgent=urgent)
         if isinstance(seen, Refusal):
             return Reply(request.client, replies.reply_body(body["id"], seen, t_ns))
-        return Reply(request.client, seen) if seen else None
+        reply = self._carry_out(request, t_ns) if seen is None else seen
+        return Reply(request.client, reply) if reply else None
+
+    def _carry_out(self, request: Request, t_ns: int) -> Body:
+        """Carry out a new request and keep its reply; an empty reply is completed by `note_recording`."""
+        client, number = request.client, request.body["id"]
+        result = self._ops[request.body["op"]](request, t_ns)
+        reply: Body = {} if result is None else replies.reply_body(number, result, t_ns)
+        if result is None:
+            self._pending[client, number] = reply
+        self._kept.keep(client, request.body, reply, t_ns)
+        return reply
 
     def note_recording(self, event: RecordingChanged, t_ns: int) -> Reply | None:
         """Note the new state of a recording, and answer the request that waited for it."""
@@ -91,13 +95,10 @@ class RequestHandlers:
             return None
         request, outcome = settled
         result = outcome if isinstance(outcome, Refusal) else replies.recording_file(outcome)
-        reply = self._unanswered.pop((request.client, request.body["id"]), {})
+        reply = self._pending.pop((request.client, request.body["id"]), {})
         # in place, so that a copy of the request gets the same reply
         reply |= replies.reply_body(request.body["id"], result, t_ns)
         return Reply(request.client, reply)
-
-    def _holds(self, client: bytes, t_ns: int) -> bool:
-        return self._policy.holder(t_ns) == client
 
     def _hello(self, _: Request, t_ns: int) -> Result:
         return replies.hello(self._boot, t_ns, self._fingers)

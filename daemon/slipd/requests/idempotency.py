@@ -1,4 +1,4 @@
-"""No request is done twice: a repeated one gets the reply of the first, another client's copy of it is refused."""
+"""No request is carried out twice: a repeated one gets the same reply, a copy by another client is refused."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 
 from slipd.refusal import Refusal
 
-#: Ops that change nothing and need neither the id of the run nor a deadline: asked again, they are answered again.
+#: Ops that change nothing and need neither the id of the run nor a deadline; every copy is answered anew.
 OPEN_OPS = frozenset({"hello", "status"})
-#: Requests of one client that are remembered at once: 50 a second with the longest deadline are 25, and a burst.
+#: Requests of one client that are kept at once: 50 per second with the longest deadline are 25, plus a burst.
 PER_CLIENT = 64
-#: Clients that are remembered at once: several times as many as can be connected, for some reconnect. A crowd of new
-#: ones shuts out newcomers, never one that keeps asking.
+#: Clients that are kept at once: several times as many as can be connected, as some reconnect. Beyond this number new
+#: clients are refused, and never one of those kept.
 MOST_CLIENTS = 1024
-#: Ops that keep a grip as it is or make it safer: the holder of the lease is never "busy" for them.
+#: Ops that keep a grip as it is or make it safer: the lease holder never gets "busy" for them.
 URGENT_OPS = frozenset({"lease.renew", "grip.hold", "gripper.stop"})
 
 
@@ -28,10 +28,10 @@ class _Kept:
 
 
 class IdempotencyCache:
-    """Remembers what was answered, as long as the request's own deadline lets it be sent again.
+    """Keep every reply until the deadline of its request, as the request may be sent again until then.
 
-    Bodies are those of well-formed requests: with ``id``, ``op`` and, but for `OPEN_OPS`, a ``deadline_ns`` ahead. An
-    earlier time than the last counts as the last, so that nothing forgotten can come back.
+    Requests are checked: they have ``id``, ``op`` and, except `OPEN_OPS`, a ``deadline_ns`` in the future. A time
+    before the last one counts as the last one, so that no request that was dropped can be carried out again.
     """
 
     def __init__(self) -> None:
@@ -44,36 +44,36 @@ class IdempotencyCache:
     def seen(
         self, client: bytes, body: dict[str, Any], t_ns: int, *, urgent: bool = False
     ) -> dict[str, Any] | Refusal | None:
-        """Return the reply kept for this request, why it is refused, or None: it is new.
-
-        What is new is judged, carried out or refused, and then kept with its reply whatever that was.
+        """Return the reply kept for a request, or why it is refused; None for a new one, which must be kept (`keep`).
 
         Args:
-            client: Who asks.
-            body: What is asked.
-            t_ns: Now, ns.
-            urgent: It is never refused as "busy".
+            client: The client.
+            body: The request.
+            t_ns: Now, CLOCK_MONOTONIC.
+            urgent: The request is never refused as "busy".
         """
         if body["op"] in OPEN_OPS:
             return None
         self._forget(t_ns)
         if body["deadline_ns"] <= self._now_ns:
-            return Refusal("deadline_passed", "the deadline passed", "deadline_ns")
+            return Refusal("deadline_passed", "the deadline has passed", "deadline_ns")
         content = _content(body)
         mine = self._clients.get(client, {})
         kept = mine.get(body["id"])
         if kept is not None:
             if kept.content == content:
                 return kept.reply
-            return Refusal("repeated_id", "this id was used for another request; use each only once", "id")
+            return Refusal(
+                "repeated_id", "id must be new for every request: this one was used for another request", "id"
+            )
         if content in self._senders:
-            return Refusal("replayed", "another client sent exactly this request")
+            return Refusal("replayed", "another client has already sent this request")
         if not urgent and (len(mine) >= PER_CLIENT or (not mine and len(self._clients) >= MOST_CLIENTS)):
-            return Refusal("busy", "too many requests whose deadlines have not passed; ask again later")
+            return Refusal("busy", "too many requests whose deadlines have not passed: wait, or use shorter deadlines")
         return None
 
     def keep(self, client: bytes, body: dict[str, Any], reply: dict[str, Any], t_ns: int) -> None:
-        """Remembers the reply to a request that was new."""
+        """Keep the reply to a new request."""
         if body["op"] in OPEN_OPS:
             return
         self._forget(t_ns)
@@ -83,7 +83,7 @@ class IdempotencyCache:
         heapq.heappush(self._deadlines, (body["deadline_ns"], next(self._numbers), client, body["id"]))
 
     def _forget(self, t_ns: int) -> None:
-        """Drops what is too late to be sent again."""
+        """Drop requests whose deadline has passed."""
         self._now_ns = max(self._now_ns, t_ns)
         while self._deadlines and self._deadlines[0][0] <= self._now_ns:
             _, _, client, name = heapq.heappop(self._deadlines)
@@ -94,7 +94,7 @@ class IdempotencyCache:
 
 
 def _content(value: Any) -> Hashable:
-    """A value that compares equal only to the same content: 1, 1.0 and true are three."""
+    """Return a value that equals only that of the same content and types: 1, 1.0 and true all differ."""
     if isinstance(value, dict):
         return frozenset((key, _content(entry)) for key, entry in value.items())
     if isinstance(value, list):

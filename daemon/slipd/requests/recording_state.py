@@ -1,4 +1,4 @@
-"""State of the recordings: which one runs, what its file is called, and how it ended. The service writes the files."""
+"""State of the recordings: which one runs, the name of its file, and how it ended. The service writes the files."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from slipd.events import Record, RecordingChanged, Request
 from slipd.refusal import Refusal
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-#: A replayed file may state any clock; this one ends in the year 5138.
+#: Largest wall time in a name, in the year 5138; a replayed file may contain any time.
 _SPAN_S = 10**11
 #: Error code of a `record.start` whose recording did not begin, by the state that was reported instead.
 _CODES = {"limited": "no_room", "failed": "record_failed"}
 
 
 class RecordingState:
-    """The recordings of one run: one on request at a time, and that of the whole run where there is one.
+    """Recordings of one run: one on request at a time, and one of the whole run where there is one.
 
-    The daemon names the files. A client must not: a name is a path.
+    The daemon names the files, as a name from a client could be any path.
 
     Args:
         boot: Id of this run.
@@ -39,9 +39,9 @@ class RecordingState:
         self._due: list[Record] = []
 
     def start(self, request: Request, t_ns: int) -> Refusal | None:
-        """Start a recording; None: the answer waits for the disk, see `settle`."""
+        """Start a recording; return None where the reply must wait for the disk (`settle`)."""
         if self._running:
-            return Refusal("not_ready", f"{self.requested.name} is being recorded: record.stop ends it")
+            return Refusal("not_ready", f"{self.requested.name} is being recorded: end it with record.stop")
         self._count += 1
         wall_s = (t_ns + self._wall_minus_monotonic_ns) // 10**9 % _SPAN_S
         time = (_EPOCH + timedelta(seconds=wall_s)).strftime("%Y%m%dT%H%M%SZ")
@@ -55,15 +55,16 @@ class RecordingState:
         """End the recording that runs, and return it."""
         recording = self.requested
         if not self._running:
-            return Refusal("not_ready", recording.reason or "nothing is being recorded: record.start begins it")
+            return Refusal("not_ready", recording.reason or "nothing is being recorded: begin with record.start")
         self.requested = replace(recording, state="stopped")
         self._due.append(Record(""))
         return self.requested
 
     def settle(self, event: RecordingChanged) -> tuple[Request, RecordingChanged | Refusal] | None:
-        """Note what became of a recording, and return the request that waited for it with its answer.
+        """Note the new state of a recording.
 
-        What a newer recording has replaced is not shown any more.
+        Returns:
+            The request that waited for it, and the recording or why it did not begin; None where no request waited.
         """
         if not event.name:
             self.whole_run = event
@@ -71,7 +72,7 @@ class RecordingState:
         if event.name == self.requested.name:
             if self._running or event.state == "failed":
                 self.requested = event
-            elif event.state == "running":  # it began behind its own record.stop
+            elif event.state == "running":  # its file was created only after its record.stop
                 self.requested = replace(event, state="stopped")
         waiting = self._waiting.pop(event.name, None)
         if waiting is None:

@@ -83,7 +83,9 @@ class TestFriction:
         run = make_run(left.replace("mu = 0.5\n", ""))
         run.up()
         message = run.ask("friction.set", finger="left", mu_s=0.2)["error"]["message"]
-        assert message.startswith("mu_s 0.2, where none was known, makes the verdicts on finger left more lenient")
+        assert message.startswith(
+            "mu_s 0.2, while no coefficient is known, makes the verdicts on finger left more lenient"
+        )
         run.lease()
         assert run.refusal("friction.set", finger="left", mu_s=2.01) == ("out_of_range", "mu_s")
         assert run.refusal("friction.set", finger="left", mu_s=2.0) is None
