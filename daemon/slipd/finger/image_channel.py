@@ -190,9 +190,9 @@ class ImageChannel:
     def _watch_for_missing_tare(self, values: Array, readings: Array, t_ns: int, evidence: ForceEvidence) -> None:
         """Check whether the pad reads a load that does not exist."""
         if self._alone and self.three_axis:
-            self._untared.look_alone(values)
+            self._untared.update_alone(values)
         else:
-            self._untared.look_beside(readings, t_ns, free=evidence.no_contact)
+            self._untared.update_beside_force(readings, t_ns, free=evidence.no_contact)
 
     def _find_reasons(self, values: Array, sample: TactileSample) -> tuple[str, ...]:
         """Return why an image with these forces on its taxels, in one row, cannot be used."""

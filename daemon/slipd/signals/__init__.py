@@ -1,1 +1,1 @@
-"""From sensor samples to the pad frame: mounting, tare, charge, geometry; pure."""
+"""Conditioning of readings, from sensor samples to the pad frame: mounting, tare, drift, health, clocks; pure."""

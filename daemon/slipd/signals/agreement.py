@@ -1,18 +1,19 @@
-"""Whether the force sensor and the tactile image tell the same contact.
+"""Compare the contact of the force sensor with that of the tactile image.
 
-Both know where the force acts, a calibrated pad also how large it is. A sensor mounted otherwise than the config says,
-a force sensor with a bias, half an image that is dead: each makes them differ, and then neither can be believed.
+Both measure where the force acts; a calibrated pad also measures how large it is. A mounting that differs from the
+config, a bias of the force sensor or a half-dead image makes them disagree, and then neither is trusted.
 
-How far they may differ was found on 9,000 simulated contacts of 8 × 16 taxels (patches of 1 to 30 mm anywhere on the
-pad, tilted until they lift off, gains with 5 % of spread). It depends on how many taxels are *inner*: active, with all
-four side neighbours active. With one or more the centroids lay within a third of a pitch of each other, with none
-(points, lines, strips along the border) within 1.5; the sum of the pressures was within exp(±FORCE (inner + 2)^−¾) of
-the force, and without inner taxels it said nothing.
+The tolerances come from 9,000 simulated contacts on 8 × 16 taxels (patches of 1 to 30 mm anywhere on the pad, tilted
+until they lift off, taxel gains with 5 % spread). They depend on the number of *inner* taxels: active, with all four
+side neighbours active. With at least one, the centroids lay within a third of a pitch of each other; with none (points,
+lines, strips along the border) within 1.5 pitches. The sum of the pressures lay within exp(±FORCE (inner + 2)^−¾) of
+the force; without inner taxels it carried no information.
 
-With these tolerances none of 4,500 further contacts at 1, 5 and 20 N was told wrongly. Told of 300 contacts at 5 N with
-patches of 8 mm and more: axes swapped 90 %, flipped 90–96 %, turned 98–99 %, 10 mm off in the plane 100 % and along Z
-81 %, a bias of 1 N along X 80 % and along Z 45–61 %, half the image dead 55–78 % (85 % of those where that half bore a
-third of the load). The rest are contacts near the pad's centre or its axes, which look alike either way.
+With these tolerances none of 4,500 further contacts at 1, 5 and 20 N gave a false disagreement. Detected of 300
+contacts at 5 N with patches of at least 8 mm: axes swapped 90 %, flipped 90–96 %, rotated 98–99 %, 10 mm off in the
+plane 100 % and along Z 81 %, a bias of 1 N along X 80 % and along Z 45–61 %, half the image dead 55–78 % (85 % of those
+in which that half carried a third of the load). The others are contacts near the pad's centre or axes, which look the
+same either way.
 """
 
 from __future__ import annotations
@@ -30,19 +31,19 @@ Array = NDArray[np.float64]
 INNER_PITCHES = 0.5
 """Tolerance of the centroid, in pitches, with an inner taxel."""
 OUTER_PITCHES = 1.75
-"""Without one: where a contact is a line, C lies up to 1.5 pitches from the taxels that feel it, outside their hull.
-That is tipping, and stays a matter of the tipping margin."""
+"""Tolerance of the centroid, in pitches, without an inner taxel. The centroid of a line contact lies up to 1.5 pitches
+outside the hull of its active taxels; that is tipping, which the tipping margin covers."""
 FORCE = 1.3
-"""Tolerance of the logarithm of the force ratio is this over (inner + 2)^¾: sampling by electrodes with gaps."""
+"""Tolerance of the logarithm of the force ratio, times (inner + 2)^¾: electrodes with gaps sample the pressure."""
 STDS = 4.0
-"""Standard deviations of the noise given."""
+"""Tolerance for noise, in standard deviations."""
 CLEAR = 2.0
-"""Over the least normal force: a force that the image must show."""
+"""Multiple of the least normal force from which the image must show a contact."""
 PERSIST_NS = 60_000_000
 PERSIST_IMAGES = 4
-"""A disagreement is told once it has lasted for so long, and so many images: one image is a matter of skew."""
+"""A disagreement counts once it has lasted for this time and this many images; a single image may be time skew."""
 AGREE_NS = 200_000_000
-"""It ends when both have agreed for so long."""
+"""A disagreement ends once both have agreed for this time."""
 
 _SIDES = [k for k, (down, right) in enumerate(STEPS) if down == 0 or right == 0]
 
@@ -66,23 +67,23 @@ class Agreement:
         self._since_ns: int | None = None
         self._images = 0
         self._agreed_ns = 0
-        self._told: tuple[str, ...] = ()
+        self._reported: tuple[str, ...] = ()
 
     def update(
         self, t_ns: int, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array
     ) -> tuple[str, ...]:
-        """Takes an image and the contact that the force sensor saw at its time.
+        """Update with an image and the contact that the force sensor measured at its time.
 
         Args:
             t_ns: Time of the image, rising.
-            contact: What the force sensor tells; one that is not valid is not compared, and ends what was told.
+            contact: Contact measured by the force sensor; an invalid one is not compared and ends a disagreement.
             force_std_n: Standard deviation of its normal force, N.
             x: Taxel centres in the pad frame, shape (taxels,), m.
             y: Likewise, shape (taxels,), m.
             pressure: Normal force on each active taxel, 0 elsewhere, shape (taxels,); in newtons if calibrated.
 
         Returns:
-            What the two disagree about, for long enough: "contact" (a clear force, and no image), "centroid", "force".
+            Subjects of a lasting disagreement: "contact" (a clear force without an image), "centroid", "force".
         """
         now = self._differences(contact, force_std_n, x, y, pressure)
         if not contact.valid:
@@ -92,19 +93,19 @@ class Agreement:
         if not now:
             self._since_ns, self._images = None, 0
             if t_ns - self._agreed_ns >= AGREE_NS:
-                self._told = ()
-            return self._told
+                self._reported = ()
+            return self._reported
         if self._since_ns is None:
             self._since_ns = t_ns
         self._images += 1
         self._agreed_ns = t_ns
-        if self._told or (self._images >= PERSIST_IMAGES and t_ns - self._since_ns >= PERSIST_NS):
-            self._told = now
-        return self._told
+        if self._reported or (self._images >= PERSIST_IMAGES and t_ns - self._since_ns >= PERSIST_NS):
+            self._reported = now
+        return self._reported
 
     def reset(self) -> None:
-        """Forgets what was compared: the contact ended, or one of the streams did."""
-        self._before, self._since_ns, self._images, self._told = None, None, 0, ()
+        """Forget the comparison, because the contact or one of the streams ended."""
+        self._before, self._since_ns, self._images, self._reported = None, None, 0, ()
 
     def _differences(
         self, contact: Contact, force_std_n: float, x: Array, y: Array, pressure: Array

@@ -1,16 +1,16 @@
 """Force from the charge of a piezoelectric taxel.
 
 A PVDF element gives charge only while its force changes. Behind a charge amplifier with leak τ the output y obeys
-y' = f' − y/τ, so f = y + (1/τ) ∫ y dt, and every offset of y integrates into drift. Three things keep it honest:
+y' = f' − y/τ, so f = y + (1/τ) ∫ y dt, and every offset of y integrates into drift. Three corrections bound it:
 
-* without contact the force is zero, which resets the integral and shows the offset. What leaked away under a held load
-  is missing when it ends: the output then lies below the offset by as much, and comes back within some τ;
-* PVDF is pyroelectric too, so warming adds a charge that all taxels share: under a contact the taxels outside it show
-  it, and what else they add up is forgotten;
-* the force sensor knows the normal force of the whole pad: a sum that creeps away from it is drift.
+* Without contact the force is zero, which resets the integral and shows the offset. The charge that leaked away under a
+  held load is missing when the load ends: the output then lies below the offset by that much and recovers in a few τ.
+* PVDF is also pyroelectric, so warming adds a charge that all taxels share. During a contact the taxels outside it show
+  that charge, and whatever else they accumulate is forgotten.
+* The force sensor measures the normal force on the whole pad: a sum that creeps away from it is drift.
 
-None of them erases a held load: the first waits for the force sensor to read no contact, the second forgets only what
-is next to nothing beside the load, and the third takes away what the force sensor does not feel.
+None of them erases a held load. The first waits until the force sensor reads no contact, the second forgets only what
+is negligible beside the load, and the third removes only what the force sensor does not measure.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from slipd.fusion.compiled import compiled
 
 Array = NDArray[np.float64]
 
-#: Time constant of learning the offset without contact, s: long against the noise, short against warming.
+#: Time constant of learning the offset without contact, s: long compared to noise, short compared to warming.
 OFFSET_TAU_S = 0.5
-#: The largest reading is taken to be the third largest: one or two taxels that are hot must not make the rest look
-#: unloaded. A contact of one or two taxels is thus not corrected, and not erased either.
+#: The third largest reading stands for the largest: one or two hot taxels must not make the others look unloaded. A
+#: contact of one or two taxels is therefore neither corrected nor erased.
 PEAK_RANK = 3
-#: A taxel belongs to the contact while it reads more than this share of the largest reading.
+#: A taxel belongs to the contact while it reads more than this fraction of the largest reading.
 LOADED_SHARE = 0.05
-#: The common charge is told by at least this share of the pad, and this many taxels: a smaller rest may be loaded too.
+#: The common charge needs at least this fraction of the pad, and this many taxels, outside the contact.
 UNLOADED_SHARE, UNLOADED_TAXELS = 0.125, 8
-#: Time constant of following the common charge, s: long against a press, short against warming.
+#: Time constant of following the common charge, s: long compared to a press, short compared to warming.
 COMMON_TAU_S = 1.0
-#: Time constant of forgetting what a taxel outside the contact adds up, s: long against a contact that creeps onto it.
+#: Time constant of forgetting what a taxel outside the contact accumulates, s: long compared to a creeping contact.
 UNLOADED_TAU_S = 30.0
-#: Time constant of following the force sensor, s: a bias of it is told long before it is followed.
+#: Time constant of following the force sensor, s: a bias of it is reported long before it is followed.
 ANCHOR_TAU_S = 5.0
-#: A longer gap than this many leak times leaves nothing of the charge: the integral cannot be carried over it.
+#: The integral cannot be carried over a gap longer than this many leak time constants.
 LONGEST_GAP_TAUS = 0.1
 _NEVER_S = -math.inf
 
@@ -54,7 +54,7 @@ class ChargeReconstruction:
 
     def __init__(self, taxels: int, tau_s: float) -> None:
         if not 0.0 < tau_s < math.inf:
-            raise ValueError(f"tau_s must be positive and finite, not {tau_s}")
+            raise ValueError(f"tau_s must be positive and finite, got {tau_s}")
         self._tau_s = tau_s
         self._offset: Array | None = None
         self._integral = np.zeros(taxels)
@@ -65,23 +65,23 @@ class ChargeReconstruction:
         self._anchor: float | None = None
 
     def anchor(self, normal: float) -> None:
-        """Tells the normal force on the whole pad, in the unit of the readings, for the next scan.
+        """Set the normal force on the whole pad, in the unit of the readings, for the next scan.
 
-        Only for a pad whose readings are calibrated, and while it and the force sensor agree.
+        Use it only for a calibrated pad, and only while it agrees with the force sensor.
         """
         self._anchor = normal if math.isfinite(normal) else None
 
     def update(self, readings: Array, t_s: float, known_free: bool) -> Array:
-        """Takes one scan.
+        """Update with one scan.
 
         Args:
             readings: Amplifier outputs, shape (taxels,).
             t_s: Time of the scan, s, rising.
-            known_free: The force sensor reads no contact; anything else may be a held load, which is never erased.
+            known_free: The force sensor measures no contact. Otherwise there may be a held load, which is never erased.
 
         Returns:
-            Force on each taxel, shape (taxels,), in the unit of the readings; zeros where free; NaN where a contact
-            cannot be known because none of its beginning was seen, or a reading is no number.
+            Force on each taxel, shape (taxels,), in the unit of the readings. Zeros if free; NaN if a reading is not
+            finite, or if the beginning of the contact was not seen.
         """
         if not math.isfinite(float(np.dot(readings, readings))):
             self.forget()
@@ -94,21 +94,21 @@ class ChargeReconstruction:
             self._last_s = _NEVER_S
             return np.full_like(readings, math.nan)
         elapsed_s, self._last_s = t_s - self._last_s, t_s
-        told = np.empty_like(readings)
+        forces = np.empty_like(readings)
         anchor = math.nan if self._anchor is None else self._anchor
-        self._common = _go_on(
-            told, self._integral, self._last, readings, self._offset, elapsed_s, self._tau_s, self._common, anchor
+        self._common = _integrate(
+            forces, self._integral, self._last, readings, self._offset, elapsed_s, self._tau_s, self._common, anchor
         )
         self._anchor = None
-        return told
+        return forces
 
     def shift(self, by: Array) -> None:
-        """Take readings that are lower from now on by ``by``, shape (taxels,): their zero was moved."""
+        """Adapt to a moved zero: from now on readings are lower by ``by``, shape (taxels,)."""
         if self._offset is not None:
             self._offset = self._offset - by
 
     def forget(self) -> None:
-        """Gives up the charge: time passed that was not seen. The offset stays."""
+        """Forget the charge after time that was not observed; keep the offset."""
         self._resting = False
         self._last_s = _NEVER_S
 
@@ -128,22 +128,22 @@ class ChargeReconstruction:
 
 
 @compiled
-def _go_on(
-    told: Array, integral: Array, last: Array, readings: Array, offset: Array, elapsed_s: float, tau_s: float,
+def _integrate(
+    forces: Array, integral: Array, last: Array, readings: Array, offset: Array, elapsed_s: float, tau_s: float,
     common: float, anchor: float,
 ) -> float:  # fmt: skip
-    """Integrates one scan and takes the drift out of it.
+    """Integrate one scan and remove the drift.
 
     Args:
-        told: Filled with the force on each taxel.
-        integral: What leaked away, carried on.
-        last: Charge of the scan before; filled with this one's.
+        forces: Filled with the force on each taxel.
+        integral: Charge that leaked away; updated.
+        last: Charge of the previous scan; updated.
         readings: The scan.
-        offset: Of the readings.
-        elapsed_s: Since the scan before, s.
+        offset: Offset of the readings.
+        elapsed_s: Time since the previous scan, s.
         tau_s: Leak time constant, s.
         common: Charge that all taxels share.
-        anchor: Normal force on the whole pad; NaN: not known.
+        anchor: Normal force on the whole pad; NaN if not known.
 
     Returns:
         The common charge now.
@@ -167,9 +167,9 @@ def _go_on(
                 integral[k] += math.expm1(-elapsed_s / UNLOADED_TAU_S) * (force[k] - common)
     total = 0.0
     for k in range(count):
-        told[k] = force[k] - common
+        forces[k] = force[k] - common
         if not unloaded[k]:
-            total += told[k]
+            total += forces[k]
     if not math.isnan(anchor) and rest < count:
         surplus = (total - anchor) / (count - rest)
         for k in range(count):

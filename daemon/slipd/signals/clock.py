@@ -1,13 +1,13 @@
-"""A device's own clock told in the host's monotonic time.
+"""Map the clock of a device to the monotonic time of the host.
 
-A receipt is late by a delay that is never negative, bunched and heavy-tailed, so what is true of the clock shows in
-the readings that were late the least: of each slice of time the least late is kept, and a line is laid beneath them.
+A receipt is late by a delay that is never negative, bunched and heavy-tailed. The least delayed readings therefore show
+the clock: of each time slice the least delayed reading is kept, and a line is fitted beneath them.
 
-What no stream that goes one way can show is a least delay that never changes: all times are late by it, and no bound
-here holds it; ``delay_ns`` takes off what is known of it. Readings that wait for a poll (a USB port) wait for up to the
-time between two readings, or, where there is one reading a poll, for up to a poll; how long depends on a phase that
-may beat for minutes. Where reads hold several readings the bound holds this wait; where each holds one, nothing shows
-it, and the bound holds it only where ``poll_ns`` tells of it.
+A one-way stream cannot show a constant least delay. All times are late by it, and no bound here includes it;
+``delay_ns`` subtracts the known part. Readings that wait for a poll (a USB port) wait for up to the time between two
+readings or, with one reading per poll, for up to a poll period; the wait depends on a phase that may drift over
+minutes. If reads hold several readings, the bound includes this wait. If each holds one, nothing shows it, and the
+bound includes it only if ``poll_ns`` states it.
 """
 
 from __future__ import annotations
@@ -17,49 +17,49 @@ from collections import deque
 
 from slipd.signals.lowest_line import SLICES, STEP_SLICES, lowest_line
 
-#: One reading is kept of each slice of so much time; a reset must be over within 1 s, so a line needs some soon.
+#: Length of a time slice, of which one reading is kept. A reset must be over within 1 s, so a line is needed soon.
 SLICE_NS = 125_000_000
-#: A line is laid after so much time and so many receipts.
+#: Least time and least number of receipts before a line is fitted.
 SETTLE_NS, SETTLE_RECEIPTS = 500_000_000, 8
-#: A clock that failed must run well for so long before it is believed again.
+#: Time for which a failed clock must run well before it is used again.
 PROBATION_NS = 10_000_000_000
-#: So many jumps back without a steady time after one are no restarts but a clock that jumps.
+#: This many backward jumps without a steady time in between are a jumping clock, not restarts.
 JUMPS, STEADY_NS = 4, 2_000_000_000
-#: More than this share of the reads hold several readings where reads are polls.
+#: Reads are polls if more than this fraction of them holds several readings.
 SHARED_READS = 0.2
-#: More than this share of the steps is not of the grid where times are rounded; fewer are readings lost.
+#: Times are rounded if more than this fraction of the steps differs from the grid; a smaller one is lost readings.
 UNEVEN_STEPS = 0.05
-#: Share of one read in these averages.
+#: Weight of one read in these averages.
 READ_SHARE = 1.0 / 32.0
-#: Of what is open between two readings; half of it lies to each side, and the line's own error beside.
+#: Fraction of the open interval between two readings that the bound includes: half of it, and the line's own error.
 OPEN_SHARE = 0.6
-#: Slices in which a read is sought that came just before the next reading: the phase drifts little in so long.
+#: Slices that are searched for a read that came just before the next reading; the phase drifts little meanwhile.
 OPEN_SLICES = 8
-#: A reading earlier than the line by 3 bounds and this is of another time line; so is one while the line settles.
+#: A reading earlier than the line by 3 bounds plus this belongs to another time line; the second holds while settling.
 EARLY_NS, EARLY_SETTLING_NS = 1_000_000, 50_000_000
-#: A grid of device times finer than this is no rounding that matters.
+#: Rounding of device times to a finer grid than this does not matter.
 FINEST_GRID_NS = 1_000
-#: A pusher's own time may be so old: the longest that a reading waits for a loop that stalls.
+#: Oldest time that another process may state: the longest wait of a reading for a stalled loop.
 OLDEST_HOST_NS = 10_000_000_000
 
-_NEVER = 1 << 200  # no reading before: every device time lies behind it
+_NEVER = 1 << 200  # no previous reading: every device time lies behind it
 _NOTHING_OPEN = (_NEVER, 0)
 
 
 class DeviceClock:
-    """Maps the times of one device's clock onto CLOCK_MONOTONIC, on line.
+    """Maps the times of one device's clock to CLOCK_MONOTONIC, online.
 
-    Readings that come in one read have one receipt, and only the last of them says something of the delay. Where the
-    device's clock jumps, a new line is begun; until it is laid (``SETTLE_NS``) readings get their receipt as their
-    time, as they do without a clock. Times never go back while receipts do not: after a restart too.
+    Readings of one read share one receipt, and only the last of them carries information about the delay. If the
+    device's clock jumps, a new line starts; until it is fitted (``SETTLE_NS``) the time of a reading is its receipt, as
+    without a clock. Times never go back as long as receipts do not, not even after a restart.
 
     Args:
-        span_ns: The device's clock begins anew after so long; None where it never does.
+        span_ns: Time after which the device's clock wraps around; None if it never does.
         delay_ns: Known part of the least delay from acquisition to receipt.
-        poll_ns: Readings that come one by one may wait for a poll so long, e.g. 1 ms on a full-speed USB.
+        poll_ns: Longest wait of a single reading for a poll, e.g. 1 ms on full-speed USB.
 
     Raises:
-        ValueError: A span that is not positive, a delay or a poll that is negative.
+        ValueError: The span is not positive, or a delay or poll time is negative.
 
     Attributes:
         state: "none" (no device time), "settling", "locked", or "not_a_clock" (its rate is off by more than
@@ -68,11 +68,11 @@ class DeviceClock:
 
     def __init__(self, span_ns: int | None, *, delay_ns: int = 0, poll_ns: int = 0) -> None:
         if span_ns is not None and span_ns <= 0:
-            raise ValueError(f"span_ns must be positive, or None for a clock that never begins anew, not {span_ns}")
+            raise ValueError(f"span_ns must be positive, or None for a clock that never wraps, got {span_ns}")
         if delay_ns < 0 or poll_ns < 0:
-            raise ValueError(f"delay_ns and poll_ns must not be negative, not {delay_ns} and {poll_ns}")
+            raise ValueError(f"delay_ns and poll_ns must not be negative, got {delay_ns} and {poll_ns}")
         self._span_ns, self._delay_ns, self._poll_ns = span_ns, delay_ns, poll_ns
-        self._told_ns = self._wanted_ns = self._device_ns = self._first_ns = 0
+        self._mapped_ns = self._wanted_ns = self._device_ns = self._first_ns = 0
         self._at_ns = self._lag_ns = self._base_ns = 0  # of the line, as its slope and bounds
         self._slope = self._bound_ns = self._rate_bound = self._shared = self._uneven = 0.0
         self._receipts = self._from_ns = self._slice_end_ns = self._grid_ns = 0
@@ -84,57 +84,57 @@ class DeviceClock:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: the host slept or the link was lost, and what comes next may be another device."""
+        """Start over: after a suspend or a lost link, the next reading may be of another device."""
         self.state = "none"
         self._jumps, self._settle_ns = 0, SETTLE_NS
         self._raw_ns, self._receipt_ns = _NEVER, -1
         self._begin(0, 0)
 
     def map(self, device_time_ns: int | None, receipt_ns: int) -> int:
-        """Time of acquisition of a reading on CLOCK_MONOTONIC, never after its receipt.
+        """Return the time of acquisition of a reading on CLOCK_MONOTONIC, never after its receipt.
 
         Args:
-            device_time_ns: The device's clock, as sent; None where the reading has none.
-            receipt_ns: CLOCK_MONOTONIC when it was received, never falling.
+            device_time_ns: Device time as sent; None if the reading has none.
+            receipt_ns: CLOCK_MONOTONIC at receipt; it never falls.
         """
         receipt_ns -= self._delay_ns
         if device_time_ns is None:
             if self.state != "none":
                 self.forget()
-            self._wanted_ns = self._told_ns = receipt_ns
+            self._wanted_ns = self._mapped_ns = receipt_ns
             return receipt_ns
         step = device_time_ns - self._raw_ns
         if step < 0 or receipt_ns != self._receipt_ns:
-            self._go_on(device_time_ns, step, receipt_ns)
+            self._advance(device_time_ns, step, receipt_ns)
         else:
             self._device_ns += step
             self._raw_ns = device_time_ns
-        told = receipt_ns
+        mapped = receipt_ns
         if self._locked:
-            told = self._device_ns + self._base_ns + int(self._slope * (self._device_ns - self._at_ns))
-        self._wanted_ns = told
-        if told < self._told_ns:
-            told = self._told_ns
-        if told > receipt_ns:
-            told = receipt_ns
-        self._told_ns = told
-        return told
+            mapped = self._device_ns + self._base_ns + int(self._slope * (self._device_ns - self._at_ns))
+        self._wanted_ns = mapped
+        if mapped < self._mapped_ns:
+            mapped = self._mapped_ns
+        if mapped > receipt_ns:
+            mapped = receipt_ns
+        self._mapped_ns = mapped
+        return mapped
 
     @property
     def uncertainty_ns(self) -> int | None:
-        """Bound on the error of the newest time beyond the constant least delay; None while not known."""
+        """Bound on the error of the newest time, without the constant least delay; None while not known."""
         if not self._locked:
             return None
-        held = max(0, self._told_ns - self._wanted_ns)
+        held = max(0, self._mapped_ns - self._wanted_ns)
         return round(self._bound_at(self._device_ns)) + held
 
     @property
     def drift_ppm(self) -> float | None:
-        """By how much the device's clock is fast, ppm; None while not known."""
+        """Rate error of the device's clock, ppm, positive if fast; None while not known."""
         return -1e6 * self._slope / (1.0 + self._slope) if self._locked else None
 
-    def _go_on(self, device_time_ns: int, step: int, receipt_ns: int) -> None:
-        """Take a reading that is the first of its read, or that lies behind the one before."""
+    def _advance(self, device_time_ns: int, step: int, receipt_ns: int) -> None:
+        """Update with the first reading of a read, or with one whose device time went back."""
         fresh = receipt_ns != self._receipt_ns
         if self.state == "none":
             self.state = "settling"
@@ -158,22 +158,22 @@ class DeviceClock:
         self._raw_ns, self._receipt_ns = device_time_ns, receipt_ns
 
     def _note_step(self, step: int) -> None:
-        """Find the grid that the device's times lie on; where nearly each step is one, it counts readings."""
+        """Find the grid of the device times; if nearly every step is one grid step, the device counts readings."""
         self._grid_ns = math.gcd(self._grid_ns, step)
         self._uneven += READ_SHARE * ((step != self._grid_ns) - self._uneven)
 
     def _commit(self, step: int) -> None:
-        """Take the last reading of the read before this: of that read it was late the least.
+        """Use the last reading of the previous read, the least delayed one of that read.
 
-        The reading after it, a ``step`` later, had not come by then. So a read that shows all there is leaves open by
-        how much less than a step it was late; where reads and readings beat slowly, many reads tell no more.
+        The next reading, a ``step`` later, had not arrived by then. So the delay is known only to within a step; if
+        reads and readings beat slowly, many reads carry no more information.
         """
         device_ns, receipt_ns = self._device_ns, self._receipt_ns
         lag = receipt_ns - device_ns
         late = lag - self._lag_ns - int(self._slope * (device_ns - self._at_ns))
         if late < 0:
             early = EARLY_NS + 3.0 * self._bound_at(device_ns) if self._locked else EARLY_SETTLING_NS
-            if late < -early:  # the clock jumped ahead, or all before was late
+            if late < -early:  # the clock jumped ahead, or all previous readings were late
                 self._begin(device_ns, receipt_ns)
             else:
                 self._lag_ns += late
@@ -191,9 +191,9 @@ class DeviceClock:
                 self._opens.append(self._open)
             self._least, self._open, self._slice_end_ns = None, _NOTHING_OPEN, receipt_ns + SLICE_NS
             if receipt_ns - self._from_ns >= self._settle_ns and self._receipts >= SETTLE_RECEIPTS:
-                self._lay(receipt_ns)
+                self._fit(receipt_ns)
 
-    def _lay(self, receipt_ns: int) -> None:
+    def _fit(self, receipt_ns: int) -> None:
         shared = bool(self._opens) and self._shared > SHARED_READS
         open_ns, period_ns = sorted(self._opens)[len(self._opens) // 2] if shared else (self._poll_ns,) * 2
         line = lowest_line(self._slices)
@@ -220,7 +220,7 @@ class DeviceClock:
         return self._bound_ns + self._rate_bound * abs(device_ns - self._at_ns)
 
     def _fail(self, receipt_ns: int) -> None:
-        """Give up a clock that is none; it is tried again for long."""
+        """Give up an unusable clock and start a long probation."""
         self.state, self._settle_ns, self._jumps = "not_a_clock", PROBATION_NS, 0
         self._begin(self._device_ns, receipt_ns)
 
@@ -241,10 +241,10 @@ class DeviceClock:
 
 
 def host_time(device_time_ns: int | None, receipt_ns: int) -> tuple[int, bool]:
-    """Time of acquisition of a reading whose clock is the host's own CLOCK_MONOTONIC.
+    """Return the time of acquisition of a reading whose clock is the host's CLOCK_MONOTONIC.
 
     Returns:
-        The reading's own time and True; its receipt and False where it has none, or one in the future or older than
+        The stated time and True; the receipt and False if no time is stated, or one in the future or older than
         ``OLDEST_HOST_NS``.
     """
     if device_time_ns is not None and 0 <= receipt_ns - device_time_ns <= OLDEST_HOST_NS:

@@ -1,8 +1,8 @@
-"""Follows the slow drift of a sensor's zero while nothing touches it, and holds still whenever something may.
+"""Compensate the slow drift of a sensor's zero while nothing touches it; freeze whenever something may.
 
-A filter that follows the reading itself forgets a held object within its time constant. This one learns only from
-readings that are known to be free of contact, and only from those that are long over: a contact that begins is noticed
-late, and what came before the notice must not be learned. How much of a slow press it can take for drift is bounded.
+A filter that follows the readings themselves forgets a held object within its time constant. This one learns only from
+readings that are known to be free of contact, and only after a delay: a contact is detected late, and the readings
+before its detection must not be learned. The part of a slow press that it can mistake for drift is bounded.
 """
 
 from __future__ import annotations
@@ -17,47 +17,46 @@ from slipd.signals.averaging import LARGEST_READING, flushed
 
 Array = NDArray[np.float64]
 
-#: Readings are learned in means over this long: whole periods of 50, 60 and 100 Hz, so that the mains cancel.
+#: Readings are averaged over this block before they are learned: whole periods of 50, 60 and 100 Hz cancel mains hum.
 BLOCK_NS = 100_000_000
-#: Blocks wait for 2 s before they are learned, and are dropped when a contact is noticed meanwhile: a press that is
-#: noticed within that time of its first touch loses nothing.
+#: Blocks wait for 2 s before they are learned, and are dropped if a contact is detected meanwhile: a press that is
+#: detected within that time loses nothing.
 LOOK_BACK_BLOCKS = 20
-#: A pad that was pressed creeps back for seconds, and a hand that let go still trembles: not the sensor's own zero.
+#: Wait after a contact: a released pad creeps back for seconds, and a hand that lets go still trembles.
 HOLD_OFF_NS = 2_000_000_000
-#: Over a longer silence nobody knows what touched the finger.
+#: After a longer gap it is not known what touched the finger meanwhile.
 LONGEST_GAP_NS = 1_000_000_000
-#: The whole limit takes at least this long, s. With a limit of 1 N that is 1.7 mN/s: ten times a drift of 0.5 N in an
-#: hour, and a hundredth of a press of 0.2 N/s.
+#: Least time for the whole limit, s. With a limit of 1 N the baseline moves by at most 1.7 mN/s: ten times a drift of
+#: 0.5 N an hour, and a hundredth of a press of 0.2 N/s.
 FULL_SWING_S = 600.0
 
 
 class DriftCompensation:
     """The drift of one stream since its tare.
 
-    What a press may lose: one that rises by v N/s and is noticed at F N has raised the baseline by at most
-    r F / (v − r) − 2 s · r (or nothing), r = limit / 600 s being the fastest that the baseline moves. With a limit of
-    1 N and F = 0.3 N, a press of 0.15 N/s or faster loses nothing and one of 0.05 N/s at most 7 mN. One slower than r
-    hides for longer than the limit takes: what is lost never exceeds the limit, and only a witness other than the
-    force can tell.
+    What a press may lose: let r = limit / 600 s be the fastest rate of the baseline. A press that rises by v N/s and is
+    detected at F N has raised the baseline by at most r F / (v − r) − 2 s · r (or nothing). With a limit of 1 N and
+    F = 0.3 N, a press of 0.15 N/s or faster loses nothing, and one of 0.05 N/s at most 7 mN. A press slower than r is
+    not detected before the limit is reached: the loss never exceeds the limit, and only another sensor can detect it.
 
     Args:
         tau_s: Time constant with which the baseline follows, s.
-        limit: Most that is compensated since the tare, each component, shape (n,), in the unit of the readings.
+        limit: Largest compensation since the tare, by component, shape (n,), in the unit of the readings.
 
     Attributes:
-        value: What is to be subtracted, shape (n,); a new array each time it changes.
-        frozen: Nothing is learned: there is contact, or there may be, or it is not over long enough.
+        value: Drift to subtract, shape (n,); a new array each time it changes.
+        frozen: Nothing is learned: there is or may be contact, or it ended too recently.
 
     Raises:
-        ValueError: A time constant or a limit that is not positive and finite.
+        ValueError: The time constant or a limit is not positive and finite.
     """
 
     def __init__(self, tau_s: float, limit: Array) -> None:
         if not 0.0 < tau_s < math.inf:
-            raise ValueError(f"tau_s must be positive and finite, not {tau_s}")
+            raise ValueError(f"tau_s must be positive and finite, got {tau_s}")
         self._limit = np.array(limit, dtype=np.float64)
         if self._limit.ndim != 1 or not ((self._limit > 0.0) & np.isfinite(self._limit)).all():
-            raise ValueError(f"limit must be positive and finite, one for each component, not {limit}")
+            raise ValueError(f"limit must be one positive finite number per component, got {limit}")
         block_s = BLOCK_NS * 1e-9
         self._share = -math.expm1(-block_s / tau_s)
         self._most = self._limit * (block_s / FULL_SWING_S)
@@ -73,16 +72,17 @@ class DriftCompensation:
 
     @property
     def total(self) -> float:
-        """Share of the limit that is used up since the tare, 0 to 1; at 1 it follows no further."""
+        """Fraction of the limit used since the tare, 0 to 1; at 1 the drift is followed no further."""
         return float((np.abs(self.value) / self._limit).max())
 
     def update(self, values: Array, t_ns: int, free: bool | None) -> None:
-        """Takes a reading from which everything but `value` was subtracted, shape (n,).
+        """Update with a reading.
 
         Args:
-            values: The reading; one that is no number is passed over.
-            t_ns: When it was taken. A time that falls, or leaves out more than a second, is as good as a contact.
-            free: Something other than this reading says that nothing touches: True. Contact: False. None: unknown.
+            values: The reading without the drift correction, shape (n,); one that is not finite is ignored.
+            t_ns: Time of the reading. A step back, or a gap of more than a second, counts as a contact.
+            free: True if something other than this reading shows that nothing touches the finger; False in contact;
+                None if not known.
         """
         last_ns, self._last_ns = self._last_ns, t_ns
         if not free or last_ns is None or not 0 <= t_ns - last_ns <= LONGEST_GAP_NS:
@@ -100,12 +100,12 @@ class DriftCompensation:
             self._close_block(t_ns)
 
     def reset(self) -> None:
-        """A tare was taken: the drift counts from here."""
+        """Restart from zero after a tare."""
         self._before, self.value = self.value, np.zeros_like(self._limit)
         self._drop()
 
     def restore(self) -> None:
-        """The tare was undone: what had drifted until it is subtracted again."""
+        """Restore the drift before the last tare, because the tare was undone."""
         self.value = self._before
         self._drop()
 

@@ -1,8 +1,8 @@
-"""Readings that look fresh and are not: the same bits again, values no force can make, a stream that flickers.
+"""Detect force/torque readings that look fresh but are not: repeated bits, impossible values, a flickering stream.
 
-A sensor that hangs often goes on sending. What gives it away is that its bits rest: a real reading carries noise, and
-the more of it, the shorter is the longest run of equal readings. Some devices send a reading twice, and a coarse one
-at rest repeats its counts for a while; neither is a fault.
+A sensor that hangs often goes on sending. It shows by equal readings: a real reading carries noise, and the more noise,
+the shorter is the longest run of equal readings. Some devices send a reading twice, and a coarse sensor at rest repeats
+its counts for a while; neither is a fault.
 """
 
 from __future__ import annotations
@@ -19,52 +19,52 @@ from slipd.fusion.compiled import compiled
 Array = NDArray[np.float64]
 
 CHANCE = 1e-12
-"""A run is told where chance makes it less often than this: at 4 kHz less than once in eight years."""
+"""Probability of a run by chance below which it is reported: at 4 kHz less than once in eight years."""
 STUCK_NS = 20_000_000
-"""No shorter run is reported, whatever the noise: a device may hand on several readings of one conversion."""
+"""Shortest reported run, whatever the noise: a device may send several readings of one conversion."""
 HANG_NS = 70_000_000
-"""A run of this length is reported whatever the rate: within 100 ms from 30 Hz on, and else with the third repeat."""
+"""A run of this length is reported at any rate: within 100 ms from 30 Hz up, otherwise with the third repeat."""
 HABITS = 3
-"""Times the sensor's habit (a run of one in a thousand, or none) that chance next to never makes: once in 1e9."""
+"""Multiple of the usual run (one in a thousand, or none) that chance practically never makes: once in 1e9."""
 HABIT_NS = 10_000_000_000
 RESTED_NS = 50_000_000
-"""A repeated reading is as old as the first of its run, and nothing is raised on an older one."""
+"""Age at which a repeated reading, which is as old as the first of its run, becomes suspect."""
 DEFAULT_REPEATS = 50
-"""What `repeats_of_a_stuck_sensor` gives for six components whose noise is 0.3 of a count."""
+"""Result of `repeats_of_a_stuck_sensor` for six components with a noise of 0.3 counts."""
 
 MOST = 1e6
-"""No sensor of a gripper states more, N or N·m; the range where none is given."""
+"""Default range, N or N·m: no sensor on a gripper measures more."""
 JUMPS = 3.0
-"""Impossible readings, less those forgotten, from which a stream is garbage: one is a bit error."""
+"""Impossible readings, minus forgotten ones, from which a stream is garbage: a single one is a bit error."""
 FORGET = 0.05
-"""Of an impossible reading, forgotten with each good one: garbage ends 60 good readings after its last."""
+"""Part of an impossible reading that each good one offsets: garbage ends after 60 good readings."""
 _NEVER = 1 << 63
-"""More repeats than there are; before the first reading, a time later than any, so that no gap ends with it."""
+"""More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it."""
 
 FLICKER_NS = 10_000_000_000
 FLICKERS = 3
-"""A stream that failed so often within ``FLICKER_NS`` is intermittent until it has been well for as long."""
+"""A stream that failed this often within ``FLICKER_NS`` is intermittent until it has been good for as long."""
 
 
 def repeats_of_a_stuck_sensor(std_counts: float, components: int = 6) -> int:
-    """Finds how many equal readings running tell a stuck sensor, for noise that is normal and independent.
+    """Return how many equal readings in a row show a stuck sensor, for normal and independent noise.
 
-    A component repeats most while its mean lies in the middle of a count: P = erf(1 / (2 √2 s)), s its noise in
-    counts.
+    A component repeats most often while its mean lies in the middle of a count: P = erf(1 / (2 √2 s)), where s is its
+    noise in counts.
 
     Args:
         std_counts: Standard deviation of a component's noise in counts (or in steps of its resolution).
-        components: Components that are compared.
+        components: Number of compared components.
 
     Returns:
-        The least number whose probability is below ``CHANCE``, at least 4.
+        The smallest number whose probability is below ``CHANCE``, at least 4.
 
     Raises:
-        ValueError: Noise that is not positive, or so small that a sensor at rest repeats itself for over 1e6 readings.
+        ValueError: The noise is not positive, or so small that a sensor at rest repeats itself for over 1e6 readings.
     """
     alike = math.erf(0.5 / (math.sqrt(2.0) * std_counts)) ** components if std_counts > 0.0 else 1.0
     if not 0.0 <= alike < 1.0 or math.log(CHANCE) / math.log(max(alike, 1e-300)) > 1e6:
-        raise ValueError(f"a noise of {std_counts} counts is too small to tell rest from a stuck sensor")
+        raise ValueError(f"std_counts must be large enough that readings at rest change, got {std_counts}: too small")
     return max(math.ceil(math.log(CHANCE) / math.log(max(alike, 1e-300))), 4)
 
 
@@ -74,22 +74,22 @@ class WrenchWatch:
     Args:
         range_n: Largest force that the sensor can report, as the length of the vector, N; more is impossible.
         range_nm: Likewise the largest torque, N·m.
-        jump_n: A change of the force from one reading to the next, N, that nothing real makes to and fro: a good part
-            of the range; None: a quarter.
-        repeats: So many repeats of a reading mean a stuck sensor: see `repeats_of_a_stuck_sensor`. Up to
-            `DEFAULT_REPEATS`, so does a run of `HANG_NS` that is longer than the sensor's habit. 0: none does, for a
-            sensor whose readings rest; they are suspect all the same.
+        jump_n: Change of the force from one reading to the next, N, that no real force makes back and forth; None: a
+            quarter of the range.
+        repeats: Repeats of a reading that mean a stuck sensor; see `repeats_of_a_stuck_sensor`. Up to
+            `DEFAULT_REPEATS`, a run of `HANG_NS` that is longer than usual for the sensor also counts. 0: never stuck,
+            for a sensor whose readings may rest; they are suspect all the same.
         gap_ns: A longer silence is a failure of the stream.
 
     Raises:
-        ValueError: A range that is not positive and finite.
+        ValueError: A range is not positive and finite.
 
     Attributes:
-        fault: What is wrong with the newest reading; "" where nothing is.
-        lively: The newest readings were all numbers, in range, and no two running alike.
-        suspect: The newest reading repeats the one before, longer than this sensor usually does, or jumped. It is
-            believed, but nothing is to be raised on it.
-        rests: It is suspect only because it repeats, and ``repeats`` says that readings of this sensor rest.
+        fault: Fault of the newest reading, or "".
+        lively: All of the newest readings are finite, in range, and differ from the one before.
+        suspect: The newest reading jumped, or repeats the one before for longer than usual. It is used, but no grip is
+            raised on it.
+        rests: It is suspect only because it repeats, and ``repeats`` states that readings of this sensor may rest.
     """
 
     def __init__(
@@ -102,9 +102,9 @@ class WrenchWatch:
         gap_ns: int = 20_000_000,
     ) -> None:
         if not 0.0 < range_n < math.inf:
-            raise ValueError(f"range_n must be positive and finite, not {range_n}")
+            raise ValueError(f"range_n must be positive and finite, got {range_n}")
         if not 0.0 < range_nm < math.inf:
-            raise ValueError(f"range_nm must be positive and finite, not {range_nm}")
+            raise ValueError(f"range_nm must be positive and finite, got {range_nm}")
         self._range_n, self._range_nm = range_n, range_nm
         self._jump_n = 0.25 * range_n if jump_n is None else jump_n
         self._repeats, self._gap_ns = repeats or _NEVER, gap_ns
@@ -120,11 +120,11 @@ class WrenchWatch:
         self.lively = self.suspect = self.rests = False
 
     def excuse(self, t_ns: int) -> None:
-        """Count no gap until ``t_ns``: the daemon did not read the stream."""
+        """Count no gap until ``t_ns``, because the daemon did not read the stream."""
         self._last_ns = t_ns
 
     def update(self, readings: Sequence[Sequence[float]], times_ns: Sequence[int], rows: Array) -> dict[int, str]:
-        """Take readings as the sensor sent them, before tare and mounting.
+        """Update with readings as the sensor sent them, before tare and mounting.
 
         Args:
             readings: Force, N, and torque, N·m (zeros where the device has none) of each: six numbers; at least one.
@@ -134,17 +134,17 @@ class WrenchWatch:
         Returns:
             "stuck", "garbage" or "intermittent" of each reading with a fault, by its index.
         """
-        if len(readings) > 1 and self._take_lively(readings, times_ns[-1], rows):
+        if len(readings) > 1 and self._update_at_once(readings, times_ns[-1], rows):
             return {}
         found = {}
         self.lively = True
         for at, reading in enumerate(readings):
-            if self._take(reading, times_ns[at]):
+            if self._update_one(reading, times_ns[at]):
                 found[at] = self.fault
         return found
 
-    def _take_lively(self, readings: Sequence[Sequence[float]], last_ns: int, rows: Array) -> bool:
-        """Take readings without a fault, all at once; False where one of them needs a closer look."""
+    def _update_at_once(self, readings: Sequence[Sequence[float]], last_ns: int, rows: Array) -> bool:
+        """Update with good readings at once; return False if one of them needs a closer look."""
         if self._alert or last_ns - self._last_ns > self._gap_ns:
             return False
         self.lively = _is_lively(np.array(self._row), rows, self._range_n**2, self._range_nm**2, self._jump_n**2)
@@ -155,15 +155,15 @@ class WrenchWatch:
             self.suspect = self.rests = False
         return self.lively
 
-    def _take(self, row: Sequence[float], t_ns: int) -> str:
-        """Take one reading; return its fault."""
+    def _update_one(self, row: Sequence[float], t_ns: int) -> str:
+        """Update with one reading; return its fault."""
         before, self._row = self._row, row
         force_n, last_n = row[:3], before[:3]
         gap = t_ns - self._last_ns > self._gap_ns
         possible = math.hypot(*force_n) <= self._range_n and math.hypot(*row[3:]) <= self._range_nm  # false for NaN
         jumps = math.dist(force_n, last_n) >= self._jump_n  # false for NaN, such as before the first reading
         if gap or jumps or self._alert or row == before or not possible:
-            self._look_closer(before, t_ns, gap=gap, jumps=jumps)
+            self._check_closely(before, t_ns, gap=gap, jumps=jumps)
         else:
             if self._equal:
                 self._end_run(honest=True)
@@ -171,18 +171,18 @@ class WrenchWatch:
         self._last_ns = t_ns
         return self.fault
 
-    def _look_closer(self, before: Sequence[float], t_ns: int, *, gap: bool, jumps: bool) -> None:
+    def _check_closely(self, before: Sequence[float], t_ns: int, *, gap: bool, jumps: bool) -> None:
         """Check the newest reading for faults."""
         self.lively = False
         row = self._row
         wild = not math.hypot(*row[:3]) <= self._range_n or math.hypot(*row[3:]) > self._range_nm
         self._count(t_ns, alike=row == before, gap=gap)
         if jumps or wild:
-            self._suspect(row[:3], before[:3], wild=wild)
+            self._count_impossible(row[:3], before[:3], wild=wild)
         else:
             self._step = None
         stuck = self._is_stuck(t_ns)
-        self.fault = self._told(gap, stuck, t_ns) if gap or stuck or self._alert else ""
+        self.fault = self._find_fault(gap, stuck, t_ns) if gap or stuck or self._alert else ""
         if wild and self.fault != "stuck" and all(map(math.isfinite, row)):
             self.fault = "garbage"
         repeats = self._is_suspect(t_ns)
@@ -190,18 +190,18 @@ class WrenchWatch:
         self.rests = repeats and not jumps and self._repeats == _NEVER
 
     def _count(self, t_ns: int, *, alike: bool, gap: bool) -> None:
-        """Count readings that repeat the one before; behind a gap the count begins anew."""
+        """Count readings that repeat the one before; a gap restarts the count."""
         if gap or not alike:
             self._end_run(honest=not gap)
         if not alike:
             return
         if self._equal == 0:
             self._since_ns = t_ns if gap else self._last_ns
-            self._habit.look(self._since_ns)
+            self._habit.age(self._since_ns)
         self._equal += 1
 
     def _end_run(self, *, honest: bool) -> None:
-        """The readings move again: a run that was never reported as stuck is a habit of this sensor."""
+        """End a run of equal readings; one that was never reported as stuck is usual for this sensor."""
         if honest and self.fault != "stuck":
             self._habit.learn(self._equal)
         self._equal = 0
@@ -217,15 +217,15 @@ class WrenchWatch:
             return False
         return self._equal > self._habit.repeats or t_ns - self._since_ns > RESTED_NS
 
-    def _suspect(self, force_n: Sequence[float], last_n: Sequence[float], *, wild: bool) -> None:
-        """Take a reading out of range, or a jump; a single jump may be a blow."""
+    def _count_impossible(self, force_n: Sequence[float], last_n: Sequence[float], *, wild: bool) -> None:
+        """Count a reading out of range or a jump back and forth; a single jump may be a blow."""
         before, self._step = self._step, [now - last for now, last in zip(force_n, last_n, strict=True)]
         back = before is not None and sum(map(mul, before, self._step)) < 0.0
         if back or wild:
             self._impossible = min(self._impossible + 1.0, JUMPS) + FORGET
             self._alert = True
 
-    def _told(self, gap: bool, stuck: bool, t_ns: int) -> str:
+    def _find_fault(self, gap: bool, stuck: bool, t_ns: int) -> str:
         self._impossible = max(self._impossible - FORGET, 0.0)
         self._garbage = self._impossible >= JUMPS or (self._garbage and self._impossible > 0.0)
         failing = stuck or gap or self._garbage
@@ -240,26 +240,26 @@ class WrenchWatch:
 
 
 class Habit:
-    """How many repeats running are usual for a sensor: learned from runs that ended by themselves.
+    """Longest run of equal readings that is usual for a sensor, learned from runs that ended by themselves.
 
     Attributes:
-        repeats: Repeats of the third longest run of the last 10 to 20 s: neither a single longer run, by chance or by a
-            sensor that hung for a moment, nor a second makes a habit.
+        repeats: Length of the third longest run of the last 10 to 20 s: one or two longer runs, by chance or because
+            the sensor hung for a moment, do not count as usual.
     """
 
     def __init__(self) -> None:
         self.repeats = 0
-        self._before = 0  # of the 10 s before these
+        self._before = 0  # of the previous 10 s
         self._longest = [0, 0, 0]
         self._since_ns = 0
 
     def learn(self, repeats: int) -> None:
-        """Take the length of a run."""
+        """Record the length of a run."""
         if repeats > self._longest[0]:
             self._longest = sorted((*self._longest[1:], repeats))
 
-    def look(self, t_ns: int) -> None:
-        """Find `repeats` as of now."""
+    def age(self, t_ns: int) -> None:
+        """Update `repeats` for the time ``t_ns``."""
         age_ns = t_ns - self._since_ns
         if age_ns > HABIT_NS:
             self._before = self._longest[0] if age_ns <= 2 * HABIT_NS else 0

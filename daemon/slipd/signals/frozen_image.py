@@ -10,26 +10,26 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FROZEN_IMAGES = 3
-"""Images equal to the one before. XELA's server repeats 7 % of its images and never two running."""
+"""Number of images in a row that equal the one before. XELA's server repeats 7 % of its images, never two in a row."""
 FROZEN_NS = 85_000_000
-"""Time since the last new image; with three repeats it takes at most 100 ms at 30 Hz and more, for the jitter."""
+"""Least time since the last new image: with three repeats, 100 ms at 30 Hz and more, jitter included."""
 
 
 class FrozenImage:
-    """Reports a tactile array that hangs: its image stays the same while the force on it moves.
+    """Detects a tactile array that hangs: its image stays the same while the force on it changes.
 
     Args:
-        force_step_n: Change of the normal force that the image must show: several times the force sensor's noise, and
-            what moves a reading of the pad by several counts.
+        force_step_n: Change of the normal force that the image must show, N: several times the noise of the force
+            sensor, and enough to change a reading of the pad by several counts.
 
     Attributes:
-        suspect: The newest image repeats the one before although the force moved. It may have been sent twice; no
+        suspect: The newest image repeats the one before although the force changed. It may have been sent twice; no
             grip is raised on it.
     """
 
     def __init__(self, force_step_n: float) -> None:
         if not 0.0 < force_step_n < math.inf:
-            raise ValueError(f"force_step_n must be positive and finite, not {force_step_n}")
+            raise ValueError(f"force_step_n must be positive and finite, got {force_step_n}")
         self._step_n = force_step_n
         self._bits = b""
         self._repeats = 0
@@ -41,10 +41,10 @@ class FrozenImage:
         """Update with an image; return whether the array hangs.
 
         Args:
-            values: Readings as they came, any shape.
+            values: Readings as received, any shape.
             t_ns: Time of the image.
-            normal_n: Normal force that the force sensor reads now; None or NaN where it does not know. Without it
-                no pad hangs: one without noise may rest as long as its load does.
+            normal_n: Normal force of the force sensor, N; None or NaN if not known. Without it no pad is reported:
+                a pad without noise may rest as long as its load.
         """
         bits = values.tobytes()
         if bits != self._bits:

@@ -1,9 +1,9 @@
-"""Mass, centre of mass and sensor bias of a finger, from its unloaded readings in several poses.
+"""Identify mass, centre of mass and sensor bias of a finger from its unloaded readings in several poses.
 
-In the pad frame a reading without contact is F = b_F + m g and M = b_M + c × m g. Forces give mass and bias, torques
-give the moment p = m c and theirs, each by linear least squares about the means, with d = g − ḡ:
-m = Σ d·F / Σ d·d, and p solves Σ (|d|² I − d dᵀ) p = Σ d × M. Gravity that changes along one line only says nothing of
-the centre of mass along that line.
+In the pad frame a reading without contact is F = b_F + m g and M = b_M + c × m g. Forces give the mass and the force
+bias, torques the moment p = m c and the torque bias, each by linear least squares about the means, with d = g − ḡ:
+m = Σ d·F / Σ d·d, and p solves Σ (|d|² I − d dᵀ) p = Σ d × M. If gravity changes along a single line only, the centre
+of mass along that line is not observable.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-#: Two poses lie on a line.
+#: Least number of poses: two lie on a line.
 MIN_POSES = 3
-#: Gravity must change by so much (root mean square) across every direction, m/s²: some 12°. With less, one degree of
-#: error in the orientations is a tenth of the result.
+#: Least root-mean-square change of gravity across every direction, m/s², about 12°. With less, an orientation error of
+#: one degree changes the result by a tenth.
 LEAST_CHANGE_MPS2 = 2.0
-#: A mass closer to zero than this many of its standard errors is none that was seen.
+#: Standard errors by which a mass must differ from zero.
 LEAST_SIGNIFICANCE = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """What hangs beyond the sensor, and what the sensor reads without load. All in the pad frame.
+    """Part beyond the sensor, and reading of the sensor without load; all in the pad frame.
 
     Attributes:
         mass_kg: Mass, kg.
-        mass_std_kg: Its standard error.
+        mass_std_kg: Standard error of the mass, kg.
         com_m: Centre of mass, shape (3,), m.
         com_std_m: Standard error of each coordinate, shape (3,), m.
         bias_force_n: Reading without weight, shape (3,), N.
         bias_torque_nm: Likewise, about the pad's origin, shape (3,), N·m.
-        residual_n: Root mean square of what a force component leaves unexplained, N.
-        residual_nm: Likewise of a torque component, N·m.
-        condition: How much better the best-seen direction of the centre of mass is seen than the worst; 1 is best.
+        residual_n: Root mean square of the residuals of a force component, N.
+        residual_nm: Root mean square of the residuals of a torque component, N·m.
+        condition: Ratio of the best to the worst observable direction of the centre of mass; 1 is best.
         poses: Number of poses.
     """
 
@@ -55,7 +55,7 @@ class Identification:
 
 
 def identify(forces: ArrayLike, torques: ArrayLike, gravities: ArrayLike) -> Identification:
-    """Fits mass, centre of mass and bias.
+    """Fit mass, centre of mass and bias.
 
     Args:
         forces: Mean force on the finger in each pose, mounted and neither tared nor compensated, shape (poses, 3), N.
@@ -63,21 +63,19 @@ def identify(forces: ArrayLike, torques: ArrayLike, gravities: ArrayLike) -> Ide
         gravities: Apparent gravity in the pad frame in each pose, shape (poses, 3), m/s².
 
     Raises:
-        ValueError: Wrong shapes, values that are not finite, poses that leave a direction unseen (told which), or a
-            mass that is negative or lost in the noise.
+        ValueError: Shapes are wrong, values are not finite, the poses leave a direction unobservable (the text names
+            it), or the mass is negative or lost in the noise.
     """
     f, t, g = (np.asarray(rows, dtype=np.float64) for rows in (forces, torques, gravities))
     n = len(g)
     if not f.shape == t.shape == g.shape == (n, 3):
         raise ValueError(
-            f"forces, torques and gravities must have shape (poses, 3), not {f.shape}, {t.shape}, {g.shape}"
+            f"forces, torques and gravities must have shape (poses, 3), got {f.shape}, {t.shape}, {g.shape}"
         )
     if not (np.isfinite(f).all() and np.isfinite(t).all() and np.isfinite(g).all()):
         raise ValueError("forces, torques and gravities must be finite")
     if n < MIN_POSES:
-        raise ValueError(
-            f"{n} pose(s) of the finger; at least {MIN_POSES} with gravity in different directions are needed"
-        )
+        raise ValueError(f"there must be at least {MIN_POSES} poses with gravity in different directions, got {n}")
     mean_g = g.mean(axis=0)
     d = g - mean_g
     scatter = d.T @ d
@@ -100,7 +98,7 @@ def identify(forces: ArrayLike, torques: ArrayLike, gravities: ArrayLike) -> Ide
 
 
 def _condition(seen: Array, mean_g: Array) -> float:
-    """Ratio of the best-seen direction to the worst; refuses poses that leave one unseen."""
+    """Return the ratio of the best to the worst observable direction; raise if one is not observable."""
     squares, directions = np.linalg.eigh(seen)
     changes = np.sqrt(np.maximum(squares, 0.0))
     if changes[0] >= LEAST_CHANGE_MPS2:
@@ -110,19 +108,23 @@ def _condition(seen: Array, mean_g: Array) -> float:
             f"gravity is about {_vector(mean_g)} m/s² in every pose; add poses in which the finger is tilted by 30° or "
             "more about two different axes"
         )
-    blind, one, other = map(_vector, directions.T)
+    along, one, other = map(_vector, directions.T)
     raise ValueError(
-        f"gravity changes along {blind} of the pad frame only, so the centre of mass along it is not seen; "
+        f"gravity changes along {along} of the pad frame only, so the centre of mass along it is not observable; "
         f"add poses in which gravity changes across it, along {one} or {other}"
     )
 
 
 def _check_mass(mass: float, std: float) -> None:
-    told = f"{mass * 1e3:.2f} ± {std * 1e3:.2f} g"
+    value = f"{mass * 1e3:.2f} ± {std * 1e3:.2f} g"
     if abs(mass) < LEAST_SIGNIFICANCE * std or mass == 0.0:
-        raise ValueError(f"a mass of {told} is not told from none: leave mass_kg out, or tilt further and read longer")
+        raise ValueError(
+            f"mass must differ clearly from zero, got {value}: leave mass_kg out, or tilt further and read longer"
+        )
     if mass < 0.0:
-        raise ValueError(f"a mass of {told}: sign or pad_from_sensor is wrong, or gravity points the other way")
+        raise ValueError(
+            f"mass must be positive, got {value}: sign or pad_from_sensor is wrong, or gravity points the other way"
+        )
 
 
 def _residual(left: Array, parameters: int) -> float:

@@ -1,7 +1,7 @@
-"""The line beneath readings that came late: the least late tell of the clock, whatever the others do.
+"""Fit the line beneath delayed readings: the least delayed ones show the clock, whatever the others do.
 
-The line is the edge of the points' lower convex hull that leaves the least sum of lateness (Zhang, Liu and Xia,
-"Clock synchronization algorithms for network measurements", INFOCOM 2002), the newer points weighing more.
+The line is the edge of the points' lower convex hull with the least sum of delays (Zhang, Liu and Xia, "Clock
+synchronization algorithms for network measurements", INFOCOM 2002); newer points weigh more.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from dataclasses import dataclass
 from itertools import pairwise
 from operator import mul
 
-#: Largest rate error of a clock, ppm: twice what crystals in use have.
+#: Largest rate error of a clock, ppm: twice that of crystals in use.
 MAX_PPM = 1_000.0
-#: The line is laid under so many slices (8 s without gaps): long enough to know some ppm, short against warming.
+#: Number of slices that are fitted (8 s without gaps): long enough to resolve some ppm, short compared to warming.
 SLICES = 64
-#: Weight of a slice over that of the one after it: a changed rate is followed within some seconds.
+#: Weight of a slice relative to the next one: a changed rate is followed within seconds.
 FADE = 0.97
-#: Least bound: by so much waking up varies, however even the readings look.
+#: Least bound: the wake-up time varies by this much, however even the readings look.
 LEAST_BOUND_NS = 20_000
-#: Bound over the mean lateness of the kept readings; measured over the delays of the report.
+#: Bound relative to the mean delay of the kept readings; measured on the delays in docs/time.md.
 BOUND_FACTOR = 4.0
-#: Slices at which too few to know the mean lateness double the bound.
+#: Number of slices at which the bound doubles, because the mean delay is not known well.
 FEW = 4.0
-#: A crystal's rate changes by so much within a stall, at most.
+#: Largest change of a crystal's rate during a stall.
 WANDER = 1e-6
-#: So many slices that all came late alike, by this at least, are a step back of less than a period.
+#: This many slices with an equal delay of at least this much are a backward step of less than a period.
 STEP_SLICES, STEP_NS = 6, 500_000
-#: A rate is out of bounds by more than the noise from so many times mean lateness over length.
+#: Tolerance of the rate limit: this factor times mean delay, plus the slack, over the length.
 RATE_FACTOR, RATE_SLACK_NS = 6.0, 4_000_000
 
 _WEIGHTS = [FADE**age for age in reversed(range(SLICES))]
@@ -36,15 +36,15 @@ _WEIGHTS = [FADE**age for age in reversed(range(SLICES))]
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """The receipt of a reading that is not late: device time + lag + slope · (device time − at).
+    """Receipt of an undelayed reading: device time + lag + slope · (device time − at).
 
     Attributes:
         at_ns: Device time of the newest point.
-        lag_ns: Receipt less device time there.
-        slope: Host seconds a device second, less one.
+        lag_ns: Receipt minus device time at that point.
+        slope: Host seconds per device second, minus one.
         bound_ns: Bound on the line's error at ``at_ns``.
         rate_bound: Bound on the slope's error.
-        stepped_ns: By so much the newest slices are late all alike: the clock was set back so far; 0 where not.
+        stepped_ns: Step back of the clock, shown by equal delays of the newest slices; 0 if there is none.
     """
 
     at_ns: int
@@ -56,7 +56,7 @@ class Line:
 
 
 def lowest_line(points: Sequence[tuple[int, int]]) -> Line | None:
-    """The line beneath points of device time and lag, time rising; None where no clock runs like that."""
+    """Return the line beneath points (device time, lag) in rising time; None if no clock runs like that."""
     at_ns, lag_ns = points[-1]
     x = [float(point[0] - at_ns) for point in points]
     y = [float(point[1] - lag_ns) for point in points]
@@ -84,7 +84,7 @@ def lowest_line(points: Sequence[tuple[int, int]]) -> Line | None:
 
 
 def _edge(x: list[float], y: list[float]) -> tuple[float, float]:
-    """Slope, and height at x = 0, of the lower hull's edge beneath the points' weighted middle."""
+    """Return slope and height at x = 0 of the lower hull's edge beneath the weighted middle of the points."""
     hull: list[tuple[float, float]] = []
     for c, d in zip(x, y, strict=True):
         while len(hull) > 1 and (hull[-1][0] - hull[-2][0]) * (d - hull[-2][1]) <= (hull[-1][1] - hull[-2][1]) * (

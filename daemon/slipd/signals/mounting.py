@@ -1,4 +1,4 @@
-"""From the force sensor's own frame and sign to the force on the finger in the pad frame."""
+"""Transform from the frame and sign of the force sensor to the force on the finger in the pad frame."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ Array = NDArray[np.float64]
 
 
 class Mounting:
-    """How a force sensor sits behind its pad.
+    """Mounting of a force sensor behind its pad.
 
     Args:
         xyz_m: Position of the sensor's origin in the pad frame, shape (3,), m.
         quat_xyzw: Rotation that takes sensor coordinates to pad coordinates, as a unit quaternion (x, y, z, w).
-        sign: +1 where the sensor reports the load on the finger, −1 where it reports the load by it.
+        sign: +1 if the sensor reports the load on the finger, −1 if it reports the load by the finger.
 
     Attributes:
-        matrix: Takes (F, M) of the sensor, N and N·m about its origin, to (F, M) on the finger in the pad frame, about
-            the pad's origin: F = s R F_sensor, M = s (R M_sensor + r × R F_sensor). Shape (6, 6); read-only.
+        matrix: Transforms (F, M) of the sensor, N and N·m about its origin, to (F, M) on the finger in the pad frame,
+            about the pad's origin: F = s R F_sensor, M = s (R M_sensor + r × R F_sensor). Shape (6, 6); read-only.
 
     Raises:
-        ValueError: Values that are not finite, a quaternion of length 0, a sign other than ±1.
+        ValueError: Values are not finite, the quaternion is zero, or the sign is not ±1.
     """
 
     def __init__(
@@ -35,13 +35,11 @@ class Mounting:
         sign: int = 1,
     ) -> None:
         if sign not in (1, -1):
-            raise ValueError(f"sign must be +1 or -1, not {sign}")
+            raise ValueError(f"sign must be +1 or -1, got {sign}")
         largest = max(map(abs, quat_xyzw))
         if not all(map(math.isfinite, (*xyz_m, *quat_xyzw))) or largest == 0.0:
             raise ValueError("xyz_m and quat_xyzw must be finite, and the quaternion not zero")
-        quaternion = (
-            np.array(quat_xyzw, dtype=np.float64) / largest
-        )  # the squares of what is left neither sink nor swell
+        quaternion = np.array(quat_xyzw, dtype=np.float64) / largest  # its squares neither underflow nor overflow
         rotation = Rotation.from_quat(quaternion).as_matrix()
         x, y, z = xyz_m
         lever = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))  # r × F as a matrix

@@ -1,4 +1,4 @@
-"""Where the taxels of a pad are, which ones are side by side, and which way its readings point."""
+"""Pad geometry: taxel positions, neighbours, and the wrench of three-axis taxels."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Steps in rows and columns to the eight neighbours of a taxel, in the order in which `neighbours` gives them.
+#: Steps (rows, columns) to the eight neighbours of a taxel, in the order of `neighbours`.
 STEPS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
@@ -18,13 +18,13 @@ class PadGeometry:
     """A rectangular pad, read row by row.
 
     Attributes:
-        rows: Rows of the scan; they run along Y of the pad frame (along X with ``swap_xy``).
-        cols: Columns of the scan; they run along X of the pad frame.
+        rows: Number of rows of the scan; the row index runs along Y of the pad frame (along X with ``swap_xy``).
+        cols: Number of columns of the scan; the column index runs along X (along Y with ``swap_xy``).
         pitch_m: Distance between neighbouring taxels, m.
         electrode_m: Diameter of the sensing electrode, m.
-        swap_xy: The scan's rows run along X.
-        flip_x: The scan runs against X.
-        flip_y: The scan runs against Y.
+        swap_xy: The row index runs along X.
+        flip_x: The scan runs in the direction of −X.
+        flip_y: The scan runs in the direction of −Y.
     """
 
     rows: int
@@ -50,10 +50,10 @@ class PadGeometry:
 
 
 def neighbours(rows: int, cols: int) -> NDArray[np.intp]:
-    """Finds the eight neighbours of every taxel of a pad that is read row by row.
+    """Return the eight neighbours of every taxel of a pad that is scanned row by row.
 
     Returns:
-        Their indices in scan order, shape (rows · cols, 8), in the order of ``STEPS``; −1 where the pad has ended.
+        Indices in scan order, shape (rows · cols, 8), in the order of ``STEPS``; −1 beyond the border.
     """
     framed = np.full((rows + 2, cols + 2), -1, dtype=np.intp)
     framed[1:-1, 1:-1] = np.arange(rows * cols).reshape(rows, cols)
@@ -62,11 +62,11 @@ def neighbours(rows: int, cols: int) -> NDArray[np.intp]:
 
 
 def taxel_wrench(x: Array, y: Array, forces: Array) -> tuple[Array, Array]:
-    """Sums three-axis taxel forces into the wrench on the pad.
+    """Sum three-axis taxel forces to the wrench on the pad.
 
     Args:
         x: Taxel centres, shape (n,), m.
-        y: Likewise, shape (n,), m.
+        y: Taxel centres, shape (n,), m.
         forces: Force on each taxel in the pad frame, shape (n, 3), N.
 
     Returns:

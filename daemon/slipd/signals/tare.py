@@ -1,4 +1,4 @@
-"""Tare that is explicit, readable and reversible: what was subtracted, when, by whom, and how still it was."""
+"""Tares: explicit, logged and reversible offsets, with time, author and noise."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from slipd.signals.averaging import MOVING_FACTOR, Average, most_std
 
 Array = NDArray[np.float64]
 
-#: Fewer readings than this make a mean that is noise.
+#: Least number of readings of a tare.
 MIN_READINGS = 8
-#: Who gave the offset that no tare gave.
+#: Author of the offset that comes from the config.
 BY_CONFIG = "config"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Offset:
-    """What is subtracted.
+    """An offset that is subtracted from readings.
 
     Attributes:
-        id: Counts the tares of this stream; 0 is the offset of the config.
-        value: Offset in the sensor's own units and frame.
-        t_ns: When it was taken; None for the offset of the config.
-        readings: How many readings it is the mean of.
-        by: Who asked for it; "config" for the offset of the config.
-        std: Standard deviation of one of those readings, shape of ``value``; None for the offset of the config.
-        gravity_mps2: Apparent gravity in the pad frame where it was taken, shape (3,): the weight there is part of
-            the offset. Zeros where no weight is part of it, as in the offset of the config; None: not known.
+        id: Number of the tare of this stream; 0 is the offset of the config.
+        value: Offset in the units and frame of the sensor.
+        t_ns: Time of the tare; None for the offset of the config.
+        readings: Number of averaged readings.
+        by: Client that requested it; "config" for the offset of the config.
+        std: Standard deviation of a single reading, shape of ``value``; None for the offset of the config.
+        gravity_mps2: Apparent gravity in the pad frame at the tare, shape (3,): the weight in that pose is part of the
+            offset. Zeros if the offset holds no weight, as that of the config; None if not known.
     """
 
     id: int
@@ -42,20 +42,20 @@ class Offset:
 
 
 class Tare:
-    """The offset of one stream.
+    """Offset of one stream.
 
     Args:
-        initial: Offset to begin with, any shape; readings must have that shape.
-        noise: Stated standard deviation of a reading, each component, shape of ``initial``; 0: not stated. A tare in
-            which a component spreads over ``MOVING_FACTOR`` times wider is given up; what presses for less than half
-            of one that is taken has moved its offset by less than that. None: not stated at all.
+        initial: Initial offset, any shape; readings must have the same shape.
+        noise: Stated standard deviation of a reading, by component, shape of ``initial``; 0 or None: not stated. A tare
+            is aborted if a component spreads over ``MOVING_FACTOR`` times wider; a press during less than half of an
+            accepted tare has moved its offset by less than that.
 
     Attributes:
         current: The offset in force.
-        aborted_reason: Why the newest tare was given up, for people; "" where it was not.
+        aborted_reason: Why the newest tare was aborted, or "".
 
     Raises:
-        ValueError: A noise that is negative or not finite, or of another shape than the offset.
+        ValueError: The noise is negative, not finite, or differs in shape from the offset.
     """
 
     def __init__(self, initial: Array, noise: Array | None = None) -> None:
@@ -64,10 +64,10 @@ class Tare:
         self.aborted_reason = ""
         stated = np.zeros_like(value) if noise is None else np.array(noise, dtype=np.float64)
         if stated.shape != value.shape or not ((stated >= 0.0) & np.isfinite(stated)).all():
-            raise ValueError(f"noise must be finite, not negative, and of shape {value.shape}; it is {noise}")
+            raise ValueError(f"noise must be finite, not negative, and of shape {value.shape}, got {noise}")
         self._most_std = most_std(stated)
         self._before: Offset | None = None
-        self._taken = 0
+        self._count = 0
         self._until_ns: int | None = None
         self._by = ""
         self._gravity: Array | None = None
@@ -75,18 +75,18 @@ class Tare:
 
     @property
     def busy(self) -> bool:
-        """A tare is being measured."""
+        """A tare is running."""
         return self._until_ns is not None
 
     def begin(self, t_ns: int, seconds: float, by: str = "", gravity_mps2: Array | None = None) -> None:
-        """Starts to average readings for ``seconds``; the offset in force stays until then.
+        """Start to average readings for ``seconds``; until then the offset in force stays.
 
         Args:
             t_ns: Now.
-            seconds: How long, s.
-            by: Who asks for it.
-            gravity_mps2: Apparent gravity in the pad frame, shape (3,); None where it is not known. A finger that is
-                turned meanwhile moves its readings.
+            seconds: Averaging time, s.
+            by: Client that requests it.
+            gravity_mps2: Apparent gravity in the pad frame, shape (3,); None if not known. The finger must not turn
+                meanwhile.
         """
         self._until_ns = t_ns + round(seconds * 1e9)
         self._by, self._gravity = by, gravity_mps2
@@ -94,16 +94,16 @@ class Tare:
         self.aborted_reason = ""
 
     def abort(self, reason: str = "given up") -> None:
-        """Gives up a measurement for a reason that people can read; the offset in force stays."""
+        """Abort a running tare; the offset in force stays."""
         if self._until_ns is not None:
             self._until_ns = None
             self.aborted_reason = reason
 
     def undo(self) -> bool:
-        """Gives up a measurement that runs, else puts the offset before the last tare back in force.
+        """Abort a running tare, or else restore the offset before the last tare.
 
         Returns:
-            False where there is nothing to undo: it goes one step back, not two, and never forward again.
+            False if there is nothing to undo: only one step back is possible, and no step forward.
         """
         if self.busy:
             self.abort("undone before it was taken")
@@ -114,7 +114,7 @@ class Tare:
         return True
 
     def apply(self, values: Array, t_ns: int, *, trusted: bool = True) -> Array:
-        """Subtracts the offset in force, and takes a trusted reading into a tare that is being measured."""
+        """Subtract the offset in force; a running tare averages the reading if it is trusted."""
         if self._until_ns is not None and trusted:
             self._measure(values, t_ns, self._until_ns)
         return values - self.current.value
@@ -128,9 +128,9 @@ class Tare:
         if (std > self._most_std).any():
             self.abort(self._moved(std))
             return
-        self._taken += 1
+        self._count += 1
         self._before = self.current
-        self.current = Offset(self._taken, average.mean, t_ns, average.count, self._by, std, self._gravity)
+        self.current = Offset(self._count, average.mean, t_ns, average.count, self._by, std, self._gravity)
         self._until_ns = None
 
     def _moved(self, std: Array) -> str:

@@ -1,7 +1,7 @@
-"""Gathers a pad's images into blocks of about 0.1 s, and keeps what each taxel did in the last of them.
+"""Group the images of a pad into blocks of about 0.1 s, and keep statistics of each taxel over the last blocks.
 
-Taxels are judged (`slipd.signals.taxel_faults`) by their means, by how their readings move from image to image, alone
-and with the others, and by how long their bits have not changed.
+`slipd.signals.taxel_faults` judges taxels by these: means, changes from image to image (alone and with the others), and
+the time for which the bits have not changed.
 """
 
 from __future__ import annotations
@@ -12,35 +12,35 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 BLOCK_NS = 90_000_000
-"""A block ends with the first image this long after the last block's end: three images at 30 Hz."""
+"""A block ends with the first image this long after the end of the previous block: three images at 30 Hz."""
 WINDOW = 8
-"""Blocks that are judged together: what is lost shows within 0.9 s, and a slow press has time to move something."""
+"""Number of blocks that are judged together: a lost taxel shows within 0.9 s, and a slow press changes readings."""
 GAP_NS = 500_000_000
-"""After a longer silence what was gathered is forgotten: nobody saw what happened."""
+"""After a longer gap the blocks are discarded."""
 BLOCK_IMAGES = 64
-"""Images a block keeps; at more than 700 Hz the rest of its time is not looked at."""
+"""Largest number of images in a block; above 700 Hz the later images of a block are ignored."""
 
 
 class Blocks:
-    """The last blocks of one pad's images, written round; all arrays but `run` begin with (WINDOW, …).
+    """Ring of the last blocks of one pad's images; the first axis of all arrays but `run` has length WINDOW.
 
     Args:
-        taxels: Of an image.
+        taxels: Number of taxels.
 
     Attributes:
-        count: Blocks since the last silence.
-        means: Mean reading, shape (WINDOW, taxels); likewise those that follow.
-        pressures: Pressure at the block's end.
+        count: Number of blocks since the last gap.
+        means: Mean reading, shape (WINDOW, taxels), as the next ones down to `changes`.
+        pressures: Pressure at the end of the block.
         least: Smallest magnitude of a reading.
-        squares: Sum of the squares of its steps from image to image.
-        rough: Likewise of the steps' own steps.
-        shared: Sum of the products of its steps with the sum of all others' steps.
-        rest: Sum of the squares of the others' sum.
-        changes: Images in which its bits were new.
-        new: Images in which any bits were new, shape (WINDOW,).
-        free: Nothing touched the pad throughout, shape (WINDOW,).
-        steady: The force did not move throughout, shape (WINDOW,).
-        run: New images since its bits last changed, shape (taxels,).
+        squares: Sum of squares of the steps from image to image.
+        rough: Sum of squares of the second differences.
+        shared: Sum of products of the taxel's steps with the summed steps of all others.
+        rest: Sum of squares of the summed steps of all others.
+        changes: Number of images in which the taxel's bits changed.
+        new: Number of images in which any bits changed, shape (WINDOW,).
+        free: Nothing touched the pad during the block, shape (WINDOW,).
+        steady: The force did not move during the block, shape (WINDOW,).
+        run: Number of new images since the taxel's bits last changed, shape (taxels,).
     """
 
     def __init__(self, taxels: int) -> None:
@@ -52,18 +52,18 @@ class Blocks:
         self.free = np.zeros(WINDOW, dtype=bool)
         self.steady = np.zeros(WINDOW, dtype=bool)
         self.run = np.zeros(taxels, dtype=np.int64)
-        self._images = np.empty((BLOCK_IMAGES + 2, taxels))  # the first two are the last of the block before
+        self._images = np.empty((BLOCK_IMAGES + 2, taxels))  # the first two are the last of the previous block
         self._last_ns: int | None = None
 
-    def take(self, values: Array, t_ns: int, *, free: bool, steady: bool, pressure: Array | None) -> bool:
-        """Takes an image; True where it ends a block.
+    def update(self, values: Array, t_ns: int, *, free: bool, steady: bool, pressure: Array | None) -> bool:
+        """Update with an image; return True if it ends a block.
 
         Args:
             values: Readings, shape (taxels,), all finite.
             t_ns: Time of the image.
             free: Nothing touches the pad.
             steady: The force does not move.
-            pressure: Shape (taxels,), NaN where it is not known; None where the readings are the pressure.
+            pressure: Pressure, shape (taxels,), NaN if not known; None if the readings are the pressure.
         """
         if self._last_ns is None or not 0 <= t_ns - self._last_ns <= GAP_NS:
             self._begin(values, t_ns)
@@ -79,16 +79,16 @@ class Blocks:
         return True
 
     def last(self, blocks: int) -> NDArray[np.int64]:
-        """Returns the indices of the last blocks, the newest first."""
+        """Return the indices of the last blocks, newest first."""
         return (self.count - 1 - np.arange(blocks)) % WINDOW
 
     def jitter(self) -> Array:
-        """Returns the noise of each taxel that would make its steps, standard deviation, shape (taxels,)."""
+        """Return the standard deviation of the noise that explains the steps of each taxel, shape (taxels,)."""
         jitter: Array = np.sqrt(self.squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
         return jitter
 
     def change_rate(self) -> Array:
-        """Returns the share of the new images in which each taxel's bits were new, shape (taxels,)."""
+        """Return the fraction of new images in which each taxel's bits changed, shape (taxels,)."""
         rate: Array = self.changes.sum(axis=0) / max(int(self.new.sum()), 1)
         return rate
 
@@ -101,7 +101,7 @@ class Blocks:
         self.run[:] = 0
 
     def _end_block(self, t_ns: int, pressure: Array | None) -> None:
-        """Puts what the block's images tell in place of the oldest block."""
+        """Replace the oldest block by the statistics of the images since."""
         images = self._images[: self._filled]
         steps = np.diff(images, axis=0)
         slot = self.count % WINDOW
@@ -114,7 +114,7 @@ class Blocks:
         self.shared[slot] = (steps[1:] * rest).sum(axis=0)
         self.rest[slot] = np.square(rest).sum(axis=0)
         changed = steps[1:] != 0.0
-        changed = changed[changed.any(axis=1)]  # an image that repeats the one before says nothing of a taxel
+        changed = changed[changed.any(axis=1)]  # an image that repeats the one before shows nothing
         self.new[slot] = len(changed)
         self.changes[slot] = changed.sum(axis=0)
         if len(changed):

@@ -1,17 +1,18 @@
-"""Says of each taxel of a pad whether it is still, frozen, hot or saturated, by what its neighbours do.
+"""Detect taxels that are still, frozen, hot or saturated, by comparison with their neighbours.
 
-Nothing else says what a taxel ought to read. Four tests look at the last blocks of images, and each says bad, well or
-nothing of each taxel:
+The neighbours are the only reference for a taxel. Four tests use the last blocks of images; each rates a taxel bad,
+good or neither:
 
-* still: it rests while all the neighbours around it move together, as they do under a load that changes. The edge of a
-  contact has neighbours that rest, a pivot line neighbours that move against each other: neither is judged.
+* still: it rests while all its neighbours move together, as they do when the load changes. Taxels at the edge of a
+  contact have resting neighbours, and those on a pivot line neighbours that move in opposite directions: neither is
+  rated.
 * frozen: its bits stay the same for longer than chance allows while its neighbours' bits keep changing.
-* hot: it is high while nothing touches the pad, or far above loaded neighbours, or it jitters by itself.
+* hot: it is high while nothing touches the pad, or far above loaded neighbours, or it jitters alone.
 * saturated: it is at full scale.
 
-What images cannot tell: a hole of one taxel in a contact looks like a dead taxel, and a straight groove over one row
-like a lost row. A first or last row that reads noise round zero looks like the far side of a contact's edge, and is
-not told; neither is a constant high reading beside a contact, before the pad is free.
+Limits of the method: a hole of one taxel in a contact looks like a dead taxel, and a straight groove along a row like a
+lost row. A first or last row that reads noise around zero looks like the far side of a contact's edge and is not
+detected; neither is a constant high reading beside a contact before the pad is free.
 """
 
 from __future__ import annotations
@@ -29,52 +30,52 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 STILL = 0.15
-"""A taxel that moves less than this share of its neighbours' mean is still; gains differ by far less."""
+"""A taxel that moves less than this fraction of its neighbours' mean is still; gains differ by far less."""
 MOVING = 0.3
-"""A taxel that moves at least this share is well."""
+"""A taxel that moves at least this fraction is good."""
 ABOVE_NOISE = 4.0
-"""Movement that counts, over the neighbours' jitter: four times what block means of three images do by chance."""
+"""Least movement relative to the neighbours' jitter: four times the chance movement of means of three images."""
 PLATEAU = 0.8
-"""A corner is judged only where its three neighbours move at least this share of the pad's largest movement: a rounded
-contact that leaves the corner out has lost more of its pressure there."""
+"""A corner is rated only if its three neighbours move at least this fraction of the pad's largest movement: a rounded
+contact that omits the corner has less pressure there."""
 CHANGING = 0.5
-"""Share of images with new bits from which noise is wide enough that no taxel rests within one count."""
+"""Fraction of images with changed bits from which the noise is wide enough that no taxel rests within one count."""
 CHANCE = -math.log(1e-12)
-"""A run of unchanged bits is told where chance makes it less often than once in 1e12: once a year on 128 taxels."""
+"""A run of unchanged bits counts if its probability is below 1e-12: once a year on 128 taxels."""
 SHORTEST_RUN = 9
-"""No run of unchanged bits is told that is shorter."""
+"""Shortest run of unchanged bits that counts."""
 FREE_BLOCKS = 5
-"""Blocks that a taxel must be high for: longer than a touch that is on its way to be felt by the force sensor."""
+"""Blocks for which a taxel must be high: longer than a touch takes to reach the force sensor."""
 HOT = 12.0
-"""Hot is this many times the noise, or the spread of the resting pad, above the pad's median."""
+"""A hot taxel is this multiple of the noise, or of the spread of the resting pad, above the pad's median."""
 SLOWLY = 0.01
-"""Share of a rise that is taken for a change of the pad at rest; a fall is taken at once."""
+"""Fraction of a rise that counts as a change of the pad at rest; a fall counts at once."""
 HOT_THRESHOLDS = 10.0
-"""Hot is this many times the threshold from which a taxel counts as active."""
+"""A hot taxel is above this multiple of the threshold of an active taxel."""
 AFTER_EFFECT = 0.1
-"""Share of the largest reading that rubber may go on pressing with after a release."""
+"""Fraction of the largest reading that rubber may still press after a release."""
 PEAK_TIMES = 300.0
-"""Judgements, about a minute, after which the largest reading is forgotten."""
+"""Number of ratings, about a minute, after which the largest reading is forgotten."""
 SPIRE = 6.0
-"""Loaded neighbours all round make a reading this many times theirs impossible: rubber spreads a point."""
+"""Among loaded neighbours a reading of this multiple is impossible: rubber spreads a point load."""
 LOADED = 4.0
-"""A taxel is pressed from this many times the spread of the resting pad; where it counts, several are at once."""
+"""A taxel is pressed from this multiple of the spread of the resting pad; the rules need several at once."""
 AROUND = 0.6
-"""Share of the neighbours that must be loaded for that."""
+"""Fraction of the neighbours that must be loaded for that."""
 JITTER = 8.0
-"""A jitter counts from this many times the pad's noise."""
+"""A jitter counts from this multiple of the pad's noise."""
 ALONE = 5.0
-"""A taxel jitters by itself from this many times its neighbours' jitter, or the pad's, relative to the load."""
+"""A taxel jitters alone from this multiple of its neighbours' jitter, or of the pad's, relative to the load."""
 ROUGH = 1.6
-"""Mean square of second over first differences: 3 for white noise, 2 for jumps, below 1 for motion well sampled."""
+"""Mean square of second over first differences: 3 for white noise, 2 for jumps, below 1 for well-sampled motion."""
 SHAKEN = 0.3
-"""Of the load, what a force that does not move can shake it by."""
+"""Fraction of the load by which a steady force can shake a reading."""
 EXPLAINED = 0.2
-"""A jitter of which the pad's own explains more than this share is that of the force."""
+"""A jitter that the pad's common jitter explains to more than this fraction is that of the force."""
 JUMPY_BLOCKS = 3
-"""Blocks of the window with such a jitter: one alone may be a step, such as a tare."""
+"""Blocks of the window that must have such a jitter: a single one may be a step, such as a tare."""
 SATURATED = 0.97
-"""Share of full scale at which a taxel is saturated: taxels with offsets of their own stop a little apart."""
+"""Fraction of full scale from which a taxel is saturated: taxels with different offsets stop a little apart."""
 SATURATED_BLOCKS = 2
 
 _OTHER_ROWS = [k for k, (down, _) in enumerate(STEPS) if down]
@@ -82,7 +83,7 @@ _OTHER_COLS = [k for k, (_, right) in enumerate(STEPS) if right]
 
 
 class Kind(IntEnum):
-    """What a taxel is judged to be; the index of its row in what `TaxelFaults.judge` returns."""
+    """Fault of a taxel, and the index of its row in the result of `TaxelFaults.judge`."""
 
     STILL = 0
     FROZEN = 1
@@ -91,18 +92,18 @@ class Kind(IntEnum):
 
 
 class TaxelFaults:
-    """The four tests on one pad, and what they remember of the pad at rest.
+    """The four tests on one pad, and what they have learned of the pad at rest.
 
     Args:
-        blocks: What the taxels did lately.
+        blocks: Statistics of the taxels over the last blocks.
         rows: Rows of the scan.
         cols: Columns of the scan.
-        full_scale: As of `TaxelHealth`; infinite where it is not known.
+        full_scale: As of `TaxelHealth`; infinite if not known.
         threshold: As of `TaxelHealth`.
-        light_touch: Likewise.
+        light_touch: As of `TaxelHealth`.
 
     Attributes:
-        away: Taxels that were last far from where the pad rests, shape (taxels,).
+        away: Taxels that were far from the resting value in the last block, shape (taxels,).
     """
 
     def __init__(
@@ -127,13 +128,13 @@ class TaxelFaults:
         self.away: Mask = np.zeros(taxels, dtype=bool)
 
     def judge(self, masked: Mask) -> tuple[Mask, Mask]:
-        """Judges the last blocks.
+        """Rate the taxels by the last blocks.
 
         Args:
-            masked: Taxels that are not believed, shape (taxels,): they say nothing of their neighbours.
+            masked: Taxels that are not trusted, shape (taxels,); they are no reference for their neighbours.
 
         Returns:
-            Where each test says bad, and where it says well, each of shape (4, taxels) by `Kind`.
+            Taxels that each test rates bad, and good; each of shape (4, taxels), first axis `Kind`.
         """
         self._masked = masked
         jitter = self._blocks.jitter()
@@ -159,7 +160,7 @@ class TaxelFaults:
         return np.array(bad), np.array(well)
 
     def _still(self, jitter: Array, believed: Mask) -> tuple[Mask, Mask]:
-        """Tells what rests while its surroundings move: one taxel by all its neighbours, a line by those beside it."""
+        """Find taxels that rest while their surroundings move: single taxels, and lines by the lines beside them."""
         span = np.ptp(self._blocks.means, axis=0)
         near = np.append(self._blocks.means, np.zeros((WINDOW, 1)), axis=1)[:, self._around]
         near_span, near_jitter = np.append(span, 0.0)[self._around], np.append(jitter, 0.0)[self._around]
@@ -190,28 +191,28 @@ class TaxelFaults:
         return bad, well
 
     def _lines(self, which: Mask, axis: int) -> Mask:
-        """Leaves of the taxels those in lines where all are so."""
+        """Return the taxels in lines in which all taxels are set."""
         every = which.reshape(self._grid).all(axis=axis, keepdims=True)
         return np.broadcast_to(every, self._grid).ravel()
 
     def _several(self, which: Mask, axis: int) -> Mask:
-        """Tells the taxels in lines where at least three are so."""
+        """Return the taxels in lines in which at least three taxels are set."""
         several = which.reshape(self._grid).sum(axis=axis, keepdims=True) >= 3
         return np.broadcast_to(several, self._grid).ravel()
 
     def _frozen(self, resting: Mask, believed: Mask) -> tuple[Mask, Mask]:
-        """Tells whose bits rest for longer than chance allows; at rest only on a pad whose rest is noisy."""
+        """Find taxels whose bits rest for longer than chance allows; at rest only on a pad whose rest is noisy."""
         rate = self._blocks.change_rate()
         resting = resting & ~self._masked
-        if 2 * np.count_nonzero(resting) > resting.size:  # else a lost row might be most of what rests
+        if 2 * np.count_nonzero(resting) > resting.size:  # otherwise a lost row might be most of the resting taxels
             self._noisy_rest = float(np.median(rate[resting])) >= CHANGING
         near = np.append(rate, 1.0)[self._around]
 
         def frozen(use: Mask, least: int) -> Mask:
             lowest = np.partition(np.where(use, near, 1.0), 1, axis=1)[:, 1]  # a frozen neighbour does not hide it
             unlikely = -self._blocks.run * np.log1p(-np.minimum(lowest, 0.95))
-            told: Mask = (use.sum(axis=1) >= least) & (lowest >= CHANGING) & (unlikely >= CHANCE)
-            return told
+            found: Mask = (use.sum(axis=1) >= least) & (lowest >= CHANGING) & (unlikely >= CHANCE)
+            return found
 
         bad = frozen(believed, 3)
         for beside, axis in ((_OTHER_ROWS, 1), (_OTHER_COLS, 0)):
@@ -223,7 +224,7 @@ class TaxelFaults:
         return bad & (self.away | self._noisy_rest), rate >= 0.5 * CHANGING
 
     def _hot(self, jitter: Array, rest: float, middle: float, believed: Mask) -> tuple[Mask, Mask]:
-        """Tells what is high for no reason, or jitters by itself."""
+        """Find taxels that are high without a load, or jitter alone."""
         recent = self._blocks.last(FREE_BLOCKS)
         limit = max(rest, AFTER_EFFECT * self._peak, self._light_touch) + middle
         bad = self._blocks.means[recent].min(axis=0) > (limit if self._blocks.free[recent].all() else math.inf)
@@ -258,5 +259,5 @@ class TaxelFaults:
 
 
 def _lowest(known: float, seen: float) -> float:
-    """What the pad does at rest: a contact raises it for a while, and that is forgotten slowly."""
+    """Return the updated resting level: a contact raises it for a while, so it rises slowly and falls at once."""
     return seen if seen < known else known + SLOWLY * (seen - known)

@@ -1,6 +1,6 @@
 """Detect a pad that was never tared and reads tens of newtons with nothing on it.
 
-Raw counts may have any offset. Without a tare the offset would look like a load, so the readings do not count until the
+Raw counts may have any offset. Without a tare the offset would look like a load, so the readings are not used until the
 pad is tared or reads about zero.
 """
 
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: A pad that reads more than this many times the least normal force of a contact, and more than so many newtons, does
-#: not count from zero: the noise and the drift of a pad that does stay far below, and so do most held objects.
+#: A pad whose readings exceed this multiple of the least normal force of a contact, and this force in newtons, has an
+#: offset: noise and drift of a tared pad stay far below, and so do most held objects.
 FAR, FAR_N = 20.0, 10.0
-#: With nothing on the pad, half of its taxels read less than this many times the threshold of an active one.
+#: With nothing on the pad, half of its taxels read less than this multiple of the threshold of an active taxel.
 MANY_THRESHOLDS = 10.0
-#: What the pad shows of a touch before the force sensor beside it feels it, ns.
+#: Time by which the pad may show a touch before the force sensor measures it, ns.
 AHEAD_NS = 200_000_000
 
 
@@ -26,12 +26,12 @@ class UntaredWatch:
     """Watches the images of a pad without a known zero.
 
     Args:
-        min_normal: Least normal force of a contact, in the unit of the readings where they state forces.
+        min_normal: Least normal force of a contact, in the unit of the readings if they are forces.
         threshold: Reading from which a taxel is active.
         calibrated: The readings of a pad beside a force sensor are newtons.
 
     Attributes:
-        missing: The pad needs a tare: it reads a load that is impossible, or that cannot be told from its offset.
+        missing: The pad needs a tare: it reads an impossible load, or one that may be its offset.
     """
 
     def __init__(self, min_normal: float, threshold: float, *, calibrated: bool = False) -> None:
@@ -44,14 +44,14 @@ class UntaredWatch:
         self._high_ns: int | None = None
 
     def forget(self) -> None:
-        """Start over, because the zero changed."""
+        """Start over after a change of the zero."""
         self.missing = self._decided = False
         self._high_ns = None
 
-    def look_alone(self, forces: Array) -> None:
-        """Take an image of a pad that measures the force by itself.
+    def update_alone(self, forces: Array) -> None:
+        """Update with an image of a pad that is the only sensor of its finger.
 
-        The first one decides: a load that grows later is one. What was missing is found where the pad reads next to
+        The first image decides: a load that grows later is real. A missing zero is found once the pad reads almost
         nothing.
 
         Args:
@@ -59,7 +59,7 @@ class UntaredWatch:
         """
         if self._decided and not self.missing:
             return
-        force = len(forces) * math.hypot(*np.median(forces, axis=0).tolist())  # a hot taxel is no offset
+        force = len(forces) * math.hypot(*np.median(forces, axis=0).tolist())  # the median ignores a hot taxel
         if not math.isfinite(force):
             return
         if not self._decided:
@@ -67,8 +67,8 @@ class UntaredWatch:
         elif force < self._near:
             self.missing = False
 
-    def look_beside(self, readings: Array, t_ns: int, *, free: bool) -> None:
-        """Take an image of a pad beside a force sensor.
+    def update_beside_force(self, readings: Array, t_ns: int, *, free: bool) -> None:
+        """Update with an image of a pad beside a force sensor.
 
         Args:
             readings: Normal reading of each taxel, shape (taxels,).

@@ -196,7 +196,7 @@ def test_too_few_poses_are_told_with_the_file_and_what_was_wrong_with_the_rest(s
     session.hold(POSES[2], readings=90)
     path = save(session)
     with pytest.raises(
-        RecordingError, match=r"run.mcap: finger left: 1 pose\(s\).* \(2 more were too short or not still\)"
+        RecordingError, match=r"run.mcap: finger left: .*, got 1 \(2 more were too short or not still\)"
     ):
         identify_recording(path, "left")
 
@@ -205,7 +205,7 @@ def test_a_recording_without_gravity_tells_nothing(save: Save) -> None:
     session = Session()
     for _ in range(100):
         session.read(POSES[0])
-    with pytest.raises(RecordingError, match=r"finger left: 0 pose\(s\) of the finger; at least 3"):
+    with pytest.raises(RecordingError, match=r"finger left: there must be at least 3 poses .*, got 0"):
         identify_recording(save(session), "left")
 
 

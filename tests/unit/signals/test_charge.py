@@ -19,7 +19,7 @@ TAU_S = 2.0
 STEP_S = 0.005
 OFFSET = 37.0
 FREE, HELD = True, False
-PLAIN = getattr(charge_module._go_on, "py_func", charge_module._go_on)
+PLAIN = getattr(charge_module._integrate, "py_func", charge_module._integrate)
 
 
 def amplifier(force: np.ndarray, tau_s: float = TAU_S, offset: float = OFFSET) -> np.ndarray:
@@ -243,7 +243,7 @@ def test_T4_a_hold_of_ten_minutes_on_a_warming_pad_keeps_its_shares(monkeypatch:
     assert misplaced(held(counts, force_n)) < 0.15
     assert misplaced(held(counts, force_n, anchored=True)) < 0.15
     monkeypatch.setattr(charge_module, "UNLOADED_TAXELS", 1000)
-    monkeypatch.setattr(charge_module, "_go_on", PLAIN)
+    monkeypatch.setattr(charge_module, "_integrate", PLAIN)
     assert misplaced(held(counts, force_n)) > 0.4
 
 
@@ -338,7 +338,7 @@ def test_the_kernel_does_what_it_does_without_compilation(loaded: int, anchor: f
     readings, offset = rng.normal(0.0, 0.01, 128), rng.normal(0.0, 0.01, 128)
     readings[:loaded] += 5.0
     made = []
-    for kernel in (charge_module._go_on, PLAIN):
+    for kernel in (charge_module._integrate, PLAIN):
         told, integral, last = np.empty(128), np.linspace(0.0, 0.1, 128), np.linspace(0.0, 1.0, 128)
         common = kernel(told, integral, last, readings, offset, 0.002, 2.0, 0.03, anchor)
         made.append((told, integral, last, common))

@@ -182,5 +182,5 @@ def test_a_time_constant_that_is_none_is_refused(tau_s: float) -> None:
 
 @pytest.mark.parametrize("limit", [np.zeros(6), np.array((1.0, math.nan)), np.array((math.inf,)), np.array(1.0)])
 def test_a_limit_that_is_none_is_refused(limit: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="limit must be positive and finite, one for each component"):
+    with pytest.raises(ValueError, match="limit must be one positive finite number per component"):
         DriftCompensation(1.0, limit)

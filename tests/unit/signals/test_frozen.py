@@ -279,14 +279,14 @@ def test_F1_a_sensor_that_hung_twice_is_told_as_soon_the_third_time() -> None:
 
 def test_F1_a_habit_is_forgotten() -> None:
     habit = Habit()
-    habit.look(0)
+    habit.age(0)
     for _ in range(3):
         habit.learn(7)
     for at_s, repeats in ((5, 7), (11, 7), (12, 7), (22, 0)):
-        habit.look(at_s * 1_000 * MS)
+        habit.age(at_s * 1_000 * MS)
         assert habit.repeats == repeats
     habit.learn(3)
-    habit.look(60_000 * MS)
+    habit.age(60_000 * MS)
     assert habit.repeats == 0
 
 

@@ -14,7 +14,7 @@ def fill(blocks: Blocks, images: np.ndarray, *, begin_ns: int = 0, period_ns: in
     return [
         k
         for k, image in enumerate(images)
-        if blocks.take(image, begin_ns + k * period_ns, free=bool(image.sum() < 7.5), steady=k % 6 < 4, pressure=None)
+        if blocks.update(image, begin_ns + k * period_ns, free=bool(image.sum() < 7.5), steady=k % 6 < 4, pressure=None)
     ]
 
 
@@ -43,7 +43,7 @@ def test_a_block_keeps_how_each_taxel_moved_alone_and_with_the_others() -> None:
 def test_the_window_is_written_round_and_a_pressure_is_kept_beside_the_readings() -> None:
     blocks = Blocks(1)
     for k in range(WINDOW + 3):
-        blocks.take(np.array([float(k)]), k * BLOCK_NS, free=True, steady=True, pressure=np.array([np.nan]))
+        blocks.update(np.array([float(k)]), k * BLOCK_NS, free=True, steady=True, pressure=np.array([np.nan]))
     assert blocks.count == WINDOW + 2
     assert_array_equal(blocks.means[blocks.last(WINDOW), 0], np.arange(WINDOW + 2, 2, -1))
     assert_array_equal(blocks.pressures, np.zeros((WINDOW, 1)))
@@ -54,7 +54,7 @@ def test_a_silence_and_a_clock_that_goes_back_begin_anew() -> None:
         blocks = Blocks(1)
         fill(blocks, np.zeros((7, 1)))
         assert (blocks.count, blocks.run[0]) == (2, 0)
-        blocks.take(np.array([3.0]), later_ns, free=True, steady=True, pressure=None)
+        blocks.update(np.array([3.0]), later_ns, free=True, steady=True, pressure=None)
         assert blocks.count == 0
 
 

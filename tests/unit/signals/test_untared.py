@@ -23,20 +23,20 @@ def test_the_first_image_decides_beyond_ten_newtons_and_twenty_contacts(
     min_normal: float, first: float, missing: bool
 ) -> None:
     watch = UntaredWatch(min_normal, 0.0)
-    watch.look_alone(forces(first))
+    watch.update_alone(forces(first))
     assert watch.missing == missing
 
 
 def test_a_load_that_grows_is_one_and_a_pad_seen_near_zero_counts_from_it() -> None:
     watch = UntaredWatch(0.3, 0.0)
-    watch.look_alone(forces(0.1))
-    watch.look_alone(forces(50.0))
+    watch.update_alone(forces(0.1))
+    watch.update_alone(forces(50.0))
     assert not watch.missing
     watch.forget()
-    watch.look_alone(forces(50.0))
-    watch.look_alone(forces(5.0))
+    watch.update_alone(forces(50.0))
+    watch.update_alone(forces(5.0))
     assert watch.missing, "not near zero"
-    watch.look_alone(forces(0.2))
+    watch.update_alone(forces(0.2))
     assert not watch.missing
 
 
@@ -44,10 +44,10 @@ def test_shear_is_an_offset_too_and_one_hot_taxel_is_none() -> None:
     watch = UntaredWatch(0.3, 0.0)
     image = forces(0.0)
     image[4] = (0.0, 0.0, -65.0)
-    watch.look_alone(image)
+    watch.update_alone(image)
     assert not watch.missing
     watch.forget()
-    watch.look_alone(np.tile((2.0, 0.0, 0.0), (9, 1)))
+    watch.update_alone(np.tile((2.0, 0.0, 0.0), (9, 1)))
     assert watch.missing
 
 
@@ -66,10 +66,10 @@ def test_beside_a_force_sensor_that_feels_nothing_many_taxels_must_read_much_for
 ) -> None:
     watch = UntaredWatch(0.3, threshold, calibrated=calibrated)
     image = np.full(16, reading)
-    watch.look_beside(image, 0, free=True)
-    watch.look_beside(image, AHEAD_NS, free=True)
+    watch.update_beside_force(image, 0, free=True)
+    watch.update_beside_force(image, AHEAD_NS, free=True)
     assert not watch.missing, "a touch that is on its way to the force sensor"
-    watch.look_beside(image, AHEAD_NS + MS, free=True)
+    watch.update_beside_force(image, AHEAD_NS + MS, free=True)
     assert watch.missing == missing
 
 
@@ -77,20 +77,20 @@ def test_a_contact_neither_finds_nor_ends_it() -> None:
     watch = UntaredWatch(0.3, 0.05)
     image = np.full(16, 1.0)
     for k in range(100):
-        watch.look_beside(image, k * 10 * MS, free=k % 10 == 0)
+        watch.update_beside_force(image, k * 10 * MS, free=k % 10 == 0)
     assert not watch.missing
     for k in range(100, 130):
-        watch.look_beside(image, k * 10 * MS, free=True)
+        watch.update_beside_force(image, k * 10 * MS, free=True)
     assert watch.missing
-    watch.look_beside(image, 1300 * MS, free=False)
-    watch.look_beside(np.zeros(16), 1310 * MS, free=False)
+    watch.update_beside_force(image, 1300 * MS, free=False)
+    watch.update_beside_force(np.zeros(16), 1310 * MS, free=False)
     assert watch.missing, "what presses says nothing of the zero"
-    watch.look_beside(np.zeros(16), 1320 * MS, free=True)
+    watch.update_beside_force(np.zeros(16), 1320 * MS, free=True)
     assert not watch.missing
 
 
 def test_an_image_with_a_reading_that_is_no_number_decides_nothing() -> None:
     watch = UntaredWatch(0.3, 0.0)
-    watch.look_alone(np.full((4, 3), np.nan))
-    watch.look_alone(forces(50.0))
+    watch.update_alone(np.full((4, 3), np.nan))
+    watch.update_alone(forces(50.0))
     assert watch.missing
