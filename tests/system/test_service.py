@@ -401,7 +401,7 @@ requesters = "{tmp_path}/requesters"
         assert not keyless.hear("status")
 
 
-async def test_a_failure_of_the_engine_ends_the_run_and_is_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_P1_a_failure_of_the_engine_ends_the_run_and_is_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     handle = Engine.handle
     calls = 0
 
@@ -506,7 +506,9 @@ def client_of(process: subprocess.Popen[str]) -> Client:
 
 @pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-async def test_a_signal_ends_the_process_well(rig: Rig, runtime: Path, tmp_path: Path, number: signal.Signals) -> None:
+async def test_P4_a_signal_ends_the_process_well(
+    rig: Rig, runtime: Path, tmp_path: Path, number: signal.Signals
+) -> None:
     with start(rig.file, "--record", str(tmp_path / "run.mcap")) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -538,7 +540,7 @@ async def test_a_daemon_under_nohup_outlives_its_terminal(rig: Rig) -> None:
 
 
 @pytest.mark.process
-async def test_k1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, tmp_path: Path) -> None:
+async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
 
     def stopped() -> dict[str, Any] | None:
@@ -576,7 +578,7 @@ async def test_k1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
 
 
 @pytest.mark.process
-def test_k1_a_disk_that_is_full_from_the_start_is_told_at_once(rig: Rig) -> None:
+def test_K1_a_disk_that_is_full_from_the_start_is_told_at_once(rig: Rig) -> None:
     with start(rig.file, "--record", "/dev/full") as process:
         out, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out) == (1, "")

@@ -91,7 +91,7 @@ def test_C3_a_clock_that_begins_anew_is_learned_again_within_a_second(held, seed
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_C3_a_bunched_stream_is_dated_by_its_device(held, seed):
+def test_L12_a_bunched_stream_is_dated_by_its_device_clock(held, seed):
     for line in held.lines.values():
         line.fault = Bunch()
     held.watch.lateness_ns = Bunch.period_ns

@@ -104,7 +104,7 @@ def test_D4_a_gripper_that_does_not_answer_is_not_moved(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_D4_a_command_that_never_reaches_the_gripper_is_told(held, seed):
+def test_A6_a_command_that_never_reaches_the_gripper_is_reported(held, seed):
     assert held.ask("lease.acquire", ttl_ms=200)["ok"]
     held.line("gripper").deaf = True
     held.ask("grip.set", force_n=10.0)

@@ -135,7 +135,7 @@ def test_L11_a_trickle_of_bytes_is_no_stream(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_L11_a_frame_that_was_begun_before_the_line_was_lost_is_not_completed_behind(held, seed):
+def test_L5_a_frame_cut_by_an_unplug_is_not_completed_afterwards(held, seed):
     held.line("left.pad").fault = Drop(held.rng)
     held.run(0.05)
     held.unplug("left.pad")

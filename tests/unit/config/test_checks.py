@@ -131,7 +131,7 @@ def test_the_id_of_a_config_changes_with_its_text() -> None:
         ('device = "bota"', "device = 7", "finger.left.wrench.device", "must be a text in quotes, got 7"),
     ],
 )
-def test_a_wrong_value_is_reported_with_its_line(old: str, new: str, path: str, expected: str) -> None:
+def test_G1_a_wrong_value_is_reported_with_its_line(old: str, new: str, path: str, expected: str) -> None:
     found = faults(broken(old, new))
     assert (path, line(old)) in [(found_path, found_line) for found_path, found_line, _ in found]
     assert any(expected in message for found_path, _, message in found if found_path == path), found
@@ -270,7 +270,7 @@ MEANING = [
 
 
 @pytest.mark.parametrize(("old", "new", "path", "expected"), MEANING)
-def test_values_that_do_not_fit_each_other_are_reported(old: str, new: str, path: str, expected: str) -> None:
+def test_G3_values_that_do_not_fit_each_other_are_reported(old: str, new: str, path: str, expected: str) -> None:
     text = broken(old, new)
     found = faults(text)
     assert [found_path for found_path, _, _ in found] == [path]
@@ -499,7 +499,7 @@ def test_wrong_values_do_not_hide_values_that_do_not_fit_each_other() -> None:
     assert [path for path, _, _ in faults(text)] == ["finger.left.mu", "levels.caution"]
 
 
-def test_all_wrong_values_are_reported_at_once() -> None:
+def test_G1_all_wrong_values_are_reported_at_once() -> None:
     text = GOOD.replace("mu = 0.5", "mu = -1").replace("rows = 8", "rows = 0").replace("pitch_m = 0.0047", "pitch = 1")
     assert {(path, at) for path, at, _ in faults(text)} == {
         ("finger.left.mu", line("mu = 0.5")),

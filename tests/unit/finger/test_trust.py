@@ -240,7 +240,7 @@ def test_a_calibrated_charge_pad_follows_the_force_sensor(make: Callable[..., Ha
     assert hand.finger.image.pressure.sum() < free_running, "the force sensor holds it back"
 
 
-def test_C4_a_reading_that_waited_too_long_is_no_present(hand: Hand) -> None:
+def test_C4_F1_a_reading_that_arrives_too_late_is_stale(hand: Hand) -> None:
     hand.look(8.0)
     assert hand.read(8.0).verdict.level == "stable"
     late = WrenchSample(hand.t_ns + 50 * MS, None, np.array((0.0, 0.0, -8.0)), np.zeros(3))
@@ -277,7 +277,7 @@ def test_F1_a_single_reading_beyond_what_a_sensor_can_state_is_unknown(
             hand.read(8.0)
 
 
-def test_F1_readings_that_are_no_numbers_are_told_as_such_however_many(hand: Hand) -> None:
+def test_N1_readings_that_are_not_finite_are_reported_as_such_however_many(hand: Hand) -> None:
     for _ in range(10):
         hand.send(np.full(3, math.nan), np.zeros(3))
         assert hand.told == ("unknown", ("not_finite",))

@@ -177,7 +177,7 @@ def test_a_gripper_whose_least_force_is_above_the_limit_is_not_opened(
 
 
 @pytest.mark.parametrize("width_m", [-0.001, 0.086, 1e300])
-def test_g3_a_width_that_the_gripper_does_not_have_is_refused(
+def test_G3_a_width_that_the_gripper_does_not_have_is_refused(
     control: GripperControl, session: Recorded, width_m: float
 ) -> None:
     assert refused(open_(control, width_m, None, T0)) == ("out_of_range", "width_m")
@@ -201,7 +201,7 @@ def test_a_gripper_without_speeds_is_told_none(control: GripperControl, session:
     assert control.force_command_n == 5.0
 
 
-def test_g3_a_force_is_within_the_config_and_within_the_gripper(control: GripperControl, session: Recorded) -> None:
+def test_G3_a_force_is_within_the_config_and_within_the_gripper(control: GripperControl, session: Recorded) -> None:
     session.force_range_n = (2.0, 18.0)
     assert refused(close_(control, 18.1, None, None, T0)) == ("out_of_range", "force_n")
     assert refused(close_(control, 1.9, None, None, T0)) == ("out_of_range", "force_n")
@@ -537,7 +537,7 @@ def test_a_force_alone_is_no_motion_that_would_be_stopped(
     assert session.commands == [("move", 0.0, None, 5.0), ("force", 6.0)]
 
 
-def test_a6_a_lost_command_is_latched_once(control: GripperControl, session: Recorded) -> None:
+def test_A6_a_lost_command_is_latched_once(control: GripperControl, session: Recorded) -> None:
     assert control.on_time(T0) is False
     session.command_lost = True
     assert control.on_time(T0 + MS) is True

@@ -37,7 +37,7 @@ def test_a_recording_reads_as_events_as_messages_or_as_both(tmp_path: Path, writ
     assert recording.complete
 
 
-def test_a_recording_cut_off_anywhere_yields_a_beginning_and_says_so(tmp_path: Path, write, entries) -> None:
+def test_K2_a_recording_cut_off_anywhere_yields_a_beginning_and_says_so(tmp_path: Path, write, entries) -> None:
     write(tmp_path / "whole.mcap", entries(60), 20)
     data = (tmp_path / "whole.mcap").read_bytes()
     whole, everything = contents(tmp_path / "whole.mcap")
@@ -83,7 +83,7 @@ def test_a_flipped_bit_is_noticed_or_harmless(tmp_path: Path, write, entries) ->
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
 @given(place=st.floats(0, 1), noise=st.binary(min_size=1, max_size=40), cut=st.integers(0, 40))
-def test_noise_in_a_recording_raises_nothing_but_a_recording_error(
+def test_K4_noise_in_a_recording_raises_nothing_but_a_recording_error(
     tmp_path: Path, write, entries, place: float, noise: bytes, cut: int
 ) -> None:
     path = tmp_path / "whole.mcap"

@@ -75,7 +75,7 @@ def live(trial: Recording, tmp_path: Path, two_pads: str) -> Recording:
     return open_recording(path)
 
 
-def test_a_replay_publishes_byte_for_byte_what_the_live_run_published(live: Recording) -> None:
+def test_K5_a_replay_publishes_byte_for_byte_what_the_live_run_published(live: Recording) -> None:
     recorded = list(live.messages())
     replayed = [(topic, messages.encode(body)) for topic, body in replay(live)]
     assert replayed == recorded

@@ -76,7 +76,7 @@ def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRe
     assert recordings.changes(70) == []
 
 
-def test_k3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecordings, tmp_path: Path) -> None:
+def test_K3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecordings, tmp_path: Path) -> None:
     recordings.handle(Record("a.mcap"), 0)
     recordings.record_event(Tick(1), 1)
     recordings.handle(Record("b.mcap"), 2)

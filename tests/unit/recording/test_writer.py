@@ -109,7 +109,7 @@ def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_ch
     assert {channel.topic for _, channel, _ in found} == {"slipd/event", "slip.left", "wrench.left"}
 
 
-def test_a_killed_writer_leaves_a_readable_file_with_all_but_the_last_moments(tmp_path: Path) -> None:
+def test_K2_a_killed_writer_leaves_a_readable_file_with_all_but_the_last_moments(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     process = subprocess.Popen([sys.executable, "-c", WRITE_UNTIL_KILLED, path], stdin=subprocess.PIPE)
     assert process.stdin is not None
@@ -144,7 +144,7 @@ def test_a_disk_that_cannot_take_the_start_is_told_at_once_and_keeps_no_file(
 
 
 @pytest.mark.parametrize("size", [5000, 100_000, 299_999])
-def test_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_beginning(tmp_path: Path, size: int) -> None:
+def test_K1_a_disk_that_fills_up_stops_the_recording_and_leaves_a_readable_beginning(tmp_path: Path, size: int) -> None:
     path = tmp_path / "run.mcap"
     command = [sys.executable, "-c", WRITE_INTO_A_SMALL_DISK, path, str(size)]
     told = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -240,7 +240,7 @@ def test_what_reached_the_file_before_the_disk_failed_is_not_called_lost(
     assert recorder.lost <= 5
 
 
-def test_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
+def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
     tmp_path: Path, about_run, entries, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stalled, go_on = Signal(), Signal()
@@ -288,7 +288,7 @@ def test_an_entry_that_cannot_be_written_stops_the_recording_not_the_run(tmp_pat
     assert recorder.lost == 2
 
 
-def test_an_existing_file_is_never_overwritten(tmp_path: Path, about_run) -> None:
+def test_K3_an_existing_file_is_never_overwritten(tmp_path: Path, about_run) -> None:
     (tmp_path / "run.mcap").write_text("precious")
     with pytest.raises(RecordingError, match="exists already"):
         Recorder(tmp_path / "run.mcap", **about_run)

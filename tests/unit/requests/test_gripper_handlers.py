@@ -348,7 +348,7 @@ class TestForceOfAHeldObject:
             ("gripper.close", {"force_n": 7.5}, ("out_of_range", "force_n")),
         ],
     )
-    def test_a3_a_step_beyond_the_limit_is_refused(
+    def test_A3_a_step_beyond_the_limit_is_refused(
         self, run: Run, op: str, fields: dict[str, Any], refusal: tuple[str, str]
     ) -> None:
         run.bring_up()
@@ -357,7 +357,7 @@ class TestForceOfAHeldObject:
         run.serve_gripper(50)
         assert run.writes() == []
 
-    def test_a8_it_rises_no_faster_than_the_limit(self, run: Run) -> None:
+    def test_A8_it_rises_no_faster_than_the_limit(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         assert run.refusal("grip.adjust", delta_n=2.0) is None
@@ -368,7 +368,7 @@ class TestForceOfAHeldObject:
         run.feel(7.0)
         assert run.refusal("grip.adjust", delta_n=1.0) is None
 
-    def test_a8_it_is_lowered_no_faster_than_the_limit_by_the_steps_of_the_gripper(
+    def test_A8_it_is_lowered_no_faster_than_the_limit_by_the_steps_of_the_gripper(
         self, make_run: Callable[[str], Run], rig: str
     ) -> None:
         """Each setting is 0.84 N from the next: the least that is asked for is such a step."""
@@ -395,7 +395,7 @@ class TestForceOfAHeldObject:
         run.feel(60.0)
         assert run.ask("grip.adjust", delta_n=0.1)["result"] == {"applied_n": force_n}, "no setting lies between"
 
-    def test_a8_all_raises_of_a_grasp_have_a_budget(self, make_run: Callable[[str], Run], rig: str) -> None:
+    def test_A8_all_raises_of_a_grasp_have_a_budget(self, make_run: Callable[[str], Run], rig: str) -> None:
         run = make_run(rig + "budget_n = 3.0\n")
         run.up()
         run.bring_up()
@@ -452,7 +452,7 @@ class TestForceOfAHeldObject:
         run.down("left.pad")
 
     @pytest.mark.parametrize("state", ["stale", "old", "doubtful", "unplugged", "without_its_pad"])
-    def test_f1_it_is_not_raised_on_a_sensor_that_nobody_can_trust(self, run: Run, state: str) -> None:
+    def test_F1_it_is_not_raised_on_a_sensor_that_nobody_can_trust(self, run: Run, state: str) -> None:
         run.bring_up()
         run.grip(5.0)
         getattr(self, state)(run)
@@ -461,7 +461,7 @@ class TestForceOfAHeldObject:
         assert run.refusal("gripper.close", force_n=6.0) == ("not_ready", "force_n")
         assert run.refusal("grip.set", force_n=4.5) is None, "to ease it is no danger of that kind"
 
-    def test_g3_a_force_that_the_gripper_does_not_have_is_refused(
+    def test_G3_a_force_that_the_gripper_does_not_have_is_refused(
         self, make_run: Callable[[str], Run], rig: str
     ) -> None:
         run = make_run(rig.replace("[255, 28.5]", "[255, 20.0]").replace("= 25.0", "= 20.0"))
@@ -538,14 +538,14 @@ class TestLatchedFaults:
         assert run.refusal("grip.adjust", delta_n=-0.5) is None
 
     @pytest.mark.parametrize("fault", [5, 7, *range(8, 16)])
-    def test_d4_every_fault_of_the_gripper_blocks(self, run: Run, fault: int) -> None:
+    def test_D4_every_fault_of_the_gripper_blocks(self, run: Run, fault: int) -> None:
         run.bring_up()
         run.gripper.fault = fault
         run.serve_gripper(50)
         assert self.latched(run) == run.published("gripper")[-1]["fault"] != ""
         assert run.refusal("gripper.close", force_n=5.0) == ("fault_latched", "")
 
-    def test_d4_what_it_reports_while_it_activates_is_no_fault(self, run: Run) -> None:
+    def test_D4_what_it_reports_while_it_activates_is_no_fault(self, run: Run) -> None:
         run.bring_up()
         assert run.refusal("gripper.activate", drop=True) is None
         run.gripper.activates = True
@@ -557,7 +557,7 @@ class TestLatchedFaults:
         assert self.latched(run) == ""
         assert run.refusal("gripper.close", force_n=5.0) is None
 
-    def test_d4_an_activation_that_was_lost_is_latched(self, run: Run) -> None:
+    def test_D4_an_activation_that_was_lost_is_latched(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.serve_gripper(1000)
@@ -566,7 +566,7 @@ class TestLatchedFaults:
         assert self.latched(run) == "activation_lost"
         assert run.published("gripper")[-1]["force_command_n"] is None
 
-    def test_d5_an_echo_that_differs_is_latched_within_three_readings(self, run: Run) -> None:
+    def test_D5_an_echo_that_differs_is_latched_within_three_readings(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         before = len(run.published("gripper"))
@@ -578,7 +578,7 @@ class TestLatchedFaults:
         run.serve_gripper(100)
         assert self.latched(run) == "echo_mismatch", "it is still there"
 
-    def test_a6_a_command_that_is_never_acknowledged_is_latched_and_told_at_once(self, run: Run) -> None:
+    def test_A6_a_command_that_is_never_acknowledged_is_latched_and_told_at_once(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.gripper.silent = True
@@ -620,7 +620,7 @@ class TestLatchedFaults:
 class TestEndOfTheLease:
     @pytest.mark.parametrize("lease_end", ["hold", "stop"])
     @pytest.mark.parametrize("moving", [True, False])
-    def test_a5_it_is_told_within_a_tick_and_opens_nothing(
+    def test_A5_it_is_told_within_a_tick_and_opens_nothing(
         self, make_run: Callable[[str], Run], rig: str, lease_end: str, moving: bool
     ) -> None:
         run = make_run(rig + f'lease_end = "{lease_end}"\n')

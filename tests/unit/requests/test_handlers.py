@@ -163,7 +163,7 @@ class TestGravity:
 
 
 class TestAtMostOnce:
-    def test_a2_a_request_that_comes_again_is_answered_again_and_not_done_again(self, run: Run) -> None:
+    def test_A2_a_request_that_comes_again_is_answered_again_and_not_done_again(self, run: Run) -> None:
         first = run.ask("record.start", id="c-1", deadline_ns=run.t_ns + 400 * MS)
         deadline_ns = run.t_ns + 400 * MS
         run.wait(100)
@@ -172,14 +172,14 @@ class TestAtMostOnce:
         assert run.refusal("record.start", client=b"ben", id="c-1", deadline_ns=deadline_ns) == ("replayed", "")
         assert run.ask("status")["result"]["recording"]["running"] is True
 
-    def test_a2_what_was_refused_stays_refused(self, run: Run) -> None:
+    def test_A2_what_was_refused_stays_refused(self, run: Run) -> None:
         body = {"id": "c-1", "deadline_ns": run.t_ns + 400 * MS, "finger": "left"}
         refused = run.ask("tare", **body)
         assert refused["ok"] is False
         run.wrench(0.0)
         assert run.ask("tare", **body) == refused
 
-    def test_a2_a_late_copy_is_refused(self, run: Run) -> None:
+    def test_A2_a_late_copy_is_refused(self, run: Run) -> None:
         body = {"id": "c-1", "deadline_ns": run.t_ns + 400 * MS}
         assert run.refusal("record.start", **body) is None
         run.wait(400)
@@ -191,5 +191,5 @@ class TestAtMostOnce:
         run.wait(101)
         assert run.refusal("tare.get", finger="left") is None
 
-    def test_a1_what_was_captured_in_another_run_is_refused(self, run: Run) -> None:
+    def test_A1_what_was_captured_in_another_run_is_refused(self, run: Run) -> None:
         assert run.refusal("record.start", boot="before") == ("wrong_boot", "boot")

@@ -59,7 +59,7 @@ def test_a_client_gives_no_path(run: Run, path: str) -> None:
     assert records(run) == []
 
 
-def test_k3_names_are_never_used_twice_in_a_run(run: Run) -> None:
+def test_K3_names_are_never_used_twice_in_a_run(run: Run) -> None:
     names = []
     for _ in range(3):
         names.append(run.ask("record.start")["result"]["name"])
@@ -67,7 +67,7 @@ def test_k3_names_are_never_used_twice_in_a_run(run: Run) -> None:
     assert len(set(names)) == 3
 
 
-def test_k1_a_disk_that_fails_ends_it_and_is_told(run: Run) -> None:
+def test_K1_a_disk_that_fails_ends_it_and_is_told(run: Run) -> None:
     run.ask("record.start")
     run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "the disk is full", 3))
     assert shown(run) == state(NAME, "failed", failure="the disk is full", lost=3)
