@@ -1,0 +1,112 @@
+"""Test that the documents name tests, files, code and keys that exist."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+from project import DAEMON, DOCS, ROOT
+
+#: The ids of one test name, at its beginning.
+LEADING_IDS = re.compile(r"test_((?:[A-Z]\d+_)+)")
+#: What looks like an id anywhere else in a test name.
+STRAY_ID = re.compile(r"_([A-Z]\d+)_")
+#: A row of docs/faults.md: id, fault, handling, tests.
+ROW = re.compile(r"^\| ([A-Z]\d+) \|(.*)\|(.*)\|(.*)\|$", re.MULTILINE)
+CITATION = re.compile(r"`([\w/]+\.py)::(\w+)`")
+#: A path of the project in backquotes, without a placeholder.
+PATH = re.compile(r"`((?:daemon|clients|tests|docs|config)/[\w./-]*)`")
+LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)")
+CODE_BLOCK = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+
+PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "clients" / "README.md", *DOCS.rglob("*.md")])
+FAULTS = (DOCS / "faults.md").read_text(encoding="utf-8")
+pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+
+
+@cache
+def names_in(file: Path) -> frozenset[str]:
+    """Return the names of the tests that a file defines, without importing it."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+    return frozenset(node.name for node in functions if node.name.startswith("test_"))
+
+
+def ids_of(test: str) -> set[str]:
+    found = LEADING_IDS.match(test)
+    return set(found[1].strip("_").split("_")) if found else set()
+
+
+ALL_TESTS = {name for file in (ROOT / "tests").rglob("test_*.py") for name in names_in(file)}
+ROWS = {row[1]: (row[2], row[3], CITATION.findall(row[4])) for row in ROW.finditer(FAULTS)}
+
+
+def test_each_fault_id_of_a_test_name_has_exactly_one_row() -> None:
+    listed = [row[1] for row in ROW.finditer(FAULTS)]
+    assert len(listed) == len(set(listed))
+    used = {identifier for name in ALL_TESTS for identifier in ids_of(name)}
+    assert used == set(listed)
+
+
+def test_ids_stand_only_at_the_beginning_of_a_test_name_and_in_capitals() -> None:
+    for name in ALL_TESTS:
+        rest = name.removeprefix("test_")
+        for identifier in sorted(ids_of(name), key=len, reverse=True):
+            rest = rest.replace(f"{identifier}_", "", 1)
+        assert not set(STRAY_ID.findall(f"_{rest}_".upper())) & set(ROWS), name
+
+
+@pytest.mark.parametrize("identifier", sorted(ROWS))
+def test_a_row_names_tests_that_exist_and_carry_its_id(identifier: str) -> None:
+    fault, handling, tests = ROWS[identifier]
+    assert fault.strip().endswith(".")
+    assert handling.strip().endswith(".")
+    assert tests
+    for file, name in tests:
+        assert name in names_in(ROOT / file), f"{file}::{name}"
+        assert identifier in ids_of(name)
+
+
+@pages
+def test_a_path_that_a_page_names_exists(page: Path) -> None:
+    made_by_the_reader = {
+        "daemon/slipd/devices/dynpick.py",
+        "daemon/slipd/sim/emulated_dynpick.py",
+        "tests/unit/devices/test_dynpick.py",
+    }
+    missing = [path for path in PATH.findall(page.read_text(encoding="utf-8")) if not (ROOT / path).exists()]
+    assert set(missing) <= made_by_the_reader
+
+
+def anchors_of(page: Path) -> set[str]:
+    """Return the anchors that a forge makes of the headings."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pages
+def test_a_link_leads_to_a_page_and_a_heading_that_exist(page: Path) -> None:
+    prose = CODE_BLOCK.sub("", page.read_text(encoding="utf-8"))
+    for target, anchor in LINK.findall(prose):
+        file = page.parent / target if target else page
+        assert file.exists(), target
+        assert not anchor or anchor in anchors_of(file), f"{target}#{anchor}"
+
+
+def columns_of_glossary() -> list[tuple[str, str, str]]:
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    rows = [line.strip("|").split(" | ") for line in text.splitlines() if line.startswith("| ") and "---" not in line]
+    return [(row[0].strip(), row[1], row[2]) for row in rows if row[1].strip() != "code"]
+
+
+@pytest.mark.parametrize(("term", "code", "wire"), columns_of_glossary())
+def test_a_term_has_the_name_in_code_and_on_the_wire_that_the_glossary_states(term: str, code: str, wire: str) -> None:
+    sources = [file.read_text(encoding="utf-8") for file in DAEMON.rglob("*.py")]
+    protocol = (DOCS / "protocol.md").read_text(encoding="utf-8")
+    for name in re.findall(r"`(\w+)`", code):
+        assert any(re.search(rf"\b{name}\b", source) for source in sources), f"{term}: no {name} in the daemon"
+    for key in re.findall(r"`(\w+)`", wire):
+        assert re.search(rf"\b{key}\b", protocol), f"{term}: no {key} in docs/protocol.md"
