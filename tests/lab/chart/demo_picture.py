@@ -22,10 +22,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from project import DOCS
 
-from slipd.recording.reader import Recording
+from slipd.recording.reader import open_recording
 
 WIDTH_IN, HEIGHT_IN, DPI = 11.0, 6.2, 120
-LEFT, RIGHT, NEED, COMMAND, INK, FAINT = "#0072B2", "#56B4E9", "#D55E00", "#222222", "#222222", "#777777"
+LEFT, NEED, COMMAND, SLIP, FAINT = "#0072B2", "#D55E00", "#222222", "#B2182B", "#777777"
 LEVEL_COLOURS = {
     "no_contact": "#EEEEEE", "stable": "#BFE3C8", "caution": "#FBE3A0", "warning": "#F4A582", "slipping": "#D7301F",
     "unknown": "#C9C9C9",
@@ -52,7 +52,7 @@ def main() -> int:
 
 def read(recording: Path, summary: str) -> tuple[Series, Truth]:
     """Return the messages by topic with their times in the scene, s, and the times of the true events."""
-    messages = [(topic, msgpack.unpackb(payload)) for topic, payload in Recording(recording).messages()]
+    messages = [(topic, msgpack.unpackb(payload)) for topic, payload in open_recording(recording).messages()]
     truth = {name: float(time) for time, name in re.findall(r"([\d.]+) s +truth +(\w+)", summary)[::-1]}
     if forecast := re.search(r"rotation_would_begin_s ([\d.]+)", summary):
         truth["would_rotate"] = float(forecast[1])
@@ -80,28 +80,28 @@ def save(path: Path, series: Series, truth: Truth) -> None:
 
 
 def draw_utilisation(axes: Axes, series: Series, truth: Truth) -> None:
-    """Draw the utilisation of both fingers, the level of the left one as a strip, and the events of the scene."""
-    for finger, colour in (("right", RIGHT), ("left", LEFT)):
-        axes.plot(*curve(series, f"slip.{finger}", "utilisation"), color=colour, lw=1.4, label=f"{finger} finger")
+    """Draw utilisation and level of the left finger, and the events of the scene."""
+    axes.plot(*curve(series, "slip.left", "utilisation"), color=LEFT, lw=1.4)
     for value, name in ((0.70, "caution"), (0.85, "warning"), (1.0, "slip begins")):
         axes.axhline(value, color=FAINT, lw=0.8, ls=":")
         axes.text(1.05, value + 0.012, name, color=FAINT, fontsize=9.5)
     draw_levels(axes, series["slip.left"])
     for event, name in PHASES:
         axes.axvline(truth[event], color="#DDDDDD", lw=0.9, zorder=0)
-        axes.text(truth[event] + 0.06, 0.03, name, color=FAINT, fontsize=9.5)
+        before = event == "tug"  # the curve rises behind it
+        axes.text(truth[event] + (-0.06 if before else 0.06), 0.58, name, color=FAINT, fontsize=9.5,
+                  ha="right" if before else "left")  # fmt: skip
     warned = next(t for t, body in series["warning"] if body["level"] == "warning")
     late = truth["would_rotate"]
     axes.axvline(late, color=NEED, lw=1.0, ls="--")
     axes.annotate("", (late, 1.07), (warned, 1.07), arrowprops={"arrowstyle": "<->", "color": NEED})
-    axes.text(late + 0.1, 1.05, f"warning {late - warned:.2f} s before the box\nwould turn in the first grip", color=NEED,
-              va="center", fontsize=9.5)  # fmt: skip
+    lead = f"warning {late - warned:.2f} s before the box\nwould turn in the first grip"
+    axes.text(late + 0.1, 1.05, lead, color=NEED, va="center", fontsize=9.5)
     slid = truth["slide_begins"]
-    axes.annotate("slip, reported\nwithin milliseconds", (slid, 1.0), (slid + 0.55, 1.05), color="#B2182B", fontsize=9.5,
-                  va="center", arrowprops={"arrowstyle": "->", "color": "#B2182B"})  # fmt: skip
-    axes.set(ylim=(0.0, MOST_UTILISATION), ylabel="utilisation λ")
-    axes.legend(loc="upper left", bbox_to_anchor=(0.19, 0.72), frameon=False, ncols=1)
-    axes.set_title("What slipd publishes during `make demo`", loc="left", fontweight="bold")
+    axes.annotate("slip, reported\nwithin milliseconds", (slid, 1.0), (slid + 0.55, 1.05), color=SLIP, fontsize=9.5,
+                  va="center", arrowprops={"arrowstyle": "->", "color": SLIP})  # fmt: skip
+    axes.set(ylim=(0.0, MOST_UTILISATION), ylabel="utilisation λ, left finger")
+    axes.set_title("What slipd publishes during the demo", loc="left", fontweight="bold")
 
 
 def draw_levels(axes: Axes, verdicts: list[tuple[float, dict[str, Any]]]) -> None:
@@ -123,7 +123,9 @@ def draw_forces(axes: Axes, series: Series) -> None:
     axes.plot(*curve(series, "slip.left", "normal_n"), color=LEFT, lw=1.4, label="grip force measured, left pad")
     axes.plot(*curve(series, "gripper", "force_command_n"), color=COMMAND, lw=1.2, drawstyle="steps-post",
               label="grip force commanded")  # fmt: skip
-    axes.plot(*curve(series, "slip.left", "grip_needed_n"), color=NEED, lw=1.2, label="grip force needed (twice the load)")
+    axes.plot(
+        *curve(series, "slip.left", "grip_needed_n"), color=NEED, lw=1.2, label="grip force needed (twice the load)"
+    )
     axes.set(ylim=(0.0, 20.0), ylabel="force on one pad, N")
     axes.legend(loc="upper left", frameon=False)
 
