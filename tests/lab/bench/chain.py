@@ -125,4 +125,4 @@ def _notes(ours: _Side) -> list[str]:
 
 
 def _missing(ours: _Side) -> str:
-    return f"Readings without a message (of several in one read the daemon tells one): daemon {ours.missing()}"
+    return f"Readings without a message (the daemon publishes one of several in one read): daemon {ours.missing()}"

@@ -363,7 +363,8 @@ def _table(rounds: list[_Times], bus: str) -> Table:
         )
     else:
         table.notes.append(
-            f"The danger comes {OUTSTANDING_NS / MS:g} ms behind a poll that is answered {REPLY_NS / MS:g} ms behind "
-            "it; the gripper wants 5 ms between its answer and what comes next, which is then the reflex's and no poll."
+            f"The danger comes {OUTSTANDING_NS / MS:g} ms after a poll that is answered after {REPLY_NS / MS:g} ms; the "
+            "gripper needs 5 ms between its answer and the next frame, which is then the command of the reflex and not a "
+            "poll."
         )
     return table

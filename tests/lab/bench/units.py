@@ -43,7 +43,7 @@ def run(*, quick: bool = False) -> Table:
     table.notes.append(
         f"Greatest difference of the torque limit, of the contact's own torque, and of the utilisation, of itself, on "
         f"scenes of all families with ρ ≤ {WELL_INSIDE:g}. Powers of two must change nothing; decimal factors round "
-        "the input, and only what goes beyond the effect of that is told."
+        "the input, and only differences beyond that effect are shown."
     )
     return table
 

@@ -31,25 +31,26 @@ QUICK_ROWS = 1
 OURS = "slipd"
 
 READING = """\
-Each row is one contact, each column one method, each cell what came out of it for the largest torque that friction
-carries beside the force. The limits are closed forms, or were solved to 25 digits.
+Each row is a contact, each column a method. A cell shows the result of the method for the torque limit: the largest
+spin torque that friction carries in addition to the tangential force. The true limits are closed forms, or solved to
+25 digits.
 
-- ✓: right to 1e-12 of the contact's own torque, μ Σ F |r − centroid|; where there is no limit: it says so.
-- 3e-8: its error, in the same unit; up to 1e-6 no verdict will notice.
-- −0.3: it understates the limit by so much: false alarms. *slides*: it calls a contact sliding that holds.
-- **bold is unsafe**: a contact that slides is called safe. **+0.03**: it overstates the limit by so much;
-  **×5.7**: so many times; **∞**: it sees no limit; **holds**: it calls a contact safe that slides whatever the torque;
-  **number**: it gave a limit where the data have none, and one does not know.
-- *none*: it gave no answer. *late*: it did not come to an end. *ValueError* and the like: it raised. One knows.
+- ✓: correct to 1e-12 of the contact's own torque, μ Σ F |r − centroid|, or correctly reports that there is no limit.
+- 3e-8: error in the same unit; errors up to 1e-6 affect no verdict.
+- −0.3: understates the limit by this much: false alarms. *slides*: classifies a contact that holds as sliding.
+- **Bold is unsafe**: a sliding contact is classified as safe. **+0.03**: overstates the limit by this much; **×5.7**: by
+  this factor; **∞**: finds no limit; **holds**: classifies a contact as safe that slides at any torque; **number**:
+  returns a limit although the data have none, without an error.
+- *none*: no answer. *late*: not finished in time. *ValueError* and similar: raised. The caller notices these.
 
-Where a method is a model (one radius, one torque for the whole contact), its cell is the model's error. The bounds of
-one pass give their lower bound here: what they vouch for; between them they leave the verdict open.
+For a method that is a model (one radius, one torque for the whole contact), the cell is the error of the model. For the
+bounds of one pass, the cell is their lower bound; between their bounds the verdict is open.
 
-What is fair to know: where nothing is special, the general solvers are as right as slipd; they differ in the other
-groups, and in time, which is not told here. The contacts were chosen for being hard, and those found by search for
-being hard on one method each. slipd was mended until it passed every row, the other methods are as they come. Bad data
-go to each as they are; a caller who checks them first spares the others most of that group. Only slipd and, to its
-tolerance, Clarabel tell how good their own answer is."""
+For a fair reading: on ordinary contacts the general solvers are as accurate as slipd. They differ in the other groups,
+and in time, which this page does not show. The contacts were chosen because they are hard, and those found by search
+because they are hard for one method. slipd was improved until it passed every row; the other methods are as published.
+Invalid data are passed to each method unchanged; a caller who checks them first avoids most failures of that group. Only
+slipd and, to its tolerance, Clarabel report how accurate their own answer is."""
 
 
 class _TooSlowError(Exception):
@@ -155,9 +156,7 @@ def _summary(shown: list[tuple[Row, list[str]]]) -> Table:
     for n, method in enumerate(METHODS):
         count = Counter(_sort(cells[n]) for _, cells in shown)
         table.rows.append([method.name, *(count[sort] for sort in sorts)])
-    table.notes.append(
-        "right: to 1e-6 of the torque, or no limit told where there is none. failed: no answer, and said so."
-    )
+    table.notes.append("right: within 1e-6 of the torque, or correctly no limit. failed: no answer, reported as such.")
     table.notes.append("The contacts were chosen to be hard: the shares are not those of ordinary use.")
     return table
 

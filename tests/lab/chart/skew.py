@@ -241,7 +241,7 @@ def _by_scan(found: Skew) -> Table:
     for s, scan in enumerate(SCANS_S):
         cells = [f"{_cells(before[s, r])} → {_cells(after[s, r])}" for r in range(len(RATES_N_PER_S))]
         table.rows.append((scan, *cells))
-    table.notes.append("inf: a scan that began before the contact; its image is a few taxels, or none.")
+    table.notes.append("inf: the scan began before the contact, so its image has few taxels or none.")
     return table
 
 

@@ -13,13 +13,13 @@ WIDTH_IN, HEIGHT_IN, DPI = 16.0, 15.0, 110
 
 TEXT = """![Error of the times of acquisition; error of the slip decision by the skew of a scan](time.png)
 
-Two questions. How well is the time of acquisition known, where a device has a clock of its own? And what does it bring
-to bring the taxels of a scan to one instant?
+Two questions. How accurate is the acquisition time if a device has a clock of its own? What is gained by correcting all
+taxels of a scan to one instant?
 
-- **Top**: error of the time told over time, one stream each. The band is slipd's bound. Receipts are late by all that
-  lies between sensor and daemon: polls, a busy line, a loop that stands still. Resets and stalls show.
-- **Bottom**: error of utilisation, torque limit and tipping margin against the contact itself, as the force changes by
-  a growing part of itself while the pad is scanned."""
+- **Top**: error of the estimated time over time, one stream each. The band is slipd's bound. Times of receipt are late
+  by all delays between sensor and daemon: polls, a busy line, a stalled event loop. Resets and stalls are visible.
+- **Bottom**: error of utilisation, torque limit and tipping margin against the true contact, over the relative change of
+  the force while the pad is scanned."""
 
 
 def save(path: Path, runs: dict[str, clocks.Run], skewed: skew.Skew) -> None:

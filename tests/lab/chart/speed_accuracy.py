@@ -52,8 +52,8 @@ class Report:
             errors = (shown(score.quantile(q)) for q in (0.5, 0.99, 1.0))
             shares = (score.wrong, score.no_answer, score.unsafe, score.alarm, score.silent)
             table.rows.append((score.method.name, *times, *errors, *(_percent(share) for share in shares)))
-        table.notes.append("Errors relative to μ Σ F |r − centroid|, of the contacts that got an answer.")
-        table.notes.append("Shares of all contacts; half of the spins that get a verdict are safe.")
+        table.notes.append("Errors are relative to μ Σ F |r − centroid|, over contacts with an answer.")
+        table.notes.append("Shares are of all contacts; half of the judged spins are safe.")
         return table
 
     def _by_family(self) -> Table:
@@ -65,7 +65,7 @@ class Report:
             some = self.families == family
             bad = [(s.wrong | s.no_answer)[some] for s in self.scores if s.method.exact]
             table.rows.append((str(family), *(_percent(share) for share in bad)))
-        table.notes.append("The methods that claim the limit of the taxels; the models are wrong nearly everywhere.")
+        table.notes.append("Only methods that compute the limit of the taxels; the models are wrong nearly everywhere.")
         return table
 
     def _failures(self) -> str:
@@ -180,19 +180,19 @@ def _us(score: Score) -> str:
 _READING = f"""
 ![Time against error, failures, verdicts, cost against taxels, error of the models](speed_accuracy.png)
 
-What it costs to know how much spin torque a contact still holds, and how wrong the answer is. Every method is asked
-about the same contacts in the same run, contact after contact, so that whatever else the machine does meets all alike.
-The right answers are solved for to 25 digits by another road, which shares nothing with slipd.
+The cost and the error of computing how much spin torque a contact can still hold. Every method solves the same
+contacts in the same run, contact after contact, so that other load on the machine affects all alike. An independent
+computation, which shares no code with slipd, gives the true answers to 25 digits.
 
 - **Top left**: time of one decision against the error of the limit, relative to the contact's own torque. The mark is
-  the median, the line goes to the 99th percentile, no answer counted as the worst. Left and low is good; what is at the
-  bottom is right to the last digit.
-- **Top right**: the share of the contacts where the limit is right, wrong by more than {WRONG_TOLD}, or missing.
-- **Middle**: wrong verdicts, false alarms to the left, sliding contacts called safe to the right; and what an answer
-  costs as the taxels grow. Dotted: cost proportional to taxels.
-- **Bottom**: what no solver can win back, the error of image and model against the continuous contact.
+  the median, the line extends to the 99th percentile; no answer counts as the worst. Left and low is good; the bottom
+  is correct to the last digit.
+- **Top right**: share of contacts with a correct limit, with an error above {WRONG_TOLD}, and without an answer.
+- **Middle**: wrong verdicts, false alarms to the left, sliding contacts classified as safe to the right; and the cost
+  over the number of taxels. Dotted: cost proportional to taxels.
+- **Bottom**: the error of image and model against the continuous contact, which no solver can remove.
 
 Times are the best of {CALLS} calls, or of as many as fit in {LONGEST_S * 1e3:.0f} ms. The spins that get a verdict lie
-between {shown(NEAREST_SPIN)} and 1 of the contact's own torque from the limit, or in the middle of what is safe where
-that is nearer: verdicts far from the limit would flatter everyone.
+between {shown(NEAREST_SPIN)} and 1 of the contact's own torque from the limit, or in the middle of the safe range if
+that is nearer: verdicts far from the limit would flatter every method.
 """

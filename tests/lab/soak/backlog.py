@@ -251,6 +251,6 @@ def _growth(rows: list[tuple[int, int]], ear: _Ear, seconds: float) -> Table:
         table.rows.append((name, float(np.median(values[:part])), float(np.median(values[-part:])), max(values)))
     table.notes += [
         f"{len(ages)} slip messages, {ear.missed} missing by their numbers.",
-        "The age counts from the acquisition, so up to 10 ms of it are spent in the sensor, which fills a datagram.",
+        "The age counts from the acquisition; up to 10 ms of it pass in the sensor, which fills a datagram.",
     ]
     return table

@@ -53,9 +53,9 @@ def run(folder: Path, *, quick: bool) -> Table:
     for case, (kind, rate_hz) in CASES.items():
         table.rows.append((case, *asyncio.run(_case(folder, kind, rate_hz, seconds))))
     table.notes += [
-        f"Lag: how late a task of the daemon's loop runs that wants to every millisecond; wanted: {LAG_WANTED_MS:g} ms "
-        "at most. Late: share of its runs that were later than that.",
-        "Taken: readings of the flooding device that were handed on to the pipeline; dropped: those that it thins out.",
+        f"Lag: how late a task of the daemon's loop runs that is due every millisecond; wanted: {LAG_WANTED_MS:g} ms "
+        "at most. Late: share of its runs later than that.",
+        "Taken: readings of the flooding device that reach the finger; dropped: those beyond the allowed rate.",
         "Other: readings a second of the device beside it, which sends 800.",
     ]
     return table

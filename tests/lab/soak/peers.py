@@ -113,7 +113,7 @@ def run(folder: Path, *, quick: bool) -> Table:
         f"Memory: highest of the daemon over what it had before; wanted: {WANTED_MB:g} MB at most.",
         "Others: a client that renews its lease and one that asks for the tare, 20 times a second each; wanted: "
         f"{WANTED_MS:g} ms at most (p99), none refused.",
-        "The daemon lived through all of it: it is looked at behind each case.",
+        "The daemon survived every case; this is checked after each one.",
     ]
     return table
 

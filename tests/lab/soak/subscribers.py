@@ -212,7 +212,7 @@ def _table(rounds: list[Round]) -> Table:
         f"Missing at the live ones by the numbers of the messages: {missing}; wanted: 0.",
         f"Median with stalled ones over that without: {ratio:.2f}, least to most {min(ratios):.2f} to "
         f"{max(ratios):.2f}; wanted: at most {WANTED_RATIO:g}; reached: {late}.",
-        "All subscribe to everything; the stalled ones never read, and keep one message before they hold up the line.",
+        "All subscribe to everything; the stalled ones never read, and buffer one message before they block the line.",
         f"{traffic.WRENCH_HZ} readings/s, each published; memory is the daemon's at the end of the round.",
     ]
     return table

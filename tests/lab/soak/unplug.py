@@ -126,7 +126,7 @@ def _times(noticed_ms: dict[str, list[float]], reopened_ms: dict[str, list[float
         if values:
             table.rows.append((f"reopened, {away} away", *_figures(values)))
     table.notes += [
-        "Noticed: from the end of the pseudo-terminal until the daemon tells it; wanted: at most 5 ms.",
+        "Noticed: from the end of the pseudo-terminal to the report of the daemon; wanted: at most 5 ms.",
         "Reopened: from its return under the same path until the daemon has opened it; wanted: at most 100 ms.",
         f"Long: {LONG_AWAY_S:g} s, after which the pauses between attempts have grown to their longest.",
     ]
