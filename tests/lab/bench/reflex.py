@@ -363,8 +363,8 @@ def _table(rounds: list[_Times], bus: str) -> Table:
         )
     else:
         table.notes.append(
-            f"The danger comes {OUTSTANDING_NS / MS:g} ms after a poll that is answered after {REPLY_NS / MS:g} ms; the "
-            "gripper needs 5 ms between its answer and the next frame, which is then the command of the reflex and not a "
-            "poll."
+            f"The danger comes {OUTSTANDING_NS / MS:g} ms after a poll that is answered after {REPLY_NS / MS:g} ms; "
+            "the gripper needs 5 ms between its answer and the next frame, which is then the command of the reflex and "
+            "not a poll."
         )
     return table

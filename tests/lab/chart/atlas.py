@@ -38,8 +38,8 @@ spin torque that friction carries in addition to the tangential force. The true 
 - ✓: correct to 1e-12 of the contact's own torque, μ Σ F |r − centroid|, or correctly reports that there is no limit.
 - 3e-8: error in the same unit; errors up to 1e-6 affect no verdict.
 - −0.3: understates the limit by this much: false alarms. *slides*: classifies a contact that holds as sliding.
-- **Bold is unsafe**: a sliding contact is classified as safe. **+0.03**: overstates the limit by this much; **×5.7**: by
-  this factor; **∞**: finds no limit; **holds**: classifies a contact as safe that slides at any torque; **number**:
+- **Bold is unsafe**: a sliding contact is classified as safe. **+0.03**: overstates the limit by this much; **×5.7**:
+  by this factor; **∞**: finds no limit; **holds**: classifies a contact as safe that slides at any torque; **number**:
   returns a limit although the data have none, without an error.
 - *none*: no answer. *late*: not finished in time. *ValueError* and similar: raised. The caller notices these.
 
@@ -49,8 +49,8 @@ bounds of one pass, the cell is their lower bound; between their bounds the verd
 For a fair reading: on ordinary contacts the general solvers are as accurate as slipd. They differ in the other groups,
 and in time, which this page does not show. The contacts were chosen because they are hard, and those found by search
 because they are hard for one method. slipd was improved until it passed every row; the other methods are as published.
-Invalid data are passed to each method unchanged; a caller who checks them first avoids most failures of that group. Only
-slipd and, to its tolerance, Clarabel report how accurate their own answer is."""
+Invalid data are passed to each method unchanged; a caller who checks them first avoids most failures of that group.
+Only slipd and, to its tolerance, Clarabel report how accurate their own answer is."""
 
 
 class _TooSlowError(Exception):

@@ -229,14 +229,14 @@ def tables(runs: dict[str, Run]) -> list[Table]:
         worst = float(sizes["slipd"].max())
         bounds.rows.append((case, middle, high, worst, f"{outside:.3f}", found.call_s * 1e6))
     errors.notes += [
-        "Without bound: while the fit settles, 0.5 s at the start and after a reset; slipd then uses the time of receipt."
-        " The errors are those of the other readings, for all methods.",
+        "Without bound: while the fit settles, 0.5 s at the start and after a reset; slipd then uses the time of"
+        " receipt. The errors are those of the other readings, for all methods.",
         "Delays exclude the constant minimum, which a one-way stream cannot show.",
         "The rivals are told of resets; window minimum, least squares: over 8 s; Kalman: offset and rate, noise 2 ms.",
     ]
     bounds.notes += [
-        "If reads are polls, an uncertainty of up to one period remains: a slow beat of both phases looks like drift of the"
-        " clock. A stream of one reading per poll hides this wait completely; it then counts as part of the minimum"
+        "If reads are polls, an uncertainty of up to one period remains: a slow beat of both phases looks like drift of"
+        " the clock. A stream of one reading per poll hides this wait completely; it then counts as part of the minimum"
         " delay, unless the config states it (`poll_s`).",
     ]
     return [errors, bounds]

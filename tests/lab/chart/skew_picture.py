@@ -13,13 +13,13 @@ WIDTH_IN, HEIGHT_IN, DPI = 16.0, 15.0, 110
 
 TEXT = """![Error of the times of acquisition; error of the slip decision by the skew of a scan](time.png)
 
-Two questions. How accurate is the acquisition time if a device has a clock of its own? What is gained by correcting all
-taxels of a scan to one instant?
+Two questions. How accurate is the acquisition time if a device has a clock of its own? What is gained by correcting
+all taxels of a scan to one instant?
 
 - **Top**: error of the estimated time over time, one stream each. The band is slipd's bound. Times of receipt are late
   by all delays between sensor and daemon: polls, a busy line, a stalled event loop. Resets and stalls are visible.
-- **Bottom**: error of utilisation, torque limit and tipping margin against the true contact, over the relative change of
-  the force while the pad is scanned."""
+- **Bottom**: error of utilisation, torque limit and tipping margin against the true contact, over the relative change
+  of the force while the pad is scanned."""
 
 
 def save(path: Path, runs: dict[str, clocks.Run], skewed: skew.Skew) -> None:

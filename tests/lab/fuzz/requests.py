@@ -505,8 +505,8 @@ def tables(found: Found, wanted: int) -> list[Table]:
         f"Of {len(CLIENTS)} clients with clocks of their own, while sensors fall silent, saturate or are unplugged, "
         "the gripper faults, lies, goes deaf or loses its power, the host sleeps, and the daemon starts anew.",
         f"Granted: {ops}.",
-        f"{found.commands} frames were sent to the gripper, each decoded by an independent implementation of the manual; the "
-        f"reflex, on in every second round, acted {found.acts} times.",
+        f"{found.commands} command frames were sent to the gripper, each decoded by an independent implementation "
+        f"of the manual; the reflex, on in every second round, acted {found.acts} times.",
     ]
     head = ("requests", "found", "wanted", "reached")
     figures = Table("Requests: what must hold", head)
