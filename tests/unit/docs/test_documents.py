@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -94,6 +95,31 @@ def test_a_link_leads_to_a_page_and_a_heading_that_exist(page: Path) -> None:
         file = page.parent / target if target else page
         assert file.exists(), target
         assert not anchor or anchor in anchors_of(file), f"{target}#{anchor}"
+
+
+@pytest.mark.parametrize("name", ["architecture.md", "grip_rules.md", "way_of_a_reading.svg", "way_of_a_request.svg"])
+def test_a_file_that_the_architecture_names_exists(name: str) -> None:
+    files = [*DAEMON.rglob("*.py"), *(ROOT / "clients" / "slipd_client").rglob("*.py")]
+    for named in re.findall(r"[`> ]((?:\w+/)?[a-z]\w*\.py)\b", (DOCS / name).read_text(encoding="utf-8")):
+        assert any(file.as_posix().endswith(f"/{named}") for file in files), named
+
+
+def test_the_table_of_rooms_has_the_order_of_the_imports() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (layers,) = (c["layers"] for c in project["tool"]["importlinter"]["contracts"] if c.get("containers") == ["slipd"])
+    height = {room: -depth for depth, layer in enumerate(layers) for room in layer.split(" | ")}
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    heights = [height[room] for room in re.findall(r"^\| `daemon/slipd/(\w+)", text, re.MULTILINE)]
+    assert heights == sorted(heights)
+    rooms = {folder.name for folder in DAEMON.iterdir() if (folder / "__init__.py").exists()}
+    assert rooms <= set(re.findall(r"^\| `daemon/slipd/(\w+)`", text, re.MULTILINE))
+
+
+def test_the_readme_is_short_and_names_every_room() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 150
+    for folder in DAEMON.iterdir():
+        assert not (folder / "__init__.py").exists() or f"{folder.name}`" in text, folder.name
 
 
 def columns_of_glossary() -> list[tuple[str, str, str]]:
