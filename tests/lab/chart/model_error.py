@@ -257,7 +257,7 @@ def _by_shape(found: ModelError) -> Table:
         f"{shape} {100.0 * share:.0f} %" for shape, share in zip(SHAPES, (found.taxels == 0).mean(axis=1), strict=True)
     ]
     table.notes += [
-        "Overstated: 95th percentile of the signed error at random ρ; what is overstated calls sliding contacts safe.",
+        "Overstated: 95th percentile of the signed error at random ρ; an overstated limit calls sliding contacts safe.",
         f"Contacts that touch no electrode, in no figure here: {', '.join(missing)}.",
     ]
     return table

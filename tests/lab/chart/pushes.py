@@ -181,8 +181,8 @@ def _utilisations() -> Table:
     lower = [float(np.mean([_safe(found, push) for push in range(len(found.layout.wrenches))])) for found in readings()]
     power = np.concatenate([(each.wrenches * each.motions).sum(axis=1) for each in layouts()])
     table.notes += [
-        "Every push slides, so 1 is right; less calls a sliding object safe. μ is fitted for each layout so that the"
-        " exact reading has median 1; its spread is that of the friction itself, not of the method.",
+        "Every push slides, so 1 is correct; a smaller value calls a sliding object safe. μ is fitted for each"
+        " layout so that the exact reading has median 1; its spread is that of the friction itself, not of the method.",
         "(6) as printed: |m| about C over μ Σ F |r − P|; its spread is of the pushes with R < μ, for the others have no"
         " pole.",
         f"The share that (6) calls safe hangs on pushes with R close to μ: with μ lower by {100.0 * (1.0 - LOWER):g} %"

@@ -87,8 +87,8 @@ class Report:
             lines.append(f"- Right to {WRONG_TOLD} on every contact: {', '.join(good)}.")
         printed, right = self.of("(6) printed"), self.of("(6) corrected")
         lines.append(
-            f"- (6) as printed takes a torque about the pole for one about C: it calls {_percent(printed.unsafe)} % of "
-            f"all contacts safe that slide; with the torque moved to C, {_percent(right.unsafe)} %."
+            f"- (6) as printed mistakes a torque about the pole for one about C: it calls {_percent(printed.unsafe)} % "
+            f"of all contacts safe although they slide; with the torque moved to C, {_percent(right.unsafe)} %."
         )
         return "\n".join(lines)
 
@@ -100,19 +100,20 @@ class Report:
         lines.append(
             f"- Speed alone: {self._cheaper()}. On ordinary contacts the ellipsoid takes {_us(cheap)} µs in NumPy, "
             f"slipd {_us(ours)} µs by the public call and {_us(batch)} µs in a batch. "
-            f"For that the ellipsoid misses by {shown(cheap.quantile(0.5))} in the median and "
-            f"{shown(cheap.quantile(0.99))} at p99, and calls {_percent(cheap.unsafe)} % safe that slide."
+            f"But the error of the ellipsoid is {shown(cheap.quantile(0.5))} in the median and "
+            f"{shown(cheap.quantile(0.99))} at p99, and it calls {_percent(cheap.unsafe)} % of the contacts safe "
+            "although they slide."
         )
         lines.append(
-            f"- A radius felt beforehand by turning the object makes the ellipsoid's error {shown(felt.quantile(0.5))} "
-            f"and the circular patch's {shown(law.quantile(0.5))} (medians, ordinary contacts): without a tactile "
-            "image, that is what there is. slipd needs the image. Whether an image is good enough to tell the "
-            "difference is the question of the model errors below."
+            "- With a radius measured beforehand by turning the object, the error of the ellipsoid is "
+            f"{shown(felt.quantile(0.5))} and that of the circular patch {shown(law.quantile(0.5))} (medians, ordinary "
+            "contacts). Without a tactile image there is nothing better; slipd needs the image. The model errors below "
+            "show whether an image is good enough to make a difference."
         )
         lines += [self._equals(short) for short in ("Clarabel", "BFGS", "hybr") if short in self._named]
         lines.append(
-            "- Translation alone is enough where no torque acts about C; it sees none. "
-            "Who has a conic program to solve anyway, with more in it than this limit, had better use a conic solver"
+            "- Translation alone is sufficient if no torque acts about C; it ignores torque. "
+            "For a conic program that contains more than this limit, use a conic solver"
             + (f" (Clarabel without its set-up: {1e6 * solver_s:.0f} µs)." if math.isfinite(solver_s) else ".")
         )
         return "\n".join(lines)
@@ -141,9 +142,9 @@ class Report:
             "The general solvers, Weiszfeld's and the paper's search get the contact without units (lengths over its "
             "spread, forces over μ f_n) and start at C. The paper's search ends at a residue of "
             f"{shown(paper.TOLERANCE)} or after {paper.MOST_STEPS} steps; its rates and tolerance are the best of "
-            "those tried, as is Clarabel's tolerance. What reports no success has given no answer. The others are "
-            "NumPy and SciPy as a user would write them; slipd is compiled. A felt radius is the one that turning the "
-            "object without force would measure; finding it is not in the times."
+            'those tried, as is Clarabel\'s tolerance. A solver that reports no success counts as "no answer". The '
+            "other methods are NumPy and SciPy as a user would write them; slipd is compiled. A felt radius is the one "
+            "that a rotation of the object without tangential force would measure; its measurement is not part of the times."
         )
         return "\n".join(lines)
 
