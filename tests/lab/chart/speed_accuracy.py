@@ -144,7 +144,8 @@ class Report:
             f"{shown(paper.TOLERANCE)} or after {paper.MOST_STEPS} steps; its rates and tolerance are the best of "
             'those tried, as is Clarabel\'s tolerance. A solver that reports no success counts as "no answer". The '
             "other methods are NumPy and SciPy as a user would write them; slipd is compiled. A felt radius is the one "
-            "that a rotation of the object without tangential force would measure; its measurement is not part of the times."
+            "that a rotation of the object without tangential force would measure; its measurement is not "
+            "part of the times."
         )
         return "\n".join(lines)
 
