@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -27,14 +28,12 @@ FAULTS = (DOCS / "faults.md").read_text(encoding="utf-8")
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
-def all_tests() -> list[tuple[str, str]]:
-    """Return file and name of every test, without importing any."""
-    found = []
+def all_tests() -> Iterator[tuple[str, str]]:
+    """Yield file and name of every test, without importing any."""
     for file in sorted((ROOT / "tests").rglob("test_*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_"):
-                found.append((str(file.relative_to(ROOT)), node.name))
-    return found
+                yield str(file.relative_to(ROOT)), node.name
 
 
 def ids_of(test: str) -> set[str]:
@@ -42,7 +41,7 @@ def ids_of(test: str) -> set[str]:
     return set(found[1].strip("_").split("_")) if found else set()
 
 
-TESTS = all_tests()
+TESTS = list(all_tests())
 ROWS = {row[1]: (row[2], row[3], CITATION.findall(row[4])) for row in ROW.finditer(FAULTS)}
 
 
