@@ -272,14 +272,12 @@ class DeviceLink:
             self._mismatch = (
                 f"another device answers: {identity!r}, where hardware_id says {wanted!r}"
                 if identity
-                else f"waits for the device to say that it is {wanted!r}"
+                else f"waits for the device to identify itself as {wanted!r}"
             )
         elif not identity and self._first_identity and self.session is not None and self.session.state != "running":
-            self._mismatch = "waits for the device to say who it is: another one may have taken its place"
+            self._mismatch = "waits for the device to identify itself: another device may be connected now"
         elif identity != self._first_identity and identity:
-            self._mismatch = (
-                f"another device answers: {identity!r}, where {self._first_identity!r} was; start the daemon anew"
-            )
+            self._mismatch = f"another device answers: {identity!r}, where {self._first_identity!r} was; restart slipd"
         elif self._opened != self._first_opened:
             self._mismatch = f"another port answers: {self._opened!r}, where {self._first_opened!r} was"
         else:

@@ -149,11 +149,14 @@ class StreamMeter:
         if late_ns > self.freshness.stale_ns:
             return Health.WARN, f"the daemon was late by {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
         if self.damage > 0:
-            return Health.WARN, f"{self.damage} bytes of late belong to no frame"
+            return Health.WARN, f"{self.damage} recent bytes belong to no frame"
         if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_SHOWN_NS:
-            return Health.WARN, "its times are not those of this host's CLOCK_MONOTONIC: the receipt counts"
+            return Health.WARN, "its times are not of this host's CLOCK_MONOTONIC: receipt times are used"
         if self.clock.state == "not_a_clock":
-            return Health.WARN, "its clock is none (stuck, jumping, or off by more than 1000 ppm): the receipt counts"
+            return (
+                Health.WARN,
+                "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used",
+            )
         rate = self.rate_hz
         if rate is not None and abs(rate - self.expected_hz) > RATE_TOLERANCE * self.expected_hz:
             return Health.WARN, f"{rate:.0f} Hz instead of {self.expected_hz:.0f} Hz"

@@ -1,4 +1,4 @@
-"""One link an address; every stream on it is told apart, counted, and judged."""
+"""Links: one for each address; their streams, the identity of the device, and the health of each stream."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def status(link: DeviceLink, t_ns: int, source: str = "") -> StreamStatus:
     return link.status(link.streams[source], t_ns, [], None)
 
 
-def test_every_address_is_opened_once_under_the_name_of_its_first_stream(links: dict[str, DeviceLink]) -> None:
+def test_streams_that_share_an_address_share_one_link_named_after_the_first(links: dict[str, DeviceLink]) -> None:
     assert {name: link.spec for name, link in links.items()} == {
         "left.wrench": LinkSpec("left.wrench", "serial", "/dev/left-wrench", 460_800),
         "left.pad": LinkSpec("left.pad", "serial", "/dev/left-pad", 921_600),
@@ -55,12 +55,12 @@ def test_every_address_is_opened_once_under_the_name_of_its_first_stream(links: 
     assert [meter.name for meter in links["right.pad"].streams.values()] == ["right.pad", "third.pad"]
 
 
-def test_a_line_speed_of_the_config_goes_before_the_devices_own(left: str, parse: Parse) -> None:
+def test_the_baud_rate_of_the_config_overrides_the_default_of_the_device(left: str, parse: Parse) -> None:
     links = make_links(parse(left.replace("rate_hz = 100.0", "rate_hz = 100.0\nbaud = 57600")))
     assert (links["left.pad"].spec.baud, links["left.wrench"].spec.baud) == (57_600, 460_800)
 
 
-def test_the_options_of_the_config_reach_the_device(left: str, parse: Parse) -> None:
+def test_options_of_the_config_reach_the_decoder(left: str, parse: Parse) -> None:
     links = make_links(parse(left.replace("rows = 4", "rows = 2").replace("cols = 4", "cols = 3")))
     scan = pvdf.encode_scan(np.ones((2, 3), dtype=int), 1, 0.0, 5.0)
     ((name, (sample,), _),) = links["left.pad"].receive(scan, T0)
@@ -69,7 +69,7 @@ def test_the_options_of_the_config_reach_the_device(left: str, parse: Parse) -> 
     assert sample.values.shape == (6,)
 
 
-def test_L5_a_scan_that_an_unplug_tore_is_not_completed_by_what_comes_after(links: dict[str, DeviceLink]) -> None:
+def test_L5_a_scan_cut_off_by_an_unplug_is_not_completed_by_later_bytes(links: dict[str, DeviceLink]) -> None:
     link, scan = links["left.pad"], pvdf.encode_scan(np.ones((4, 4), dtype=int), 1, 0.0, 5.0)
     link.open("/dev/left-pad", T0)
     link.receive(scan[:50], T0)
@@ -78,25 +78,30 @@ def test_L5_a_scan_that_an_unplug_tore_is_not_completed_by_what_comes_after(link
     assert link.receive(scan[50:], T0) == []
 
 
-def test_only_an_open_link_to_a_device_that_listens_says_farewell(links: dict[str, DeviceLink]) -> None:
+def test_only_open_links_to_devices_with_commands_send_last_bytes(links: dict[str, DeviceLink]) -> None:
     assert links["left.wrench"].farewell() == b""
     for link in links.values():
         link.open("address", T0)
-    said = {name: link.farewell() for name, link in links.items()}
-    assert said == {"left.wrench": bota_text.CONFIGURE.encode(), "left.pad": b"", "right.pad": b"", "gripper": b""}
+    last_bytes = {name: link.farewell() for name, link in links.items()}
+    assert last_bytes == {
+        "left.wrench": bota_text.CONFIGURE.encode(),
+        "left.pad": b"",
+        "right.pad": b"",
+        "gripper": b"",
+    }
 
 
-def test_samples_that_share_a_port_are_told_apart_by_their_sensor(links: dict[str, DeviceLink]) -> None:
+def test_readings_on_a_shared_port_are_assigned_by_their_sensor(links: dict[str, DeviceLink]) -> None:
     found = links["right.pad"].receive(skin(1), T0)
     sources = [(name, sample.source) for name, samples, _ in found for sample in samples]
     assert sorted(sources) == [("right.pad", "2"), ("third.pad", "1")]
 
 
-def test_samples_of_no_stream_are_passed_over(links: dict[str, DeviceLink]) -> None:
+def test_readings_of_no_configured_stream_are_ignored(links: dict[str, DeviceLink]) -> None:
     assert links["right.pad"].receive(skin(1, sensors="34"), T0) == []
 
 
-def test_images_of_another_size_are_a_fault_of_the_stream(links: dict[str, DeviceLink]) -> None:
+def test_images_of_another_size_are_an_error_of_the_stream(links: dict[str, DeviceLink]) -> None:
     link = links["right.pad"]
     link.open("server", T0)
     assert link.receive(skin(1, taxels=16), T0) == []
@@ -108,7 +113,7 @@ def test_images_of_another_size_are_a_fault_of_the_stream(links: dict[str, Devic
     assert health(link, T0 + MS, "2") == (Health.OK, "")
 
 
-def test_a_link_is_judged_from_its_opening_to_its_loss(links: dict[str, DeviceLink]) -> None:
+def test_the_health_of_a_link_follows_it_from_opening_to_loss(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     assert health(link, T0) == (Health.ERROR, "not opened yet")
     link.open("/dev/ttyUSB0", T0)
@@ -138,7 +143,7 @@ def feed(link: DeviceLink, hz: float, seconds: float, start_ns: int) -> int:
 @pytest.mark.parametrize(
     ("hz", "well"), [(1000.0, True), (850.0, True), (1150.0, True), (750.0, False), (1300.0, False)]
 )
-def test_a_rate_that_is_off_is_told(links: dict[str, DeviceLink], hz: float, well: bool) -> None:
+def test_a_rate_that_deviates_from_the_config_is_reported(links: dict[str, DeviceLink], hz: float, well: bool) -> None:
     link = links["left.wrench"]
     link.open("port", T0)
     now = feed(link, hz, 0.1, T0)
@@ -150,7 +155,7 @@ def test_a_rate_that_is_off_is_told(links: dict[str, DeviceLink], hz: float, wel
     assert status(link, now).rate_hz == pytest.approx(hz, rel=0.01)
 
 
-def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, DeviceLink]) -> None:
+def test_damaged_frames_are_reported_only_while_they_last(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     link.open("port", T0)
     link.receive(b"\xff" * 500, T0)  # before the first reading: a device that boots
@@ -162,13 +167,13 @@ def test_damage_is_told_while_it_lasts_and_not_for_ever(links: dict[str, DeviceL
     now = feed(link, 1000.0, 1.0, now)
     level, message = health(link, now)
     assert level == Health.WARN
-    assert message == "300 bytes of late belong to no frame"
+    assert message == "300 recent bytes belong to no frame"
     now = feed(link, 1000.0, 1.0, now)
     assert health(link, now) == (Health.OK, "")
     assert status(link, now).counters.bad_bytes == 800
 
 
-def test_a_device_that_must_be_spoken_to_is_spoken_to_while_the_link_is_up(links: dict[str, DeviceLink]) -> None:
+def test_a_session_writes_only_while_its_link_is_up(links: dict[str, DeviceLink]) -> None:
     link = links["gripper"]
     assert link.due(T0) == []
     assert link.open("port", T0) != b""
@@ -181,7 +186,7 @@ def test_a_device_that_must_be_spoken_to_is_spoken_to_while_the_link_is_up(links
     assert status(link, T0).state == "closed"
 
 
-def test_a_device_that_speaks_unasked_is_told_nothing(links: dict[str, DeviceLink]) -> None:
+def test_a_device_that_sends_unasked_is_sent_nothing(links: dict[str, DeviceLink]) -> None:
     link = links["left.pad"]
     assert link.open("port", T0) == b""
     assert link.due(T0 + 10**12) == []
@@ -189,13 +194,15 @@ def test_a_device_that_speaks_unasked_is_told_nothing(links: dict[str, DeviceLin
 
 
 def boot(link: DeviceLink, serial: str, t_ns: int) -> int:
-    """The sensor says who it is, and then sends a reading; returns how many are handed on."""
+    """Identify the sensor and send one reading; return how many readings are used."""
     link.open("port", t_ns)
     link.receive(bota_text.encode_banner("MiniONE", serial), t_ns)
     return len(link.receive(frame(t_ns), t_ns))
 
 
-def test_L6_another_device_on_the_same_port_is_refused_and_the_old_one_taken_back(links: dict[str, DeviceLink]) -> None:
+def test_L6_another_device_on_the_same_port_is_refused_and_the_first_accepted_again(
+    links: dict[str, DeviceLink],
+) -> None:
     link = links["left.wrench"]
     assert boot(link, "1234", T0) == 1
     assert "1234" in status(link, T0).hardware_id
@@ -209,7 +216,7 @@ def test_L6_another_device_on_the_same_port_is_refused_and_the_old_one_taken_bac
     assert health(link, T0 + 2 * MS) == (Health.OK, "")
 
 
-def test_L6_another_adapter_behind_the_path_is_refused(links: dict[str, DeviceLink]) -> None:
+def test_L6_another_adapter_at_the_same_path_is_refused(links: dict[str, DeviceLink]) -> None:
     link = links["left.pad"]
     link.open("/dev/x (usb 0403:6001 A)", T0)
     link.open("/dev/x (usb 0403:6001 B)", T0)
@@ -218,18 +225,18 @@ def test_L6_another_adapter_behind_the_path_is_refused(links: dict[str, DeviceLi
     assert "another port answers" in health(link, T0)[1]
 
 
-def test_D1_no_reading_is_used_before_the_device_said_that_it_is_the_one(left: str, parse: Parse) -> None:
+def test_D1_no_reading_is_used_before_the_device_has_identified_itself(left: str, parse: Parse) -> None:
     named = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\nhardware_id = "MiniONE S/N 1234"')
     link = make_links(parse(named))["left.wrench"]
     link.open("port", T0)
     assert link.receive(frame(T0), T0) == []
-    assert health(link, T0) == (Health.ERROR, "waits for the device to say that it is 'MiniONE S/N 1234'")
+    assert health(link, T0) == (Health.ERROR, "waits for the device to identify itself as 'MiniONE S/N 1234'")
     assert boot(link, "1234", T0) == 1
     assert boot(link, "777", T0) == 0
     assert "where hardware_id says 'MiniONE S/N 1234'" in health(link, T0)[1]
 
 
-def test_L9_a_flood_is_thinned_from_its_oldest_end_and_told(links: dict[str, DeviceLink]) -> None:
+def test_L9_a_flood_drops_the_oldest_readings_and_is_reported(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     link.open("port", T0)
     flood = b"".join(frame(n * 1000) for n in range(1500))
@@ -246,7 +253,7 @@ def test_L9_a_flood_is_thinned_from_its_oldest_end_and_told(links: dict[str, Dev
 
 
 class Mute:
-    """A session that wants to be asked at once, for ever, and says nothing."""
+    """A session that is always due and never has bytes to write."""
 
     state, identity = "mute", ""
 
@@ -258,7 +265,7 @@ class Mute:
         return b""
 
 
-def test_a_session_that_is_due_and_has_nothing_to_say_is_left_alone(links: dict[str, DeviceLink]) -> None:
+def test_a_session_that_is_due_without_bytes_to_write_ends_the_loop(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     link.open("port", T0)
     link.session = Mute()  # type: ignore[assignment]
@@ -275,7 +282,7 @@ def silent(link: DeviceLink, t_ns: int = LATER, source: str = "") -> str:
     return message
 
 
-def test_a_link_that_was_just_opened_is_given_its_time(links: dict[str, DeviceLink]) -> None:
+def test_silence_right_after_opening_is_not_explained_yet(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     link.open("port", T0)
     assert silent(link, T0 + S) == "open, but no reading yet"
@@ -316,7 +323,7 @@ def test_a_link_that_was_just_opened_is_given_its_time(links: dict[str, DeviceLi
         ),
     ],
 )
-def test_a_silent_link_says_what_arrives_and_what_to_look_at(
+def test_a_silent_link_reports_what_arrives_and_what_to_check(
     name: str, source: str, junk: bytes, message: str, left: str, right: str, parse: Parse
 ) -> None:
     twin = right.replace("finger.right", "finger.third").replace('"2"', '"1"')
@@ -335,15 +342,15 @@ def test_a_silent_link_says_what_arrives_and_what_to_look_at(
         ("external_gripper", "unix:///run/slipd/gripper", "does it register the gripper?"),
     ],
 )
-def test_a_silent_program_is_asked_for_as_one(device: str, port: str, words: str) -> None:
+def test_silence_of_a_program_is_explained_as_such(device: str, port: str, words: str) -> None:
     spec = LinkSpec("left.wrench", transport_of(port), port)
-    heard = LinkActivity(bytes_come=False, garbled=False, others=False, state="")
-    assert words in why_silent(DEVICES[device], spec, "", heard)
-    garbled = why_silent(DEVICES[device], spec, "", replace(heard, bytes_come=True, garbled=True))
+    activity = LinkActivity(bytes_come=False, garbled=False, others=False, state="")
+    assert words in why_silent(DEVICES[device], spec, "", activity)
+    garbled = why_silent(DEVICES[device], spec, "", replace(activity, bytes_come=True, garbled=True))
     assert garbled.endswith("does the driver pack them as docs/devices.md says?")
 
 
-def test_a_stream_that_fell_silent_says_why_and_bytes_of_long_ago_do_not_count(links: dict[str, DeviceLink]) -> None:
+def test_a_stream_that_falls_silent_reports_why_by_recent_bytes_alone(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     link.open("port", T0)
     now = feed(link, 1000.0, 1.0, T0)
@@ -356,7 +363,7 @@ def test_a_stream_that_fell_silent_says_why_and_bytes_of_long_ago_do_not_count(l
     assert "none is a Bota frame" in silent(link, now + 3 * S)
 
 
-def test_what_a_decoder_found_out_is_told_with_its_readings_and_without(links: dict[str, DeviceLink]) -> None:
+def test_the_note_of_a_decoder_is_reported_with_and_without_readings(links: dict[str, DeviceLink]) -> None:
     link = links["left.wrench"]
     link.open("port", T0)
     link._decoder.health.note = "press a pad"
@@ -366,7 +373,7 @@ def test_what_a_decoder_found_out_is_told_with_its_readings_and_without(links: d
 
 
 class Failing:
-    """Raises where a fault of ours would."""
+    """A session with a bug in every call."""
 
     health = DecoderHealth()
     state = identity = ""
@@ -388,7 +395,7 @@ class Failing:
 
 
 @pytest.mark.parametrize("name", ["left.wrench", "left.pad"])
-def test_bytes_that_a_decoder_cannot_bear_are_dropped_and_told(links: dict[str, DeviceLink], name: str) -> None:
+def test_bytes_on_which_a_decoder_fails_are_dropped_and_reported(links: dict[str, DeviceLink], name: str) -> None:
     link = links[name]
     link.open("port", T0)
     good, session = link._decoder, link.session

@@ -1,4 +1,4 @@
-"""Events in, messages out: the contracts of the whole, with the bytes that devices really send."""
+"""Contracts of the whole engine, with the bytes that real devices send."""
 
 from __future__ import annotations
 
@@ -45,22 +45,22 @@ CONTACTS: dict[str, list[tuple[Any, ...]]] = {
 
 
 def changes(run: Run, finger: str = "left") -> list[tuple[str, str, bool]]:
-    told = [body for body in run.published("warning") if body["finger"] == finger]
-    return [(body["previous"], body["level"], body["rising"]) for body in told]
+    warnings = [body for body in run.published("warning") if body["finger"] == finger]
+    return [(body["previous"], body["level"], body["rising"]) for body in warnings]
 
 
-def test_a_reading_becomes_a_message_in_the_call_that_brings_it(run: Run) -> None:
+def test_a_reading_is_published_in_the_call_that_brings_its_bytes(run: Run) -> None:
     run.image()
     out = run.wrench(10.0, (1.0, 0.0))
-    told = [output for output in out if isinstance(output, Publish)]
-    assert [message.topic for message in told] == ["warning", "slip.left", "wrench.left"]
-    assert {message.body["t_ns"] for message in told} == {run.t_ns}
+    published = [output for output in out if isinstance(output, Publish)]
+    assert [message.topic for message in published] == ["warning", "slip.left", "wrench.left"]
+    assert {message.body["t_ns"] for message in published} == {run.t_ns}
 
 
-def test_the_last_word_goes_to_the_devices_that_listen_and_moves_nothing(
+def test_farewell_is_sent_to_devices_with_commands_and_moves_nothing(
     run: Run, make_run: Callable[[str], Run], left: str
 ) -> None:
-    """To a WSG a connection that merely breaks is a fault, which stops it."""
+    """A WSG treats a connection that breaks as a fault, and stops."""
     assert run.engine.farewell() == [Write("left.wrench", bota_text.CONFIGURE.encode())]
     wsg = make_run(left + WSG)
     wsg.up("gripper")
@@ -68,7 +68,7 @@ def test_the_last_word_goes_to_the_devices_that_listen_and_moves_nothing(
 
 
 @pytest.mark.parametrize("level", CONTACTS)
-def test_every_level_is_reached_by_what_the_sensor_sends(run: Run, level: str) -> None:
+def test_every_level_is_reached_from_bytes_of_the_sensor(run: Run, level: str) -> None:
     run.image()
     run.wrench(0.0)
     for contact in CONTACTS[level]:
@@ -77,7 +77,7 @@ def test_every_level_is_reached_by_what_the_sensor_sends(run: Run, level: str) -
     assert run.published("slip.left")[-1]["level_code"] == list(CONTACTS).index(level)
 
 
-def test_every_change_of_level_is_told_at_once_with_what_was_before(run: Run) -> None:
+def test_every_change_of_level_is_published_at_once_with_the_previous_level(run: Run) -> None:
     levels = ("no_contact", "stable", "stable", "caution", "warning", "caution", "unknown", "stable", "no_contact")
     for n, level in enumerate(levels):
         run.wait(100)  # a load that falls slowly is no slip
@@ -103,7 +103,7 @@ def test_unknown_is_worse_than_stable(run: Run) -> None:
     assert changes(run)[-1] == ("stable", "unknown", True)
 
 
-def test_a_change_says_why_and_how_near(run: Run) -> None:
+def test_a_warning_carries_reasons_and_utilisation(run: Run) -> None:
     run.image()
     run.wrench(10.0, (4.6, 0.0))
     body = run.published("warning")[-1]
@@ -114,7 +114,7 @@ def test_a_change_says_why_and_how_near(run: Run) -> None:
     assert run.published("warning")[-1]["utilisation"] is None
 
 
-def test_a_contact_that_no_grip_holds_has_no_utilisation_on_the_wire(run: Run) -> None:
+def test_the_utilisation_of_a_contact_that_no_grip_holds_is_nil(run: Run) -> None:
     one = np.zeros((4, 4), dtype=int)
     one[1, 1] = 100
     run.image(one)
@@ -124,7 +124,7 @@ def test_a_contact_that_no_grip_holds_has_no_utilisation_on_the_wire(run: Run) -
     assert body["utilisation"] is None
 
 
-def test_the_pad_that_is_the_force_sensor_decides_too(run: Run) -> None:
+def test_a_pad_that_measures_the_force_gives_verdicts_too(run: Run) -> None:
     for contact, level in (((0.0,), "no_contact"), ((8.0, (1.0, 0.0)), "stable"), ((8.0, (3.6, 0.0)), "warning")):
         run.skin(*contact)
         assert run.level("right")[0] == level
@@ -133,7 +133,7 @@ def test_the_pad_that_is_the_force_sensor_decides_too(run: Run) -> None:
     assert run.published("tactile.right")[-1]["loads_n"] == pytest.approx([2.0] * 4)
 
 
-def test_numbers_of_messages_have_no_gaps_and_one_boot(run: Run) -> None:
+def test_messages_of_each_topic_are_numbered_without_gaps_and_share_one_boot(run: Run) -> None:
     for k in range(50):
         run.image()
         run.wrench(10.0, (0.1 * k, 0.0))
@@ -152,13 +152,13 @@ def test_numbers_of_messages_have_no_gaps_and_one_boot(run: Run) -> None:
         assert numbers == list(range(len(numbers)))
 
 
-def test_the_wall_clock_of_a_message_is_that_of_its_data(run: Run) -> None:
+def test_the_timestamp_of_a_message_is_the_wall_time_of_its_readings(run: Run) -> None:
     run.wrench(0.0)
     body = run.published("slip.left")[-1]
     assert body["timestamp"] == pytest.approx(1_700_000_000 + run.t_ns * 1e-9, abs=1e-5)
 
 
-def test_rates_are_limited_by_the_time_of_the_data(run: Run) -> None:
+def test_rates_are_limited_by_the_time_of_the_readings(run: Run) -> None:
     for k in range(1000):
         if k % 5 == 0:
             run.image()
@@ -169,7 +169,7 @@ def test_rates_are_limited_by_the_time_of_the_data(run: Run) -> None:
     assert count["tactile.left"] == pytest.approx(50, abs=2)
 
 
-def test_rates_may_be_raised_to_every_reading(make_run: Callable[[str], Run], left: str) -> None:
+def test_a_rate_may_be_raised_until_every_reading_is_published(make_run: Callable[[str], Run], left: str) -> None:
     run = make_run(left + "[rates]\nslip_hz = 1000.0\nwrench_hz = 100.0\n")
     for _ in range(500):
         run.wrench(0.0)
@@ -177,15 +177,15 @@ def test_rates_may_be_raised_to_every_reading(make_run: Callable[[str], Run], le
     assert len(run.published("wrench.left")) == pytest.approx(50, abs=1)
 
 
-def test_the_decision_is_made_on_every_reading_whatever_is_published(run: Run) -> None:
+def test_every_reading_gets_a_verdict_whatever_is_published(run: Run) -> None:
     run.image()
-    for pull in (3.75, 4.3, 3.95):  # within 3 ms; 250 Hz would tell one of them
+    for pull in (3.75, 4.3, 3.95):  # within 3 ms; at 250 Hz one of them would be published
         run.wrench(10.0, (pull, 0.0))
     assert [level for _, level, _ in changes(run)] == ["caution", "warning", "caution"]
     assert [body["level"] for body in run.published("slip.left")] == ["caution", "warning", "caution"]
 
 
-def test_status_comes_once_a_second_and_when_a_link_changes(run: Run) -> None:
+def test_status_is_published_once_a_second_and_when_a_link_changes(run: Run) -> None:
     before = len(run.published("status"))
     for _ in range(1000):
         run.wait(5)
@@ -225,7 +225,7 @@ def test_a_lost_server_makes_every_finger_on_it_unknown(make_run: Callable[[str]
     assert run.level("right") == run.level("third") == ("unknown", ["stale"])
 
 
-def test_a_lost_pad_leaves_translation_alone(run: Run) -> None:
+def test_without_its_pad_a_finger_judges_translation_alone(run: Run) -> None:
     run.image()
     run.wrench(10.0, (1.0, 0.0))
     run.down("left.pad")
@@ -235,7 +235,7 @@ def test_a_lost_pad_leaves_translation_alone(run: Run) -> None:
     assert run.level() == ("warning", ["translation"])
 
 
-def test_a_silent_force_sensor_is_noticed_by_the_tick(run: Run) -> None:
+def test_silence_of_a_force_sensor_is_noticed_at_a_tick(run: Run) -> None:
     run.image()
     run.wrench(10.0, (1.0, 0.0))
     run.wait(20)
@@ -251,7 +251,7 @@ def test_a_silent_force_sensor_is_noticed_by_the_tick(run: Run) -> None:
     assert len(run.published("warning")) == before
 
 
-def test_an_overloaded_sensor_is_unknown_and_says_so(run: Run) -> None:
+def test_an_overloaded_sensor_makes_the_verdict_unknown(run: Run) -> None:
     run.image()
     run.wrench(10.0, (1.0, 0.0), status=2)
     assert run.level() == ("unknown", ["overload"])
@@ -274,7 +274,7 @@ class TestSuspension:
         assert run.level() == run.level("right") == ("unknown", ["stale"])
         assert run.ask("lease.renew")["error"]["code"] == "no_lease"
 
-    def test_what_was_seen_before_it_is_old_afterwards(self, run: Run) -> None:
+    def test_images_from_before_the_sleep_are_stale(self, run: Run) -> None:
         """CLOCK_MONOTONIC stood still meanwhile, so the image looks 6 ms old."""
         run.tick()
         run.image()
@@ -286,13 +286,13 @@ class TestSuspension:
         run.wrench(10.0, (1.0, 0.0))
         assert run.level()[0] == "stable"
 
-    def test_the_first_tick_compares_with_nothing(self, run: Run) -> None:
+    def test_the_first_tick_is_no_sleep(self, run: Run) -> None:
         run.image()
         run.wrench(10.0, (1.0, 0.0))
         run.tick(suspended_ns=10**15)
         assert run.level()[0] == "stable"
 
-    def test_a_tare_does_not_go_on_over_it(self, run: Run) -> None:
+    def test_a_sleep_ends_a_tare(self, run: Run) -> None:
         run.tick()
         run.wrench(0.0)
         run.ask("tare", finger="left", seconds=0.05)
@@ -301,7 +301,7 @@ class TestSuspension:
 
 
 class TestGripperLine:
-    def test_it_is_polled_from_its_opening_on(self, run: Run) -> None:
+    def test_the_gripper_is_polled_as_soon_as_its_line_opens(self, run: Run) -> None:
         written = [output for _, output in run.out if isinstance(output, Write)]
         assert {output.link for output in written} == {"gripper"}
         run.serve_gripper(200)
@@ -310,14 +310,14 @@ class TestGripperLine:
         assert bodies[-1]["width_m"] == pytest.approx(0.085)
         assert (bodies[-1]["active"], bodies[-1]["echo_ok"]) == (False, None)
 
-    def test_its_loss_is_told_and_ends_the_lease(self, run: Run) -> None:
+    def test_loss_of_the_line_is_published_and_ends_the_lease(self, run: Run) -> None:
         run.serve_gripper(100)
         assert run.ask("lease.acquire", ttl_ms=200)["ok"]
         run.down("gripper")
         assert run.published("gripper")[-1]["active"] is None
         assert run.ask("status")["result"]["lease"]["held"] is False
 
-    def test_a_request_is_written_in_the_call_that_brings_it(self, run: Run) -> None:
+    def test_a_command_is_written_in_the_call_that_brings_its_request(self, run: Run) -> None:
         run.serve_gripper(100)
         run.ask("lease.acquire", ttl_ms=200)
         run.wait(6)  # no poll is under way, and the gripper's own pause is over
@@ -327,7 +327,9 @@ class TestGripperLine:
 
 
 @pytest.mark.parametrize("split", [1, 7, 36, 37, 38, 1000])
-def test_the_split_of_the_bytes_makes_no_difference(make_run: Callable[[str], Run], left: str, split: int) -> None:
+def test_verdicts_do_not_depend_on_how_bytes_are_split_into_reads(
+    make_run: Callable[[str], Run], left: str, split: int
+) -> None:
     data = b"".join(bota.encode_frame((0.1 * k, 0.0, -10.0), (0.0, 0.0, 0.0), 1000 * k) for k in range(50))
     levels = []
     for size in (len(data), split):
@@ -342,7 +344,7 @@ def test_the_split_of_the_bytes_makes_no_difference(make_run: Callable[[str], Ru
 
 
 def story(left: str, right: str, gripper: str) -> list[tuple[int, Event]]:
-    """Something of everything that may enter."""
+    """Events of every kind."""
     now, rng = 100_000_000_000, np.random.default_rng(3)
     links = ("left.wrench", "left.pad", "right.pad", "gripper")
     events: list[tuple[int, Event]] = [(now, LinkUp(link, link)) for link in links]
@@ -366,19 +368,19 @@ def story(left: str, right: str, gripper: str) -> list[tuple[int, Event]]:
     return events
 
 
-def test_two_engines_that_are_fed_alike_say_the_same(left: str, right: str, gripper: str) -> None:
-    told: list[list[Output]] = []
+def test_the_same_events_give_the_same_outputs(left: str, right: str, gripper: str) -> None:
+    runs: list[list[Output]] = []
     for _ in range(2):
         rig = config.parse(left + right + gripper, "rig.toml")
         engine = Engine(rig, boot="b00t", wall_minus_monotonic_ns=5)
-        told.append([out for t_ns, event in story(left, right, gripper) for out in engine.handle(event, t_ns)])
-    assert len(told[0]) > 300
-    wires = [[encode(out.body) if isinstance(out, Publish) else repr(out) for out in outputs] for outputs in told]
+        runs.append([out for t_ns, event in story(left, right, gripper) for out in engine.handle(event, t_ns)])
+    assert len(runs[0]) > 300
+    wires = [[encode(out.body) if isinstance(out, Publish) else repr(out) for out in outputs] for outputs in runs]
     assert wires[0] == wires[1]
 
 
-def test_another_boot_changes_nothing_but_the_boot(left: str, right: str, gripper: str) -> None:
-    told = []
+def test_boot_and_wall_clock_change_nothing_else(left: str, right: str, gripper: str) -> None:
+    runs = []
     for boot, wall in (("b00t", 5), ("other", 10**18)):
         engine = Engine(config.parse(left + right, "rig.toml"), boot=boot, wall_minus_monotonic_ns=wall)
         bodies = [
@@ -388,8 +390,8 @@ def test_another_boot_changes_nothing_but_the_boot(left: str, right: str, grippe
             for out in engine.handle(event, t_ns)
             if isinstance(out, Publish)
         ]
-        told.append([{k: v for k, v in body.items() if k not in ("boot", "timestamp")} for body in bodies])
-    assert told[0] == told[1]
+        runs.append([{k: v for k, v in body.items() if k not in ("boot", "timestamp")} for body in bodies])
+    assert runs[0] == runs[1]
 
 
 @given(
@@ -398,10 +400,10 @@ def test_another_boot_changes_nothing_but_the_boot(left: str, right: str, grippe
     )
 )
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_whatever_a_force_sensor_sends_a_message_stays_one(
+def test_no_reading_of_a_force_sensor_breaks_a_message(
     make_run: Callable[[str], Run], left: str, values: list[tuple[Any, ...]]
 ) -> None:
-    """Every 32-bit float, every status, on full, partial and empty images; `feed` looks at all that is published."""
+    """Every 32-bit float and status, on full, partial and empty images; `feed` checks everything that is published."""
     run = make_run(left)
     run.up()
     for *wrench, status, fresh, active in values:
@@ -423,7 +425,7 @@ def test_whatever_a_force_sensor_sends_a_message_stays_one(
     )
 )
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_garbage_on_every_line_is_counted_and_nothing_else(
+def test_garbage_on_any_line_gives_no_message_and_good_frames_follow(
     make_run: Callable[[str], Run], left: str, right: str, gripper: str, chunks: list[tuple[str, bytes]]
 ) -> None:
     run = make_run(left + right + gripper)
@@ -435,10 +437,10 @@ def test_garbage_on_every_line_is_counted_and_nothing_else(
     run.image()
     run.wrench(0.0)
     run.wrench(0.0)
-    assert run.level()[0] == "no_contact", "the next good frames are heard"
+    assert run.level()[0] == "no_contact", "the next good frames are decoded"
 
 
-def test_the_largest_message_is_within_what_a_client_reads(make_run: Callable[[str], Run], left: str) -> None:
+def test_the_largest_message_is_within_the_limits_of_a_client(make_run: Callable[[str], Run], left: str) -> None:
     run = make_run(left.replace("rows = 4", "rows = 64").replace("cols = 4", "cols = 64"))
     counts = np.random.default_rng(0).integers(6, 30000, (64, 64))
     run.image(counts)
@@ -447,14 +449,14 @@ def test_the_largest_message_is_within_what_a_client_reads(make_run: Callable[[s
     assert decode(encode(body), MESSAGE_LIMITS)["active"] == 4096
 
 
-def test_an_unknown_state_is_never_zero(run: Run) -> None:
+def test_unknown_quantities_are_nil_not_zero(run: Run) -> None:
     run.tick()
     run.down("left.wrench")
     body = run.published("slip.left")[-1]
     assert {body[name] for name in ("normal_n", "tangential_n", "utilisation", "pole_m", "grip_needed_n")} == {None}
 
 
-def test_links_are_told_with_what_to_open(run: Run) -> None:
+def test_the_engine_lists_the_links_to_open(run: Run) -> None:
     assert {name: (spec.transport, spec.address) for name, spec in run.engine.links.items()} == {
         "left.wrench": ("serial", "/dev/left-wrench"),
         "left.pad": ("serial", "/dev/left-pad"),
@@ -463,7 +465,7 @@ def test_links_are_told_with_what_to_open(run: Run) -> None:
     }
 
 
-def test_warming_up_compiles_all_that_a_reading_needs(run: Run) -> None:
+def test_a_reading_after_the_warm_up_gets_a_verdict(run: Run) -> None:
     warm_up()
     run.image()
     run.wrench(10.0, (1.0, 0.0), 0.001)

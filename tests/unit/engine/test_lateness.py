@@ -1,4 +1,4 @@
-"""A daemon that stood still knows it, and what it then reads may be as old."""
+"""Lateness of the daemon: after a stall, the bytes that it reads may be as old as the stall."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def ticked(until_ms: int) -> Lateness:
     return lateness
 
 
-def test_C4_what_is_read_after_a_stall_may_have_waited_until_the_lines_are_empty() -> None:
+def test_C4_bytes_read_after_a_stall_may_have_waited_until_the_lines_are_empty() -> None:
     lateness = ticked(100)
     lateness.update(READ, 100 * MS + LATE_NS)
     assert (lateness.late_ns, lateness.waited_ns(100 * MS + LATE_NS)) == (0, 0)
@@ -36,7 +36,7 @@ def test_C4_what_is_read_after_a_stall_may_have_waited_until_the_lines_are_empty
     ("stall_ns", "bound_ns"),
     [(30 * MS, LEAST_CATCH_UP_NS), (300 * MS, 300 * MS), (10_000 * MS, MOST_CATCH_UP_NS)],
 )
-def test_C4_P3_a_daemon_that_never_catches_up_is_excused_for_no_longer_than_the_bound(
+def test_C4_P3_a_daemon_that_never_catches_up_excuses_silence_only_within_the_bound(
     stall_ns: int, bound_ns: int
 ) -> None:
     lateness, begun_ns = ticked(100), 100 * MS
@@ -53,7 +53,7 @@ def test_C4_P3_a_daemon_that_never_catches_up_is_excused_for_no_longer_than_the_
     assert lateness.waited_ns(t_ns + 5 * MS) > 0, "what comes has waited nevertheless"
 
 
-def test_C4_P3_stalls_that_follow_each_other_are_excused_one_by_one() -> None:
+def test_C4_P3_each_of_several_stalls_excuses_silence_within_its_own_bound() -> None:
     lateness, t_ns, waited = ticked(100), 100 * MS, []
     for _ in range(40):
         t_ns += 15 * MS
@@ -65,7 +65,7 @@ def test_C4_P3_stalls_that_follow_each_other_are_excused_one_by_one() -> None:
     assert waited.count(15 * MS) > 3, "each begins anew where the bound of the one before was reached"
 
 
-def test_the_worst_stall_is_told_for_a_while() -> None:
+def test_the_worst_stall_is_reported_for_a_second() -> None:
     lateness = ticked(100)
     assert lateness.worst_ns(100 * MS) == 0
     lateness.update(Tick(), 300 * MS)
@@ -74,7 +74,7 @@ def test_the_worst_stall_is_told_for_a_while() -> None:
     assert lateness.worst_ns(301 * MS + SHOWN_NS) == 0
 
 
-def test_before_the_first_tick_nothing_is_late() -> None:
+def test_nothing_is_late_before_the_first_tick() -> None:
     lateness = Lateness()
     lateness.update(READ, 10**12)
     assert lateness.late_ns == 0

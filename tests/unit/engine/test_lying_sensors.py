@@ -1,4 +1,4 @@
-"""A sensor whose readings look fresh and are not raises no grip, by request or reflex; engine and real bytes."""
+"""No grip is raised on readings that only look fresh, by request or reflex; engine and real bytes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ PULL_N = 4.0
 
 
 class Hand:
-    """Both fingers hold something with 5 N; every reading carries noise unless it is given."""
+    """Both fingers hold an object with 5 N; readings carry noise unless their values are given."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -54,14 +54,14 @@ class Hand:
         self.live(20)
 
     def image(self, counts: Iterable[float] | None = None) -> None:
-        """An image of the left pad in which every taxel differs from the last, or the one that is given."""
+        """Send an image of the left pad: the given one, or one in which every taxel differs from the last."""
         run = self.run
         values = 0.3 + 0.01 * self.rng.random(16) if counts is None else 0.01 * np.ravel(counts)
         body = {"stream": "left.pad", "t_ns": run.t_ns, "values": values.tolist()}
         run.feed(Bytes("left.pad", msgpack.packb(body)))
 
     def wrench(self, force: Any = None, torque: Any = None, *, pull_n: float = 0.0) -> None:
-        """A reading of the left force sensor, after 5 ms in which the gripper was served."""
+        """Serve the gripper for 5 ms, then send a reading of the left force sensor."""
         run = self.run
         run.serve_gripper(5)
         if force is None:
@@ -71,20 +71,20 @@ class Hand:
         run.feed(Bytes("left.wrench", bota.encode_frame(*self.last, run.t_ns // 1000)))
 
     def live(self, count: int, **reading: float) -> None:
-        """Readings of every sensor."""
+        """Send readings of every sensor."""
         for _ in range(count):
             self.wrench(**reading)
             self.image()
             self.run.skin(5.0, ms=0.0)
 
     def freeze(self) -> None:
-        """The last reading of the force sensor once more; all else goes on."""
+        """Repeat the last reading of the force sensor, beside new readings of the others."""
         self.wrench(*self.last)
         self.image()
         self.run.skin(5.0, ms=0.0)
 
     def raises(self) -> tuple[str, str] | None:
-        """Refusal of a raise by so little that no other rule refuses it."""
+        """Return the refusal of a raise that is too small to break any other rule."""
         return self.run.refusal("grip.adjust", delta_n=0.2)
 
 
@@ -101,16 +101,16 @@ def hold(rig: str, make_run: Make) -> Callable[..., Hand]:
 
 
 def acts(hand: Hand) -> list[dict[str, Any]]:
-    """The messages about acts of the reflex."""
+    """Messages about acts of the reflex."""
     return [body for body in hand.run.published("gripper") if body["reflex"] is not None]
 
 
 def health(run: Run, stream: str) -> tuple[int, str]:
-    told = run.ask("status")["result"]["streams"][stream]
-    return told["health"], told["message"]
+    found = run.ask("status")["result"]["streams"][stream]
+    return found["health"], found["message"]
 
 
-def test_no_raise_is_granted_from_the_second_equal_reading_on_and_within_100_ms_it_is_unknown(
+def test_no_raise_from_the_first_repeated_reading_on_and_unknown_within_100_ms(
     hold: Callable[..., Hand],
 ) -> None:
     hand = hold()
@@ -122,7 +122,7 @@ def test_no_raise_is_granted_from_the_second_equal_reading_on_and_within_100_ms_
     for _ in range(60):
         hand.freeze()
         assert hand.raises() == RAISE
-        assert hand.run.refusal("grip.set", force_n=4.5) != ("not_ready", "force_n"), "to ease it is no such danger"
+        assert hand.run.refusal("grip.set", force_n=4.5) != ("not_ready", "force_n"), "lowering needs no sensor"
         levels.append((hand.run.t_ns - last_good_ns, hand.run.level()))
     unknown = [t_ns for t_ns, level in levels if level == ("unknown", ["stuck"])]
     assert unknown[0] <= 100 * MS
@@ -133,7 +133,7 @@ def test_no_raise_is_granted_from_the_second_equal_reading_on_and_within_100_ms_
     assert hand.raises() is None
 
 
-def test_the_reflex_does_not_wind_up_on_a_frozen_sensor(hold: Callable[..., Hand]) -> None:
+def test_the_reflex_does_not_raise_again_on_a_frozen_sensor(hold: Callable[..., Hand]) -> None:
     hand = hold(GRASP)
     run = hand.run
 
@@ -141,7 +141,7 @@ def test_the_reflex_does_not_wind_up_on_a_frozen_sensor(hold: Callable[..., Hand
         return [body["reflex"] for body in run.published("gripper") if body["reflex"] is not None]
 
     hand.wrench(pull_n=PULL_N)
-    assert len(acts()) == 1, "the first reading of a danger is believed"
+    assert len(acts()) == 1, "the first alarming reading is trusted"
     for _ in range(40):
         hand.freeze()
     assert len(acts()) == 1
@@ -149,8 +149,8 @@ def test_the_reflex_does_not_wind_up_on_a_frozen_sensor(hold: Callable[..., Hand
     assert len(acts()) == 2
 
 
-def test_a_coarse_sensor_keeps_its_raises_and_never_flickers(hold: Callable[..., Hand]) -> None:
-    """Its counts are ten times its noise wide at rest: seven of ten readings repeat the one before."""
+def test_a_sensor_with_coarse_counts_may_raise_and_keeps_its_level(hold: Callable[..., Hand]) -> None:
+    """One count is wider than the noise, so that seven of ten readings repeat the one before."""
     hand = hold()
     granted, levels = 0, set()
     for k in range(400):
@@ -164,7 +164,7 @@ def test_a_coarse_sensor_keeps_its_raises_and_never_flickers(hold: Callable[...,
     assert granted > 150
 
 
-def test_a_sensor_whose_readings_may_rest_is_never_stuck_and_raises_nothing_while_they_repeat(
+def test_a_sensor_whose_readings_may_repeat_is_never_stuck_and_never_raises_while_they_do(
     hold: Callable[..., Hand],
 ) -> None:
     hand = hold(**{"stuck_after = 0": "stuck_after = 0\nrange_n = 80.0"})
@@ -173,12 +173,12 @@ def test_a_sensor_whose_readings_may_rest_is_never_stuck_and_raises_nothing_whil
         hand.freeze()
         assert hand.raises() == RAISE
     assert hand.run.level() == ("stable", [])
-    assert hand.run.refusal("grip.set", force_n=4.5) is None, "to ease it is no such danger"
+    assert hand.run.refusal("grip.set", force_n=4.5) is None, "lowering needs no sensor"
     hand.live(1)
     assert hand.raises() is None
 
 
-def test_the_reflex_raises_nothing_on_a_sensor_whose_readings_may_rest_and_repeat(hold: Callable[..., Hand]) -> None:
+def test_the_reflex_does_not_raise_while_readings_that_may_repeat_do(hold: Callable[..., Hand]) -> None:
     hand = hold(GRASP, **{"stuck_after = 0": "stuck_after = 0\nrange_n = 80.0"})
     hand.wrench(pull_n=PULL_N)
     before = len(acts(hand))
@@ -191,7 +191,7 @@ def test_the_reflex_raises_nothing_on_a_sensor_whose_readings_may_rest_and_repea
 
 
 @pytest.mark.parametrize(("stuck_after", "refusal"), [(0, None), (200, ("in_contact", "drop"))])
-def test_fingers_are_known_to_be_free_by_repeated_readings_only_where_those_may_rest(
+def test_repeated_readings_show_a_free_finger_only_where_they_may_repeat(
     hold: Callable[..., Hand], stuck_after: int, refusal: tuple[str, str] | None
 ) -> None:
     hand = hold(**{"stuck_after = 0": f"stuck_after = {stuck_after}\nrange_n = 80.0"})
@@ -214,7 +214,7 @@ def test_fingers_are_known_to_be_free_by_repeated_readings_only_where_those_may_
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 3e38])
-def test_no_raise_is_granted_on_an_image_that_cannot_be_used(hold: Callable[..., Hand], bad: float) -> None:
+def test_no_raise_on_an_unusable_image(hold: Callable[..., Hand], bad: float) -> None:
     hand = hold()
     spoilt = np.full(16, 30.0)
     spoilt[5] = 100.0 * bad
@@ -229,7 +229,7 @@ def test_no_raise_is_granted_on_an_image_that_cannot_be_used(hold: Callable[...,
     assert hand.raises() is None
 
 
-def test_the_reflex_raises_nothing_on_an_image_that_cannot_be_used(hold: Callable[..., Hand]) -> None:
+def test_the_reflex_does_not_raise_on_an_unusable_image(hold: Callable[..., Hand]) -> None:
     hand = hold(GRASP)
     hand.image(np.full(16, math.nan))
     for _ in range(20):
@@ -240,26 +240,30 @@ def test_the_reflex_raises_nothing_on_an_image_that_cannot_be_used(hold: Callabl
     assert [body for body in hand.run.published("gripper") if body["reflex"] is not None] == []
 
 
-def test_an_image_that_cannot_be_used_says_why_and_says_when_it_can_again(hold: Callable[..., Hand]) -> None:
+def test_an_image_is_published_when_it_becomes_unusable_with_reasons_and_usable_again(
+    hold: Callable[..., Hand],
+) -> None:
     hand = hold("[rates]\ntactile_hz = 0.001\n")
     run = hand.run
     before = len(run.published("tactile.left"))
     spoilt = np.full(16, 30.0)
     spoilt[5] = math.nan
-    told = []
+    found = []
     for image in (None, spoilt, spoilt, None, np.full(16, 1e14), None):
         hand.wrench()
         hand.image(image)
-        told.append(health(run, "left.pad"))
-    said = [(body["image_ok"], body["image_reasons"]) for body in run.published("tactile.left")[before:]]
-    assert said == [(False, ["invalid", "not_finite"]), (True, []), (False, ["garbage"]), (True, [])]
-    assert told[1][0] == Health.ERROR
-    assert "not finite numbers" in told[1][1]
-    assert "larger than those of any pad" in told[4][1]
-    assert all(level == Health.OK for level, _ in (told[0], told[3], told[5]))
+        found.append(health(run, "left.pad"))
+    published_images = [(body["image_ok"], body["image_reasons"]) for body in run.published("tactile.left")[before:]]
+    assert published_images == [(False, ["invalid", "not_finite"]), (True, []), (False, ["garbage"]), (True, [])]
+    assert found[1][0] == Health.ERROR
+    assert "not finite numbers" in found[1][1]
+    assert "larger than those of any pad" in found[4][1]
+    assert all(level == Health.OK for level, _ in (found[0], found[3], found[5]))
 
 
-def test_an_image_that_stays_away_says_so_by_its_silence_or_its_link(hold: Callable[..., Hand]) -> None:
+def test_a_missing_image_is_published_as_stale_after_silence_and_after_loss_of_the_link(
+    hold: Callable[..., Hand],
+) -> None:
     hand = hold("[rates]\ntactile_hz = 0.001\n")
     run = hand.run
     before = len(run.published("tactile.left"))
@@ -270,12 +274,12 @@ def test_an_image_that_stays_away_says_so_by_its_silence_or_its_link(hold: Calla
     run.down("left.pad")
     run.up("left.pad")
     hand.image()
-    said = [(body["image_ok"], body["image_reasons"]) for body in run.published("tactile.left")[before:]]
-    assert said == [(False, ["stale"]), (True, []), (False, ["stale"]), (True, [])]
+    published_images = [(body["image_ok"], body["image_reasons"]) for body in run.published("tactile.left")[before:]]
+    assert published_images == [(False, ["stale"]), (True, []), (False, ["stale"]), (True, [])]
     assert all(body["loads_n"] is None for body in run.published("tactile.left")[before:] if not body["image_ok"])
 
 
-def test_a_finger_without_a_pad_has_no_image_to_lose(make_run: Make, left: str) -> None:
+def test_a_finger_without_a_pad_publishes_no_image(make_run: Make, left: str) -> None:
     run = make_run(left.partition("[finger.left.pad]")[0])
     run.up()
     run.wrench(5.0)
@@ -286,7 +290,7 @@ def test_a_finger_without_a_pad_has_no_image_to_lose(make_run: Make, left: str) 
     assert run.level() == ("unknown", ["stale"])
 
 
-def test_no_raise_is_granted_on_an_image_that_repeats_while_the_force_moves(hold: Callable[..., Hand]) -> None:
+def test_no_raise_on_an_image_that_repeats_while_the_force_changes(hold: Callable[..., Hand]) -> None:
     hand = hold()
     same = np.full(16, 30.0)
     for normal_n, refusal in ((5.0, None), (5.0, None), (5.7, RAISE), (5.7, RAISE)):
@@ -301,7 +305,7 @@ def test_no_raise_is_granted_on_an_image_that_repeats_while_the_force_moves(hold
 
 @pytest.mark.parametrize("force_n", [3e38, -3e38, 81.0, 1e30])
 @pytest.mark.parametrize("axis", [0, 2])
-def test_a_force_beyond_the_range_is_unknown_from_its_first_reading_on(
+def test_a_force_out_of_range_is_unknown_from_the_first_reading_on(
     hold: Callable[..., Hand], force_n: float, axis: int
 ) -> None:
     hand = hold()
@@ -316,7 +320,7 @@ def test_a_force_beyond_the_range_is_unknown_from_its_first_reading_on(
         hand.live(1)
 
 
-def test_a_pad_that_measures_the_force_and_hangs_raises_nothing_and_is_stuck(make_run: Make, rig: str) -> None:
+def test_a_pad_that_measures_the_force_and_hangs_is_stuck_and_never_raises(make_run: Make, rig: str) -> None:
     run = make_run(rig.replace('sensor = "2"', 'sensor = "2"\nstuck_after = 50'))
     run.exact = True
     run.up()
@@ -346,8 +350,8 @@ def test_a_pad_that_measures_the_force_and_hangs_raises_nothing_and_is_stuck(mak
     assert run.refusal("grip.adjust", delta_n=0.2) is None
 
 
-def test_a_pad_whose_images_may_rest_is_never_stuck_and_raises_nothing_while_they_repeat(run: Run) -> None:
-    """Of the default ``stuck_after``, 0."""
+def test_a_pad_whose_images_may_repeat_is_never_stuck_and_never_raises_while_they_do(run: Run) -> None:
+    """The default of ``stuck_after``, 0."""
     run.exact = True
     run.bring_up()
     run.grip(5.0)
@@ -363,7 +367,7 @@ def test_a_pad_whose_images_may_rest_is_never_stuck_and_raises_nothing_while_the
             assert run.level("right") == ("stable", [])
 
 
-def test_a_jump_waits_for_the_next_reading(hold: Callable[..., Hand]) -> None:
+def test_a_jump_allows_no_raise_before_the_next_reading_confirms_it(hold: Callable[..., Hand]) -> None:
     hand = hold()
     hand.wrench(np.array((0.0, 0.0, -30.0)))
     assert hand.raises() == RAISE
@@ -372,7 +376,7 @@ def test_a_jump_waits_for_the_next_reading(hold: Callable[..., Hand]) -> None:
     assert hand.raises() is None
 
 
-def test_levels_do_not_flicker_when_a_reading_repeats_now_and_then(hold: Callable[..., Hand]) -> None:
+def test_levels_do_not_flicker_when_readings_repeat_now_and_then(hold: Callable[..., Hand]) -> None:
     hand = hold()
     before = len(hand.run.published("warning"))
     for k in range(100):

@@ -1,4 +1,4 @@
-"""A stream knows when its readings were acquired, and says how well it knows."""
+"""Times of readings, and the health of a stream."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Parse = Callable[[str], Config]
 
 
 def take(stream: StreamMeter, sample: Sample, late_ns: int = 0) -> int | None:
-    """When a reading that comes alone was acquired; None where it does not fit the stream."""
+    """Time at which a single reading was acquired; None where it does not fit the stream."""
     kept, times_ns = stream.update([sample], late_ns)
     assert kept == [sample] * len(times_ns)
     return times_ns[0] if times_ns else None
@@ -33,7 +33,7 @@ def stream(left: str, parse: Parse) -> StreamMeter:
     return make_stream("left.wrench", parse(left).streams()["left.wrench"])
 
 
-def test_L12_readings_that_come_in_bunches_get_their_own_times(stream: StreamMeter) -> None:
+def test_L12_readings_that_arrive_in_bunches_get_times_of_their_own(stream: StreamMeter) -> None:
     rng = np.random.default_rng(0)
     for bunch in range(200):
         receipt_ns = T0 + (bunch + 1) * 16 * MS + int(rng.exponential(0.2 * MS))
@@ -44,7 +44,7 @@ def test_L12_readings_that_come_in_bunches_get_their_own_times(stream: StreamMet
     assert 0 < (stream.clock.uncertainty_ns or 0) < 5 * MS
 
 
-def test_without_a_device_clock_the_receipt_counts_less_what_waited(stream: StreamMeter) -> None:
+def test_without_a_device_clock_the_time_is_the_receipt_less_the_wait(stream: StreamMeter) -> None:
     assert take(stream, reading(T0, None)) == T0
     assert take(stream, reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
     assert take(stream, reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
@@ -52,22 +52,22 @@ def test_without_a_device_clock_the_receipt_counts_less_what_waited(stream: Stre
     assert stream.clock.uncertainty_ns is None
 
 
-def test_a_known_delay_is_taken_off(left: str, parse: Parse) -> None:
+def test_a_configured_delay_is_subtracted(left: str, parse: Parse) -> None:
     text = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\ndelay_s = 0.002')
     stream = make_stream("left.wrench", parse(text).streams()["left.wrench"])
     assert take(stream, reading(T0, None)) == T0 - 2 * MS
 
 
-def test_a_clock_that_is_none_is_told(stream: StreamMeter) -> None:
+def test_an_unusable_clock_is_reported(stream: StreamMeter) -> None:
     for k in range(20_000):
         take(stream, reading(T0 + k * MS, k * 2 * MS))
     assert stream.condition(T0 + k * MS) == (
         Health.WARN,
-        "its clock is none (stuck, jumping, or off by more than 1000 ppm): the receipt counts",
+        "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used",
     )
 
 
-def test_a_scan_is_dated_by_its_end(left: str, parse: Parse) -> None:
+def test_the_clock_of_a_scan_is_read_at_its_end(left: str, parse: Parse) -> None:
     stream = make_stream("left.pad", parse(left).streams()["left.pad"])
     for k in range(400):
         image = TactileSample(T0 + k * 10 * MS, k * 10 * MS, np.zeros(16), dwell_ns=100_000)
@@ -90,7 +90,7 @@ rate_hz = 1000.0
 """
 
 
-def test_a_pusher_on_this_host_tells_its_own_time(parse: Parse) -> None:
+def test_times_of_a_program_on_this_host_are_used_unless_they_lie_in_the_future(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
     assert take(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
     assert stream.host_clock
@@ -98,13 +98,13 @@ def test_a_pusher_on_this_host_tells_its_own_time(parse: Parse) -> None:
     assert take(stream, reading(T0, None)) == T0
     assert take(stream, reading(T0, T0 - 2 * MS)) == T0, "times never go back"
     assert stream.condition(T0) == (Health.OK, "")
-    assert take(stream, reading(T0, T0 + MS)) == T0, "a time to come is not believed"
+    assert take(stream, reading(T0, T0 + MS)) == T0, "a time in the future is not used"
     assert stream.condition(T0)[0] == Health.WARN
     assert take(stream, reading(T0 + BAD_TIME_SHOWN_NS, T0 + BAD_TIME_SHOWN_NS)) == T0 + BAD_TIME_SHOWN_NS
     assert stream.condition(T0 + BAD_TIME_SHOWN_NS) == (Health.OK, "")
 
 
-def test_a_pusher_that_sends_what_the_stream_is_not_is_told(parse: Parse) -> None:
+def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
     assert take(stream, TactileSample(T0, T0, np.zeros(16))) is None
     assert stream.condition(T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")

@@ -1,4 +1,4 @@
-"""After the warm-up no reading waits for a kernel to be compiled."""
+"""After the warm-up no reading waits for the compilation of a kernel."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ for rule in ("matched", "binary", "grey"):
         for name, finger in config.parse(text, "rig.toml").finger.items():
             finger = finger.model_copy(update={"load_rule": rule})
             feel(Finger(name, finger, config.Levels()))
-new = {name: set(told) - set(before.get(name, ())) for name, told in kernels().items()}
-new = {name: told for name, told in new.items() if told}
+new = {name: set(signatures) - set(before.get(name, ())) for name, signatures in kernels().items()}
+new = {name: signatures for name, signatures in new.items() if signatures}
 assert not new, new
 """
 
 
 @pytest.mark.process
-def test_a_reading_of_any_kind_needs_no_kernel_that_the_warm_up_left_out(left: str, right: str) -> None:
-    """Fingers with and without torque, taxels of one axis and three, turned, with a weight and a drift of their own."""
+def test_the_warm_up_compiles_every_kernel_that_any_reading_needs(left: str, right: str) -> None:
+    """Fingers with and without torque, weight, drift and charge; pads of one axis and three, also mounted turned."""
     heavy = left.replace("stuck_after = 0", "mass_kg = 0.02\ncom_m = [0.0, 0.0, -0.01]\ndrift_tau_s = 10.0")
     charged = left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0\ngain_error = 0.05")
     turned = [text.replace("pitch_m", "swap_xy = true\nflip_x = true\npitch_m") for text in (left, right)]

@@ -1,4 +1,4 @@
-"""A message has exactly its fields; what is not known is nil."""
+"""Messages about a finger: each has exactly its fields, and what is not known is nil."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def finger(left: str, parse: Callable[[str], Config]) -> Finger:
 
 
 def fields_of(topic: str) -> set[str]:
-    """Fields that the protocol document lists for a topic."""
+    """Fields of a topic in the protocol document."""
     section = PROTOCOL.partition(f"### `{topic}")[2].partition("\n##")[0]
     cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
     return {name for cell in cells for name in re.findall(r"`(\w+)`", cell)}
@@ -63,7 +63,7 @@ def nil(body: dict[str, Any]) -> set[str]:
     return {name for name, value in body.items() if value is None}
 
 
-def test_a_verdict_has_exactly_its_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
+def test_slip_has_the_same_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
     for normal_n in (0.0, 10.0, math.nan):
         read_force(finger, wrench(T0, normal_n))
         assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
@@ -82,7 +82,7 @@ def test_the_protocol_document_lists_the_fields_that_are_sent(finger: Finger, im
     assert fields_of("tactile.<finger>") - set(IMAGE_REASONS) == set(tactile_body(finger, finger.image))
 
 
-def test_a_contact_is_told_with_everything_that_is_known_of_it(finger: Finger, wrench: Wrench, image: Image) -> None:
+def test_slip_of_a_contact_has_no_nil(finger: Finger, wrench: Wrench, image: Image) -> None:
     finger.update_image(image(T0 - MS, FULL))
     read_force(finger, wrench(T0, 10.0, (3.0, 0.0), 0.012, (0.001, -0.0005)))
     body = slip_body(finger, finger.state)
@@ -103,8 +103,8 @@ def test_a_contact_is_told_with_everything_that_is_known_of_it(finger: Finger, w
     assert body["age_s"] == 0.0
 
 
-def test_the_torque_limit_is_that_in_the_sense_of_the_spin(finger: Finger, wrench: Wrench, image: Image) -> None:
-    """Beside a force off the load's centre the two senses differ."""
+def test_the_torque_limit_is_in_the_sense_of_the_spin(finger: Finger, wrench: Wrench, image: Image) -> None:
+    """With a force away from the centre of the load the two senses differ."""
     lopsided = np.array([[100] * 4] * 2 + [[10] * 4] * 2)
     finger.update_image(image(T0, lopsided))
     limits = []
@@ -114,9 +114,7 @@ def test_the_torque_limit_is_that_in_the_sense_of_the_spin(finger: Finger, wrenc
     assert limits[0] != pytest.approx(limits[1], rel=1e-3)
 
 
-def test_without_contact_everything_that_only_a_contact_has_is_nil(
-    finger: Finger, wrench: Wrench, image: Image
-) -> None:
+def test_without_contact_the_quantities_of_a_contact_are_nil(finger: Finger, wrench: Wrench, image: Image) -> None:
     finger.update_image(image(T0, FULL))
     read_force(finger, wrench(T0, 0.2, (0.1, 0.0)))
     body = slip_body(finger, finger.state)
@@ -126,7 +124,7 @@ def test_without_contact_everything_that_only_a_contact_has_is_nil(
 
 
 @pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "first"])
-def test_what_cannot_be_known_is_nil(finger: Finger, wrench: Wrench, image: Image, what: str) -> None:
+def test_unknown_quantities_are_nil(finger: Finger, wrench: Wrench, image: Image, what: str) -> None:
     finger.update_image(image(T0, FULL))
     if what == "stale":
         read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
@@ -143,7 +141,7 @@ def test_what_cannot_be_known_is_nil(finger: Finger, wrench: Wrench, image: Imag
         assert body["age_s"] == pytest.approx(0.05)
 
 
-def test_a_twist_that_no_grip_holds_has_no_number(finger: Finger, wrench: Wrench, image: Image) -> None:
+def test_utilisation_and_grip_needed_are_nil_where_no_grip_holds(finger: Finger, wrench: Wrench, image: Image) -> None:
     one = np.zeros((4, 4))
     one[1, 1] = 100
     finger.update_image(image(T0, one))
@@ -153,7 +151,7 @@ def test_a_twist_that_no_grip_holds_has_no_number(finger: Finger, wrench: Wrench
     assert (body["utilisation"], body["utilisation_upper"], body["grip_needed_n"]) == (None, None, None)
 
 
-def test_without_mu_there_is_no_source_of_it(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
+def test_the_source_of_mu_is_nil_without_mu(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
     finger = Finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
     read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
     body = slip_body(finger, finger.state)
@@ -161,7 +159,7 @@ def test_without_mu_there_is_no_source_of_it(left: str, parse: Callable[[str], C
     assert body["friction_ratio"] == pytest.approx(0.1)
 
 
-def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench) -> None:
+def test_wrench_is_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench) -> None:
     read_force(finger, wrench(T0, 10.0, (3.0, -1.0), 0.0, (0.001, 0.0), status=("skipped",)), T0 - 2_000_000)
     assert wrench_body(finger, finger.state.force_reading) == {
         "finger": "left",
@@ -176,7 +174,7 @@ def test_a_force_is_told_in_the_frame_of_the_pad(finger: Finger, wrench: Wrench)
     }
 
 
-def test_one_component_that_is_no_number_makes_a_vector_nil(finger: Finger) -> None:
+def test_a_vector_with_a_component_that_is_not_finite_is_nil(finger: Finger) -> None:
     read_force(finger, WrenchSample(T0, None, np.array((1.0, math.nan, -10.0)), np.zeros(3)))
     body = wrench_body(finger, finger.state.force_reading)
     assert (body["force_n"], body["tangential_n"]) == (None, None)
@@ -186,7 +184,7 @@ def test_one_component_that_is_no_number_makes_a_vector_nil(finger: Finger) -> N
     assert body["torque_nm"] is None
 
 
-def test_an_image_is_told_taxel_by_taxel(finger: Finger, image: Image) -> None:
+def test_tactile_has_the_load_of_every_taxel_and_the_shape_of_the_contact(finger: Finger, image: Image) -> None:
     counts = np.zeros((4, 4))
     counts[0, 0], counts[0, 1], counts[1, 0], counts[1, 1] = 100, 200, 100, 4
     finger.update_image(image(T0, counts))
@@ -200,7 +198,7 @@ def test_an_image_is_told_taxel_by_taxel(finger: Finger, image: Image) -> None:
     assert (body["rows"], body["cols"], body["pitch_m"]) == (4, 4, 0.004)
 
 
-def test_an_unknown_image_is_told_as_such(finger: Finger, image: Image) -> None:
+def test_loads_and_shape_of_an_unusable_image_are_nil(finger: Finger, image: Image) -> None:
     finger.update_image(image(T0, np.full((4, 4), np.nan)))
     assert finger.image is not None
     body = tactile_body(finger, finger.image)
@@ -210,7 +208,7 @@ def test_an_unknown_image_is_told_as_such(finger: Finger, image: Image) -> None:
     }
 
 
-def test_an_empty_image_has_no_centre(finger: Finger, image: Image) -> None:
+def test_the_centroid_of_an_empty_image_is_nil(finger: Finger, image: Image) -> None:
     finger.update_image(image(T0, np.zeros((4, 4))))
     assert finger.image is not None
     body = tactile_body(finger, finger.image)
@@ -218,7 +216,7 @@ def test_an_empty_image_has_no_centre(finger: Finger, image: Image) -> None:
     assert nil(body) == {"centroid_m", "axis_rad", "elongation"}
 
 
-def test_a_line_of_taxels_has_no_finite_elongation(finger: Finger, image: Image) -> None:
+def test_the_elongation_of_a_line_of_taxels_is_nil(finger: Finger, image: Image) -> None:
     counts = np.zeros((4, 4))
     counts[2, :] = 100
     finger.update_image(image(T0, counts))
@@ -229,18 +227,18 @@ def test_a_line_of_taxels_has_no_finite_elongation(finger: Finger, image: Image)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None])
-def test_what_is_no_number_is_nil(value: float | None) -> None:
+def test_values_that_are_not_finite_are_nil(value: float | None) -> None:
     assert finite_or_none(value) is None
     assert array(np.array((1.0, math.nan if value is None else value))) is None
     assert array(None) is None
 
 
-def test_numbers_are_pythons_own() -> None:
+def test_numbers_are_floats_of_python() -> None:
     assert type(finite_or_none(np.float64(1.5))) is float
     assert all(type(x) is float for x in array(np.array((1.0, 2.0))) or [])
 
 
-def test_only_what_is_calibrated_is_called_newtons(
+def test_only_calibrated_forces_are_in_newtons(
     left: str, right: str, parse: Callable[[str], Config], wrench: Wrench, image: Image
 ) -> None:
     papillarray = right.replace('"xela"', '"papillarray"').replace("rows = 2\ncols = 2", "rows = 3\ncols = 3")
@@ -261,7 +259,7 @@ def test_only_what_is_calibrated_is_called_newtons(
         assert tactile_body(finger, finger.image)["force_unit"] == image_unit
 
 
-def test_raw_values_of_a_sensor_are_not_called_newtons(finger: Finger, wrench: Wrench) -> None:
+def test_raw_values_of_a_sensor_are_not_in_newtons(finger: Finger, wrench: Wrench) -> None:
     read_force(finger, wrench(T0, 10.0, status=("raw",)))
     assert slip_body(finger, finger.state)["force_unit"] == "uncalibrated"
     assert wrench_body(finger, finger.state.force_reading)["force_unit"] == "uncalibrated"

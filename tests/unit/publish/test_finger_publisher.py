@@ -1,4 +1,4 @@
-"""What a finger says: each change of level at once, the rest as often as is configured, in order."""
+"""Messages about a finger: each change of level at once, all else at the configured rates, in order."""
 
 from __future__ import annotations
 
@@ -24,49 +24,49 @@ PULLS = (0.5, 0.5, 0.5, 4.5, 0.5, 0.6, 0.5, 0.6, 3.6, 4.5, 4.5, 0.5)
 
 @pytest.fixture
 def finger(left: str, parse: Parse) -> Finger:
-    """μ 0.5: of 10 N, a pull of 3.6 N is a caution and one of 4.5 N a warning."""
+    """μ is 0.5: with 10 N of normal force a pull of 3.6 N is a caution and one of 4.5 N a warning."""
     return Finger("left", parse(left).finger["left"], Levels())
 
 
 @pytest.fixture
-def judged(finger: Finger, wrench: Wrench) -> VerdictBatch:
-    """A millisecond apart: stable, warning, slipping for long."""
+def batch(finger: Finger, wrench: Wrench) -> VerdictBatch:
+    """Readings a millisecond apart: stable, warning, then slipping."""
     finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
     samples = [wrench(T0 + 11 * MS, 10.0, (pull_n, 0.0)) for pull_n in PULLS]
-    (judged,) = finger.decide(samples, [T0 + k * MS for k in range(len(samples))])
-    return judged
+    (batch,) = finger.decide(samples, [T0 + k * MS for k in range(len(samples))])
+    return batch
 
 
-def said(out: Sequence[Output]) -> list[tuple[str, int]]:
+def published(out: Sequence[Output]) -> list[tuple[str, int]]:
     """Topic and time of each message, ms since the first reading."""
     return [(one.topic, (one.body["t_ns"] - T0) // MS) for one in out if isinstance(one, Publish)]
 
 
 def times(out: Sequence[Output], topic: str) -> list[int]:
-    return [ms for what, ms in said(out) if what == topic]
+    return [ms for what, ms in published(out) if what == topic]
 
 
 @pytest.mark.parametrize(("slip_hz", "wrench_hz"), [(1000.0, 1000.0), (250.0, 500.0), (500.0, 100.0), (1.0, 1.0)])
-def test_a_read_is_told_as_its_readings_are_one_by_one(
-    finger: Finger, judged: VerdictBatch, slip_hz: float, wrench_hz: float
+def test_a_batch_is_published_like_its_readings_one_by_one(
+    finger: Finger, batch: VerdictBatch, slip_hz: float, wrench_hz: float
 ) -> None:
     rates = Rates(slip_hz=slip_hz, wrench_hz=wrench_hz)
     outs: list[list[Output]] = [[], []]
-    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates).publish_batch(judged, outs[0])
+    FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates).publish_batch(batch, outs[0])
     singly = FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), rates)
-    for state in judged:
+    for state in batch:
         singly.publish_state(state, outs[1])
     assert outs[0] == outs[1]
     assert len(times(outs[0], "warning")) == 3
 
 
-def test_each_topic_keeps_its_own_pace_and_a_change_goes_beside_it(finger: Finger, judged: VerdictBatch) -> None:
+def test_each_topic_keeps_its_own_rate_and_a_change_is_published_beside_it(finger: Finger, batch: VerdictBatch) -> None:
     out: list[Output] = []
     FingerPublisher(finger, MessageSequencer("b00t", "rig", 0), Rates(slip_hz=250.0, wrench_hz=500.0)).publish_batch(
-        judged, out
+        batch, out
     )
     changes = times(out, "warning")
     assert changes == [0, 3, 4], "stable, warning, slipping"
     assert times(out, "slip.left") == [0, 3, 4, 8]
     assert times(out, "wrench.left") == [0, 2, 3, 4, 6, 8, 10]
-    assert said(out) == sorted(said(out), key=lambda one: one[1])
+    assert published(out) == sorted(published(out), key=lambda one: one[1])

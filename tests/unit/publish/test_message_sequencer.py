@@ -1,4 +1,4 @@
-"""Messages are numbered without gaps, dated, and paced by the time of their data."""
+"""Messages are numbered without gaps, dated, and limited in rate by the time of their readings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MS = 1_000_000
 T0 = 77_000_000_000
 
 
-def test_topics_are_numbered_apart_and_without_gaps() -> None:
+def test_each_topic_is_numbered_without_gaps() -> None:
     sequencer = MessageSequencer("b00t", "c0ffee", 0)
     topics = ["slip.left", "warning", "slip.left", "slip.right", "slip.left", "warning"]
     numbers = [sequencer.message(topic, T0, "", {}).body["seq"] for topic in topics]
@@ -20,7 +20,7 @@ def test_topics_are_numbered_apart_and_without_gaps() -> None:
     assert sequencer.published == 6
 
 
-def test_every_message_says_what_it_is_of() -> None:
+def test_every_message_has_the_head() -> None:
     made = MessageSequencer("b00t", "c0ffee", 1_700_000_000_000_000_000).message(
         "warning", 1_500_000_000, "left_pad", {"x": 1}
     )
@@ -55,15 +55,15 @@ def test_a_pace_does_not_make_up_for_silence() -> None:
     assert not pace.passes(T0 + 1001 * MS)
 
 
-def test_what_cannot_wait_passes_at_once() -> None:
+def test_an_urgent_message_passes_at_once() -> None:
     pace = Pace(250.0)
     pace.passes(T0)
     assert not pace.passes(T0 + 1)
     assert pace.passes(T0 + 2, now=True)
 
 
-def test_what_could_not_wait_does_not_silence_what_can() -> None:
-    """A second of changes at every reading; the next due message must not be late for it."""
+def test_urgent_messages_do_not_delay_the_regular_ones() -> None:
+    """After a second of changes at every reading the next regular message is on time."""
     pace = Pace(250.0)
     assert all(pace.passes(T0 + k * MS, now=True) for k in range(1000))
     assert any(pace.passes(T0 + (1000 + k) * MS) for k in range(4))
@@ -73,7 +73,7 @@ def test_what_could_not_wait_does_not_silence_what_can() -> None:
     rate_hz=st.floats(1.0, 1000.0),
     steps=st.lists(st.tuples(st.integers(0, 20 * MS), st.booleans()), max_size=200),
 )
-def test_no_pace_is_ever_exceeded(rate_hz: float, steps: list[tuple[int, bool]]) -> None:
+def test_a_pace_is_never_exceeded(rate_hz: float, steps: list[tuple[int, bool]]) -> None:
     pace, t_ns, passed = Pace(rate_hz), T0, []
     for step_ns, now in steps:
         t_ns += step_ns

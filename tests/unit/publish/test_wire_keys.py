@@ -103,7 +103,7 @@ def uses(file: Path, keys: set[str]) -> set[tuple[str, str]]:
     return {(str(file.relative_to(DAEMON)), key.value) for key in found if key.value in keys}
 
 
-def test_keys_of_the_wire_stand_in_publish_alone(keys: set[str]) -> None:
+def test_no_other_room_uses_a_key_of_the_wire(keys: set[str]) -> None:
     stray: set[tuple[str, str]] = set()
     for file in DAEMON.rglob("*.py"):
         room = file.relative_to(DAEMON).parts[0]
@@ -113,7 +113,7 @@ def test_keys_of_the_wire_stand_in_publish_alone(keys: set[str]) -> None:
     assert stray <= ASYNCIO
 
 
-def test_every_key_of_the_wire_is_found_in_publish(keys: set[str]) -> None:
-    """The scan of the test above sees what it is to see."""
+def test_the_scan_finds_every_key_of_the_wire_in_publish(keys: set[str]) -> None:
+    """So the test above would see one elsewhere."""
     found = {key for file in (DAEMON / "publish").rglob("*.py") for _, key in uses(file, keys)}
     assert keys - found == set()

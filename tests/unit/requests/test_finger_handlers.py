@@ -1,4 +1,4 @@
-"""What makes verdicts more lenient is for the client that steers, within limits, and shown with who did it."""
+"""Only the lease holder makes verdicts more lenient, within limits, and status shows who did it."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ Run = Any
 
 
 class TestFriction:
-    def test_it_is_set_for_a_finger_and_told(self, run: Run) -> None:
+    def test_friction_is_set_for_one_finger_and_published(self, run: Run) -> None:
         run.lease()
         reply = run.ask("friction.set", finger="left", mu_s=0.8, mu_d=0.6)
         stated = {"mu": 0.8, "mu_source": "request", "mu_by": "ann", "mu_t_ns": run.t_ns}
         assert reply["result"] == {"finger": "left", **stated}
         run.image()
         run.wrench(10.0, (1.0, 0.0))
-        told = run.published("slip.left")[-1]
-        assert (told["mu"], told["mu_source"]) == (0.8, "request")
+        body = run.published("slip.left")[-1]
+        assert (body["mu"], body["mu_source"]) == (0.8, "request")
         assert run.ask("friction.set", finger="left", mu_s=1)["result"]["mu"] == 1.0
 
     @pytest.mark.parametrize(
@@ -37,11 +37,11 @@ class TestFriction:
             ({"mu": 0.5}, ("unknown_field", "mu")),
         ],
     )
-    def test_anything_else_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
+    def test_every_other_request_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
         given = {"finger": "left", "mu_s": 0.5} | fields
         assert run.refusal("friction.set", **given) == refusal
 
-    def test_a_larger_one_is_for_the_holder_of_the_lease_alone(self, run: Run) -> None:
+    def test_only_the_lease_holder_may_raise_mu(self, run: Run) -> None:
         run.bring_up()
         run.image()
         run.wrench(10.0, (4.6, 0.0))
@@ -60,13 +60,13 @@ class TestFriction:
             "mu": 0.8, "mu_source": "request", "mu_by": "ann", "mu_t_ns": set_ns,
         }  # fmt: skip
 
-    def test_nobody_raises_it_while_nobody_holds_the_lease(self, run: Run) -> None:
+    def test_mu_is_not_raised_without_a_lease(self, run: Run) -> None:
         assert run.refusal("friction.set", finger="left", mu_s=0.6) == ("no_lease", "")
         run.lease()
         run.wait(200)
         assert run.refusal("friction.set", finger="left", mu_s=0.6) == ("no_lease", ""), "it ran out"
 
-    def test_what_is_stricter_is_for_everybody(self, run: Run) -> None:
+    def test_every_client_may_set_a_stricter_mu(self, run: Run) -> None:
         run.lease()
         assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.3) is None
         assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=0.3) is None, "the same is no change"
@@ -74,12 +74,12 @@ class TestFriction:
         assert run.ask("status")["result"]["fingers"]["left"]["mu_by"] == "ben"
         assert run.refusal("friction.set", finger="left", mu_s=0.5) is None, "its holder puts it back"
 
-    def test_a_lower_dynamic_one_makes_slips_harder_to_see(self, run: Run) -> None:
+    def test_a_lower_mu_d_counts_as_more_lenient(self, run: Run) -> None:
         assert run.refusal("friction.set", finger="left", mu_s=0.5, mu_d=0.45) is None, "a smaller fall is a slip"
         assert run.refusal("friction.set", finger="left", mu_s=0.5, mu_d=0.2) == ("no_lease", "")
         assert "a lower mu_d" in run.ask("friction.set", finger="left", mu_s=0.5, mu_d=0.2)["error"]["message"]
 
-    def test_where_none_is_known_any_is_more_lenient(self, make_run: Callable[[str], Run], left: str) -> None:
+    def test_any_mu_is_more_lenient_than_an_unknown_one(self, make_run: Callable[[str], Run], left: str) -> None:
         run = make_run(left.replace("mu = 0.5\n", ""))
         run.up()
         message = run.ask("friction.set", finger="left", mu_s=0.2)["error"]["message"]
@@ -90,7 +90,7 @@ class TestFriction:
         assert run.refusal("friction.set", finger="left", mu_s=2.01) == ("out_of_range", "mu_s")
         assert run.refusal("friction.set", finger="left", mu_s=2.0) is None
 
-    def test_a_config_may_let_everybody_raise_it_and_say_how_far(
+    def test_a_config_may_allow_every_client_to_raise_mu_up_to_mu_max(
         self, make_run: Callable[[str], Run], left: str
     ) -> None:
         free = "\n[requests]\nfriction_without_lease = true\n"
@@ -99,7 +99,7 @@ class TestFriction:
         assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=1.5) is None
         assert run.refusal("friction.set", client=b"ben", finger="left", mu_s=1.51) == ("out_of_range", "mu_s")
 
-    def test_a_rig_without_gripper_has_a_lease_for_it(self, make_run: Callable[[str], Run], left: str) -> None:
+    def test_a_rig_without_gripper_has_a_lease_for_friction(self, make_run: Callable[[str], Run], left: str) -> None:
         run = make_run(left)
         run.up()
         assert run.refusal("lease.renew") == ("no_lease", "")
@@ -120,8 +120,8 @@ class TestFriction:
         assert run.ask("status")["result"]["lease"] == {"held": False, "expires_in_s": None}
 
 
-class TestTheReadingsOfWhoeverSteers:
-    def test_nobody_else_tares_them(self, run: Run) -> None:
+class TestSensorsOfTheLeaseHolder:
+    def test_no_other_client_may_tare_them(self, run: Run) -> None:
         run.bring_up()
         for op in ("tare", "tare.undo"):
             for stream in ("wrench", "pad"):
@@ -131,9 +131,9 @@ class TestTheReadingsOfWhoeverSteers:
         assert run.refusal("tare.undo", finger="left") is None, "the holder may"
         run.ask("lease.release")
         run.feel(0.0)
-        assert run.refusal("tare", client=b"ben", finger="left") is None, "nobody steers"
+        assert run.refusal("tare", client=b"ben", finger="left") is None, "nobody holds the lease"
 
-    def test_a_tare_is_taken_back_under_a_load_by_the_holder_alone(self, run: Run) -> None:
+    def test_only_the_holder_may_undo_a_tare_in_contact(self, run: Run) -> None:
         run.bring_up()
         run.ask("lease.release")
         run.feel(5.0)
@@ -148,7 +148,7 @@ class TestTheReadingsOfWhoeverSteers:
         run.wrench(0.0)
         assert run.refusal("tare", finger="left") is None
 
-    def test_nobody_else_states_the_gravity_that_the_holder_states(self, run: Run) -> None:
+    def test_no_other_client_may_set_the_gravity_that_the_holder_sets(self, run: Run) -> None:
         down, up = [0.0, 0.0, -9.8], [0.0, 0.0, 9.8]
         assert run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down) is None
         run.lease()
@@ -161,5 +161,5 @@ class TestTheReadingsOfWhoeverSteers:
         run.wait(150)
         assert run.refusal("lease.renew") is None
         run.wait(150)
-        told = run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down)
-        assert told is None, "the holder's grew old"
+        refusal = run.refusal("gravity.set", client=b"arm", finger="left", gravity_mps2=down)
+        assert refusal is None, "that of the holder is stale"

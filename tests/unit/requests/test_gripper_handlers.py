@@ -1,4 +1,4 @@
-"""The gripper is moved only for who holds the lease, within every limit, and never blindly; engine and real bytes."""
+"""Only the lease holder moves the gripper, within every limit, and never on doubtful sensors; engine and real bytes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Run = Any
 
 
 class TestLease:
-    def test_one_client_holds_it_until_its_last_nanosecond(self, run: Run) -> None:
+    def test_one_client_holds_the_lease_until_its_last_nanosecond(self, run: Run) -> None:
         assert run.ask("lease.acquire", ttl_ms=200)["result"] == {"ttl_ms": 200}
         assert run.refusal("lease.acquire", client=b"ben", ttl_ms=200) == ("lease_held", "")
         run.t_ns += 200 * MS - 1
@@ -27,7 +27,7 @@ class TestLease:
         assert run.refusal("lease.renew") == ("no_lease", "")
         assert run.refusal("lease.acquire", client=b"ben", ttl_ms=200) is None
 
-    def test_its_end_moves_nothing(self, run: Run) -> None:
+    def test_the_end_of_a_lease_moves_nothing(self, run: Run) -> None:
         run.bring_up()
         run.writes()
         run.ask("gripper.close", force_n=10.0)
@@ -41,15 +41,15 @@ class TestLease:
     def test_a_life_out_of_range_is_refused(self, run: Run, ttl_ms: int) -> None:
         assert run.refusal("lease.acquire", ttl_ms=ttl_ms) == ("out_of_range", "ttl_ms")
 
-    def test_renewing_keeps_it(self, run: Run) -> None:
+    def test_a_renewed_lease_lasts(self, run: Run) -> None:
         run.ask("lease.acquire", ttl_ms=200)
         for _ in range(10):
             run.wait(150)
             assert run.ask("lease.renew")["result"] == {}
         assert run.ask("lease.release")["result"] == {}
 
-    def test_a_crowd_of_clients_keeps_its_holder_from_nothing_urgent(self, run: Run) -> None:
-        """More clients than are remembered, and as many requests of the holder as one client may have waiting."""
+    def test_urgent_requests_of_the_holder_are_served_in_a_crowd_of_clients(self, run: Run) -> None:
+        """More clients than are kept, and as many requests of the holder as are kept of one client."""
         run.ask("lease.acquire", ttl_ms=200)
         for _ in range(PER_CLIENT):
             run.ask("tare.get", finger="left", deadline_ns=run.t_ns + 400 * MS)
@@ -76,7 +76,7 @@ MOVES: dict[str, dict[str, Any]] = {
 
 class TestGripper:
     @pytest.mark.parametrize("op", MOVES)
-    def test_nobody_moves_it_without_the_lease(self, run: Run, op: str) -> None:
+    def test_no_motion_without_the_lease(self, run: Run, op: str) -> None:
         run.bring_up()
         run.writes()
         assert run.refusal(op, client=b"ben", **MOVES[op]) == ("no_lease", "")
@@ -86,13 +86,15 @@ class TestGripper:
         assert run.writes() == []
 
     @pytest.mark.parametrize("op", [*MOVES, "fault.ack"])
-    def test_a_rig_without_one_says_so(self, make_run: Callable[[str], Run], left: str, op: str) -> None:
+    def test_a_rig_without_gripper_refuses_with_no_gripper(
+        self, make_run: Callable[[str], Run], left: str, op: str
+    ) -> None:
         run = make_run(left)
         run.up()
         assert run.refusal(op, **MOVES.get(op, {})) == ("no_gripper", "")
 
     @pytest.mark.parametrize("how", ["time", "sleep"])
-    def test_a_rig_without_one_reports_the_end_of_a_lease_at_once(
+    def test_a_rig_without_gripper_publishes_the_end_of_a_lease_at_once(
         self, make_run: Callable[[str], Run], left: str, how: str
     ) -> None:
         run = make_run(left + "[rates]\nstatus_hz = 0.001\n")
@@ -110,13 +112,15 @@ class TestGripper:
         run.tick(0 if how == "time" else 1_000 * MS)
         assert len(run.published("status")) == before + 1
 
-    def test_opening_without_one_is_no_question_of_contact(self, make_run: Callable[[str], Run], left: str) -> None:
+    def test_open_without_a_gripper_is_refused_before_contact_is_judged(
+        self, make_run: Callable[[str], Run], left: str
+    ) -> None:
         run = make_run(left)
         run.up()
         assert run.refusal("gripper.open") == ("no_gripper", "")
 
     @pytest.mark.parametrize("op", MOVES)
-    def test_a_rig_without_a_limit_moves_nothing(
+    def test_no_motion_without_a_force_limit(
         self, make_run: Callable[[str], Run], left: str, gripper: str, op: str
     ) -> None:
         run = make_run(left + gripper.replace("max_force_n", "# max_force_n"))
@@ -128,18 +132,18 @@ class TestGripper:
         assert run.writes() == []
 
     @pytest.mark.parametrize("op", sorted(set(MOVES) - {"gripper.activate"}))
-    def test_one_that_is_not_activated_moves_nothing(self, run: Run, op: str) -> None:
+    def test_no_motion_of_an_inactive_gripper(self, run: Run, op: str) -> None:
         run.ask("lease.acquire", ttl_ms=200)
         run.serve_gripper(50)
         assert run.refusal(op, **MOVES[op]) == ("not_active", "")
         run.serve_gripper(100)
         assert run.writes() == []
 
-    def test_one_that_never_answered_is_not_activated_either(self, run: Run) -> None:
+    def test_a_gripper_that_never_answered_is_not_activated(self, run: Run) -> None:
         run.ask("lease.acquire", ttl_ms=200)
         assert run.refusal("gripper.activate") == ("no_gripper", "")
 
-    def test_one_with_a_fault_moves_nothing(self, run: Run) -> None:
+    def test_no_motion_of_a_gripper_with_a_fault(self, run: Run) -> None:
         run.bring_up()
         run.gripper.fault = 8
         run.serve_gripper(50)
@@ -148,14 +152,14 @@ class TestGripper:
         assert run.ask("fault.ack")["result"] == {"fault": "over_temperature"}
         assert run.refusal("gripper.close", force_n=5.0) == ("gripper_fault", "")
 
-    def test_one_that_fell_silent_is_told(self, run: Run) -> None:
+    def test_no_motion_of_a_silent_gripper(self, run: Run) -> None:
         run.bring_up()
         run.gripper.silent = True
         run.serve_gripper(500)
         assert run.refusal("gripper.close", force_n=5.0) == ("no_gripper", "")
         assert run.refusal("gripper.stop") == ("no_gripper", "")
 
-    def test_a_grip_is_closed_with_the_force_below_what_was_asked(self, run: Run) -> None:
+    def test_a_grip_is_closed_with_the_setting_below_the_requested_force(self, run: Run) -> None:
         run.bring_up()
         assert run.ask("gripper.close", force_n=10.05)["result"] == {"applied_n": pytest.approx(10.0)}
         run.serve_gripper(50)
@@ -164,7 +168,7 @@ class TestGripper:
 
     @pytest.mark.parametrize("force_n", [25.1, 2.9, -5.0, 0, 10**6, 1e308])
     @pytest.mark.parametrize("op", ["grip.set", "gripper.close"])
-    def test_a_force_beyond_the_limits_is_refused_and_not_clamped(self, run: Run, op: str, force_n: float) -> None:
+    def test_a_force_out_of_range_is_refused_and_not_clamped(self, run: Run, op: str, force_n: float) -> None:
         run.bring_up()
         run.writes()
         assert run.refusal(op, force_n=force_n) == ("out_of_range", "force_n")
@@ -172,14 +176,14 @@ class TestGripper:
         assert run.writes() == []
 
     @pytest.mark.parametrize("force_n", [math.nan, math.inf])
-    def test_a_force_that_is_no_number_grips_with_nothing(self, run: Run, force_n: float) -> None:
+    def test_a_force_that_is_not_finite_is_refused(self, run: Run, force_n: float) -> None:
         run.bring_up()
         run.writes()
         assert run.refusal("grip.set", force_n=force_n) == ("not_finite", "force_n")
         run.serve_gripper(50)
         assert run.writes() == []
 
-    def test_it_is_stopped_where_it_is(self, run: Run) -> None:
+    def test_stop_halts_the_gripper_and_keeps_it_active(self, run: Run) -> None:
         run.bring_up()
         run.ask("gripper.close", force_n=5.0)
         run.serve_gripper(50)
@@ -188,7 +192,7 @@ class TestGripper:
         assert run.gripper.command.go is False
         assert run.gripper.command.activate is True
 
-    def test_it_opens_when_every_finger_is_known_to_be_free(self, run: Run) -> None:
+    def test_open_is_allowed_while_every_finger_is_known_to_be_free(self, run: Run) -> None:
         run.bring_up()
         run.ask("gripper.close", force_n=5.0)
         run.serve_gripper(50)
@@ -219,12 +223,12 @@ class TestGripper:
         run.down("left.pad")
 
     @pytest.mark.parametrize("state", ["in_contact", "silent", "unplugged", "overloaded", "untared", "half_blind"])
-    def test_it_drops_nothing_unless_told_to(self, run: Run, state: str) -> None:
+    def test_open_is_refused_unless_fingers_are_known_to_be_free_or_drop_is_set(self, run: Run, state: str) -> None:
         """Unknown is not free."""
         run.bring_up()
         run.ask("gripper.close", force_n=5.0)
         run.serve_gripper(50)
-        run.serve_gripper(50)  # the last image is old, so it says nothing
+        run.serve_gripper(50)  # the last image is old, so it shows nothing
         run.wrench(0.0)
         run.skin(0.0)
         getattr(self, state)(run)
@@ -240,8 +244,8 @@ class TestGripper:
         run.serve_gripper(50)
         assert run.gripper.command.position == 0
 
-    def test_it_is_not_opened_on_what_was_felt_before_the_loop_was_held_up(self, run: Run) -> None:
-        """No tick comes between: the readings are old, and whether newer ones wait is not known yet."""
+    def test_open_is_refused_on_readings_from_before_a_stall(self, run: Run) -> None:
+        """No tick lies between: the readings are old, and it is not known yet whether newer ones wait."""
         run.bring_up()
         run.feel(0.0)
         run.wait(60)
@@ -251,7 +255,7 @@ class TestGripper:
         run.feel(0.0)
         assert run.refusal("gripper.open") is None
 
-    def test_closing_does_not_drop_either(self, run: Run) -> None:
+    def test_close_never_widens(self, run: Run) -> None:
         run.bring_up()
         run.gripper.position = 128
         run.serve_gripper(50)
@@ -260,7 +264,7 @@ class TestGripper:
         run.serve_gripper(50)
         assert run.writes() == []
 
-    def test_nothing_moves_that_nobody_asked_for(self, run: Run) -> None:
+    def test_nothing_moves_without_a_request(self, run: Run) -> None:
         """Readings, ticks, faults, losses and refusals write nothing to the gripper."""
         run.bring_up()
         run.ask("gripper.close", force_n=5.0)
@@ -279,7 +283,7 @@ class TestGripper:
                 run.tick(suspended_ns=10**12)
         assert run.writes() == []
 
-    def test_a_replugged_gripper_is_not_told_what_was_pending(self, run: Run) -> None:
+    def test_pending_commands_are_not_sent_to_a_replugged_gripper(self, run: Run) -> None:
         run.bring_up()
         run.gripper.silent = True
         run.ask("gripper.close", force_n=5.0)
@@ -292,7 +296,7 @@ class TestGripper:
         assert run.refusal("grip.set", force_n=5.0) == ("no_lease", "")
 
     @pytest.mark.parametrize("how", ["stall", "sleep"])
-    def test_what_waited_behind_a_poll_is_not_sent_behind_a_stall(self, run: Run, how: str) -> None:
+    def test_a_command_that_waited_for_a_poll_is_not_sent_after_a_stall(self, run: Run, how: str) -> None:
         run.bring_up()
         run.tick()
         run.feel(0.0)
@@ -317,7 +321,7 @@ class TestGripper:
 
 
 class TestForceOfAHeldObject:
-    def test_it_is_set_and_adjusted_where_it_is(self, run: Run) -> None:
+    def test_the_force_of_a_held_object_is_set_and_adjusted_without_motion(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         assert run.ask("grip.set", force_n=6)["result"] == {"applied_n": pytest.approx(6.0)}
@@ -330,7 +334,7 @@ class TestForceOfAHeldObject:
         assert (run.gripper.command.position, run.gripper.command.force) == (255, 25)
         assert run.published("gripper")[-1]["force_command_n"] == pytest.approx(5.5)
 
-    def test_nothing_is_set_where_nothing_is_gripped(self, run: Run) -> None:
+    def test_no_force_is_set_without_a_grip(self, run: Run) -> None:
         run.bring_up()
         assert run.refusal("grip.set", force_n=5.0) == ("not_ready", "")
         assert run.refusal("grip.adjust", delta_n=1.0) == ("not_ready", "")
@@ -357,7 +361,7 @@ class TestForceOfAHeldObject:
         run.serve_gripper(50)
         assert run.writes() == []
 
-    def test_A8_it_rises_no_faster_than_the_limit(self, run: Run) -> None:
+    def test_A8_the_force_rises_no_faster_than_the_limit(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         assert run.refusal("grip.adjust", delta_n=2.0) is None
@@ -368,10 +372,10 @@ class TestForceOfAHeldObject:
         run.feel(7.0)
         assert run.refusal("grip.adjust", delta_n=1.0) is None
 
-    def test_A8_it_is_lowered_no_faster_than_the_limit_by_the_steps_of_the_gripper(
+    def test_A8_the_force_falls_no_faster_than_the_limit_also_in_coarse_settings(
         self, make_run: Callable[[str], Run], rig: str
     ) -> None:
-        """Each setting is 0.84 N from the next: the least that is asked for is such a step."""
+        """Settings are 0.84 N apart, so that every request changes the force by at least that."""
         run = make_run(rig.replace("[[0, 3.0], [255, 28.5]]", "[[0, 20.0], [255, 235.0]]").replace("25.0", "120.0"))
         run.up()
         run.bring_up()
@@ -395,7 +399,7 @@ class TestForceOfAHeldObject:
         run.feel(60.0)
         assert run.ask("grip.adjust", delta_n=0.1)["result"] == {"applied_n": force_n}, "no setting lies between"
 
-    def test_A8_all_raises_of_a_grasp_have_a_budget(self, make_run: Callable[[str], Run], rig: str) -> None:
+    def test_A8_all_raises_of_a_grasp_share_a_budget(self, make_run: Callable[[str], Run], rig: str) -> None:
         run = make_run(rig + "budget_n = 3.0\n")
         run.up()
         run.bring_up()
@@ -411,7 +415,7 @@ class TestForceOfAHeldObject:
         run.grip(8.0)
         assert run.refusal("grip.adjust", delta_n=2.0) is None, "another grasp has a budget of its own"
 
-    def test_an_object_that_was_lost_ends_the_grasp(self, run: Run) -> None:
+    def test_a_lost_object_ends_the_grasp(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.gripper.found = 3
@@ -421,7 +425,7 @@ class TestForceOfAHeldObject:
         assert run.refusal("grip.adjust", delta_n=0.5) == ("not_ready", "")
         assert run.refusal("gripper.close", force_n=12.0) is None
 
-    def test_a_finger_that_presses_is_believed_before_the_gripper(self, run: Run) -> None:
+    def test_a_pressed_finger_counts_more_than_the_report_of_the_gripper(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.gripper.found = 3
@@ -436,7 +440,7 @@ class TestForceOfAHeldObject:
         run.wrench(5.0)
 
     def old(self, run: Run) -> None:
-        """Read 30 ms ago: fresh for a verdict on a slow sensor, too old to act on."""
+        """Received 30 ms ago: fresh enough for a verdict on a slow sensor, too old for a raise."""
         run.wait(51)
         run.skin(5.0, ms=1)
 
@@ -452,18 +456,16 @@ class TestForceOfAHeldObject:
         run.down("left.pad")
 
     @pytest.mark.parametrize("state", ["stale", "old", "doubtful", "unplugged", "without_its_pad"])
-    def test_F1_it_is_not_raised_on_a_sensor_that_nobody_can_trust(self, run: Run, state: str) -> None:
+    def test_F1_no_raise_on_a_stale_or_doubtful_sensor(self, run: Run, state: str) -> None:
         run.bring_up()
         run.grip(5.0)
         getattr(self, state)(run)
         assert run.refusal("grip.set", force_n=6.0) == ("not_ready", "force_n")
         assert run.refusal("grip.adjust", delta_n=1.0) == ("not_ready", "delta_n")
         assert run.refusal("gripper.close", force_n=6.0) == ("not_ready", "force_n")
-        assert run.refusal("grip.set", force_n=4.5) is None, "to ease it is no danger of that kind"
+        assert run.refusal("grip.set", force_n=4.5) is None, "lowering needs no sensor"
 
-    def test_G3_a_force_that_the_gripper_does_not_have_is_refused(
-        self, make_run: Callable[[str], Run], rig: str
-    ) -> None:
+    def test_G3_a_force_outside_the_gripper_range_is_refused(self, make_run: Callable[[str], Run], rig: str) -> None:
         run = make_run(rig.replace("[255, 28.5]", "[255, 20.0]").replace("= 25.0", "= 20.0"))
         run.up()
         run.bring_up()
@@ -472,14 +474,14 @@ class TestForceOfAHeldObject:
 
 
 class TestHold:
-    def test_what_is_held_stays_held_and_nothing_is_sent(self, run: Run) -> None:
+    def test_hold_of_a_held_object_sends_nothing(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         assert run.ask("grip.hold")["result"] == {"force_n": pytest.approx(5.0)}
         run.serve_gripper(100)
         assert run.writes() == []
 
-    def test_a_force_that_was_just_asked_for_does_not_stop_what_holds(self, run: Run) -> None:
+    def test_hold_right_after_a_force_command_does_not_stop_the_grip(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         assert run.refusal("grip.set", force_n=6.0) is None
@@ -487,7 +489,7 @@ class TestHold:
         run.serve_gripper(50)
         assert (run.gripper.command.go, run.gripper.command.force) == (True, 30)
 
-    def test_moving_fingers_stop_and_do_not_open(self, run: Run) -> None:
+    def test_hold_stops_moving_fingers_and_does_not_open_them(self, run: Run) -> None:
         run.bring_up()
         run.ask("gripper.close", force_n=5.0)
         run.gripper.found = 0
@@ -496,7 +498,7 @@ class TestHold:
         run.serve_gripper(50)
         assert (run.gripper.command.go, run.gripper.command.activate) == (False, True)
 
-    def test_what_is_not_active_cannot_be_held(self, run: Run) -> None:
+    def test_hold_of_an_inactive_gripper_is_refused(self, run: Run) -> None:
         run.serve_gripper(50)
         run.lease()
         assert run.refusal("grip.hold") == ("not_active", "")
@@ -504,13 +506,13 @@ class TestHold:
 
 class TestLatchedFaults:
     def latched(self, run: Run) -> str:
-        told = run.published("gripper")[-1]["latched_fault"]
+        fault_now = run.published("gripper")[-1]["latched_fault"]
         status = run.ask("status")["result"]
-        assert status["gripper"]["latched_fault"] == told
-        assert ("is latched" in status["streams"]["gripper"]["message"]) == bool(told)
-        return str(told)
+        assert status["gripper"]["latched_fault"] == fault_now
+        assert ("is latched" in status["streams"]["gripper"]["message"]) == bool(fault_now)
+        return str(fault_now)
 
-    def test_the_first_one_blocks_whatever_moves_until_it_is_acknowledged(self, run: Run) -> None:
+    def test_the_first_fault_blocks_every_motion_until_it_is_acknowledged(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.gripper.fault = 8
@@ -545,7 +547,7 @@ class TestLatchedFaults:
         assert self.latched(run) == run.published("gripper")[-1]["fault"] != ""
         assert run.refusal("gripper.close", force_n=5.0) == ("fault_latched", "")
 
-    def test_D4_what_it_reports_while_it_activates_is_no_fault(self, run: Run) -> None:
+    def test_D4_reports_during_an_activation_are_no_fault(self, run: Run) -> None:
         run.bring_up()
         assert run.refusal("gripper.activate", drop=True) is None
         run.gripper.activates = True
@@ -557,7 +559,7 @@ class TestLatchedFaults:
         assert self.latched(run) == ""
         assert run.refusal("gripper.close", force_n=5.0) is None
 
-    def test_D4_an_activation_that_was_lost_is_latched(self, run: Run) -> None:
+    def test_D4_a_lost_activation_is_latched(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.serve_gripper(1000)
@@ -578,7 +580,7 @@ class TestLatchedFaults:
         run.serve_gripper(100)
         assert self.latched(run) == "echo_mismatch", "it is still there"
 
-    def test_A6_a_command_that_is_never_acknowledged_is_latched_and_told_at_once(self, run: Run) -> None:
+    def test_A6_an_unanswered_command_is_latched_and_published_at_once(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.gripper.silent = True
@@ -597,14 +599,14 @@ class TestLatchedFaults:
             "a command that was lost does not stand in the way of the next"
         )
 
-    def test_a_gripper_that_falls_silent_while_it_holds_is_latched(self, run: Run) -> None:
+    def test_silence_of_a_holding_gripper_is_latched(self, run: Run) -> None:
         run.bring_up()
         run.grip(5.0)
         run.gripper.silent = True
         run.serve_gripper(400)
         assert self.latched(run) == "no_answer"
 
-    def test_a_link_that_is_lost_while_it_holds_is_latched(self, run: Run) -> None:
+    def test_a_link_lost_during_a_grip_is_latched(self, run: Run) -> None:
         run.bring_up()
         run.down("gripper")
         assert self.latched(run) == "", "it holds nothing"
@@ -620,7 +622,7 @@ class TestLatchedFaults:
 class TestEndOfTheLease:
     @pytest.mark.parametrize("lease_end", ["hold", "stop"])
     @pytest.mark.parametrize("moving", [True, False])
-    def test_A5_it_is_told_within_a_tick_and_opens_nothing(
+    def test_A5_the_end_of_a_lease_is_published_within_a_tick_and_opens_nothing(
         self, make_run: Callable[[str], Run], rig: str, lease_end: str, moving: bool
     ) -> None:
         run = make_run(rig + f'lease_end = "{lease_end}"\n')
@@ -645,7 +647,7 @@ class TestEndOfTheLease:
         assert run.gripper.command.position == 255
         assert run.gripper.command.go is not (lease_end == "stop" and moving)
 
-    def test_it_is_over_before_the_next_client_has_it(self, run: Run) -> None:
+    def test_a_lease_ends_before_the_next_client_gets_it(self, run: Run) -> None:
         run.lease()
         run.wait(201)
         assert run.refusal("lease.acquire", client=b"ben", ttl_ms=200) is None

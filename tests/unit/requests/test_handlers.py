@@ -1,4 +1,4 @@
-"""What is asked is done only for who may ask, only now, and never by halves; through the engine and real bytes."""
+"""Requests are checked, carried out at most once, and answered; engine and real bytes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Run = Any
 
 
 class TestEnvelope:
-    def test_hello_tells_what_every_other_request_needs(self, run: Run) -> None:
+    def test_hello_returns_boot_and_clock(self, run: Run) -> None:
         reply = run.ask("hello", boot=..., deadline_ns=...)
         assert reply["result"] == {"boot": "b00t", "t_ns": run.t_ns, "version": 1, "fingers": ["left", "right"]}
         assert reply["t_ns"] == run.t_ns
@@ -41,23 +41,23 @@ class TestEnvelope:
             ({"extra": 1}, ("unknown_field", "extra")),
         ],
     )
-    def test_a_malformed_request_is_answered_and_does_nothing(
+    def test_a_malformed_request_is_refused_and_changes_nothing(
         self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]
     ) -> None:
         given = {"ttl_ms": 200} | fields
         assert run.refusal(given.pop("op", "lease.acquire"), **given) == refusal
         assert run.ask("status")["result"]["lease"] == {"held": False, "expires_in_s": None}
 
-    def test_status_says_what_its_topic_says(self, run: Run) -> None:
+    def test_the_reply_to_status_has_the_fields_of_its_topic(self, run: Run) -> None:
         run.wrench(0.0)
         asked = run.ask("status")["result"]
         run.tick()
-        told = run.published("status")[-1]
-        assert set(told) == set(asked) | {"v", "seq", "boot", "t_ns", "timestamp", "frame", "config_id"}
+        published = run.published("status")[-1]
+        assert set(published) == set(asked) | {"v", "seq", "boot", "t_ns", "timestamp", "frame", "config_id"}
 
 
 class TestTare:
-    def test_a_free_finger_is_tared_and_told_so(self, run: Run) -> None:
+    def test_a_free_finger_is_tared_and_verified(self, run: Run) -> None:
         run.image(EMPTY)
         run.wrench(0.2, (0.1, 0.0))
         reply = run.ask("tare", finger="left", seconds=0.01)
@@ -79,7 +79,7 @@ class TestTare:
             run.wrench(25.0, (3.0, 0.0))
         assert run.level() == ("no_contact", [])
 
-    def test_a_tared_finger_in_contact_is_not_tared(self, run: Run) -> None:
+    def test_a_tared_finger_in_contact_is_not_tared_again(self, run: Run) -> None:
         run.bring_up()
         run.wrench(5.0)
         assert run.refusal("tare", finger="left") == ("in_contact", "finger")
@@ -92,7 +92,7 @@ class TestTare:
         run.wrench(0.0)
         assert run.refusal("tare", finger="left") == ("in_contact", "finger")
 
-    def test_a_pad_that_is_the_force_sensor_is_tared_by_its_taxels(self, run: Run) -> None:
+    def test_a_pad_that_measures_the_force_is_tared_by_its_taxels(self, run: Run) -> None:
         run.exact = True
         run.skin(0.4, (0.2, 0.0))
         assert run.ask("tare", finger="right", seconds=0.1)["result"]["verified"] is True
@@ -104,7 +104,7 @@ class TestTare:
         run.skin(5.0)
         assert run.refusal("tare", finger="right") == ("in_contact", "finger")
 
-    def test_an_undone_tare_brings_the_one_before_back(self, run: Run) -> None:
+    def test_undo_restores_the_tare_before(self, run: Run) -> None:
         assert run.refusal("tare.undo", finger="left") == ("not_ready", "finger")
         run.bring_up()
         undone = run.ask("tare.undo", finger="left")["result"]
@@ -120,16 +120,16 @@ class TestTare:
         assert run.refusal("tare", finger="left") == ("not_ready", "finger")
 
     @pytest.mark.parametrize("seconds", [0, -1.0, 10.1, 1e300])
-    def test_a_tare_takes_some_time_and_not_all_of_it(self, run: Run, seconds: float) -> None:
+    def test_an_averaging_time_out_of_range_is_refused(self, run: Run, seconds: float) -> None:
         run.wrench(0.0)
         assert run.refusal("tare", finger="left", seconds=seconds) == ("out_of_range", "seconds")
         assert run.ask("tare.get", finger="left")["result"]["busy"] is False
 
     @pytest.mark.parametrize("op", ["tare", "tare.get", "tare.undo"])
-    def test_a_finger_that_is_not_there_is_told(self, run: Run, op: str) -> None:
+    def test_an_unknown_finger_is_refused(self, run: Run, op: str) -> None:
         assert run.refusal(op, finger="middle") == ("unknown_finger", "finger")
 
-    def test_nan_readings_do_not_enter_a_tare(self, run: Run) -> None:
+    def test_readings_that_are_not_finite_stay_out_of_a_tare(self, run: Run) -> None:
         run.wrench(0.0)
         run.ask("tare", finger="left", seconds=0.02)
         for k in range(24):
@@ -140,7 +140,7 @@ class TestTare:
 
 
 class TestGravity:
-    def test_gravity_is_taken_for_a_finger_with_a_force_sensor(self, run: Run) -> None:
+    def test_gravity_is_set_for_a_finger_with_a_force_sensor(self, run: Run) -> None:
         reply = run.ask("gravity.set", finger="left", gravity_mps2=[0.0, 0.0, -9.8])
         assert reply["result"] == {"gravity": "none"}, "the config gives no mass"
 
@@ -157,13 +157,13 @@ class TestGravity:
             ({"gravity_mps2": ...}, ("missing_field", "gravity_mps2")),
         ],
     )
-    def test_anything_else_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
+    def test_every_other_request_is_refused(self, run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
         given = {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.8]} | fields
         assert run.refusal("gravity.set", **given) == refusal
 
 
 class TestAtMostOnce:
-    def test_A2_a_request_that_comes_again_is_answered_again_and_not_done_again(self, run: Run) -> None:
+    def test_A2_a_repeated_request_gets_the_same_reply_and_is_carried_out_once(self, run: Run) -> None:
         first = run.ask("record.start", id="c-1", deadline_ns=run.t_ns + 400 * MS)
         deadline_ns = run.t_ns + 400 * MS
         run.wait(100)
@@ -172,7 +172,7 @@ class TestAtMostOnce:
         assert run.refusal("record.start", client=b"ben", id="c-1", deadline_ns=deadline_ns) == ("replayed", "")
         assert run.ask("status")["result"]["recording"]["running"] is True
 
-    def test_A2_what_was_refused_stays_refused(self, run: Run) -> None:
+    def test_A2_a_refused_request_stays_refused(self, run: Run) -> None:
         body = {"id": "c-1", "deadline_ns": run.t_ns + 400 * MS, "finger": "left"}
         refused = run.ask("tare", **body)
         assert refused["ok"] is False
@@ -185,11 +185,11 @@ class TestAtMostOnce:
         run.wait(400)
         assert run.refusal("record.start", **body) == ("deadline_passed", "deadline_ns")
 
-    def test_too_many_at_once_are_refused_until_their_deadlines_have_passed(self, run: Run) -> None:
+    def test_too_many_requests_are_refused_until_their_deadlines_have_passed(self, run: Run) -> None:
         found = {run.refusal("tare.get", finger="left") for _ in range(100)}
         assert found == {None, ("busy", "")}
         run.wait(101)
         assert run.refusal("tare.get", finger="left") is None
 
-    def test_A1_what_was_captured_in_another_run_is_refused(self, run: Run) -> None:
+    def test_A1_a_request_captured_in_another_run_is_refused(self, run: Run) -> None:
         assert run.refusal("record.start", boot="before") == ("wrong_boot", "boot")

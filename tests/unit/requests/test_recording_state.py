@@ -1,4 +1,4 @@
-"""Which recording runs is the engine's to know, and its name the daemon's to choose."""
+"""State of the recordings, and the names of their files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def records(run: Run) -> list[Record]:
 
 
 def shown(run: Run, key: str = "recording") -> dict[str, Any]:
-    """What the newest status says of a recording."""
+    """A recording in the newest status."""
     return run.published("status")[-1][key]
 
 
@@ -32,7 +32,7 @@ def replies(outputs: list[Output]) -> list[Reply]:
     return [output for output in outputs if isinstance(output, Reply)]
 
 
-def test_a_client_starts_and_stops_one_without_naming_it(run: Run) -> None:
+def test_a_client_starts_and_stops_a_recording_that_the_daemon_names(run: Run) -> None:
     run.ask("status")
     assert run.published("status")[-1]["recording"] == state(None, "none")
     assert run.ask("record.start")["result"] == {"name": NAME, "path": f"/state/{NAME}"}
@@ -47,14 +47,14 @@ def test_a_client_starts_and_stops_one_without_naming_it(run: Run) -> None:
     assert run.refusal("record.stop") == ("not_ready", "")
 
 
-def test_links_that_are_down_are_not_said_to_be_open(run: Run) -> None:
+def test_a_recording_begins_with_the_links_that_are_open(run: Run) -> None:
     run.down("left.pad")
     run.ask("record.start")
     assert [up.link for up in records(run)[0].opened] == ["left.wrench", "right.pad", "gripper"]
 
 
 @pytest.mark.parametrize("path", ["name", "path", "file"])
-def test_a_client_gives_no_path(run: Run, path: str) -> None:
+def test_a_path_from_a_client_is_refused(run: Run, path: str) -> None:
     assert run.refusal("record.start", **{path: "../../etc/passwd"}) == ("unknown_field", path)
     assert records(run) == []
 
@@ -67,17 +67,17 @@ def test_K3_names_are_never_used_twice_in_a_run(run: Run) -> None:
     assert len(set(names)) == 3
 
 
-def test_K1_a_disk_that_fails_ends_it_and_is_told(run: Run) -> None:
+def test_K1_a_failing_disk_ends_the_recording_and_is_published(run: Run) -> None:
     run.ask("record.start")
     run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "the disk is full", 3))
     assert shown(run) == state(NAME, "failed", failure="the disk is full", lost=3)
     assert "the disk is full" in run.ask("record.stop")["error"]["message"]
     assert run.ask("record.start")["ok"]
-    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "told late"))
+    run.feed(RecordingChanged(NAME, f"/state/{NAME}", "failed", "reported late"))
     assert shown(run)["failure"] is None, "of one that is over"
 
 
-def test_the_answer_waits_for_the_disk_and_says_what_it_said(run: Run) -> None:
+def test_the_reply_waits_for_the_disk_and_reports_its_error(run: Run) -> None:
     for state_of, code in (("failed", "record_failed"), ("limited", "no_room")):
         run.disk = lambda name, state=state_of: RecordingChanged(name, f"/state/{name}", state, "why")
         reply = run.ask("record.start")
@@ -86,7 +86,7 @@ def test_the_answer_waits_for_the_disk_and_says_what_it_said(run: Run) -> None:
     assert run.refusal("record.stop") == ("not_ready", "")
 
 
-def test_a_copy_of_a_request_that_waits_is_neither_done_nor_answered_twice(run: Run) -> None:
+def test_a_copy_of_a_waiting_request_is_neither_carried_out_nor_answered_twice(run: Run) -> None:
     body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
     assert replies(run.feed(Request(b"ann", dict(body)))) == []
     assert replies(run.feed(Request(b"ann", dict(body)))) == []
@@ -102,7 +102,7 @@ def test_a_copy_of_a_request_that_waits_is_neither_done_nor_answered_twice(run: 
     assert [record.name for record in records(run)] == [NAME]
 
 
-def test_one_that_is_stopped_before_its_file_is_created_is_answered_all_the_same(run: Run) -> None:
+def test_a_recording_stopped_before_its_file_is_created_is_answered(run: Run) -> None:
     body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
     run.feed(Request(b"ann", body))
     assert run.ask("record.stop")["result"] == {"name": NAME, "path": None}
@@ -111,7 +111,7 @@ def test_one_that_is_stopped_before_its_file_is_created_is_answered_all_the_same
     assert shown(run) == state(NAME, "stopped")
 
 
-def test_a_limit_reached_behind_its_end_does_not_change_that_it_was_stopped(run: Run) -> None:
+def test_a_limit_reached_after_the_stop_leaves_it_stopped(run: Run) -> None:
     run.ask("record.start")
     run.ask("record.stop")
     run.feed(RecordingChanged(NAME, f"/state/{NAME}", "limited", "as large as it may be"))
@@ -120,7 +120,7 @@ def test_a_limit_reached_behind_its_end_does_not_change_that_it_was_stopped(run:
     assert shown(run)["failure"] == "the last bytes had no room"
 
 
-def test_the_recording_of_the_whole_run_is_shown_beside_the_one_on_request(run: Run) -> None:
+def test_the_recording_of_the_whole_run_is_published_beside_the_one_on_request(run: Run) -> None:
     run.ask("record.start")
     assert shown(run, "run_recording") is None
     run.feed(RecordingChanged("", "/data/run.mcap", "running"))
@@ -131,7 +131,7 @@ def test_the_recording_of_the_whole_run_is_shown_beside_the_one_on_request(run: 
     assert shown(run) == state(NAME, "running")
 
 
-def test_a_recording_made_before_the_disk_was_waited_for_replays(run: Run) -> None:
+def test_a_recording_without_events_of_the_disk_replays(run: Run) -> None:
     body = {"v": 1, "id": "c", "op": "record.start", "boot": "b00t", "deadline_ns": run.t_ns + 400_000_000}
     run.feed(Request(b"ann", body))
     assert (shown(run)["name"], shown(run)["running"]) == (NAME, True)
@@ -142,7 +142,7 @@ def test_a_recording_made_before_the_disk_was_waited_for_replays(run: Run) -> No
 
 
 @pytest.mark.parametrize("wall_ns", [0, -(10**30), 2**63 - 1, 10**30])
-def test_any_clock_makes_a_name(wall_ns: int) -> None:
+def test_every_wall_clock_gives_a_valid_name(wall_ns: int) -> None:
     recordings = RecordingState("b", wall_ns)
     assert recordings.start(Request(b"ann", {}), 0) is None
     (record,) = recordings.due()

@@ -1,6 +1,6 @@
-"""Whatever clients ask, and whatever goes wrong meanwhile: no byte to the gripper is outside the limits.
+"""Whatever clients request and whatever fails meanwhile, no byte to the gripper is outside the limits.
 
-Requests travel as bytes, and what reaches the gripper is read off its registers, so that every stage is between.
+Requests enter as bytes, and commands are read from the registers of the gripper, so that every stage takes part.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ ENVELOPE = ("id", "boot", "deadline_ns", "v", "zz")
 
 
 def any_request(rng: random.Random) -> tuple[Any, ...]:
-    """Any op, most often one that moves, with fields that are most often right."""
+    """Return a request of any op, mostly a motion with valid fields."""
     op = rng.choice((*OPS, *MOVES, *MOVES, *MOVES, *OPENING, "grip.hold", "fault.ack"))
     fields = [name for name, field in OPS[op].items() if field.required or rng.random() < 0.3]
     body = {"op": op} | {name: rng.choice(ODD if rng.random() < 0.1 else RIGHT[name]) for name in fields}
@@ -54,7 +54,7 @@ def any_request(rng: random.Random) -> tuple[Any, ...]:
 
 
 def any_event(rng: random.Random) -> tuple[Any, ...]:
-    """What else may happen between two requests."""
+    """Return something else that may happen between two requests."""
     return rng.choice(
         (
             ("again",),
@@ -74,14 +74,14 @@ def any_event(rng: random.Random) -> tuple[Any, ...]:
 
 
 class Watcher:
-    """Does things to a run, and looks at every register that is written."""
+    """Applies requests and events to a run, and checks every register that is written."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
-        self.told: set[float] = set()
+        self.granted: set[float] = set()
         self.may_open = False
-        self.felt_n = (0.0, 0.0)  # the last two forces: a gripper that is found holding is looked at each 20 ms
-        self.claimed = False  # no other than the daemon can have changed the grip since it last did
+        self.felt_n = (0.0, 0.0)  # the last two forces: a grip that is found is judged every 20 ms
+        self.claimed = False  # only the daemon can have changed the grip since its last command
         self.held_n: float | None = None
         self.lost = False
         self.since_ns, self.raised_n, self.slept = run.t_ns, 0.0, 0
@@ -116,18 +116,18 @@ class Watcher:
             self.done(body["op"], reply["result"], before)
 
     def done(self, op: str, result: dict[str, Any], before: dict[str, Any]) -> None:
-        """A request was carried out: what that allows, and whether it should have been."""
+        """Check that a request was rightly carried out, and note what it allows."""
         if op in (*MOVES, *OPENING):
             assert not before["latched_fault"]
             assert before["active"] or op == "gripper.activate"
         if op in OPENING:
             self.may_open, self.held_n, self.claimed = True, None, False
-            self.told.add(round(result.get("applied_n", LEAST_N), 6))
+            self.granted.add(round(result.get("applied_n", LEAST_N), 6))
         elif op in MOVES:
             applied_n = result["applied_n"]
             self.may_open = self.may_open and op != "gripper.close"
             self.change_to(applied_n, op)
-            self.told.add(round(applied_n, 6))
+            self.granted.add(round(applied_n, 6))
 
     def change_to(self, applied_n: float, op: str) -> None:
         held_n, self.held_n = self.held_n, applied_n
@@ -154,9 +154,9 @@ class Watcher:
             force = registers[-1] & 0xFF
             force_n = LEAST_N + QUANTUM_N * force
             assert force_n <= MOST_N + 1e-9
-            assert round(force_n, 6) in self.told, "only what was granted is sent"
+            assert round(force_n, 6) in self.granted, "only a granted force is sent"
             if len(registers) == 3 and registers[1] < gripper.position:
-                assert self.may_open, "it opens for who asked to open it"
+                assert self.may_open, "it opens only on request"
 
     def wait(self, ms: int) -> None:
         self.run.serve_gripper(ms)
@@ -171,7 +171,7 @@ class Watcher:
         setattr(self.run.gripper, name, value)
 
     def recover(self, *, acknowledge: bool) -> None:
-        """All is well again, but for what must be activated anew."""
+        """Clear every fault, except that an inactive gripper stays inactive."""
         self.run.gripper.fault, self.run.gripper.echo, self.run.gripper.silent = 0, None, False
         self.run.ask("lease.acquire", ttl_ms=200)
         self.run.serve_gripper(20)
@@ -204,8 +204,8 @@ def test_no_request_moves_the_gripper_beyond_its_limits(make_run: Callable[[str]
         watcher.do(any_event(rng) if rng.random() < 0.4 else ("feel", 5.0))
 
 
-def test_the_watcher_sees_what_it_is_to_see(run: Run) -> None:
-    """What is random may well ask for nothing that is done: this is done."""
+def test_the_watcher_sees_motions_that_are_carried_out(run: Run) -> None:
+    """Random requests may all be refused; these are carried out."""
     run.bring_up()
     watcher = Watcher(run)
     watcher.do(("ask", b"ann", {"op": "gripper.close", "force_n": 5.0}))
