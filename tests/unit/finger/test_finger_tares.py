@@ -1,4 +1,4 @@
-"""A pad has a zero of its own: taken, read and taken back as that of the force sensor; through the engine."""
+"""Tares of pad and force sensor, each with a zero of its own. Through the engine."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from slipd.events import Bytes
 from slipd_client.messages import Health
 
 EMPTY = np.zeros((4, 4), dtype=int)
+
 Run = Any
 
 EXTERNAL = """
@@ -40,7 +41,7 @@ axis_scale = [1.0]
 """
 
 
-class TestTareOfAPad:
+class TestTareOfPad:
     """A pad beside a force sensor has a zero of its own."""
 
     def offset(self, counts: float, press: float = 0.0) -> np.ndarray:
@@ -54,7 +55,7 @@ class TestTareOfAPad:
             run.tick()
             run.image(counts)
 
-    def test_it_is_taken_read_and_taken_back_beside_that_of_the_force_sensor(self, run: Run) -> None:
+    def test_pad_is_tared_and_undone_apart_from_the_force_sensor(self, run: Run) -> None:
         run.bring_up()
         run.image(self.offset(4))
         reply = run.ask("tare", finger="left", stream="pad", seconds=0.1)["result"]
@@ -82,7 +83,7 @@ class TestTareOfAPad:
         assert run.refusal("tare.undo", finger="left", stream="pad") == ("not_ready", "finger")
         assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
 
-    def test_both_are_taken_at_once(self, run: Run) -> None:
+    def test_stream_all_tares_both(self, run: Run) -> None:
         run.image(self.offset(300))
         run.wrench(0.2)
         reply = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
@@ -98,7 +99,7 @@ class TestTareOfAPad:
         again = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
         assert again["verified"] is True, "now each is a witness"
 
-    def test_what_a_charge_pad_has_learned_moves_with_its_zero(self, make_run: Callable[[str], Run], left: str) -> None:
+    def test_tare_of_a_charge_pad_keeps_its_loads(self, make_run: Callable[[str], Run], left: str) -> None:
         loads = []
         for tares in (False, True):
             run = make_run(left + "charge_tau_s = 2.0\n")
@@ -116,8 +117,8 @@ class TestTareOfAPad:
         assert loads[0] == pytest.approx([1.0] * 16, rel=0.1)
         assert loads[1] == pytest.approx(loads[0], abs=1e-9)
 
-    def test_an_image_whose_zero_is_known_forbids_to_tare_both(self, run: Run) -> None:
-        self.test_both_are_taken_at_once(run)
+    def test_image_of_a_tared_pad_refuses_a_tare_in_contact(self, run: Run) -> None:
+        self.test_stream_all_tares_both(run)
         for stream in ("wrench", "pad", "wrench"):  # the ones that are being measured, and the one that was taken
             assert run.refusal("tare.undo", finger="left", stream=stream) is None
         run.wrench(0.2)
@@ -125,7 +126,7 @@ class TestTareOfAPad:
         assert run.refusal("tare", finger="left", stream="all") == ("in_contact", "finger")
         assert run.refusal("tare", finger="left", stream="wrench") == ("in_contact", "finger")
 
-    def test_a_contact_ends_it(self, run: Run) -> None:
+    def test_contact_gives_up_the_tare(self, run: Run) -> None:
         run.bring_up()
         assert run.ask("tare", finger="left", stream="pad", seconds=0.2)["ok"]
         run.wrench(5.0, ms=10.0)
@@ -133,7 +134,7 @@ class TestTareOfAPad:
         assert (got["busy"], got["tare_id"], got["given_up"]) == (False, 0, "a contact began")
         assert run.refusal("tare", finger="left", stream="pad") == ("in_contact", "finger")
 
-    def test_a_silent_pad_is_not_tared(self, run: Run) -> None:
+    def test_silent_pad_is_not_tared(self, run: Run) -> None:
         run.wrench(0.0)
         assert run.refusal("tare", finger="left", stream="pad") == ("not_ready", "finger")
         run.image(EMPTY)
@@ -144,7 +145,7 @@ class TestTareOfAPad:
         got = run.ask("tare.get", finger="left", stream="pad")["result"]
         assert (got["busy"], got["given_up"]) == (False, "the stream fell silent")
 
-    def test_an_unplugged_pad_is_not_tared_any_more(self, run: Run) -> None:
+    def test_unplugged_pad_gives_up_its_tare(self, run: Run) -> None:
         run.wrench(0.0)
         run.image(EMPTY)
         assert run.refusal("tare", finger="left", stream="pad") is None
@@ -162,19 +163,19 @@ class TestTareOfAPad:
             ("tare", {"finger": "left", "stream": 1}, ("bad_type", "stream")),
         ],
     )
-    def test_another_stream_is_refused(
+    def test_unknown_stream_is_refused(
         self, run: Run, op: str, fields: dict[str, Any], refusal: tuple[str, str]
     ) -> None:
         run.wrench(0.0)
         assert run.refusal(op, **fields) == refusal
 
-    def test_the_pad_of_a_finger_without_force_sensor_may_be_named(self, run: Run) -> None:
+    def test_pad_that_measures_the_force_may_be_named(self, run: Run) -> None:
         run.skin(0.4)
         for stream in ("pad", "all"):
             reply = run.ask("tare", finger="right", stream=stream, seconds=0.1)["result"]
             assert reply["tare_ids"] == {"pad": 0}
 
-    def test_readings_that_the_device_marks_as_invalid_never_enter_a_tare(self, make_run: Callable[[str], Run]) -> None:
+    def test_readings_marked_invalid_are_left_out(self, make_run: Callable[[str], Run]) -> None:
         run = make_run(EXTERNAL)
         run.up()
         for k in range(40):
@@ -195,7 +196,7 @@ class TestTareOfAPad:
             assert (got["tare_id"], got["given_up"]) == (1, None)
             assert got["offset"] == pytest.approx(offset, abs=1e-9)
 
-    def test_a_pad_that_measures_the_force_takes_no_invalid_reading_either(
+    def test_images_marked_invalid_are_left_out_of_the_tare_of_a_three_axis_pad(
         self, make_run: Callable[[str], Run]
     ) -> None:
         alone = EXTERNAL.replace("axis_scale = [1.0]", "axis_scale = [1.0, 1.0, -1.0]")
@@ -229,15 +230,15 @@ class TestNeverTared:
         )
 
     def message(self, run: Run, stream: str) -> tuple[Health, str]:
-        told = run.ask("status", id=run.t_ns)["result"]["streams"][stream]
-        return Health(told["health"]), told["message"]
+        reported = run.ask("status", id=run.t_ns)["result"]["streams"][stream]
+        return Health(reported["health"]), reported["message"]
 
     def untared(self, make_run: Callable[[str], Run], right: str) -> Run:
         run = make_run(right.partition("tare =")[0])
         run.up()
         return run
 
-    def test_a_pad_of_raw_counts_is_unknown_until_it_is_tared(self, make_run: Callable[[str], Run], right: str) -> None:
+    def test_pad_with_raw_counts_is_unknown_until_tared(self, make_run: Callable[[str], Run], right: str) -> None:
         run = self.untared(make_run, right)
         for _ in range(3):
             self.skin(run)
@@ -261,7 +262,7 @@ class TestNeverTared:
         self.skin(run)
         assert run.level("right") == ("unknown", ["not_tared"]), "as before the tare"
 
-    def test_nothing_rests_on_it(self, make_run: Callable[[str], Run], right: str, gripper: str) -> None:
+    def test_gripper_is_not_activated_on_it(self, make_run: Callable[[str], Run], right: str, gripper: str) -> None:
         run = make_run(right.partition("tare =")[0] + gripper)
         run.up()
         for _ in range(3):
@@ -270,7 +271,7 @@ class TestNeverTared:
         run.serve_gripper(50)
         assert run.refusal("gripper.activate") == ("in_contact", "drop"), "not known to be free"
 
-    def test_a_pad_that_counts_from_zero_needs_no_tare(self, make_run: Callable[[str], Run], right: str) -> None:
+    def test_pad_that_counts_from_zero_needs_no_tare(self, make_run: Callable[[str], Run], right: str) -> None:
         run = self.untared(make_run, right)
         run.wait(10)
         for k, counts in enumerate((0, 5000, 9000)):
@@ -278,9 +279,7 @@ class TestNeverTared:
             run.feed(Bytes("right.pad", xela.encode_message(k, {"2": np.full((4, 3), (0, 0, counts))}, 1.7e9)))
         assert run.level("right")[0] == "stable", "36 N that grew from nothing are a load"
 
-    def test_a_load_at_the_start_is_believed_once_the_pad_was_seen_free(
-        self, make_run: Callable[[str], Run], right: str
-    ) -> None:
+    def test_load_at_the_start_counts_once_the_pad_was_free(self, make_run: Callable[[str], Run], right: str) -> None:
         run = self.untared(make_run, right)
         levels = []
         for k, counts in enumerate((9000, 9000, 10, 9000)):
@@ -297,7 +296,7 @@ class TestNeverTared:
             run.image(np.full((4, 4), counts))
             run.wrench(0.0, ms=5.0)
 
-    def test_beside_a_force_sensor_the_images_are_not_used(self, run: Run) -> None:
+    def test_images_beside_a_force_sensor_are_not_used(self, run: Run) -> None:
         run.bring_up()
         self.go_on(run, 30, 300)
         assert run.level() == ("no_contact", []), "the force sensor says so"
@@ -312,15 +311,15 @@ class TestNeverTared:
         run.wrench(8.0)
         assert run.level() == ("stable", [])
 
-    def test_a_touch_that_the_pad_shows_before_the_force_sensor_is_no_offset(self, run: Run) -> None:
+    def test_touch_that_the_pad_shows_first_is_not_an_offset(self, run: Run) -> None:
         run.bring_up()
         self.go_on(run, 10, 100)
         run.wrench(8.0)
         assert run.level() == ("stable", [])
 
 
-def test_an_untared_sensor_is_not_tared_while_a_grip_is_in_force(make_run: Callable[[str], Run], rig: str) -> None:
-    """It cannot tell the load from its bias, and nothing else shows the finger to be free."""
+def test_untared_sensor_is_not_tared_while_a_grip_is_in_force(make_run: Callable[[str], Run], rig: str) -> None:
+    """Its bias may be a load, and nothing else shows that the finger is free."""
     head, _, rest = rig.partition("[finger.left.pad]")
     run = make_run(head + rest[rest.index("[finger.right]") :])
     run.up()

@@ -1,29 +1,37 @@
-"""What the pad feels, out of what the sensor reads: tare, mounting, the finger's weight, drift, in that order."""
+"""From sensor readings to the wrench on the pad: tare, mounting, weight of the finger, drift, in that order."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
-from force_readings import read_force
+from finger_bench import FULL, MS, T0, Image, Parse, make_finger, read_force
 
-from slipd.config import Config, Levels
-from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.stream_health import force_conditions
 from slipd.fusion import carry
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
-MS = 1_000_000
-T0 = 100_000_000_000
-G = 9.80665
-DOWN, ALONG = [0.0, 0.0, -G], [G, 0.0, 0.0]
-HEAVY = 'port = "/dev/left-wrench"\nmass_kg = 0.1\ncom_m = [0.0, 0.0, -0.02]'
 
-Parse = Callable[[str], Config]
+def test_mounting_moves_wrench_from_sensor_to_pad(left: str, parse: Parse, image: Image) -> None:
+    pose = "{ xyz_m = [0.0, 0.0, -0.02], quat_xyzw = [1.0, 0.0, 0.0, 0.0] }"
+    turned = left.replace("force_std_n = 0.0", f"force_std_n = 0.0\nsign = -1\npad_from_sensor = {pose}")
+    finger = make_finger(turned, parse)
+    finger.update_image(image(T0, FULL))
+    # Half a turn about X, and the load by the finger: the pad's (2, 0, −10) is the sensor's (−2, 0, −10).
+    state = read_force(finger, WrenchSample(T0, None, np.array((-2.0, 0.0, -10.0)), np.zeros(3)))
+    assert state.wrench is not None
+    assert state.wrench[:3] == pytest.approx((2.0, 0.0, -10.0))
+    assert state.wrench[3:] == pytest.approx((0.0, -0.04, 0.0)), "r × F with r 20 mm behind the pad"
+
+
+G = 9.80665
+
+DOWN, ALONG = [0.0, 0.0, -G], [G, 0.0, 0.0]
+
+HEAVY = 'port = "/dev/left-wrench"\nmass_kg = 0.1\ncom_m = [0.0, 0.0, -0.02]'
 
 
 @pytest.fixture
@@ -51,7 +59,7 @@ def weigh(gravity: list[float]) -> list[float]:
     return [*force, *np.cross((0.0, 0.0, -0.02), force)]
 
 
-def test_the_weight_is_taken_out_at_every_pose(heavy: str, parse: Parse) -> None:
+def test_finger_weight_is_subtracted_at_every_pose(heavy: str, parse: Parse) -> None:
     force = side(heavy, parse)
     for gravity in (DOWN, ALONG):
         force.set_gravity(gravity, T0)
@@ -61,7 +69,7 @@ def test_the_weight_is_taken_out_at_every_pose(heavy: str, parse: Parse) -> None
     assert force_conditions(force, T0) == []
 
 
-def test_a_tare_at_a_known_pose_keeps_its_weight_apart(heavy: str, parse: Parse) -> None:
+def test_tare_at_a_known_pose_does_not_contain_the_weight(heavy: str, parse: Parse) -> None:
     force = side(heavy, parse)
     force.set_gravity(DOWN, T0)
     force.begin_tare(T0, 0.01, "ann")
@@ -76,7 +84,7 @@ def test_a_tare_at_a_known_pose_keeps_its_weight_apart(heavy: str, parse: Parse)
     assert not force.undo_tare()
 
 
-def test_an_unknown_orientation_is_a_doubt_that_is_told(heavy: str, parse: Parse) -> None:
+def test_unknown_orientation_adds_uncertainty_and_is_reported(heavy: str, parse: Parse) -> None:
     force = side(heavy, parse)
     assert force.doubt(T0)[2] == pytest.approx(0.1 * G)
     ((level, message),) = force_conditions(force, T0)
@@ -89,7 +97,7 @@ def test_an_unknown_orientation_is_a_doubt_that_is_told(heavy: str, parse: Parse
     assert any("tare it once more while gravity.set runs" in text for _, text in force_conditions(force, T0))
 
 
-def test_a_tare_is_given_up_when_the_finger_is_turned(heavy: str, parse: Parse) -> None:
+def test_tare_is_given_up_when_the_finger_turns(heavy: str, parse: Parse) -> None:
     force = side(heavy.replace("force_std_n = 0.0", "force_std_n = 0.02"), parse)
     force.set_gravity(DOWN, T0)
     force.begin_tare(T0, 0.01, "ann")
@@ -100,27 +108,27 @@ def test_a_tare_is_given_up_when_the_finger_is_turned(heavy: str, parse: Parse) 
     assert (Health.OK, "the last tare was given up: the finger was turned") in force_conditions(force, T0)
 
 
-def test_the_doubt_of_the_weight_takes_the_margin(heavy: str, left: str, parse: Parse) -> None:
-    told = {}
+def test_uncertain_weight_reduces_the_margin(heavy: str, left: str, parse: Parse) -> None:
+    reported = {}
     for name, text in (("light", left), ("heavy", heavy)):
-        finger = Finger("left", parse(text).finger["left"], Levels())
+        finger = make_finger(text, parse)
         finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
         for shown in (False, True):
             if shown and finger.force is not None:
                 finger.force.set_gravity([0.0, 0.0, 0.0], T0)
             state = read_force(finger, WrenchSample(T0, None, np.array((2.0, 0.0, -8.0)), np.zeros(3)))
-            told[name, shown] = state.verdict.level, state.verdict.reasons
+            reported[name, shown] = state.verdict.level, state.verdict.reasons
             assert state.contact is not None
             assert (state.contact.friction_ratio_std > 0.0) == (name == "heavy" and not shown)
-    assert told["light", False] == told["light", True] == told["heavy", True] == ("stable", ())
-    assert told["heavy", False][0] in ("caution", "warning")
-    assert told["heavy", False][1][-1] == "weight_unknown"
+    assert reported["light", False] == reported["light", True] == reported["heavy", True] == ("stable", ())
+    assert reported["heavy", False][0] in ("caution", "warning")
+    assert reported["heavy", False][1][-1] == "weight_unknown"
 
 
 DRIFTS = 'port = "/dev/left-wrench"\ndrift_tau_s = 1.0'
 
 
-def test_a_drifting_zero_is_followed_while_nothing_touches_and_kept_in_a_contact(left: str, parse: Parse) -> None:
+def test_drift_is_followed_without_contact_and_kept_in_contact(left: str, parse: Parse) -> None:
     force = side(left.replace('port = "/dev/left-wrench"', DRIFTS), parse)
     reading = [0.0, 0.0, 0.2, 0.0, 0.0, 0.0]
     for k in range(1500):
@@ -140,7 +148,7 @@ def test_a_drifting_zero_is_followed_while_nothing_touches_and_kept_in_a_contact
     assert force.drift.value[2] == pytest.approx(0.2, abs=0.01)
 
 
-def test_a_drift_at_its_limit_is_told(left: str, parse: Parse) -> None:
+def test_drift_at_its_limit_is_reported(left: str, parse: Parse) -> None:
     text = left.replace('port = "/dev/left-wrench"', DRIFTS + "\ndrift_limit_n = 0.1")
     force = side(text, parse)
     for k in range(9000):
@@ -150,25 +158,10 @@ def test_a_drift_at_its_limit_is_told(left: str, parse: Parse) -> None:
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("place", range(6))
-def test_N1_a_number_that_is_none_touches_nothing(left: str, parse: Parse, wrong: float, place: int) -> None:
+def test_N1_reading_that_is_not_finite_changes_no_state(left: str, parse: Parse, wrong: float, place: int) -> None:
     force = side(left.replace('port = "/dev/left-wrench"', DRIFTS), parse)
     well = read(force, [0.1] * 6, untouched=True)
     bad = [0.1] * 6
     bad[place] = wrong
     assert not np.isfinite(read(force, bad, untouched=True)).all()
     assert read(force, [0.1] * 6, untouched=True) == well
-
-
-def test_an_untouched_finger_by_its_image_and_without_one(left: str, parse: Parse) -> None:
-    text = left.replace('port = "/dev/left-wrench"', DRIFTS)
-    finger = Finger("left", parse(text).finger["left"], Levels())
-    for ms in range(0, 200_000, 100):
-        finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
-        read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
-    assert finger.force is not None
-    assert finger.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
-    alone = Finger("left", parse(text).finger["left"], Levels())
-    for ms in range(0, 200_000, 100):
-        read_force(alone, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
-    assert alone.force is not None
-    assert alone.force.drift.value[0] == pytest.approx(0.2, abs=0.01)

@@ -1,4 +1,4 @@
-"""A normal force that is clearly negative is unknown, never "no contact"; engine and real bytes."""
+"""Clearly negative normal force: unknown, never "no contact". Through the engine with real bytes."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ import pytest
 
 from slipd_client.messages import Health
 
-MS = 1_000_000
 NOT_READY = ("not_ready", "finger")
+
 DROP = ("in_contact", "drop")
+
 Run = Any
+
 Make = Callable[[str], Run]
 
 
 def health(run: Run, stream: str = "left.wrench") -> tuple[int, str]:
-    told = run.ask("status")["result"]["streams"][stream]
-    return told["health"], told["message"]
+    reported = run.ask("status")["result"]["streams"][stream]
+    return reported["health"], reported["message"]
 
 
 @pytest.mark.parametrize("normal_n", [-25.0, -71_768.0])
-def test_a_sensor_that_reads_a_pull_is_unknown_and_says_what_to_check(run: Run, normal_n: float) -> None:
+def test_pulled_pad_is_unknown_and_status_says_what_to_check(run: Run, normal_n: float) -> None:
     run.bring_up()
     run.wrench(normal_n)
     assert run.level() == ("unknown", ["pulled"])
@@ -38,7 +40,7 @@ def test_a_sensor_that_reads_a_pull_is_unknown_and_says_what_to_check(run: Run, 
     assert "pulls" not in health(run)[1]
 
 
-def test_nothing_is_tared_or_opened_on_a_pull(run: Run) -> None:
+def test_pulled_pad_is_neither_tared_nor_opened(run: Run) -> None:
     run.bring_up()
     run.feel(0.0)
     assert run.refusal("gripper.open") is None
@@ -52,7 +54,7 @@ def test_nothing_is_tared_or_opened_on_a_pull(run: Run) -> None:
     assert run.refusal("gripper.open", drop=True) is None
 
 
-def test_no_grip_is_raised_on_a_pull(run: Run) -> None:
+def test_no_grip_is_raised_on_a_pulled_pad(run: Run) -> None:
     run.bring_up()
     run.grip(5.0)
     run.feel(5.0)
@@ -62,18 +64,18 @@ def test_no_grip_is_raised_on_a_pull(run: Run) -> None:
     assert run.refusal("grip.adjust", delta_n=1.0) is None
 
 
-def test_a_tare_that_is_being_measured_ends_with_a_pull(run: Run) -> None:
+def test_pull_ends_a_tare_in_progress(run: Run) -> None:
     run.bring_up()
     assert run.refusal("tare", finger="left", seconds=0.1) is None
     for _ in range(10):
         run.wrench(0.0)
     run.wrench(-25.0)
-    told = run.ask("tare.get", finger="left")["result"]
-    assert (told["tare_id"], told["busy"]) == (1, False)
-    assert told["given_up"] == "the normal force became negative, as if the pad were pulled"
+    reported = run.ask("tare.get", finger="left")["result"]
+    assert (reported["tare_id"], reported["busy"]) == (1, False)
+    assert reported["given_up"] == "the normal force became negative, as if the pad were pulled"
 
 
-def test_the_bias_of_an_unloaded_sensor_is_tared_by_whoever_knows_that_it_is_one(run: Run) -> None:
+def test_unloaded_true_tares_a_negative_bias(run: Run) -> None:
     run.wrench(-25.0)
     run.tick()
     assert run.level() == ("unknown", ["pulled"])
@@ -87,7 +89,7 @@ def test_the_bias_of_an_unloaded_sensor_is_tared_by_whoever_knows_that_it_is_one
     assert run.level() == ("no_contact", [])
 
 
-def test_an_unloaded_sensor_is_not_tared_while_its_pad_shows_a_contact(run: Run) -> None:
+def test_unloaded_true_is_refused_while_the_pad_shows_a_contact(run: Run) -> None:
     run.image()
     run.wrench(-25.0)
     assert run.refusal("tare", finger="left", unloaded=True) == ("in_contact", "finger")
@@ -103,7 +105,7 @@ def test_an_unloaded_sensor_is_not_tared_while_its_pad_shows_a_contact(run: Run)
         ("mass_kg = 0.1", 0.5 + 1.0 + 0.1 * 2 * 9.80665),
     ],
 )
-def test_what_is_clear_follows_from_noise_weight_drift_and_the_least_force_of_a_contact(
+def test_limit_follows_from_noise_weight_drift_bias_and_min_normal_n(
     make_run: Make, left: str, more: str, least_n: float
 ) -> None:
     text = left.replace("force_std_n = 0.0\n", "") if "force_std_n" in more else left
@@ -120,7 +122,7 @@ def test_what_is_clear_follows_from_noise_weight_drift_and_the_least_force_of_a_
         assert (run.level()[1] == ["pulled"]) is pulled
 
 
-def test_a_wrong_mounting_is_seen_with_the_first_press(make_run: Make, left: str) -> None:
+def test_wrong_mounting_shows_at_the_first_contact(make_run: Make, left: str) -> None:
     """The quaternion of a half turn about Y, [0, 1, 0, 0], that should have been the identity."""
     run = make_run(left.replace("stuck_after = 0", "pad_from_sensor = { quat_xyzw = [0.0, 1.0, 0.0, 0.0] }"))
     run.up()
@@ -132,7 +134,7 @@ def test_a_wrong_mounting_is_seen_with_the_first_press(make_run: Make, left: str
     assert run.level() == ("unknown", ["pulled"])
 
 
-def test_taxels_that_are_pressed_during_a_pull_are_not_hot(run: Run) -> None:
+def test_taxels_pressed_during_a_pull_are_not_masked_as_hot(run: Run) -> None:
     """The force sensor has the wrong sign: what it calls a pull presses the pad, first lightly and then hard."""
     run.bring_up()
     rng = np.random.default_rng(2)
@@ -142,13 +144,13 @@ def test_taxels_that_are_pressed_during_a_pull_are_not_hot(run: Run) -> None:
         run.tick()
         run.wrench(-normal_n, ms=2.0)
         run.image(np.rint(10.0 * normal_n + rng.normal(size=(4, 4))).astype(int))
-    told = run.ask("status")["result"]["streams"]["left.pad"]
-    assert told["masked"] == []
+    reported = run.ask("status")["result"]["streams"]["left.pad"]
+    assert reported["masked"] == []
     assert run.level() == ("unknown", ["pulled"])
     assert run.refusal("tare", finger="left") == ("in_contact", "finger"), "the pad knows better"
 
 
-def test_a_pad_that_measures_the_force_by_itself_can_be_pulled_too(make_run: Make, right: str) -> None:
+def test_three_axis_pad_with_wrong_sign_is_pulled(make_run: Make, right: str) -> None:
     """Its axis_scale has the wrong sign."""
     run = make_run(right.replace("-0.001", "0.001"))
     run.up()
@@ -160,7 +162,7 @@ def test_a_pad_that_measures_the_force_by_itself_can_be_pulled_too(make_run: Mak
     assert (level, "axis_scale" in message) == (Health.ERROR, True)
 
 
-def test_the_raw_counts_of_a_pad_that_was_never_tared_may_be_tared(make_run: Make, right: str) -> None:
+def test_raw_counts_below_zero_may_be_tared(make_run: Make, right: str) -> None:
     run = make_run(right.replace("-0.001", "0.001").partition("tare = ")[0])
     run.up()
     for _ in range(3):

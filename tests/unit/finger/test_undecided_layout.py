@@ -1,4 +1,4 @@
-"""A PapillArray whose layout no load has shown yet: its finger is unknown, and says what to do about it."""
+"""PapillArray before a load shows its layout: the finger is unknown, and status says what to do."""
 
 from __future__ import annotations
 
@@ -35,8 +35,11 @@ threshold = 0.05
 [rates]
 status_hz = 10.0
 """
+
 FREE = np.zeros((9, 3))
+
 GRIPPED = np.tile((0.02, 0.0, 0.5), (9, 1))
+
 Run = Any
 
 
@@ -77,7 +80,7 @@ def pads(layout: str, make_run: Callable[[str], Run]) -> Pads:
     return Pads(run, Controller(1, layout=layout))
 
 
-def test_until_a_load_shows_the_layout_the_finger_is_unknown_and_says_what_to_do(pads: Pads, layout: str) -> None:
+def test_finger_is_unknown_until_a_load_shows_the_layout(pads: Pads, layout: str) -> None:
     pads.go_on(1500, FREE)
     assert pads.level == "unknown"
     assert pads.stream == (Health.STALE, UNDECIDED)
@@ -90,7 +93,7 @@ def test_until_a_load_shows_the_layout_the_finger_is_unknown_and_says_what_to_do
     assert pads.level == "no_contact"
 
 
-def test_a_finger_whose_forces_contradict_the_sensors_own_sum_is_unknown_though_pressed(
+def test_finger_is_unknown_where_pillars_contradict_the_sum_of_the_sensor(
     pads: Pads, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     encode = frames.encode_totals

@@ -1,4 +1,4 @@
-"""Two fingers seen as one grasp: what rests on a finger that is not known is not known."""
+"""Two fingers as one grasp: what depends on a finger that is unknown is unknown."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from force_readings import read_force
+from finger_bench import read_force
 from project import DOCS
 
 from slipd import config
@@ -36,7 +36,7 @@ quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 """
 WIDTH_M = 0.06
 PROTOCOL = (DOCS / "protocol.md").read_text(encoding="utf-8")
-#: What is told of a grasp whatever is known of its fingers.
+# Fields that are known whatever is known of the fingers.
 ALWAYS = {"fingers", "level", "level_code", "reasons", "width_m", "age_s"}
 
 Parse = Callable[[str], Config]
@@ -101,11 +101,11 @@ def fields() -> Iterable[str]:
     return re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)))
 
 
-def test_the_protocol_document_lists_the_fields_that_are_sent(hand: Hand) -> None:
+def test_protocol_document_lists_the_fields_of_grasp(hand: Hand) -> None:
     assert set(fields()) == set(hand.body())
 
 
-def test_a_held_box_is_told_with_everything_that_is_known_of_it(hand: Hand) -> None:
+def test_held_box_has_every_field(hand: Hand) -> None:
     hand.hold()
     body = hand.body(T0 + 2 * MS)
     assert hand.nil() == set()
@@ -122,7 +122,7 @@ def test_a_held_box_is_told_with_everything_that_is_known_of_it(hand: Hand) -> N
     assert body["age_s"] == pytest.approx(0.002)
 
 
-def test_the_pads_follow_the_width(hand: Hand) -> None:
+def test_pads_move_with_the_width(hand: Hand) -> None:
     """1 N along the gripper's X: its lever along Z is where the pads are at this width."""
     hand.press("left", 10.0, (0.0, -0.5))
     hand.press("right", 10.0, (0.0, 0.5))
@@ -132,7 +132,7 @@ def test_the_pads_follow_the_width(hand: Hand) -> None:
         assert body["external_torque_nm"] == pytest.approx([0.0, lever_m, 0.0])
 
 
-def test_the_halves_of_a_virtual_scene_add_up_to_what_the_world_does(hand: Hand) -> None:
+def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None:
     """On the pads as the demo's config places them: the left pad's X, Y and spin are Z, −X and −Y of its gripper."""
     grasp = config.load(config.shipped("demo.toml")).grasp
     assert grasp is not None
@@ -148,18 +148,18 @@ def test_the_halves_of_a_virtual_scene_add_up_to_what_the_world_does(hand: Hand)
 
 
 @pytest.mark.parametrize("width_m", [-0.001, 0.081])
-def test_beyond_the_widths_that_were_measured_the_torque_is_nil(hand: Hand, width_m: float) -> None:
+def test_torque_is_nil_outside_the_configured_widths(hand: Hand, width_m: float) -> None:
     hand.hold()
     assert hand.nil(width_m=width_m) == {"external_torque_nm"}
 
 
 @pytest.mark.parametrize("width_m", [None, math.nan])
-def test_without_a_width_the_torque_is_nil_and_nothing_else(hand: Hand, width_m: float | None) -> None:
+def test_torque_alone_is_nil_without_a_width(hand: Hand, width_m: float | None) -> None:
     hand.hold()
     assert hand.nil(width_m=width_m) == {"external_torque_nm", "width_m"}
 
 
-def test_an_axial_push_is_told_apart_from_the_grip(hand: Hand) -> None:
+def test_axial_push_is_external_force_not_grip(hand: Hand) -> None:
     """3 N against the left pad, which looks along −Y: the world pushes the box along +Y."""
     hand.press("left", 13.0, (1.2, 0.0))
     hand.press("right", 10.0, (1.2, 0.0))
@@ -171,7 +171,7 @@ def test_an_axial_push_is_told_apart_from_the_grip(hand: Hand) -> None:
     assert body["grip_needed_n"] == pytest.approx(1.3 * 2.4, rel=1e-5)
 
 
-def test_the_finger_that_lacks_most_decides_on_the_grip_needed(make_hand: MakeHand) -> None:
+def test_grip_needed_is_that_of_the_finger_that_lacks_most(make_hand: MakeHand) -> None:
     hand = make_hand(("mu = 0.5", "mu = 0.25\ngrip_safety = 2.0"))
     hand.press("left", 13.0, (3.0, 0.0))
     hand.press("right", 10.0, (1.0, 0.0))
@@ -189,7 +189,7 @@ def test_the_finger_that_lacks_most_decides_on_the_grip_needed(make_hand: MakeHa
 
 @pytest.mark.parametrize("name", ["left", "right"])
 @pytest.mark.parametrize("what", ["stale", "overload", "not_finite", "never"])
-def test_a_finger_that_is_not_known_leaves_nothing_of_the_grasp_known(hand: Hand, name: str, what: str) -> None:
+def test_grasp_is_unknown_where_one_finger_is(hand: Hand, name: str, what: str) -> None:
     other = "right" if name == "left" else "left"
     hand.press(other, 10.0, (1.2, 0.0))
     if what == "stale":
@@ -206,7 +206,7 @@ def test_a_finger_that_is_not_known_leaves_nothing_of_the_grasp_known(hand: Hand
     assert body["reasons"] == ["stale" if what == "never" else what]
 
 
-def test_a_finger_whose_image_disagrees_is_not_believed(make_hand: MakeHand) -> None:
+def test_finger_in_disagreement_is_unknown(make_hand: MakeHand) -> None:
     """Its numbers are there, but nobody knows which of both is right."""
     hand = make_hand(("threshold = 0.05", "threshold = 0.05\ngain_error = 0.1"))
     for ms in range(0, 2000, 10):
@@ -218,7 +218,7 @@ def test_a_finger_whose_image_disagrees_is_not_believed(make_hand: MakeHand) -> 
     assert {key for key, value in body.items() if value is None} == set(body) - ALWAYS
 
 
-def test_nothing_between_the_fingers_is_no_grip_and_not_unknown(hand: Hand) -> None:
+def test_free_fingers_have_no_grip_and_are_known(hand: Hand) -> None:
     hand.press("left", 0.1, (0.02, 0.0))
     hand.press("right", -0.1)
     body = hand.body()
@@ -228,7 +228,7 @@ def test_nothing_between_the_fingers_is_no_grip_and_not_unknown(hand: Hand) -> N
     assert unknown == {"utilisation", "grip_needed_n", "load_share", "asymmetry"}
 
 
-def test_one_finger_against_a_wall_grips_nothing(hand: Hand) -> None:
+def test_one_finger_against_a_wall_is_no_grip(hand: Hand) -> None:
     hand.press("left", 10.0, (1.0, 0.0))
     hand.press("right", 0.0)
     body = hand.body()
@@ -237,7 +237,7 @@ def test_one_finger_against_a_wall_grips_nothing(hand: Hand) -> None:
     assert body["grip_needed_n"] is body["utilisation"] is None
 
 
-def test_without_an_image_or_friction_no_grip_can_be_asked_for(make_hand: MakeHand) -> None:
+def test_grip_needed_is_nil_without_image_or_mu(make_hand: MakeHand) -> None:
     for hand, counts in ((make_hand(), None), (make_hand(("mu = 0.5\n", "")), FULL)):
         hand.press("left", 10.0, (1.2, 0.0), counts=counts)
         hand.press("right", 10.0, (1.2, 0.0))
@@ -246,7 +246,7 @@ def test_without_an_image_or_friction_no_grip_can_be_asked_for(make_hand: MakeHa
         assert {key for key, value in body.items() if value is None} == {"grip_needed_n", "utilisation"}
 
 
-def test_a_load_that_no_grip_holds_has_no_number(hand: Hand) -> None:
+def test_grip_needed_is_nil_where_no_grip_holds(hand: Hand) -> None:
     one = np.zeros((4, 4))
     one[1, 1] = 100
     hand.press("left", 10.0, (0.0, 0.0), 0.01, (-0.002, -0.002), counts=one)
@@ -258,27 +258,27 @@ def test_a_load_that_no_grip_holds_has_no_number(hand: Hand) -> None:
 
 
 def test_level_and_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
-    def told() -> tuple[str, list[str]]:
+    def level_and_reasons() -> tuple[str, list[str]]:
         body = hand.body()
         return body["level"], body["reasons"]
 
     hand.press("left", 10.0, (3.7, 0.0))
-    assert told() == ("caution", ["translation"]), "more alarming than a finger of which nothing is known"
+    assert level_and_reasons() == ("caution", ["translation"]), "more alarming than a finger of which nothing is known"
     hand.press("right", 10.0)
-    assert told() == ("caution", ["translation"])
+    assert level_and_reasons() == ("caution", ["translation"])
     hand.press("right", 10.0, (0.0, 0.0), 0.028)
-    assert told() == ("warning", ["rotation"]), "the finger at caution has no say"
+    assert level_and_reasons() == ("warning", ["rotation"]), "the finger at caution adds none"
     hand.press("left", 10.0, (4.6, 0.0))
-    assert told() == ("warning", ["translation", "rotation"])
+    assert level_and_reasons() == ("warning", ["translation", "rotation"])
 
 
-def test_a_reason_of_both_fingers_is_told_once(hand: Hand) -> None:
+def test_reason_of_both_fingers_is_listed_once(hand: Hand) -> None:
     hand.press("left", 10.0, (4.6, 0.0))
     hand.press("right", 10.0, (4.6, 0.0))
     assert hand.body()["reasons"] == ["translation"]
 
 
-def test_a_finger_whose_own_weight_is_unknown_tells_the_grip_but_not_the_load(make_hand: MakeHand) -> None:
+def test_unknown_finger_weight_hides_the_load_but_not_the_grip(make_hand: MakeHand) -> None:
     hand = make_hand(("stuck_after = 0", "stuck_after = 0\nmass_kg = 0.05"))
     hand.hold()
     assert hand.nil() == {"external_force_n", "external_torque_nm"}
@@ -289,9 +289,7 @@ def test_a_finger_whose_own_weight_is_unknown_tells_the_grip_but_not_the_load(ma
     assert hand.nil() == set()
 
 
-def test_pads_without_a_force_sensor_make_a_grasp_too(
-    left: str, right: str, parse: Parse, wrench: Wrench, image: Image
-) -> None:
+def test_three_axis_pads_make_a_grasp(left: str, right: str, parse: Parse, wrench: Wrench, image: Image) -> None:
     hand = Hand(parse(left + right + GRASP), wrench, image)
     hand.press("left", 10.0, (1.2, 0.0))
     counts = np.tile(np.array((1000 + 300, 1000, 1000 + 2500)), (4, 1)).astype(float)
@@ -302,7 +300,7 @@ def test_pads_without_a_force_sensor_make_a_grasp_too(
     assert body["utilisation"] == pytest.approx(0.24, rel=1e-4)
 
 
-def test_the_age_is_that_of_the_older_reading(hand: Hand) -> None:
+def test_age_is_that_of_the_older_reading(hand: Hand) -> None:
     hand.press("left", 10.0)
     hand.press("right", 10.0, t_ns=T0 + 4 * MS)
     assert hand.body(T0 + 5 * MS)["age_s"] == pytest.approx(0.005)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from force_readings import read_force
+from finger_bench import read_force
 from project import DOCS
 
 from slipd.config import Config, Levels

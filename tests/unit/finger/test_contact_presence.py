@@ -1,0 +1,141 @@
+"""Whether something presses on the pad: yes, no, or unknown. Unknown is never reported as free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from finger_bench import EMPTY, FULL, MS, T0, Image, NoisyFinger, Parse, Press, Wrench, make_finger, read_force
+
+from slipd.finger.finger import Finger
+from slipd.samples import TactileSample, WrenchSample
+
+
+class TestIsPressed:
+    """Whether something presses is known or not; what is not known is not free."""
+
+    def tared(self, finger: Finger, wrench: Wrench, *, t_ns: int = T0 - 100 * MS) -> None:
+        finger.begin_tare(t_ns, 0.01, "someone")
+        for k in range(20):
+            read_force(finger, wrench(t_ns + k * MS, 0.0))
+        assert finger.tare.current.id == 1
+
+    def test_unknown_before_the_first_reading(self, finger: Finger) -> None:
+        assert finger.is_pressed() is None
+
+    def test_force_sensor_without_tare_does_not_count(self, finger: Finger, wrench: Wrench) -> None:
+        for normal_n in (0.0, 30.0):
+            read_force(finger, wrench(T0, normal_n))
+            assert finger.is_pressed() is None
+
+    def test_tared_force_sensor_counts(self, finger: Finger, wrench: Wrench) -> None:
+        self.tared(finger, wrench)
+        read_force(finger, wrench(T0, 0.1))
+        assert finger.is_pressed() is False
+        read_force(finger, wrench(T0, 5.0))
+        assert finger.is_pressed() is True
+
+    def test_fresh_image_counts_by_itself(self, finger: Finger, press: Press) -> None:
+        press(0.0, counts=EMPTY)
+        assert finger.is_pressed() is False
+        press(0.0, counts=FULL)
+        assert finger.is_pressed() is True
+
+    def test_old_image_does_not_count(self, finger: Finger, press: Press) -> None:
+        press(0.0, counts=EMPTY)
+        press(0.0, counts=None, ms=31.0)
+        assert finger.is_pressed() is None
+
+    def test_image_overrides_a_force_sensor_that_reads_no_contact(
+        self, finger: Finger, press: Press, wrench: Wrench
+    ) -> None:
+        self.tared(finger, wrench)
+        press(0.1, counts=FULL)
+        assert finger.is_pressed() is True
+
+    def test_finger_is_not_free_while_its_force_sensor_is_silent(self, finger: Finger, wrench: Wrench) -> None:
+        self.tared(finger, wrench)
+        read_force(finger, wrench(T0, 0.0))
+        finger.disconnect(T0 + 100 * MS)
+        assert finger.is_pressed() is None
+
+    @pytest.mark.parametrize(("normal_n", "known"), [(5.0, True), (0.0, None)])
+    def test_overloaded_sensor_never_shows_a_free_finger(
+        self, finger: Finger, wrench: Wrench, normal_n: float, known: bool | None
+    ) -> None:
+        self.tared(finger, wrench)
+        read_force(finger, wrench(T0, normal_n))
+        read_force(finger, wrench(T0 + MS, 0.0, status=("overload",)))
+        assert finger.is_pressed() is known
+
+    def test_charge_pad_held_at_zero_by_the_force_sensor_does_not_count(
+        self, left: str, parse: Parse, wrench: Wrench, image: Image
+    ) -> None:
+        finger = make_finger(left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0"), parse)
+        for k in range(5):
+            read_force(finger, wrench(T0 + 10 * k * MS, 0.0))
+            finger.update_image(image(T0 + 10 * k * MS, FULL))
+        assert finger.is_pressed() is None
+
+    def test_three_axis_taxels_count_once_tared(self, right: str, parse: Parse) -> None:
+        rest, press = np.full((4, 3), 1000.0), np.tile((1000.0, 1000.0, 3000.0), (4, 1))
+        for text, known in ((right, [False, True]), (right.partition("tare =")[0], [None, None])):
+            finger = make_finger(text, parse, "right")
+            found = []
+            for k, counts in enumerate((rest, press)):
+                finger.update_image(TactileSample(T0 + k * MS, None, counts, source="2"))
+                found.append(finger.is_pressed())
+            assert found == known
+
+
+@pytest.mark.parametrize("normal_n", [0.0, 0.3])
+def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
+    make_noisy: Callable[..., NoisyFinger], normal_n: float
+) -> None:
+    noisy = make_noisy("mass_kg = 0.1\n")
+    noisy.finger.begin_tare(noisy.t_ns, 0.01, "someone")
+    for _ in range(20):
+        noisy.read(0.0)
+    assert noisy.finger.tare.current.id == 1
+    noisy.read(normal_n)
+    assert noisy.verdict == ("unknown", ("weight_unknown",))
+    assert noisy.finger.is_pressed() is None
+    force = noisy.finger.force
+    assert force is not None
+    force.set_gravity([0.0, 0.0, -9.8], noisy.t_ns)
+    force.begin_tare(noisy.t_ns, 0.01, "someone")
+    for _ in range(20):
+        noisy.read(0.0)
+    assert noisy.verdict == ("no_contact", ())
+    assert noisy.finger.is_pressed() is False
+    force.gravity.forget()
+    noisy.read(normal_n)
+    assert noisy.verdict == ("unknown", ("weight_unknown",)), "the host slept"
+
+
+def test_held_load_that_the_pad_does_not_show_is_not_drift(make_noisy: Callable[..., NoisyFinger]) -> None:
+    noisy = make_noisy("drift_tau_s = 20.0\n")
+    force = noisy.finger.force
+    assert force is not None
+    for _ in range(1200):
+        noisy.t_ns += 99 * MS
+        noisy.read(1.5)
+        noisy.look(0.0)
+    assert force.drift.value[2] == pytest.approx(0.0, abs=0.01)
+    assert noisy.verdict[1][0] == "disagreement"
+
+
+def test_drift_is_learned_while_untouched_with_and_without_image(left: str, parse: Parse) -> None:
+    text = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\ndrift_tau_s = 1.0')
+    finger = make_finger(text, parse)
+    for ms in range(0, 200_000, 100):
+        finger.update_image(TactileSample(T0 + ms * MS, None, np.zeros(16)))
+        read_force(finger, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
+    assert finger.force is not None
+    assert finger.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
+    alone = make_finger(text, parse)
+    for ms in range(0, 200_000, 100):
+        read_force(alone, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
+    assert alone.force is not None
+    assert alone.force.drift.value[0] == pytest.approx(0.2, abs=0.01)

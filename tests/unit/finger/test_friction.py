@@ -1,0 +1,83 @@
+"""Coefficients of friction: from the config or a request, and which ones are more lenient."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+
+import pytest
+from finger_bench import MS, T0, Image, Parse, Wrench, make_finger, read_force
+
+from slipd.finger.finger import Finger
+from slipd.finger.friction import Friction
+from slipd.publish.finger_messages import slip_body
+
+FALLS = {0.08: [4.8, 4.8, 4.8 * 0.92], 0.15: [4.8, 4.8, 4.8 * 0.85], 0.03: [4.8, 4.8, 4.8 * 0.97]}
+
+
+def levels(finger: Finger, wrench: Wrench, image: Image, pulls: Iterable[float]) -> list[str]:
+    """Levels of readings 10 ms apart, pressed with 10 N and pulled."""
+    reported = []
+    for k, pull_n in enumerate(pulls):
+        finger.update_image(image(T0 + k * 10 * MS))
+        reported.append(read_force(finger, wrench(T0 + k * 10 * MS, 10.0, (pull_n, 0.0))).verdict.level)
+    return reported
+
+
+def test_mu_of_config_holds_until_a_request_sets_another(finger: Finger, wrench: Wrench, image: Image) -> None:
+    assert (finger.friction.mu, finger.friction.source) == (0.5, "config")
+    assert levels(finger, wrench, image, [4.5]) == ["warning"]
+    finger.set_friction(1.0, None)
+    assert (finger.friction.mu, finger.friction.source) == (1.0, "request")
+    body = slip_body(finger, finger.state)
+    assert (body["mu"], body["mu_source"]) == (1.0, "request")
+    assert levels(finger, wrench, image, [4.5]) == ["stable"], "λ is 0.45 now"
+    assert finger.state.utilisation is not None
+    assert finger.state.utilisation.value == pytest.approx(0.45)
+
+
+def test_request_sets_mu_where_config_has_none(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
+    finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
+    assert (finger.friction.mu, finger.friction.source) == (None, None)
+    assert levels(finger, wrench, image, [1.0]) == ["unknown"]
+    finger.set_friction(0.5, None)
+    assert (finger.friction.mu, finger.friction.source) == (0.5, "request")
+    assert levels(finger, wrench, image, [1.0]) == ["stable"]
+
+
+@pytest.mark.parametrize(
+    ("mu_d", "expected"),
+    [
+        (None, [False, True, False]),  # as the config has it: 0.12
+        (0.45, [True, True, False]),  # a tenth, of which half must be seen
+        (0.2, [False, False, False]),  # three fifths: no fall of 0.15 is a slip
+        (0.499, [True, True, False]),  # less than noise may bring is never asked for
+    ],
+)
+def test_fall_that_counts_as_slip_follows_dynamic_friction(
+    finger: Finger, wrench: Wrench, image: Image, mu_d: float | None, expected: list[bool]
+) -> None:
+    slips = []
+    for fall in (0.08, 0.15, 0.03):
+        hand = copy.deepcopy(finger)
+        hand.set_friction(0.5, mu_d)
+        slips.append(levels(hand, wrench, image, FALLS[fall])[-1] == "slipping")
+    assert slips == expected
+
+
+def test_static_friction_alone_keeps_the_fall_set_before(finger: Finger, wrench: Wrench, image: Image) -> None:
+    finger.set_friction(0.5, 0.45)
+    finger.set_friction(0.5, None)
+    assert levels(finger, wrench, image, FALLS[0.08])[-1] == "slipping"
+
+
+@pytest.mark.parametrize(
+    ("mu_s", "mu_d", "lenient"),
+    [(0.5, None, False), (0.4, None, False), (0.6, None, True), (0.5, 0.4, False), (0.5, 0.3, True), (0.4, 0.1, True)],
+)
+def test_larger_mu_or_larger_fall_is_more_lenient(mu_s: float, mu_d: float | None, lenient: bool) -> None:
+    assert Friction(0.5, 0.12).is_more_lenient(mu_s, mu_d) is lenient
+
+
+def test_any_mu_is_more_lenient_than_none() -> None:
+    assert Friction(None, 0.12).is_more_lenient(0.1, None)

@@ -1,0 +1,61 @@
+"""Load distribution of an image under each load rule."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slipd.finger.load_distribution import LoadDistribution, distribute
+from slipd.fusion import Contact, contact_from_wrench
+
+X, Y = (axis.ravel() for axis in np.meshgrid(0.004 * np.arange(4.0) - 0.006, 0.004 * np.arange(4.0) - 0.006))
+RAMP = np.arange(16.0) * 0.1
+EVEN = np.where(RAMP > 0.0, 1.0, 0.0)
+CENTROID = (0.001, 0.0005)
+
+
+def contact(normal_n: float = 8.0, centroid_m: tuple[float, float] = CENTROID) -> Contact:
+    force = np.array((0.0, 0.0, -normal_n))
+    return contact_from_wrench(force, np.cross((*centroid_m, 0.0), force))
+
+
+def distributed(rule: str, pressure: np.ndarray, pressed: Contact) -> LoadDistribution:
+    found = distribute(rule, X, Y, pressure, pressed)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("rule", ["grey", "binary", "matched"])
+@pytest.mark.parametrize("normal_n", [8.0, 2.0])
+def test_distribution_is_that_of_1_n_on_the_active_taxels(rule: str, normal_n: float) -> None:
+    found = distributed(rule, RAMP, contact(normal_n))
+    loads = found.loads.loads
+    assert found.x.shape == found.y.shape == loads.shape == (15,), "the taxel without pressure carries nothing"
+    assert loads.sum() == pytest.approx(1.0)
+    assert (loads >= 0.0).all()
+
+
+def test_grey_uses_the_pressure_alone() -> None:
+    assert distributed("grey", RAMP, contact()).loads.loads == pytest.approx(RAMP[1:] / RAMP.sum())
+
+
+@pytest.mark.parametrize("rule", ["binary", "matched"])
+def test_binary_and_matched_have_the_centroid_of_the_force(rule: str) -> None:
+    found = distributed(rule, RAMP, contact())
+    assert (found.x @ found.loads.loads, found.y @ found.loads.loads) == pytest.approx(CENTROID, abs=1e-9)
+
+
+def test_only_matched_uses_both_centroid_and_pressure() -> None:
+    binary, matched = (distributed(rule, RAMP, contact()).loads.loads for rule in ("binary", "matched"))
+    even = distributed("binary", EVEN, contact()).loads.loads
+    assert binary == pytest.approx(even)
+    assert matched != pytest.approx(even, rel=0.01)
+
+
+def test_contact_without_centroid_takes_the_pressure() -> None:
+    unknown = contact()._replace(cx_m=np.nan, cy_m=np.nan)
+    assert distributed("matched", RAMP, unknown).loads.loads == pytest.approx(RAMP[1:] / RAMP.sum())
+
+
+def test_image_without_active_taxels_has_no_distribution() -> None:
+    assert distribute("matched", X, Y, np.zeros(16), contact()) is None
