@@ -16,13 +16,13 @@ from typing import Any
 
 import msgpack
 
-from slipd.devices import modbus
 from slipd.devices.external_gripper import Session as ExternalSession
 from slipd.devices.external_gripper.external_gripper_message import encode_registration, encode_report
-from slipd.devices.health import DecoderHealth
 from slipd.devices.robotiq_2f import Session as RobotiqSession
 from slipd.devices.robotiq_2f import robotiq_registers as registers
-from slipd.devices.weiss import WITH_PREAMBLE, Packets
+from slipd.devices.shared import modbus
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import Session as WsgSession
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.permit import Permit
@@ -98,7 +98,7 @@ class RobotiqPeer(Peer):
         pass
 
     def requests(self, data: bytes) -> list[modbus.Request]:
-        return modbus.take_requests(data, registers.UNIT)[0]
+        return modbus.parse_requests(data, registers.UNIT)[0]
 
     def told(self, data: bytes) -> list[Told]:
         found = []
@@ -147,7 +147,7 @@ class WsgPeer(Peer):
         self.gripper.opened(now_ns)
 
     def packets(self, data: bytes) -> Any:
-        return Packets(WITH_PREAMBLE, lambda *_: True, 9, DecoderHealth()).packets(data)
+        return PacketScanner(SEED_WITH_PREAMBLE, lambda *_: True, 9, DecoderHealth()).packets(data)
 
     def told(self, data: bytes) -> list[Told]:
         found = []

@@ -22,8 +22,8 @@ import pytest
 from daemon_peers import PATIENCE_S, Client, Device, until
 
 from slipd import config, service
-from slipd.devices import modbus
 from slipd.devices.robotiq_2f import robotiq_registers
+from slipd.devices.shared import modbus
 from slipd.engine.engine import Engine
 from slipd.errors import LinkError, RecordingError
 from slipd.events import LinkSpec
@@ -449,7 +449,7 @@ async def test_the_end_of_a_run_stops_the_sensors_and_leaves_the_gripper_grippin
     assert sensor.advance(10**9)
     sensor.receive(rig.wrench.hear(), 10**9)
     assert sensor.advance(2 * 10**9) == []
-    requests, rest = modbus.take_requests(commands + jaws.hear(), robotiq_registers.UNIT)
+    requests, rest = modbus.parse_requests(commands + jaws.hear(), robotiq_registers.UNIT)
     assert {request.function for request in requests} == {modbus.READ_INPUT}
     assert rest == b""
     jaws.unplug()

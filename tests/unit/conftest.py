@@ -11,8 +11,9 @@ import pytest
 
 from slipd import config
 from slipd.config import Config
-from slipd.devices import bota, modbus, pvdf, xela
+from slipd.devices import bota, pvdf, xela
 from slipd.devices.robotiq_2f import robotiq_registers
+from slipd.devices.shared import modbus
 from slipd.engine.engine import Engine
 from slipd.events import (
     Bytes,
@@ -119,7 +120,7 @@ class GripperLine:
         return robotiq_registers.parse_output(self.outputs)
 
     def answer(self, data: bytes) -> bytes:
-        requests, _ = modbus.take_requests(data, robotiq_registers.UNIT)
+        requests, _ = modbus.parse_requests(data, robotiq_registers.UNIT)
         return b"" if self.silent else b"".join(self._answer(request) for request in requests)
 
     def _answer(self, request: modbus.Request) -> bytes:

@@ -27,12 +27,12 @@ def gripper_faults(gripper: Gripper) -> list[Fault]:
     faults = _limits(gripper)
     tables = {"force_table": gripper.force_table, "width_table": gripper.width_table}
     for key, table in tables.items():
-        if device.tabled and table is None:
+        if device.needs_tables and table is None:
             faults.append((f"gripper.{key}", f"is missing: it maps the device units of {gripper.device} to SI units"))
     for key, table in (tables | {"speed_table": gripper.speed_table}).items():
-        if not device.tabled and table is not None:
+        if not device.needs_tables and table is not None:
             faults.append((f"gripper.{key}", f"must be left out: {gripper.device} takes SI units"))
-    if gripper.force_table is not None and gripper.width_table is not None and device.tabled:
+    if gripper.force_table is not None and gripper.width_table is not None and device.needs_tables:
         faults += _tables(gripper, gripper.force_table, gripper.width_table)
     return faults or _reach(gripper, device)
 

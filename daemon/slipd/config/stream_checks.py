@@ -125,7 +125,7 @@ def _option_faults(path: str, stream: Stream, device: Device) -> list[Fault]:
     misplaced = sorted({"rows", "cols"} & stream.options.keys())
     if misplaced:
         return [(f"{path}.options", f"must not contain {' and '.join(misplaced)}: write them as keys of the pad")]
-    if device.wired and "wiring" in stream.options:
+    if device.needs_wiring and "wiring" in stream.options:
         return [(f"{path}.options.wiring", "must be left out: the address in port determines it")]
     try:
         (device.session or device.decoder)(**device_options(stream))

@@ -37,18 +37,20 @@ def axes_of(pad: Pad) -> int:
 
 def in_newtons(pad: Pad) -> bool:
     """Return whether a pad reads newtons, and not a unit that the config chose."""
-    return pad.gain_error is not None or (DEVICES[pad.device].newtons and set(map(abs, pad.axis_scale)) == {1.0})
+    return pad.gain_error is not None or (
+        DEVICES[pad.device].measures_newtons and set(map(abs, pad.axis_scale)) == {1.0}
+    )
 
 
 def device_options(stream: Stream) -> dict[str, Any]:
     """Return the options for the device's decoder or session: those of the file, and what other keys imply."""
     device = DEVICES[stream.device]
     options: dict[str, Any] = dict(stream.options)
-    if isinstance(stream, Pad) and device.sized:
+    if isinstance(stream, Pad) and device.needs_size:
         options |= {"rows": stream.rows, "cols": stream.cols}
-    if device.wired:
+    if device.needs_wiring:
         options["wiring"] = transport_of(stream.port)
-    if isinstance(stream, Gripper) and device.tabled and stream.force_table and stream.width_table:
+    if isinstance(stream, Gripper) and device.needs_tables and stream.force_table and stream.width_table:
         options |= {"force_table": stream.force_table, "width_table": stream.width_table}
         options["speed_table"] = stream.speed_table
     return options

@@ -1,7 +1,7 @@
-"""One file or folder per device: bytes to samples, permits to bytes; pure.
+"""Devices, one file or folder each: bytes to samples, permits to bytes; pure. `shared` has their common parts.
 
-`DEVICES` holds them all by name. A device is what a module of this folder says in ``DEVICE``; it is loaded when
-somebody asks for it (docs/adding_a_device.md).
+`DEVICES` maps names to devices. A device is a module or package of this folder with a ``DEVICE``; it is loaded on first
+use (docs/adding_a_device.md).
 """
 
 from __future__ import annotations
@@ -14,42 +14,42 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Literal, Protocol, cast
 
 if TYPE_CHECKING:
-    from slipd.devices.health import DecoderHealth
+    from slipd.devices.shared.decoder_health import DecoderHealth
     from slipd.permit import Permit
     from slipd.samples import Sample
 
 
 class Decoder(Protocol):
-    """Makes samples of a device's bytes, however the stream is split; bad bytes are counted, never raised."""
+    """Convert a device's bytes to samples, however the stream is split; count bad bytes, and never raise for them."""
 
     health: DecoderHealth
 
     def receive(self, data: bytes, t_ns: int) -> Sequence[Sample]:
-        """Take bytes received at ``t_ns`` and return the readings they complete."""
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
         ...
 
     def forget(self) -> None:
-        """Drop a begun frame and what was expected to follow: the line was closed."""
+        """Drop a partial frame and any expectation of what follows, because the line was closed."""
         ...
 
 
 class Session(Protocol):
-    """The conversation with a device that must be spoken to; it owns the decoder of the answers.
+    """Protocol session with a device that needs requests; it owns the decoder of the answers.
 
-    Whoever drives it writes what `start`, `on_time` and `stop` return, and calls `on_time` when `next_deadline`
-    has come, at once where a call to `receive` or a command has made it come.
+    The caller sends the bytes that `start`, `on_time` and `stop` return, and calls `on_time` when `next_deadline` is
+    reached; at once if a call to `receive` or a command brings the deadline forward.
     """
 
     health: DecoderHealth
 
     @property
     def state(self) -> str:
-        """A short word for people: where the conversation stands."""
+        """State of the session, as a short text for people."""
         ...
 
     @property
     def identity(self) -> str:
-        """What the device says it is, e.g. its serial number; "" where it does not, or has not yet."""
+        """Identity that the device reports, such as its serial number; "" if it reports none, or none yet."""
         ...
 
     def start(self, now_ns: int) -> bytes:
@@ -57,7 +57,7 @@ class Session(Protocol):
         ...
 
     def receive(self, data: bytes, now_ns: int) -> Sequence[Sample]:
-        """Take bytes received at ``now_ns`` and return the readings they complete."""
+        """Decode bytes received at ``now_ns``; return the readings they complete."""
         ...
 
     def next_deadline(self) -> int | None:
@@ -65,24 +65,24 @@ class Session(Protocol):
         ...
 
     def on_time(self, now_ns: int) -> bytes:
-        """Return what is due to be written at ``now_ns``; empty when nothing is."""
+        """Return the bytes that are due to be sent at ``now_ns``; empty if there are none."""
         ...
 
     def stop(self) -> bytes:
-        """End, and return the last bytes to be written."""
+        """End; return the last bytes to send."""
         ...
 
 
 class GripperSession(Session, Protocol):
-    """The conversation with a gripper, in metres between the pads and newtons on one pad.
+    """Protocol session with a gripper, in metres between the pads and newtons on one pad.
 
-    Nothing moves but on a permit, and a permit that the gripper cannot take sends nothing. What a session takes in
-    which state is a table, in a module of its own beside it.
+    Nothing moves without a permit, and a permit that the gripper cannot accept sends nothing. A table in a module of
+    its own (``<device>_states``) defines what the session accepts in each state.
     """
 
     @property
     def activating(self) -> bool:
-        """Whether an activation is queued or under way; until it is over no move and no force is accepted."""
+        """Whether an activation is queued or in progress; until it is over no move and no force is accepted."""
         ...
 
     @property
@@ -92,74 +92,75 @@ class GripperSession(Session, Protocol):
 
     @property
     def width_range_m(self) -> tuple[float, float]:
-        """Least and largest width between the pads; (0, inf) until the gripper reports them."""
+        """Smallest and largest width between the pads, m; (0, inf) until the gripper reports them."""
         ...
 
     @property
     def speed_range_mps(self) -> tuple[float, float] | None:
-        """Least and largest speed; None where no speed can be asked for."""
+        """Smallest and largest speed, m/s; None if the speed cannot be set."""
         ...
 
     @property
     def force_range_n(self) -> tuple[float, float]:
-        """Least and largest force; (0, inf) until the gripper reports them."""
+        """Smallest and largest force, N on one pad; (0, inf) until the gripper reports them."""
         ...
 
     @property
     def force_sent_n(self) -> float | None:
-        """The force in force once all that waits is sent; None where none was sent since the gripper became active."""
+        """Force in effect after all queued commands, N on one pad; None if none was sent since the activation."""
         ...
 
     def applied_n(self, force_n: float) -> float:
-        """Return the force that would be sent for ``force_n``: the gripper's settings may be steps."""
+        """Return the force that would be sent for ``force_n``; the gripper may only have discrete settings."""
         ...
 
     def execute(self, permit: Permit, now_ns: int) -> bool:
-        """Carry out a permit: the only way to make the gripper do something.
+        """Carry out a permit, the only way to command the gripper.
 
-        - "activate" makes the gripper ready; some open and close fully while they do this. All that waits is dropped.
-        - "move" sends the fingers to a width, with a force and a speed (None: the session's own).
-        - "set_force" changes the force at the width last sent; a move that was not sent yet goes with that force.
-        - "halt" stops the fingers where they are, before all else. A move or an activation that was not sent yet is
-          dropped; a force that was not sent yet may still be.
+        - "activate" makes the gripper ready; some grippers open and close fully meanwhile. All queued commands are
+          dropped.
+        - "move" moves the fingers to a width, with a force and a speed (None: the session's default).
+        - "set_force" changes the force at the width sent last; a move that is not sent yet is sent with that force.
+        - "halt" stops the fingers where they are, before all else. A move or an activation that is not sent yet is
+          dropped; a force that is not sent yet may still be sent.
 
         Args:
-            permit: What the motion gate permits.
+            permit: Permit of the motion gate.
             now_ns: Time of the call.
 
         Returns:
-            True where the permit is taken: something will be sent, or, for "halt", something unsent was dropped.
-            `force_sent_n` is then the force that will be in force, never above ``permit.force_n`` but for the
-            gripper's least. False: nothing will be sent, because the gripper is not active, or not known to be, or
-            reports a fault, or is activating.
+            True if the permit is accepted: something will be sent, or, for "halt", something unsent was dropped.
+            `force_sent_n` is then the new force, at most ``permit.force_n`` or else the gripper's smallest force.
+            False if nothing will be sent, because the gripper is not known to be active, reports a fault, or is
+            activating.
 
         Raises:
-            ValueError: The gripper has no such width or speed, or a value is missing or not finite.
+            ValueError: The width or speed is out of the gripper's range, or a value is missing or not finite.
         """
         ...
 
     def drop(self) -> bool:
-        """Drop what is not sent yet, except a stop; return whether there was anything.
+        """Drop commands that are not sent yet, except a stop; return whether there were any.
 
-        What was sent and is not answered stays, but is not repeated.
+        An unanswered command remains, but is not repeated.
         """
         ...
 
     def acknowledge(self) -> None:
-        """Forget that a command was lost, and acknowledge the fault to the gripper; moves nothing."""
+        """Forget that a command was lost, and acknowledge the fault to the gripper; move nothing."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Inquiry:
-    """A question that is put to a device over TCP before its stream is opened.
+    """Request to a device over TCP before its stream is opened.
 
     Attributes:
         port: TCP port of the device's host.
         request: Bytes to send.
-        reply_bytes: Length of the answer; 0 where it ends with the connection.
-        check: ``check(answer)`` returns what is wrong with a whole answer, "" for nothing. After a wrong one the
-            question is put again.
+        reply_bytes: Length of the answer; 0 if it ends with the connection.
+        check: ``check(answer)`` returns what is wrong with a complete answer, "" if nothing is. After a wrong answer
+            the request is repeated.
     """
 
     port: int
@@ -170,7 +171,7 @@ class Inquiry:
 
 @dataclass(frozen=True, slots=True)
 class GripRange:
-    """The most that the grippers behind one device can do, from the data sheets of the largest models.
+    """Maximum range of the grippers of one device, from the data sheets of the largest models.
 
     Attributes:
         force_n: Force, N on one pad.
@@ -185,32 +186,32 @@ class GripRange:
 
 @dataclass(frozen=True)
 class Device:
-    """A supported device, as its module's ``DEVICE`` says.
+    """Description of a supported device, the ``DEVICE`` of its module.
 
     Attributes:
-        name: Its name in a config, and of its module.
-        kind: What its samples are.
-        transports: How its bytes may travel: "serial", "tcp", "udp", "websocket", "external" or "local".
+        name: Name in a config, and of the module.
+        kind: Kind of its samples.
+        transports: Possible transports: "serial", "tcp", "udp", "websocket", "external" or "local".
         decoder: Makes a decoder from the device's options.
-        session: Makes a session from the device's options; None where the device speaks unasked.
-        rates_hz: Lowest and highest rate of its readings, or of its images, 1/s.
-        baud: Default line speed of a serial port, bit/s; None for devices that have none. All lines are 8N1.
-        frame_bytes: Bytes of one reading on a UART, where ``baud`` limits the rate; 0: it does not, as over USB.
-        axes: Components a taxel measures: 1 or 3; 0 for devices without taxels.
-        newtons: Its taxels measure newtons by themselves: ``axis_scale`` turns axes and no more.
-        sized: The decoder must be told the pad's ``rows`` and ``cols``.
-        wired: The decoder must be told how its bytes travel (option ``wiring``): they differ.
-        taxels: Of each of its pads; None where pads differ.
-        shared: One port carries several sensors, told apart by the ``source`` of their samples.
-        sensors: Names of those sensors; empty where they are not known beforehand.
-        tabled: A gripper with units of its own: the session must be told ``force_table``, ``width_table`` and
-            ``speed_table`` (None where there is none).
-        clock_span_ns: The device's clock begins anew after so long, ns; None where it never does, or has none.
-        host_clock: The device's clock is the host's own CLOCK_MONOTONIC.
-        grip: The most that a gripper of this kind can do; None for other devices, and if it reports that itself.
-        inquiry: Makes of the options what is asked over TCP first; the answer is the link's first bytes. None where
-            nothing is ever asked.
-        frame: What it sends, for people and with an article, such as "a Bota frame".
+        session: Makes a session from the device's options; None if the device sends without requests.
+        rates_hz: Lowest and highest rate of its readings or images, 1/s.
+        baud: Default speed of a serial port, bit/s; None if the device has none. All serial lines are 8N1.
+        frame_bytes: Bytes per reading on a UART, if ``baud`` limits the rate; 0 if it does not, as over USB.
+        axes: Number of components that a taxel measures: 1 or 3; 0 for devices without taxels.
+        measures_newtons: Whether its taxels measure newtons, so that ``axis_scale`` only reverses axes.
+        needs_size: Whether the decoder needs the pad's ``rows`` and ``cols``.
+        needs_wiring: Whether the decoder needs the option ``wiring``, because its bytes depend on the transport.
+        taxels: Number of taxels of each pad; None if pads differ.
+        shared: Whether one port carries several sensors, distinguished by the ``source`` of their samples.
+        sensors: Names of those sensors; empty if they are not known beforehand.
+        needs_tables: Whether the gripper has its own units, so that the session needs ``force_table``, ``width_table``
+            and ``speed_table`` (None if the speed cannot be set).
+        clock_span_ns: Time after which the device's clock wraps, ns; None if it never does, or there is no clock.
+        host_clock: Whether the device's clock is the host's own CLOCK_MONOTONIC.
+        grip: Range of a gripper; None for other devices, and if the gripper reports it.
+        inquiry: Returns for the device's options the request to send over TCP first; its answer is the first data on
+            the link. None if there is never one.
+        frame: What the device sends, for people and with an article, such as "a Bota frame".
     """
 
     name: str
@@ -222,13 +223,13 @@ class Device:
     baud: int | None = None
     frame_bytes: int = 0
     axes: int = 0
-    newtons: bool = False
-    sized: bool = False
-    wired: bool = False
+    measures_newtons: bool = False
+    needs_size: bool = False
+    needs_wiring: bool = False
     taxels: int | None = None
     shared: bool = False
     sensors: tuple[str, ...] = ()
-    tabled: bool = False
+    needs_tables: bool = False
     clock_span_ns: int | None = None
     host_clock: bool = False
     grip: GripRange | None = None
@@ -237,13 +238,13 @@ class Device:
 
 
 class _Devices(Mapping[str, Device]):
-    """The devices of this folder by name; asking for one loads that one alone, listing them loads all."""
+    """The devices of this folder by name; a lookup loads only that device, iteration loads all."""
 
     def __getitem__(self, name: str) -> Device:
         if name not in self._modules():
             raise KeyError(name)
         device = getattr(import_module(f"slipd.devices.{name}"), "DEVICE", None)
-        if device is None:  # a file that the devices share
+        if device is None:  # the folder of shared parts
             raise KeyError(name)
         return cast("Device", device)
 

@@ -1,7 +1,10 @@
-"""Raw strain gauges: six channels behind one amplifier on a serial line, made a wrench by a 6×6 matrix.
+"""Raw strain gauges: six channels behind one amplifier on a serial line, converted to a wrench by a 6×6 matrix.
 
-The paper's own force sensor is such a beam with six strain gauges; it says nothing of the wire, so the format is ours.
-Written down, with a worked frame, in docs/devices.md.
+The paper's own force sensor is such a beam with six strain gauges. The paper describes no wire format; this one is
+slipd's own. docs/devices.md describes it with a worked frame.
+
+A frame has 36 bytes, little-endian: ``C3 3C``, version 1 (u8), status (u8), sequence number (u16), device time in µs
+(u32), six counts (i32), CRC-16/X-25 of everything after ``C3 3C`` (u16).
 """
 
 from __future__ import annotations
@@ -11,23 +14,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slipd.devices import Device, crc
-from slipd.devices.framing import FixedFrames
-from slipd.devices.health import DecoderHealth
-from slipd.devices.numbering import Numbering
+from slipd.devices import Device
+from slipd.devices.shared import crc
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.frame_scanner import FixedLengthScanner
+from slipd.devices.shared.sequence_tracker import SequenceTracker
 from slipd.samples import Array, WrenchSample
 
 CHANNELS = 6
 FRAME_LENGTH = 36
 
 LARGEST_ENTRY = 1e6
-"""N or N·m a count: far beyond any gauge, and no sum of six such products leaves what a float holds."""
+"""Largest matrix entry, N or N·m per count: far beyond any gauge, and the sum of six products stays finite."""
 LARGEST_CONDITION = 1e6
-"""Of the matrix with rows of length one: beyond, a count in one channel moves the others' wrench by millions."""
+"""Largest condition number of the matrix with rows of length one; beyond it the channels are hardly independent."""
 
 _VERSION = 1
 _SYNC = bytes((0xC3, 0x3C, _VERSION))
-_UNCHECKED = 2  # the two sync bytes; the checksum covers all that follows, the version first
+_UNCHECKED = 2  # bytes before the version, where the checksum begins
 _BODY = struct.Struct("<BHI6i")  # status, sequence, device time µs, counts
 _RESERVED_STATUS = 0x80
 _SATURATED = (1 << CHANNELS) - 1
@@ -38,21 +42,21 @@ _US_SPAN = 1 << 32
 
 
 class Decoder:
-    """Makes wrench samples of the gauges: wrench = matrix · (counts − offset).
+    """Decode frames to wrench samples: wrench = matrix · (counts − offset).
 
-    ``device_time_ns`` is the amplifier's microsecond counter as sent: it wraps every 2^32 µs (71.6 min), and
-    unwrapping it is not done here. `health.lost` counts the gaps of the frames' sequence.
+    ``device_time_ns`` is the amplifier's microsecond counter as sent: it wraps every 2^32 µs (71.6 min) and is not
+    unwrapped here. `health.lost` counts the gaps in the sequence numbers.
 
-    Status names: "overload" (a channel is saturated, or its count at the end of its range), "invalid" (the amplifier
-    says that no channel can be trusted, such as a bridge without supply).
+    Status names: "overload" (a channel is saturated, or its count is at the end of its range), "invalid" (the amplifier
+    reports that no channel can be trusted, for example because a bridge has no supply).
 
     Args:
-        matrix: Six rows, force x y z in N and torque x y z in N·m a count, by six channels. Unless given, the counts
-            themselves.
+        matrix: Six rows (force x y z in N per count, torque x y z in N·m per count) by six channels; by default the
+            identity.
         offset: Counts of each channel without load.
 
     Raises:
-        ValueError: Matrix or offset of another shape, not finite or too large, or the matrix is (nearly) singular.
+        ValueError: Matrix or offset has a wrong shape, is not finite or too large, or the matrix is (nearly) singular.
     """
 
     def __init__(
@@ -61,16 +65,16 @@ class Decoder:
         self._matrix = np.eye(CHANNELS) if matrix is None else _checked_matrix(matrix)
         self._offset = _array("offset", offset, (CHANNELS,), float(_US_SPAN))
         self.health = DecoderHealth()
-        self._numbering = Numbering(_SEQUENCE_SPAN, self.health, in_order=True)
-        self._frames = FixedFrames(_SYNC, FRAME_LENGTH, _holds, self.health)
+        self._sequence = SequenceTracker(_SEQUENCE_SPAN, self.health, in_order=True)
+        self._frames = FixedLengthScanner(_SYNC, FRAME_LENGTH, _checksum_matches, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
-        """Take bytes received at ``t_ns`` and return the readings they complete, in the sensor's frame."""
+        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
         buffer, found = self._frames.receive(data)
         samples: list[WrenchSample] = []
         for at, _ in found:
             status, sequence, time_us, *counts = _BODY.unpack_from(buffer, at + len(_SYNC))
-            if not self._numbering.take(sequence):
+            if not self._sequence.accept(sequence):
                 continue
             values = (self._matrix @ (np.array(counts) - self._offset)).tolist()
             words = ("overload",) if status & _SATURATED or not _RAILS.isdisjoint(counts) else ()
@@ -81,15 +85,15 @@ class Decoder:
         return samples
 
     def forget(self) -> None:
-        """Drop a begun frame and what was expected to follow: the line was closed."""
+        """Drop a partial frame and the expected sequence number, because the line was closed."""
         self._frames.forget()
-        self._numbering.forget()
+        self._sequence.forget()
 
 
-def _holds(buffer: bytes, at: int) -> bool:
+def _checksum_matches(buffer: bytes, at: int) -> bool:
     if buffer[at + len(_SYNC)] & _RESERVED_STATUS:
         return False
-    return crc.x25_holds(buffer[at + _UNCHECKED : at + FRAME_LENGTH])
+    return crc.x25_matches(buffer[at + _UNCHECKED : at + FRAME_LENGTH])
 
 
 def _checked_matrix(rows: Sequence[Sequence[float]]) -> Array:
@@ -98,8 +102,8 @@ def _checked_matrix(rows: Sequence[Sequence[float]]) -> Array:
     condition = np.linalg.cond(matrix / lengths) if lengths.all() else np.inf
     if condition > LARGEST_CONDITION:
         raise ValueError(
-            f"matrix is singular or nearly so (condition {condition:.1e} with rows of length one): "
-            f"six gauges that tell six components apart stay under {LARGEST_CONDITION:.0e}"
+            f"matrix must not be (nearly) singular: its condition number with rows of length one must be at most "
+            f"{LARGEST_CONDITION:.0e}, got {condition:.1e}"
         )
     return matrix
 
@@ -121,10 +125,10 @@ def encode_frame(counts: Sequence[int], sequence: int, device_time_us: int, stat
     """Return one frame of 36 bytes as the amplifier sends it.
 
     Args:
-        counts: Six, each within an int32.
-        sequence: Number of the frame; sent modulo 2^16.
-        device_time_us: The amplifier's clock, µs; sent modulo 2^32.
-        status: Bits 0 to 5: that channel is saturated; 6: no channel can be trusted.
+        counts: Six counts, each within an int32.
+        sequence: Sequence number; sent modulo 2^16.
+        device_time_us: Device time, µs; sent modulo 2^32.
+        status: Bits 0 to 5: that channel is saturated; bit 6: no channel can be trusted.
     """
     body = _SYNC + _BODY.pack(status, sequence % _SEQUENCE_SPAN, device_time_us % _US_SPAN, *counts)
     return body + crc.x25(body[_UNCHECKED:]).to_bytes(2, "little")

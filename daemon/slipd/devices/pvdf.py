@@ -1,8 +1,11 @@
-"""The multiplexed PVDF pad: 8 rows of 16 electrodes behind one charge amplifier, on a serial line.
+"""Multiplexed PVDF pad: 8 rows of 16 electrodes behind one charge amplifier, on a serial line.
 
-The paper describes the pad and its multiplexed read-out, not its wire format; this one is ours. One frame carries one
-row of the scan, so that a torn frame costs one scan and the host need not wait for a long block. Written down, with a
-worked frame, in docs/devices.md.
+The paper describes the pad and its multiplexed read-out but no wire format; this one is slipd's own. One frame carries
+one row of the scan, so a torn frame costs one scan and the host need not wait for a long block. docs/devices.md
+describes the format with a worked frame.
+
+A row, little-endian: ``A5 5A``, version 1 (u8), row (u8), scan (u16), time of the row's first taxel in µs (u32), dwell
+in 10 ns (u16), one count per column (i16), CRC-16/X-25 of everything after ``A5 5A`` (u16).
 """
 
 from __future__ import annotations
@@ -12,20 +15,21 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices import Device, crc
-from slipd.devices.framing import FixedFrames
-from slipd.devices.health import DecoderHealth
+from slipd.devices import Device
+from slipd.devices.shared import crc
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.frame_scanner import FixedLengthScanner
 from slipd.samples import TactileSample
 
 ROWS = 8
 COLS = 16
 
 MAX_SIDE = 256
-"""Rows are numbered in one byte; as many columns keep a frame under 600 bytes."""
+"""Most rows (numbered in one byte), and most columns, which keep a frame under 600 bytes."""
 
 _VERSION = 1
 _SYNC = bytes((0xA5, 0x5A, _VERSION))
-_UNCHECKED = 2  # the two sync bytes; the checksum covers all that follows, the version first
+_UNCHECKED = 2  # bytes before the version, where the checksum begins
 _HEAD = struct.Struct("<BHIH")  # row, scan, time of the row's first taxel in µs, dwell in 10 ns
 _COUNTS_AT = len(_SYNC) + _HEAD.size
 _CRC_LENGTH = 2
@@ -35,13 +39,12 @@ _US_SPAN = 1 << 32
 
 
 class Decoder:
-    """Makes a tactile sample of every complete scan; a scan that misses a row is dropped whole.
+    """Return a tactile sample of every complete scan; drop scans that lack a row.
 
     ``values`` has shape (rows·cols,), in counts of the charge amplifier and in scan order, row by row.
-    ``device_time_ns`` is the time of the scan's first taxel as sent: it wraps every 2^32 µs (71.6 min), and unwrapping
-    it is not done here. `health.lost` counts scans: those dropped, and those the scan counter shows to be missing. A
-    counter that jumps back is a device that began anew (`health.restarts`), and loses nothing but the scan it
-    interrupts.
+    ``device_time_ns`` is the time of the scan's first taxel as sent: it wraps every 2^32 µs (71.6 min) and is not
+    unwrapped here. `health.lost` counts scans: those dropped, and those missing from the scan numbers. A number that
+    jumps back is a restart of the device (`health.restarts`), which loses only the scan it interrupts.
 
     Args:
         rows: Rows of the pad, 1 to 256.
@@ -53,36 +56,36 @@ class Decoder:
 
     def __init__(self, rows: int = ROWS, cols: int = COLS) -> None:
         if not (1 <= rows <= MAX_SIDE and 1 <= cols <= MAX_SIDE):
-            raise ValueError(f"a pad of {rows} x {cols} taxels: each side must be 1 to {MAX_SIDE}")
+            raise ValueError(f"rows and cols must be from 1 to {MAX_SIDE}, got {rows} x {cols}")
         self.health = DecoderHealth()
         self._rows = rows
         self._row_bytes = 2 * cols
         self._length = _COUNTS_AT + self._row_bytes + _CRC_LENGTH
-        self._frames = FixedFrames(_SYNC, self._length, self._checksum_holds, self.health)
+        self._frames = FixedLengthScanner(_SYNC, self._length, self._checksum_matches, self.health)
         self._scan: int | None = None
         self._scan_time_us = 0
         self._dwell_ns = 0
-        self._open = False  # every row of the scan so far has come
+        self._open = False  # whether every row of the scan so far has arrived
         self._counts: list[bytes] = []
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Take bytes received at ``t_ns`` and return the scans they complete."""
-        samples = self._go_on(data, t_ns)
+        """Decode bytes received at ``t_ns``; return the scans they complete."""
+        samples = self._decode_whole_scans(data, t_ns)
         if samples is None:
-            samples = self._find(data, t_ns)
+            samples = self._decode_rows(data, t_ns)
         self.health.good += len(samples)
         return samples
 
-    def _go_on(self, data: bytes, t_ns: int) -> list[TactileSample] | None:
-        """Take the usual read as a whole: scans that go on from the newest; None, and nothing is taken, else."""
-        if len(data) % (self._rows * self._length) or self._open or self._scan is None or not self._frames.in_step:
+    def _decode_whole_scans(self, data: bytes, t_ns: int) -> list[TactileSample] | None:
+        """Decode the usual read, whole scans that follow the newest one; return None, and change nothing, otherwise."""
+        if len(data) % (self._rows * self._length) or self._open or self._scan is None or not self._frames.in_sync:
             return None
         heads: list[tuple[int, int, int, int]] = []
         for number, at in enumerate(range(0, len(data), self._length)):
             head = _HEAD.unpack_from(data, at + len(_SYNC))
             later, row = divmod(number, self._rows)
             follows = head[0] == row and head[1] == (self._scan + 1 + later) % _SCAN_SPAN
-            if not (follows and data.startswith(_SYNC, at) and self._checksum_holds(data, at)):
+            if not (follows and data.startswith(_SYNC, at) and self._checksum_matches(data, at)):
                 return None
             heads.append(head)
         samples: list[TactileSample] = []
@@ -95,8 +98,8 @@ class Decoder:
             samples.append(self._complete(t_ns))
         return samples
 
-    def _find(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Take bytes of any kind."""
+    def _decode_rows(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Decode any bytes, row by row."""
         buffer, found = self._frames.receive(data)
         samples: list[TactileSample] = []
         for at, _ in found:
@@ -111,19 +114,19 @@ class Decoder:
         return samples
 
     def forget(self) -> None:
-        """Drop a begun frame and what was expected to follow: the line was closed."""
+        """Drop a partial scan and the expected scan number, because the line was closed."""
         self._frames.forget()
         self.health.lost += self._open
         self._scan, self._open = None, False
 
-    def _checksum_holds(self, buffer: bytes, at: int) -> bool:
-        return crc.x25_holds(buffer[at + _UNCHECKED : at + self._length])
+    def _checksum_matches(self, buffer: bytes, at: int) -> bool:
+        return crc.x25_matches(buffer[at + _UNCHECKED : at + self._length])
 
     def _follows(self, row: int, scan: int, time_us: int, dwell_ns: int) -> bool:
-        """Say whether a row continues the open scan or begins the next one."""
+        """Return whether a row continues the open scan or begins the next one."""
         if row == 0:
             if scan == self._scan and time_us == self._scan_time_us:
-                self.health.bad += 1  # the same row once more
+                self.health.bad += 1  # the same row again
                 return False
             self._leave_scan(scan)
             self._open = True
@@ -139,7 +142,7 @@ class Decoder:
         return self._open
 
     def _leave_scan(self, scan: int) -> None:
-        """Count what was lost up to ``scan``, its own loss not yet."""
+        """Count the scans lost before ``scan``."""
         self.health.lost += self._open
         self._open = False
         if self._scan is not None:
@@ -161,21 +164,21 @@ def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_
 
     Args:
         counts: Charge amplifier counts, integers, shape (rows, cols), each within an int16.
-        scan_index: Number of the scan; sent modulo 2^16.
-        device_time_us: The pad's clock at the first taxel, µs; sent as whole µs modulo 2^32.
+        scan_index: Scan number; sent modulo 2^16.
+        device_time_us: Device time at the first taxel, µs; sent as whole µs modulo 2^32.
         dwell_us: Time from one taxel to the next, µs, 0 to 655.35; sent in steps of 0.01 µs.
 
     Raises:
-        ValueError: Counts of a wrong shape, kind or range, or a dwell out of range.
+        ValueError: The counts have a wrong shape, type or range, or the dwell is out of range.
     """
     counts = np.asarray(counts)
     if counts.ndim != 2 or not np.issubdtype(counts.dtype, np.integer):
-        raise ValueError(f"counts are {counts.dtype} of shape {counts.shape}: integers of (rows, cols) are sent")
+        raise ValueError(f"counts must be integers of shape (rows, cols), got {counts.dtype} of shape {counts.shape}")
     if counts.shape[0] > MAX_SIDE or counts.min() < -(1 << 15) or counts.max() >= 1 << 15:
-        raise ValueError(f"counts outside an int16, or more than {MAX_SIDE} rows, cannot be sent")
+        raise ValueError(f"counts must fit an int16 and have at most {MAX_SIDE} rows")
     dwell = round(dwell_us * 1000 / _DWELL_UNIT_NS)
     if not 0 <= dwell < 1 << 16:
-        raise ValueError(f"a dwell of {dwell_us} us cannot be sent: 0 to 655.35 us can")
+        raise ValueError(f"dwell_us must be from 0 to 655.35, got {dwell_us}")
     rows, cols = counts.shape
     payload = counts.astype("<i2")
     frames: list[bytes] = []
@@ -187,7 +190,7 @@ def encode_scan(counts: NDArray[np.signedinteger], scan_index: int, device_time_
 
 
 FASTEST_HZ = 2_000.0
-"""A scan of eight rows takes 5 ms; electronics of your own may be some times faster."""
+"""Fastest expected scans: one of eight rows takes 5 ms, but other electronics may be faster."""
 
 DEVICE = Device(
     "pvdf",
@@ -197,7 +200,7 @@ DEVICE = Device(
     rates_hz=(1.0, FASTEST_HZ),
     baud=921_600,
     axes=1,
-    sized=True,
+    needs_size=True,
     clock_span_ns=_US_SPAN * 1_000,
     frame="a frame of a PVDF pad",
 )

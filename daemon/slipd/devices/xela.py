@@ -1,6 +1,6 @@
 """XELA uSkin pads through the vendor's server: JSON text over a WebSocket, three axes a taxel.
 
-A transport hands over one message at a time, but nothing here relies on it: JSON objects delimit themselves.
+JSON objects are self-delimiting, so the decoder does not need the transport to deliver messages one by one.
 Source: the messages of the vendor's server, as its public clients read them.
 """
 
@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slipd.devices import Device
-from slipd.devices.health import DecoderHealth
-from slipd.devices.numbering import FURTHEST_GAP
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.sequence_tracker import FURTHEST_GAP
 from slipd.samples import Array, TactileSample
 
 MAX_MESSAGE = 1 << 15
-"""Characters. A hand of 368 taxels with calibrated values fills about 16,000; what is longer is no message."""
+"""Longest message, characters; a hand of 368 taxels with calibrated values fills about 16,000."""
 
 DEEPEST = 16
-"""Open braces that are kept; in a message two are open at the most."""
+"""Number of open braces that are kept; a message has at most two open at a time."""
 
 _AXES = 3
 _KEY = '"message"'
@@ -35,42 +35,42 @@ _WORDS = re.compile("[0-9A-Fa-f]{1,4}(?:,[0-9A-Fa-f]{1,4})*")
 _JSON = json.JSONDecoder()
 _LATEST_TIME_S = 9e9  # its nanoseconds still fit 64 bits
 _LARGEST_VALUE = 1e12  # far beyond any force; also keeps out infinities, NaN and integers that no float holds
-_NUMBER_SPAN = 1 << 63  # of the running number
+_NUMBER_SPAN = 1 << 63  # limit of the sequence number
 
 
 class Decoder:
-    """Makes a tactile sample of every sensor in a message; ``source`` is the sensor's key, such as "1".
+    """Return a tactile sample of every sensor in a message; ``source`` is the sensor's key, such as "1".
 
     ``values`` has shape (taxels, 3): X, Y, Z per taxel, row by row from the top left. ``device_time_ns`` is the
-    server's Unix time. `health.lost` counts messages missing from the server's running number, `duplicates` those that
-    came again, and `restarts` numbers that jumped back or ahead by more than any gap. A sensor whose counts disagree is
-    bad, and the others of the message are not.
+    server's Unix time. `health.lost` counts messages missing from the server's sequence numbers, `duplicates` repeated
+    ones, and `restarts` numbers that jumped back, or ahead by more than the longest gap. A sensor whose number of
+    values is wrong is bad; the other sensors of the message are not.
 
     Whatever the server sends, each character is searched for braces once and parsed at most twice. An object is parsed
-    when its brace closes, if it begins with the key "message" or stands alone. One that is not JSON discards the
-    objects around it, which are not JSON either. No string that the server sends holds a brace.
+    when its brace closes, if it begins with the key "message" or is not nested. An invalid one discards the objects
+    around it, which are not JSON either. No string from the server contains a brace.
 
     Args:
-        calibrated: Take the server's calibrated forces instead of the raw 16-bit readings; a sensor for which it
-            sends none is bad.
+        calibrated: Whether to use the server's calibrated forces instead of the raw 16-bit readings; a sensor without
+            them is then bad.
     """
 
     def __init__(self, calibrated: bool = False) -> None:
         self.health = DecoderHealth()
         self._calibrated = calibrated
         self._text = ""  # from the first open brace on
-        self._looked = 0  # as far as braces have been looked for
+        self._searched = 0  # length of the part already searched for braces
         self._open: deque[int] = deque(maxlen=DEEPEST)
         self._in_garbage = False
         self._number: int | None = None
 
     def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
-        """Take bytes received at ``t_ns`` and return the readings they complete."""
-        self._text += data.decode("latin-1")  # one character a byte, so that no split can cut one; only ASCII matters
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
+        self._text += data.decode("latin-1")  # one character per byte, so that no split can cut one; only ASCII matters
         samples: list[TactileSample] = []
         done = 0
-        for at, opens in _braces(self._text, self._looked):
-            self._close_older_than(at)
+        for at, opens in _braces(self._text, self._searched):
+            self._drop_braces_before(at)
             if opens:
                 self._open.append(at)
             elif self._open:
@@ -80,39 +80,39 @@ class Decoder:
                     self._count_garbage(self._text[done:begin])
                     self._in_garbage = False
                     done = at + 1
-                    samples += self._read(message, t_ns)
-        self._close_older_than(len(self._text))
+                    samples += self._decode(message, t_ns)
+        self._drop_braces_before(len(self._text))
         self._keep_from(self._open[0] if self._open else len(self._text), done)
         self.health.good += len(samples)
         return samples
 
     def forget(self) -> None:
-        """Drop a begun frame and what was expected to follow: the line was closed."""
+        """Drop a partial message and the expected sequence number, because the line was closed."""
         self._open.clear()
         self._keep_from(len(self._text), 0)
         self._number = None
 
     def _object(self, begin: int, end: int) -> dict[str, Any] | None:
-        """Parse the object between two braces, where it can be a message; None where it is none."""
+        """Parse the object between two braces if it can be a message; return None if it is none."""
         if not _MESSAGE.match(self._text, begin) and (self._open or self._text.find(_KEY, begin, end) < 0):
             return None
         self._open.clear()
-        return _parsed(self._text[begin:end])
+        return _parse(self._text[begin:end])
 
-    def _close_older_than(self, at: int) -> None:
-        """Give up the braces that opened too long before ``at``."""
+    def _drop_braces_before(self, at: int) -> None:
+        """Drop the braces that opened too long before ``at``."""
         while self._open and at - self._open[0] >= MAX_MESSAGE:
             self._open.popleft()
 
     def _keep_from(self, keep: int, done: int) -> None:
-        """Drop the text before ``keep``; what no message took of it is garbage from ``done`` on."""
+        """Drop the text before ``keep``; what is not part of a message, from ``done`` on, is garbage."""
         self._count_garbage(self._text[done:keep])
         self._text = self._text[keep:]
-        self._looked = len(self._text)
+        self._searched = len(self._text)
         self._open = deque((at - keep for at in self._open), DEEPEST)
 
     def _count_garbage(self, text: str) -> None:
-        """Count what is no message; white space is not counted."""
+        """Count text outside messages, except white space."""
         if not text:
             return
         garbage = sum(map(len, text.split()))
@@ -121,7 +121,7 @@ class Decoder:
             self.health.bad += not self._in_garbage
             self._in_garbage = True
 
-    def _read(self, message: dict[str, Any], t_ns: int) -> list[TactileSample]:
+    def _decode(self, message: dict[str, Any], t_ns: int) -> list[TactileSample]:
         number = message.get("message")
         if isinstance(number, str):
             return []  # the server's welcome
@@ -142,7 +142,7 @@ class Decoder:
         return samples
 
     def _is_new(self, number: int) -> bool:
-        """Judge the running number; a WebSocket keeps the order, so a number that falls is a server that began anew."""
+        """Track the sequence number; a WebSocket keeps the order, so a falling number is a restart of the server."""
         step = 1 if self._number is None else number - self._number
         self._number = number
         self.health.duplicates += step == 0
@@ -161,7 +161,7 @@ class Decoder:
 
 
 def _braces(text: str, at: int) -> Iterator[tuple[int, bool]]:
-    """Yield where each brace from ``at`` on stands, and whether it opens."""
+    """Yield the place of each brace from ``at`` on, and whether it opens."""
     opens, closes = text.find("{", at), text.find("}", at)
     while opens >= 0 or closes >= 0:
         if closes < 0 or 0 <= opens < closes:
@@ -172,10 +172,10 @@ def _braces(text: str, at: int) -> Iterator[tuple[int, bool]]:
             closes = text.find("}", closes + 1)
 
 
-def _parsed(text: str) -> dict[str, Any] | None:
-    """Parse an object; None where it is no JSON.
+def _parse(text: str) -> dict[str, Any] | None:
+    """Parse an object; return None if it is not JSON.
 
-    The server sends numbers such as ``.8365479``, which JSON does not have: they get their zero before a second try.
+    The server sends numbers such as ``.8365479``, which are not JSON: a zero is added before a second attempt.
     """
     try:
         try:
@@ -184,7 +184,7 @@ def _parsed(text: str) -> dict[str, Any] | None:
             for before in _BEFORE_A_NUMBER:
                 text = text.replace(f"{before}.", f"{before}0.")
             value, end = _JSON.raw_decode(text)
-    except (ValueError, RecursionError):  # no JSON, a number of thousands of digits, or a nest beyond measure
+    except (ValueError, RecursionError):  # not JSON, a number of thousands of digits, or deep nesting
         return None
     return dict(value) if end == len(text) else None
 
@@ -221,10 +221,10 @@ def encode_message(
     """Return one message as the server sends it.
 
     Args:
-        number: The server's running number.
+        number: The server's sequence number.
         sensors: Raw readings per sensor key ("1", "2", …), integers of 16 bits, shape (taxels, 3).
         time_s: Unix time, s.
-        calibrated: Calibrated forces per sensor key, same shape; left out where there is none.
+        calibrated: Calibrated forces per sensor key, same shape; optional.
         model: Model name of all sensors.
     """
     message: dict[str, Any] = {"message": number, "type": "routine"}

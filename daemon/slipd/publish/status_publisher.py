@@ -9,7 +9,7 @@ import numpy as np
 
 from slipd import __version__
 from slipd.device_text import one_line
-from slipd.devices.health import DecoderHealth
+from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.events import Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel

@@ -138,7 +138,7 @@ def emulator_for(device: str, address: str, seed: int = 0) -> Emulator:
     transport = kinds.get(address.partition("://")[0], "serial") if "://" in address else "serial"
     if transport not in DEVICES[device].transports:
         raise ValueError(f"{device} is not read at {address}: it has {', '.join(DEVICES[device].transports)}")
-    return make_emulator(device, seed, **({"wiring": transport} if DEVICES[device].wired else {}))
+    return make_emulator(device, seed, **({"wiring": transport} if DEVICES[device].needs_wiring else {}))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -12,7 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from slipd.devices import bota, bota_text
+from slipd.devices import bota
+from slipd.devices.bota import bota_text
 from slipd.samples import Array
 
 BOOT_NS = 200_000_000

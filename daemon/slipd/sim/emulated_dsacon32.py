@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices import dsacon32
-from slipd.devices import dsacon32_messages as messages
-from slipd.devices.health import DecoderHealth
-from slipd.devices.weiss import BEHIND_PREAMBLE, Packet, Packets
+from slipd.devices.dsacon32 import dsacon32_messages as messages
+from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
+from slipd.devices.dsacon32.dsacon32_session import MAX_RATE_HZ
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner
 from slipd.sim.weiss_controller import WeissController
 
 DEAF_NS = 8_000_000_000
@@ -51,7 +53,7 @@ class Dsacon32(WeissController):
         noise_counts: float = 0.7,
         clock_ppm: float = 80.0,
     ) -> None:
-        requests = Packets(BEHIND_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
+        requests = PacketScanner(SEED_AFTER_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth(), bare=True)
         super().__init__(sum(cols * rows for cols, rows in matrices), requests, rng, noise_counts, clock_ppm)
         self.info = info or messages.ControllerInfo(serial=1234)
         self._matrices = matrices
@@ -74,7 +76,7 @@ class Dsacon32(WeissController):
         """Go on to ``t_ns`` and return what is said until then."""
         due = sum(text_ns <= t_ns for text_ns in self._text_ns)
         del self._text_ns[:due]
-        return [dsacon32.BOOT_TEXT] * due + super().advance(t_ns)
+        return [BOOT_TEXT] * due + super().advance(t_ns)
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == messages.CONTROLLER:
@@ -87,7 +89,7 @@ class Dsacon32(WeissController):
                 return messages.encode_error(messages.MATRIX, _INDEX_ERROR)
             return messages.encode_matrix(*self._matrices[index])
         rate_hz, self._rle = messages.parse_acquire(request.payload)
-        self._push(round(1e9 / min(rate_hz, dsacon32.MAX_RATE_HZ)) if rate_hz else None, t_ns)
+        self._push(round(1e9 / min(rate_hz, MAX_RATE_HZ)) if rate_hz else None, t_ns)
         return messages.encode_error(messages.ACQUIRE)
 
     def _frame(self, cells: NDArray[np.uint16], time_ms: int) -> bytes:

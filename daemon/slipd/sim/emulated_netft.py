@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import netft_calibration, rdt
+from slipd.devices.netft import netft_calibration
+from slipd.devices.shared import rdt_records as rdt
 from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import optoforce, rdt
-from slipd.devices import optoforce_frames as frames
+from slipd.devices.optoforce import optoforce_frames as frames
+from slipd.devices.optoforce.optoforce_decoder import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
+from slipd.devices.optoforce.optoforce_session import UDP_PERIOD
+from slipd.devices.shared import rdt_records as rdt
 from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 
@@ -18,7 +20,7 @@ COUNTS_PER_N, COUNTS_PER_NM = [80.0, 80.0, 20.0], [2500.0, 2500.0, 4000.0]
 SERIAL = b"HEXEB123"
 POWER_ON_HZ = 100.0
 
-_UDP_COUNTS_PER_UNIT = np.repeat((optoforce.UDP_COUNTS_PER_N, optoforce.UDP_COUNTS_PER_NM), 3)
+_UDP_COUNTS_PER_UNIT = np.repeat((UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM), 3)
 _MS = 1_000_000
 
 
@@ -98,7 +100,7 @@ class OptoforceConverter:
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Take a datagram; nothing is answered but by records."""
         command, value = rdt.parse_request(data) or (None, 0)
-        if command == optoforce.UDP_PERIOD and value:
+        if command == UDP_PERIOD and value:
             self._stream.rate_hz = 1000.0 / value
         elif command == rdt.START:
             self._sequence = 0

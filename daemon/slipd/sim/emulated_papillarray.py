@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import papillarray
-from slipd.devices import papillarray_frames as frames
-from slipd.devices.papillarray_layout import DISPLACEMENT_FIRST, FORCE_FIRST
+from slipd.devices.papillarray import papillarray_frames as frames
+from slipd.devices.papillarray.papillarray_layout import DISPLACEMENT_FIRST, FORCE_FIRST
+from slipd.devices.papillarray.papillarray_session import RATES_HZ
 from slipd.samples import Array
 from slipd.sim.tactile_stream import TactileStream
 
@@ -60,7 +60,7 @@ class Controller:
         """Take what the host wrote; there is no answer."""
         self._heard += data
         for command in _COMMAND.finditer(self._heard):
-            if int(command[1]) in papillarray.RATES_HZ:
+            if int(command[1]) in RATES_HZ:
                 self._stream.start(t_ns, int(command[1]))
         self._heard = self._heard[self._heard.rfind(b"\n") + 1 :][-_LONGEST_COMMAND:]
         return []

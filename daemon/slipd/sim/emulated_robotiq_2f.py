@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import modbus
 from slipd.devices.robotiq_2f import robotiq_registers
+from slipd.devices.shared import modbus
 from slipd.sim.scene import GripCommand, Scene
 
 FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
@@ -60,7 +60,7 @@ class Gripper2F:
         if t_ns - self._heard_ns > FRAME_GAP_NS:
             self._heard = b""
         self._heard_ns = t_ns
-        requests, self._heard = modbus.take_requests(self._heard + data, robotiq_registers.UNIT)
+        requests, self._heard = modbus.parse_requests(self._heard + data, robotiq_registers.UNIT)
         return b"".join(self._answer(request, t_ns) for request in requests)
 
     def command(self, t_ns: int) -> GripCommand:

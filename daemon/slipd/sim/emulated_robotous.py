@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import robotous
-from slipd.devices import robotous_packets as packets
+from slipd.devices.robotous import robotous_packets as packets
+from slipd.devices.robotous.robotous_decoder import COUNTS_PER_N
+from slipd.devices.robotous.robotous_session import FILTERS_HZ, RATES_HZ
 from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 
 COUNTS_PER_NM = 2000.0
 PRODUCT, SERIAL = b"RFT40-SA01-D", b"RFT-2211-0042"
 
-_COUNTS_PER_UNIT = np.repeat((robotous.COUNTS_PER_N, COUNTS_PER_NM), 3)
+_COUNTS_PER_UNIT = np.repeat((COUNTS_PER_N, COUNTS_PER_NM), 3)
 _OUT_OF_RANGE = b"\x00\x02"
 _OBEYED = b"\x01\x00"
 
@@ -38,7 +39,7 @@ class RobotousSensor:
         self.rate_hz = 500.0
         self.writes = 0
         self.overload = 0
-        self._stream = WrenchStream(seed, robotous.RATES_HZ[0])
+        self._stream = WrenchStream(seed, RATES_HZ[0])
         self._settings = {packets.GET_RATE: b"\x00", packets.GET_FILTER: b"\x00\x00"}
         self._heard = b""
 
@@ -77,10 +78,10 @@ class RobotousSensor:
         return []
 
     def _set(self, number: int, arguments: bytes) -> bytes:
-        if number == packets.SET_RATE and arguments[0] < len(robotous.RATES_HZ):
+        if number == packets.SET_RATE and arguments[0] < len(RATES_HZ):
             self._settings[packets.GET_RATE] = arguments[:1]
-            self._stream.rate_hz = robotous.RATES_HZ[arguments[0]]
-        elif number == packets.SET_FILTER and arguments[1] < len(robotous.FILTERS_HZ):
+            self._stream.rate_hz = RATES_HZ[arguments[0]]
+        elif number == packets.SET_FILTER and arguments[1] < len(FILTERS_HZ):
             self._settings[packets.GET_FILTER] = arguments[:2]
         else:
             return _OUT_OF_RANGE

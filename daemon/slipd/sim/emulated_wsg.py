@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from slipd.devices.health import DecoderHealth
-from slipd.devices.weiss import WITH_PREAMBLE, Packet, Packets
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_messages import Limits
 
@@ -38,7 +38,7 @@ class Gripper:
         self.words: set[str] = set()
         self.width_mm = STARTS_AT_MM
         self.limit = LIMITS.nominal_force
-        self._requests = Packets(WITH_PREAMBLE, _is_request, _TYPICAL_BYTES, DecoderHealth())
+        self._requests = PacketScanner(SEED_WITH_PREAMBLE, _is_request, _TYPICAL_BYTES, DecoderHealth())
         self._greeted = False  # a host came and has not said goodbye
         self._now_ns = 0
         self._goal: tuple[int, float, float] | None = None  # command, mm, mm/s

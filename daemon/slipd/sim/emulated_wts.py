@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.devices import wts
-from slipd.devices.health import DecoderHealth
-from slipd.devices.weiss import WITH_PREAMBLE, Packet, Packets
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
 from slipd.sim.weiss_controller import WeissController
 
 FASTEST_MS = 4
@@ -41,7 +41,7 @@ class WtsModule(WeissController):
         noise_counts: float = 0.7,
         clock_ppm: float = -60.0,
     ) -> None:
-        requests = Packets(WITH_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth())
+        requests = PacketScanner(SEED_WITH_PREAMBLE, _is_request, _REQUEST_BYTES, DecoderHealth())
         super().__init__(matrix.cols * matrix.rows, requests, rng, noise_counts, clock_ppm)
         self._matrix = matrix
         self._serial = serial

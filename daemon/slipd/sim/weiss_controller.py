@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slipd.devices.weiss import Packet, Packets
-from slipd.devices.weiss_tactile import FULL_SCALE
+from slipd.devices.shared.weiss_packets import Packet, PacketScanner
+from slipd.devices.shared.weiss_tactile import FULL_SCALE
 from slipd.samples import Array
 
 
@@ -27,7 +27,7 @@ class WeissController(ABC):
     rate_hz: float
 
     def __init__(
-        self, cells: int, requests: Packets, rng: np.random.Generator, noise_counts: float, clock_ppm: float
+        self, cells: int, requests: PacketScanner, rng: np.random.Generator, noise_counts: float, clock_ppm: float
     ) -> None:
         self.options: dict[str, Any] = {}
         self._ideal = np.zeros(cells)

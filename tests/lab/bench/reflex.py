@@ -25,7 +25,8 @@ import traffic
 import zmq
 from tables import Table
 
-from slipd.devices import bota, bota_text
+from slipd.devices import bota
+from slipd.devices.bota import bota_text
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.sim.true_contact import Pad, Patch
 from slipd_client.errors import RequestRefused

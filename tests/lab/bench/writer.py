@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from slipd.devices import bota_text
+from slipd.devices.bota import bota_text
 
 START_S = 0.05
 """From loading the plan to the first frame."""

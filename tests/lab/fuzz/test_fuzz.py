@@ -21,7 +21,8 @@ from fuzz.strength import STRENGTHS
 from project import DOCS
 
 from slipd.devices import DEVICES, Decoder, bota
-from slipd.devices.framing import FixedFrames
+from slipd.devices.bota.bota_decoder import FRAME_LENGTH
+from slipd.devices.shared.frame_scanner import FixedLengthScanner
 from slipd.samples import WrenchSample
 
 SEED = 20261122  # the same every time; `python -m fuzz` draws others
@@ -81,7 +82,7 @@ class Believing(bota.Decoder):
 
     def __init__(self) -> None:
         super().__init__()
-        self._frames = FixedFrames(b"\xaa", bota.FRAME_LENGTH, lambda *_: True, self.health)
+        self._frames = FixedLengthScanner(b"\xaa", FRAME_LENGTH, lambda *_: True, self.health)
 
 
 class Forgetful(bota.Decoder):

@@ -14,10 +14,10 @@ from typing import Any, ClassVar, Protocol, cast
 import msgpack
 import numpy as np
 
-from slipd.devices import modbus
-from slipd.devices.health import DecoderHealth
 from slipd.devices.robotiq_2f import robotiq_registers
-from slipd.devices.weiss import WITH_PREAMBLE, Packets
+from slipd.devices.shared import modbus
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 from slipd.devices.wsg import wsg_messages
 from slipd.sim import emulated_external_gripper, emulated_robotiq_2f, emulated_wsg
 from slipd.sim.scene import Scene
@@ -128,7 +128,7 @@ class RobotiqJaws:
         return []
 
     def sent(self, data: bytes) -> list[Sent]:
-        requests, _ = modbus.take_requests(data, robotiq_registers.UNIT)
+        requests, _ = modbus.parse_requests(data, robotiq_registers.UNIT)
         return [self._sent(request) for request in requests]
 
     def _sent(self, request: modbus.Request) -> Sent:
@@ -161,7 +161,9 @@ class WsgJaws:
     def __init__(self) -> None:
         self._gripper = emulated_wsg.make(0)
         sizes = wsg_messages.REQUEST_SIZES
-        self._packets = Packets(WITH_PREAMBLE, lambda one, size, _: sizes.get(one) == size, 12, DecoderHealth())
+        self._packets = PacketScanner(
+            SEED_WITH_PREAMBLE, lambda one, size, _: sizes.get(one) == size, 12, DecoderHealth()
+        )
 
     @property
     def width_m(self) -> float:

@@ -363,7 +363,7 @@ def quiet_script() -> Script:
 
 def _listener(stream: config.Stream) -> Decoder:
     device = DEVICES[stream.device]
-    return device.decoder(**({} if device.tabled else config.device_options(stream)))
+    return device.decoder(**({} if device.needs_tables else config.device_options(stream)))
 
 
 def _bytes_of(output: Output) -> bytes:

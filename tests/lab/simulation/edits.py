@@ -7,7 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from slipd.devices import bota, crc
+from slipd.devices import bota
+from slipd.devices.bota.bota_decoder import FRAME_LENGTH
+from slipd.devices.shared import crc
 
 _BOTA = struct.Struct("<BH6fIf")
 _PVDF_HEAD = 12
@@ -33,10 +35,10 @@ def wrench(
     """
 
     def edited(data: bytes, now_ns: int) -> bytes:
-        if len(data) % bota.FRAME_LENGTH or not data.startswith(b"\xaa"):
+        if len(data) % FRAME_LENGTH or not data.startswith(b"\xaa"):
             return data
         frames = []
-        for at in range(0, len(data), bota.FRAME_LENGTH):
+        for at in range(0, len(data), FRAME_LENGTH):
             _, bits, *six, time_us, temperature_c = _BOTA.unpack_from(data, at)
             said = list(six) if change is None else list(change(list(six), now_ns))
             sent_us = time_us if clock_us is None else clock_us(time_us)

@@ -9,7 +9,7 @@ from simulation.bed import held_bed
 from simulation.edits import gripper, pad, wrench
 from simulation.faults import Drop, Edit, Text
 
-from slipd.devices import crc
+from slipd.devices.shared import crc
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import sys
 import tty
 from urllib.parse import urlsplit
 
-from slipd.devices import rdt
+from slipd.devices.shared import rdt_records as rdt
 
 READ_BYTES = 65_536
 

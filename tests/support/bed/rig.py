@@ -117,7 +117,7 @@ def _address(folder: Path, device: str, transport: str) -> str:
 
 def _rehearse(device: Device, emulator: Emulator, transport: str) -> Sample:
     """The first reading that the device's own session or decoder makes of its emulator."""
-    options = emulator.options | ({"wiring": transport} if device.wired else {})
+    options = emulator.options | ({"wiring": transport} if device.needs_wiring else {})
     emulator.opened(0)
     if device.session is None:
         decoder = device.decoder(**options)

@@ -9,11 +9,13 @@ from typing import Any
 
 import pytest
 
-from slipd.devices import DEVICES, external, rdt, xela
-from slipd.devices import external_message as message
-from slipd.devices import papillarray_frames as pts
-from slipd.devices.framing import Frames
-from slipd.devices.health import DecoderHealth
+from slipd.devices import DEVICES, external, xela
+from slipd.devices.external import external_message as message
+from slipd.devices.papillarray import papillarray_frames as pts
+from slipd.devices.shared import rdt_records as rdt
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameScanner
+from slipd.devices.shared.msgpack_scanner import BYTES_PER_TRY, FREE_TRIES
 
 READ = 1024
 CALLS_A_BYTE = 12
@@ -140,12 +142,12 @@ def test_xela_takes_a_leap_beyond_any_gap_for_a_restart() -> None:
     assert (decoder.health.lost, decoder.health.restarts) == (0, 1)
 
 
-class Sliding(rdt.Records):
+class Sliding(rdt.RecordScanner):
     """Searches every place, one by one."""
 
     def __init__(self, health: DecoderHealth, reserved: int) -> None:
         super().__init__(health, reserved)
-        self._frames = Frames(b"", self._measure, rdt.RECORD_LENGTH, health)
+        self._frames = FrameScanner(b"", self._measure, rdt.RECORD_LENGTH, health)
 
 
 def run(first: int, count: int) -> bytes:
@@ -161,7 +163,7 @@ def test_the_search_for_records_finds_what_a_search_place_by_place_finds(seed: i
         junk = (rng.randbytes(rng.randrange(200)), bytes(rng.randrange(200)), good[: rng.randrange(len(good))])
         stream += good + rng.choice(junk)
     found = []
-    for kind in (rdt.Records, Sliding):
+    for kind in (rdt.RecordScanner, Sliding):
         for size in (len(stream), 1000, 37):
             health = DecoderHealth()
             records = kind(health, 0xF000)
@@ -174,7 +176,7 @@ def test_the_search_for_records_finds_what_a_search_place_by_place_finds(seed: i
 def test_garbage_is_not_searched_place_by_place(junk: bytes) -> None:
     judged = 0
 
-    class Counting(rdt.Records):
+    class Counting(rdt.RecordScanner):
         def _measure(self, buffer: bytes, at: int) -> int:
             nonlocal judged
             judged += 1
@@ -202,12 +204,12 @@ def test_a_stretch_of_garbage_is_judged_at_a_bounded_number_of_places(
     for at in range(0, len(stream), read):
         decoder.receive(stream[at : at + read], 0)
     waiting = len(stream) // read
-    assert judged <= external.FREE_TRIES + len(stream) // external.BYTES_A_TRY + 1 + waiting
+    assert judged <= FREE_TRIES + len(stream) // BYTES_PER_TRY + 1 + waiting
 
 
 def test_a_reading_behind_a_stretch_of_garbage_is_found_and_the_next_stretch_is_judged_anew() -> None:
     decoder = external.Decoder()
     reading = external.encode_reading("left", 1, force_n=(1.0, 2.0, 3.0))
     for _ in range(3):
-        junk = b"\x83\xa3" * external.FREE_TRIES + bytes(external.BYTES_A_TRY)
+        junk = b"\x83\xa3" * FREE_TRIES + bytes(BYTES_PER_TRY)
         assert len(decoder.receive(junk + reading, 0)) == 1

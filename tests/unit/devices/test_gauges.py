@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from project import DOCS
 
-from slipd.devices import crc, gauges
-from slipd.devices.health import DecoderHealth
+from slipd.devices import gauges
+from slipd.devices.shared import crc
+from slipd.devices.shared.decoder_health import DecoderHealth
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 Damage = Callable[..., Iterator[bytes]]

@@ -12,7 +12,7 @@ import pytest
 from gripper_walks import MS, PEERS, Told, walks
 
 from slipd.devices.external_gripper.external_gripper_message import Report
-from slipd.devices.state_machine import StateMachine
+from slipd.devices.shared.state_machine import StateMachine
 from slipd.permit import Permit
 
 MODULES = {device: import_module(f"slipd.devices.{device}.{device.removesuffix('_2f')}_states") for device in PEERS}
@@ -40,7 +40,7 @@ def test_every_event_leads_to_one_state_or_is_refused(device: str, state: Enum, 
     module = MODULES[device]
     machine: StateMachine[Enum, Enum] = StateMachine(table_of(device), state)
     following = table_of(device)[state].get(event)
-    assert machine.takes(event) is machine.handle(event) is (following is not None)
+    assert machine.accepts(event) is machine.handle(event) is (following is not None)
     assert machine.state is (state if following is None else following)
     if event in (module.Event.MOVE, module.Event.SET_FORCE):
         assert following is (module.State.ACTIVE if state is module.State.ACTIVE else None), "only an active gripper"

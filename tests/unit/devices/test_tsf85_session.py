@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slipd.devices import tsf85
-from slipd.devices.conversation import ANSWER_NS, SILENCE_NS
+from slipd.devices.shared.startup_sequence import ANSWER_NS, SILENCE_NS
 from slipd.devices.tsf85 import encode_block, encode_packet
 
 MS = 1_000_000
@@ -71,5 +71,5 @@ def test_stop_stops_the_sensor_and_a_new_start_forgets_the_firmware() -> None:
 
 @pytest.mark.parametrize("period_ms", [0, 256, 1.5])
 def test_a_period_that_cannot_be_sent_is_refused(period_ms: Any) -> None:
-    with pytest.raises(ValueError, match="1 to 255"):
+    with pytest.raises(ValueError, match="from 1 to 255, got"):
         tsf85.Session(period_ms=period_ms)

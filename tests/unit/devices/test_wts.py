@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slipd.devices import weiss, wts
-from slipd.devices.weiss import WITH_PREAMBLE
+from slipd.devices import wts
+from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
@@ -45,13 +46,13 @@ def test_an_image_with_a_cell_at_full_scale_is_saturated() -> None:
     decoder = wts.Decoder()
     assert decoder.receive(wts.encode_frame([4095], 0), 0)[0].status == ("saturated",)
     assert decoder.receive(wts.encode_frame([4094], 0), 0)[0].status == ()
-    decoder.expect(wts.Matrix(1, 1, 1000))
+    decoder.set_matrix(wts.Matrix(1, 1, 1000))
     assert decoder.receive(wts.encode_frame([1000], 0), 0)[0].status == ("saturated",)
 
 
 def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
     first, second, third, *rest = frames(8)
-    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x10", WITH_PREAMBLE)
+    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x10", SEED_WITH_PREAMBLE)
     stream = first[9:] + wts.encode_system(3) + first + second + weiss.PREAMBLE + bytes(2) + third[:60] + flagged
     samples = same_for_every_split(wts.Decoder, stream + b"".join(rest))
     assert [sample[1] for sample in samples] == [number * 10_000_000 for number in range(8) if number != 2]
@@ -63,7 +64,7 @@ def test_L2_no_flipped_bit_costs_more_than_its_own_image() -> None:
         damaged = bytearray(hit)
         damaged[bit // 8] ^= 1 << bit % 8
         decoder = wts.Decoder()
-        decoder.expect(wts.Matrix(4, 2))
+        decoder.set_matrix(wts.Matrix(4, 2))
         assert times_ms(decoder, before, bytes(damaged), behind) == [0, 20]
         assert decoder.health.bad >= 1
 
@@ -80,7 +81,7 @@ def test_L3_noise_yields_no_image() -> None:
 @pytest.mark.parametrize("cells", [1, 31, 33, 64])
 def test_T2_an_image_of_another_size_than_the_matrix_is_dropped_whole(cells: int) -> None:
     decoder = wts.Decoder()
-    decoder.expect(wts.Matrix())
+    decoder.set_matrix(wts.Matrix())
     one, _, three = frames(3)
     assert times_ms(decoder, one, *frames(1, cells), three) == [0, 20]
     assert decoder.health.bad > 0
@@ -94,23 +95,23 @@ def test_T2_two_images_mixed_are_dropped_whole() -> None:
 
 
 def test_D2_a_run_length_encoded_image_is_none() -> None:
-    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x00", WITH_PREAMBLE)
+    flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x00", SEED_WITH_PREAMBLE)
     assert times_ms(wts.Decoder(), flagged, WORKED) == [123_456]
 
 
 def test_a_value_beyond_full_scale_makes_no_image() -> None:
     decoder = wts.Decoder()
     assert decoder.receive(wts.encode_frame([4096], 0), 0) == []
-    decoder.expect(wts.Matrix(1, 1, 1000))
+    decoder.set_matrix(wts.Matrix(1, 1, 1000))
     assert decoder.receive(wts.encode_frame([1001], 0), 0) == []
 
 
 @pytest.mark.parametrize(
     ("made", "sent"),
     [
-        (wts.start_request(10), "21 03 00 00 0A 00 DA B5"),
-        (wts.ask(wts.STOP), "22 00 00 0E 76"),
-        (wts.ask(wts.MATRIX), "30 00 00 CA CF"),
+        (wts.encode_start(10), "21 03 00 00 0A 00 DA B5"),
+        (wts.encode_query(wts.STOP), "22 00 00 0E 76"),
+        (wts.encode_query(wts.MATRIX), "30 00 00 CA CF"),
         (wts.encode_matrix(wts.Matrix()), "30 0C 00 00 00 04 00 08 00 54 01 54 01 FF 0F C5 81"),
     ],
 )
@@ -119,4 +120,4 @@ def test_worked_requests_and_answers_are_written(made: bytes, sent: str) -> None
 
 
 def test_the_interval_of_a_request_is_read() -> None:
-    assert wts.parse_start(wts.start_request(250)[6:-2]) == 250
+    assert wts.parse_start(wts.encode_start(250)[6:-2]) == 250

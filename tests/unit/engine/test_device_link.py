@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from slipd.config import Config, transport_of
-from slipd.devices import DEVICES, bota, bota_text, pvdf, xela
-from slipd.devices.health import DecoderHealth
+from slipd.devices import DEVICES, bota, pvdf, xela
+from slipd.devices.bota import bota_text
+from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.engine.device_link import DeviceLink, make_links
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.events import LinkSpec

@@ -13,7 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from slipd import config
-from slipd.devices import bota, bota_text, pvdf, xela
+from slipd.devices import bota, pvdf, xela
+from slipd.devices.bota import bota_text
 from slipd.devices.wsg import wsg_messages
 from slipd.engine.engine import Engine
 from slipd.engine.warm_up import warm_up

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slipd.devices import papillarray_frames as frames
-from slipd.devices.papillarray_layout import NAMES, NEITHER, UNDECIDED
+from slipd.devices.papillarray import papillarray_frames as frames
+from slipd.devices.papillarray.papillarray_layout import NAMES, NEITHER, UNDECIDED
 from slipd.events import Bytes
 from slipd.sim.emulated_papillarray import LAYOUTS, Controller
 from slipd_client.messages import Health

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import pytest
 
 from slipd.config import Config
-from slipd.devices.health import DecoderHealth
+from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.intent import IntentKind
 from slipd.permit import Permit

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from slipd.devices import bota, bota_text
+from slipd.devices import bota
+from slipd.devices.bota import bota_text
 from slipd.signals.mounting import Mounting
 from slipd.sim.emulated_bota import BOOT_NS, BotaMount, BotaSensor
 

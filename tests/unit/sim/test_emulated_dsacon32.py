@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from slipd.devices import dsacon32
-from slipd.devices import dsacon32_messages as messages
+from slipd.devices.dsacon32 import dsacon32_messages as messages
+from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
 from slipd.sim.emulated_dsacon32 import DEAF_NS, Dsacon32
 from slipd.sim.emulators import make_emulator
 
@@ -64,27 +65,27 @@ def test_D1_it_boots_deaf_with_its_text_and_a_clock_that_begins_anew():
     made = controller()
     made.receive(messages.acquire(30, rle=True), 0)
     made.power_up(10 * S)
-    assert made.receive(messages.ask(messages.CONTROLLER), 10 * S + DEAF_NS - 1) == []
+    assert made.receive(messages.encode_query(messages.CONTROLLER), 10 * S + DEAF_NS - 1) == []
     said = [(t, made.advance(t)) for t in range(10 * S, 19 * S, 100 * MS)]
     assert [t - 10 * S for t, pieces in said if pieces] == [7_000 * MS, 7_400 * MS, 7_800 * MS]
-    assert {piece for _, pieces in said for piece in pieces} == {dsacon32.BOOT_TEXT}
-    assert len(made.receive(messages.ask(messages.CONTROLLER), 19 * S)) == 1
+    assert {piece for _, pieces in said for piece in pieces} == {BOOT_TEXT}
+    assert len(made.receive(messages.encode_query(messages.CONTROLLER), 19 * S)) == 1
     made.receive(messages.acquire(30, rle=True), 19 * S)
     assert images(made, 19 * S, 20 * S)[0].device_time_ns == pytest.approx(9.033 * S, rel=1e-3)
 
 
 def test_a_matrix_it_does_not_have_is_an_error():
-    assert controller().receive(messages.ask_matrix(2), 0) == [messages.encode_error(messages.MATRIX, 24)]
+    assert controller().receive(messages.encode_matrix_query(2), 0) == [messages.encode_error(messages.MATRIX, 24)]
 
 
 def test_requests_may_come_one_byte_at_a_time_and_a_new_user_of_the_line_starts_afresh():
     made = controller()
-    asked = messages.ask(messages.SENSOR) + messages.ask_matrix(1)
+    asked = messages.encode_query(messages.SENSOR) + messages.encode_matrix_query(1)
     answers = [answer for byte in asked for answer in made.receive(bytes((byte,)), 0)]
     assert answers == [messages.encode_sensor(2, 5678), messages.encode_matrix(2, 2)]
-    made.receive(messages.ask_matrix(1)[:-1], 0)
+    made.receive(messages.encode_matrix_query(1)[:-1], 0)
     made.opened(1)
-    assert made.receive(messages.ask_matrix(1)[-1:], 2) == []
+    assert made.receive(messages.encode_matrix_query(1)[-1:], 2) == []
     assert len(made.receive(asked, 3)) == 2
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from driving import MS, drive
 
-from slipd.devices import netft, rdt
+from slipd.devices import netft
+from slipd.devices.shared import rdt_records as rdt
 from slipd.sim.emulated_netft import SERIAL, NetftSensor, make
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])

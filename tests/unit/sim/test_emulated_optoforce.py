@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from driving import MS, drive
 
-from slipd.devices import optoforce, rdt
+from slipd.devices import optoforce
+from slipd.devices.optoforce.optoforce_session import UDP_PERIOD
+from slipd.devices.shared import rdt_records as rdt
 from slipd.sim.emulated_optoforce import OptoforceConverter, make
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])
@@ -45,7 +47,7 @@ def test_a_daq_sends_from_power_on() -> None:
 def test_a_converter_waits_for_its_start_and_knows_no_other_datagram() -> None:
     emulator = OptoforceConverter(4)
     emulator.status = 1 << 12
-    for datagram in (b"noise", rdt.encode_request(optoforce.UDP_PERIOD, 0), rdt.encode_request(0x42, 255)):
+    for datagram in (b"noise", rdt.encode_request(UDP_PERIOD, 0), rdt.encode_request(0x42, 255)):
         assert emulator.receive(datagram, 0) == []
     assert emulator.advance(100 * MS) == []
     emulator.receive(rdt.encode_request(rdt.START), 100 * MS)

@@ -5,13 +5,14 @@ import pytest
 from driving import drive
 
 from slipd.devices import papillarray
-from slipd.devices.papillarray_layout import FRAMES, NAMES, UNDECIDED
+from slipd.devices.papillarray.papillarray_layout import FRAMES, NAMES, UNDECIDED
+from slipd.devices.papillarray.papillarray_session import RATES_HZ
 from slipd.sim.emulated_papillarray import LAYOUTS, POWER_ON_HZ, make
 
 MS = 1_000_000
 
 
-@pytest.mark.parametrize("rate_hz", papillarray.RATES_HZ)
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
 def test_the_daemons_session_sets_its_rate(rate_hz: int) -> None:
     emulator = make(1)
     session = papillarray.Session(rate_hz)

@@ -1,8 +1,8 @@
 import pytest
 from permits import activate, move
 
-from slipd.devices import modbus
 from slipd.devices.robotiq_2f import Session, robotiq_registers
+from slipd.devices.shared import modbus
 from slipd.sim.emulated_robotiq_2f import ACTIVATION_NS, FORCE_TABLE, FRAME_GAP_NS, Gripper2F
 from slipd.sim.scene import GripCommand, Scene
 

@@ -7,7 +7,7 @@ import pytest
 from driving import MS, drive
 
 from slipd.devices import robotous
-from slipd.devices import robotous_packets as packets
+from slipd.devices.robotous import robotous_packets as packets
 from slipd.sim.emulated_robotous import make
 
 FORCE_N, TORQUE_NM = np.array([1.0, -2.0, -8.0]), np.array([0.01, 0.02, -0.03])

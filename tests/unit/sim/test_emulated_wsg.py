@@ -12,10 +12,10 @@ from collections.abc import Callable
 import pytest
 from permits import move
 
-from slipd.devices.health import DecoderHealth
+from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.wsg import Session
 from slipd.devices.wsg import wsg_messages as wire
-from slipd.devices.wsg.wsg_messages import Replies, Reply
+from slipd.devices.wsg.wsg_messages import Reply, ReplyScanner
 from slipd.sim.emulated_wsg import LIMITS, Gripper, make
 
 MS = 1_000_000
@@ -30,7 +30,7 @@ def gripper() -> Gripper:
 
 
 def read(said: list[bytes]) -> list[Reply]:
-    return Replies(DecoderHealth()).replies(b"".join(said))
+    return ReplyScanner(DecoderHealth()).replies(b"".join(said))
 
 
 def ask(gripper: Gripper, request: bytes, t_ns: int = 0) -> list[tuple[int, int]]:
@@ -151,8 +151,8 @@ def converse(line: socket.socket, force_n: float) -> None:
     assert session.identity == "S/N 4711"
     assert move(session, 0.02, 0.4, force_n) == force_n
     there = pytest.approx(0.02)
-    go_on(lambda: session._orders.due_ns is None and session._width_m == there)
-    go_on(lambda: session._orders.echo_ok is True)
+    go_on(lambda: session._queue.due_ns is None and session._width_m == there)
+    go_on(lambda: session._queue.echo_ok is True)
     assert (session.command_lost, session.health.bad, session.health.lost) == (False, 0, 0)
     line.sendall(session.stop())
     heard = b""

@@ -21,18 +21,18 @@ def images(made, end_ns):
 def test_it_pushes_what_presses_on_it_at_the_interval_it_is_told(asked_ms, interval_ms):
     made = module(noise_counts=0.0, clock_ppm=0.0)
     made.press(np.array([0, 1, 2, 300, 5000, -3]))
-    assert made.receive(wts.start_request(asked_ms), 0) == [wts.encode_status(wts.START)]
+    assert made.receive(wts.encode_start(asked_ms), 0) == [wts.encode_status(wts.START)]
     samples = images(made, S)
     assert len(samples) == 1000 // interval_ms
     assert samples[0].values.tolist() == [0, 1, 2, 300, 4095, 0]
     assert set(np.diff([sample.device_time_ns for sample in samples])) == {interval_ms * MS}
-    assert made.receive(wts.ask(wts.STOP), S) == [wts.encode_status(wts.STOP)]
+    assert made.receive(wts.encode_query(wts.STOP), S) == [wts.encode_status(wts.STOP)]
     assert made.advance(2 * S) == []
 
 
 def test_it_says_what_it_is():
     made = module(serial=8)
-    asked = b"?" + wts.ask(wts.SYSTEM) + wts.ask(0x46) + wts.ask(wts.MATRIX)
+    asked = b"?" + wts.encode_query(wts.SYSTEM) + wts.encode_query(0x46) + wts.encode_query(wts.MATRIX)
     assert made.receive(asked, 0) == [wts.encode_system(8), wts.encode_matrix(wts.Matrix(2, 3))]
 
 

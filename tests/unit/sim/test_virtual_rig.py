@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from slipd.devices import bota, modbus, pvdf
+from slipd.devices import bota, pvdf
 from slipd.devices.robotiq_2f import robotiq_registers
+from slipd.devices.shared import modbus
 from slipd.fusion import contact_from_wrench
 from slipd.signals.mounting import Mounting
 from slipd.sim.scene import Scene

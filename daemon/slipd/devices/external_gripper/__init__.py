@@ -1,7 +1,7 @@
-"""A gripper behind another driver: the daemon sends set-points to that driver and checks its answers.
+"""Gripper behind an external driver: the daemon sends set-points to the driver and checks its answers.
 
-For labs with a driver of their own. One driver is connected at a time; it registers, reports the state of its gripper
-continuously, and answers every set-point. docs/devices.md describes the format.
+This is for labs with a driver of their own. One driver is connected at a time; it registers, reports the state of its
+gripper continuously, and answers every set-point. docs/devices.md describes the format.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The messages between the daemon and another driver that holds the gripper: msgpack maps, version 1 of their format.
+"""Messages between the daemon and an external driver of the gripper: msgpack maps, version 1 of the format.
 
-The driver registers, reports, and answers set-points; the daemon sends set-points. It is written down in
-docs/devices.md. What a driver sends is walked before it is unpacked: a flat map of known keys, each once, of short
-values; msgpack itself accepts nests without end. Then every value is judged: one that is not finite, or beyond what a
-gripper can be, makes the whole message none.
+The driver registers, reports, and answers set-points; the daemon sends set-points. docs/devices.md describes the
+format. The bounds of a message are checked before it is unpacked: a flat map of known keys, each once, with short
+values. Then every value is checked: a value that is not finite, or beyond any gripper's range, makes the whole message
+invalid.
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from typing import Any
 
 import msgpack
 
-from slipd.devices.walking import FIXARRAY, FIXMAP, FIXSTR, STR8, Wrong, byte_at, known_key, length_of, within
+from slipd.devices.shared.msgpack_bounds import FIXARRAY, FIXSTR, NIL, NUMBER_LENGTHS, STR8, map_end, text_end
+from slipd.devices.shared.partial_data import Malformed, arrived, byte_at, message_length
 
 VERSION = 1
 
 MAX_MESSAGE = 512
-"""Bytes. A report with everything in it fills 250."""
+"""Longest message, bytes; a report with all fields fills 250."""
 
 MAX_TEXT = 120
-"""Bytes of a name, a fault or an error."""
+"""Longest name, fault or error, bytes."""
 
 MAX_WIDTH_M = 2.0
 MAX_SPEED_MPS = 10.0
 MAX_FORCE_N = 10_000.0
-"""No gripper is wider, faster or stronger: beyond them stands a mistake in units."""
+"""No gripper is wider, faster or stronger; larger values are mistakes in units."""
 
 LAST_ID = (1 << 63) - 1
 
@@ -35,32 +36,12 @@ OBJECTS = ("none", "moving", "contact_opening", "contact_closing")
 
 REGISTERED, REFUSED = "registered", "refused"
 
-_KEYS = {
-    b"v",
-    b"name",
-    b"width_range_m",
-    b"force_range_n",
-    b"speed_range_mps",
-    b"width_m",
-    b"active",
-    b"moving",
-    b"object",
-    b"fault",
-    b"force_n",
-    b"id",
-    b"applied_n",
-    b"error",
-}
 _REGISTRATION = {"v", "name", "width_range_m", "force_range_n"}
 _REPORT = {"v", "width_m"}
 _OF_REGISTRATION = _REGISTRATION | {"speed_range_mps"}
 _OF_REPORT = _REPORT | {"active", "moving", "object", "fault", "force_n", "id", "applied_n", "error"}
-_FEWEST, _MOST = len(_REPORT), len(_OF_REPORT)
-_LENGTHS = {0xC0: 1, 0xC2: 1, 0xC3: 1, 0xCA: 5, 0xCB: 9}  # nil, false, true, float 32, float 64
-_LENGTHS |= {0xCC + power: 1 + (1 << power) for power in range(4)} | {
-    0xD0 + power: 1 + (1 << power) for power in range(4)
-}
-_LENGTHS |= dict.fromkeys((*range(0x80), *range(0xE0, 0x100)), 1)
+_SIZES = range(len(_REPORT), len(_OF_REPORT) + 1)
+_SCALAR_LENGTHS = NUMBER_LENGTHS | {NIL: 1, 0xC2: 1, 0xC3: 1}  # numbers, nil, false, true
 _NAME = re.compile(r"[A-Za-z0-9_./ -]+")
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -69,7 +50,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """A driver tells who it is and what its gripper can do, on one pad; see `encode_registration`."""
+    """Name of a driver and ranges of its gripper; see `encode_registration`."""
 
     name: str
     width_range_m: Range
@@ -79,7 +60,7 @@ class Registration:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A driver tells the state of its gripper, by itself or as the answer to a set-point; see `encode_report`."""
+    """State of the gripper, sent regularly and as the answer to a set-point; see `encode_report`."""
 
     width_m: float | None
     active: bool = True
@@ -103,49 +84,36 @@ Message = Registration | Report | Foreign
 
 
 def measure(buffer: bytes, at: int) -> int:
-    """Return the length of the message at ``at``; 0 where more bytes are needed to tell, -1 where there is none."""
-    return length_of(_map_end, buffer, at, MAX_MESSAGE)
+    """Return the length of the message at ``at``; 0 if more bytes are needed to decide, -1 if there is none."""
+    return message_length(_message_end, buffer, at, MAX_MESSAGE)
 
 
-def _map_end(buffer: bytes, at: int) -> int:
-    fields = buffer[at] - FIXMAP
-    if not _FEWEST <= fields <= _MOST:
-        raise Wrong
-    at += 1
-    seen = set()
-    for _ in range(fields):
-        key, at = known_key(buffer, at, _KEYS)
-        if key in seen:
-            raise Wrong
-        seen.add(key)
-        at = _value_end(buffer, at)
-    return at
+def _message_end(buffer: bytes, at: int) -> int:
+    return map_end(buffer, at, _SIZES, _VALUE_ENDS)[0]
 
 
 def _value_end(buffer: bytes, at: int) -> int:
     """Return where a number, a flag, a text, nil or a pair of numbers ends."""
     head = byte_at(buffer, at)
     if head == FIXARRAY + 2:
-        return _number_end(buffer, _number_end(buffer, at + 1))
-    if FIXSTR <= head < FIXSTR + 32:
-        return within(buffer, at + 1 + head - FIXSTR)
-    if head == STR8:
-        size = byte_at(buffer, at + 1)
-        if size > MAX_TEXT:
-            raise Wrong
-        return within(buffer, at + 2 + size)
-    return _number_end(buffer, at)
+        return _scalar_end(buffer, _scalar_end(buffer, at + 1))
+    if head == STR8 or FIXSTR <= head < FIXSTR + 32:
+        return text_end(buffer, at, 0, MAX_TEXT)
+    return _scalar_end(buffer, at)
 
 
-def _number_end(buffer: bytes, at: int) -> int:
-    length = _LENGTHS.get(byte_at(buffer, at))
+def _scalar_end(buffer: bytes, at: int) -> int:
+    length = _SCALAR_LENGTHS.get(byte_at(buffer, at))
     if length is None:
-        raise Wrong
-    return within(buffer, at + length)
+        raise Malformed
+    return arrived(buffer, at + length)
+
+
+_VALUE_ENDS = {key.encode(): _value_end for key in _OF_REGISTRATION | _OF_REPORT}
 
 
 def parse(data: bytes) -> Message | None:
-    """Return what a measured message says; None where a value is impossible."""
+    """Return the content of a measured message; None if a value is impossible."""
     try:
         body: dict[str, Any] = msgpack.unpackb(data)
     except UnicodeDecodeError:
@@ -164,14 +132,14 @@ def parse(data: bytes) -> Message | None:
 
 def _registration(body: dict[str, Any]) -> Registration | None:
     name, speeds = body["name"], body.get("speed_range_mps")
-    well = (
+    is_possible = (
         isinstance(name, str)
         and _NAME.fullmatch(name)
         and _is_range(body["width_range_m"], MAX_WIDTH_M)
         and _is_range(body["force_range_n"], MAX_FORCE_N)
         and (speeds is None or _is_range(speeds, MAX_SPEED_MPS))
     )
-    if not well:
+    if not is_possible:
         return None
     widths, forces = _pair(body["width_range_m"]), _pair(body["force_range_n"])
     return Registration(name, widths, forces, None if speeds is None else _pair(speeds))
@@ -182,7 +150,7 @@ def _report(body: dict[str, Any]) -> Report | None:
     answer, applied_n = body.get("id"), body.get("applied_n")
     found = body.get("object", "moving" if moving else "none")
     fault, error = body.get("fault", ""), body.get("error", "")
-    well = (
+    is_possible = (
         _is_number(body["width_m"], 0.0, MAX_WIDTH_M)
         and _is_number(body.get("force_n"), -MAX_FORCE_N, MAX_FORCE_N)
         and _is_number(applied_n, 0.0, MAX_FORCE_N)
@@ -195,7 +163,7 @@ def _report(body: dict[str, Any]) -> Report | None:
         and isinstance(error, str)
         and error.isprintable()
     )
-    if not well:
+    if not is_possible:
         return None
     width_m, force_n = _float(body["width_m"]), _float(body.get("force_n"))
     active = body.get("active", True)
@@ -203,7 +171,7 @@ def _report(body: dict[str, Any]) -> Report | None:
 
 
 def _is_number(value: Any, low: float, high: float) -> bool:
-    """Say whether a value is a number within bounds, or nil."""
+    """Return whether a value is a number within bounds, or nil."""
     return value is None or (type(value) in (int, float) and low <= value <= high)
 
 
@@ -225,14 +193,14 @@ def _float(value: float | None) -> float | None:
 
 
 def encode_registration(registration: Registration) -> bytes:
-    """Return a driver's registration.
+    """Return the registration of a driver.
 
     Args:
-        registration: Its name (letters, digits, spaces and ``_./-``; no other may register behind it), and the
-            least and largest width between the pads, m, force on one pad, N, and speed, m/s (None: none can be asked).
+        registration: Name (letters, digits, spaces and ``_./-``; the connection keeps it), and smallest and largest
+            width between the pads, m, force on one pad, N, and speed, m/s (None if the speed cannot be set).
 
     Raises:
-        ValueError: The daemon would not take it.
+        ValueError: The daemon would reject it.
     """
     body: dict[str, Any] = {"v": VERSION, "name": registration.name}
     body |= {"width_range_m": registration.width_range_m, "force_range_n": registration.force_range_n}
@@ -242,10 +210,10 @@ def encode_registration(registration: Registration) -> bytes:
 
 
 def encode_report(report: Report) -> bytes:
-    """Return a driver's report or answer.
+    """Return a report of a driver, or its answer to a set-point.
 
     Raises:
-        ValueError: The daemon would not take it.
+        ValueError: The daemon would reject it.
     """
     body: dict[str, Any] = {"v": VERSION, "width_m": report.width_m, "active": report.active, "moving": report.moving}
     body |= {"object": report.object, "fault": report.fault, "force_n": report.force_n}
@@ -259,17 +227,28 @@ def encode_report(report: Report) -> bytes:
 def _checked(body: dict[str, Any]) -> bytes:
     data: bytes = msgpack.packb(body)
     if measure(data, 0) != len(data) or parse(data) is None:
-        raise ValueError(f"{body} is no message of a gripper's driver: numbers are finite and within their bounds")
+        raise ValueError(f"a driver's message must have finite numbers within their bounds, got {body}")
     return data
 
 
 def encode_setpoint(setpoint_id: int, operation: str, **values: float | None) -> bytes:
-    """Return a set-point: "activate", "move", "force", "stop" or "acknowledge", with its values in SI units."""
+    """Return a set-point.
+
+    Args:
+        setpoint_id: Its id, from 1.
+        operation: "activate", "move", "force", "stop" or "acknowledge".
+        values: Its values, in SI units.
+    """
     data: bytes = msgpack.packb({"v": VERSION, "id": setpoint_id, "op": operation, **values})
     return data
 
 
 def encode_notice(key: str, text: str) -> bytes:
-    """Return what the daemon says of a registration or of a driver: `REGISTERED` or `REFUSED`, and to whom or why."""
+    """Return the daemon's notice to a driver.
+
+    Args:
+        key: `REGISTERED` or `REFUSED`.
+        text: The name that registered, or the reason of the refusal.
+    """
     data: bytes = msgpack.packb({"v": VERSION, key: text})
     return data

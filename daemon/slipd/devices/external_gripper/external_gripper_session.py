@@ -7,42 +7,44 @@ import math
 from slipd.devices.external_gripper import external_gripper_message as wire
 from slipd.devices.external_gripper.external_gripper_decoder import Decoder, sample
 from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report
-from slipd.devices.external_gripper.external_gripper_setpoints import SetPoints
+from slipd.devices.external_gripper.external_gripper_setpoint_queue import SetpointQueue
 from slipd.devices.external_gripper.external_gripper_states import ACTIVATION, TRANSITIONS, Event, State
-from slipd.devices.permitted_session import PermittedSession
-from slipd.devices.state_machine import StateMachine
+from slipd.devices.shared.gripper_session_base import GripperSessionBase, check_range
+from slipd.devices.shared.state_machine import StateMachine
 from slipd.samples import GripperSample
 
 ANSWER_MS = 100
-"""For the answer to a set-point: a driver that polls its gripper at 20 Hz can answer within two polls."""
+"""Time allowed for the answer to a set-point: two polls of a driver that polls its gripper at 20 Hz."""
 SHORTEST_MS, LONGEST_MS = 5, 1000
+"""Shortest and longest such time that can be configured."""
 SILENCE_NS = 500_000_000
-"""A driver that reports nothing for this long has no gripper that takes commands."""
+"""Time without a report after which the gripper accepts no commands."""
 WIDTH_TOLERANCE_M = 0.001
-"""A width this far beyond the registered range is still accepted, because a calibration may be off."""
+"""A width this far beyond the registered range is still accepted, because a calibration may be inexact."""
 
 _REGISTER = "a driver registers before all else"
 _ANOTHER = "another driver registered here: connect anew"
 
 
-class Session(PermittedSession):
-    """Takes a driver's registration and reports, and carries out permits as set-points, one at a time.
+class Session(GripperSessionBase):
+    """Handle the registration and reports of a driver, and carry out permits as set-points, one at a time.
 
     `state` is "closed", "waiting" (for the registration or the first report), "inactive", "activating", "active", a
-    fault, "no reply" (no report of late), "command lost" with the reason, or why the driver was refused. `identity` is
-    the name that it registered. `external_gripper_states` lists what the gripper accepts in each state.
-    A driver may register again under the same name; after another name its messages are ignored until it does.
-    `health.lost` counts unanswered set-points, `duplicates` answers to none, `restarts` registrations after the first;
-    an impossible report (before a registration, of a width beyond the registered range, an answer without the applied
-    force) is `bad` and ignored.
+    fault, "no reply" (no recent report), "command lost" with the reason, or why the driver was refused. `identity` is
+    the name that the driver registered. `external_gripper_states` lists what the gripper accepts in each state.
+    A driver may register again under the same name; after another name its messages are ignored until it reconnects or
+    registers under the first name.
+    `health.lost` counts unanswered set-points, `duplicates` answers to no set-point, `restarts` registrations after the
+    first. An impossible report (before a registration, with a width beyond the registered range, or an answer without
+    the applied force) is `bad` and ignored.
 
-    ``echo_ok`` of a sample: the force that the driver last reported as applied is not above the one requested.
+    ``echo_ok`` of a sample tells whether the force that the driver applied last is at most the requested one.
 
     Args:
-        answer_ms: How long the answer to a set-point may take, 5 to 1000 ms; then it is sent again, with its id.
+        answer_ms: Time allowed for the answer to a set-point, 5 to 1000 ms; then it is sent again with the same id.
 
     Raises:
-        ValueError: The time is out of range or no integer.
+        ValueError: The time is out of range or not an integer.
     """
 
     def __init__(self, answer_ms: int = ANSWER_MS) -> None:
@@ -50,12 +52,12 @@ class Session(PermittedSession):
             raise ValueError(f"answer_ms must be an integer from {SHORTEST_MS} to {LONGEST_MS}, got {answer_ms!r}")
         self.decoder = Decoder()
         self.health = self.decoder.health
-        self._setpoints = SetPoints(answer_ms * 1_000_000, self.health)
+        self._queue = SetpointQueue(answer_ms * 1_000_000, self.health)
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:
         self.decoder.forget()
-        self._setpoints.reset()
+        self._queue.reset()
         self._machine = StateMachine(TRANSITIONS, state)
         self.identity = ""
         self._driver: Registration | None = None
@@ -68,12 +70,12 @@ class Session(PermittedSession):
 
     @property
     def command_lost(self) -> bool:
-        """The last set-point was refused by the driver, or never answered."""
-        return bool(self._setpoints.trouble)
+        """Whether the driver refused the last set-point, or never answered it."""
+        return bool(self._queue.failure)
 
     @property
     def state(self) -> str:
-        """The state in a word, for people."""
+        """State of driver and gripper, as a short text for people."""
         state = self._machine.state
         if state is State.UNREGISTERED:
             return f"refused: {self._refusal}" if self._refusal else "waiting"
@@ -82,7 +84,7 @@ class Session(PermittedSession):
         if state is State.SILENT:
             return "no reply"
         if self.command_lost:
-            return f"command lost: {self._setpoints.trouble}"
+            return f"command lost: {self._queue.failure}"
         return "activating" if self.activating else self._fault or str(state.value)
 
     @property
@@ -92,21 +94,21 @@ class Session(PermittedSession):
 
     @property
     def width_range_m(self) -> tuple[float, float]:
-        """Least and largest width between the pads; (0, inf) while no driver has registered."""
+        """Smallest and largest width between the pads, m; (0, inf) while no driver is registered."""
         return (0.0, math.inf) if self._driver is None else self._driver.width_range_m
 
     @property
     def speed_range_mps(self) -> tuple[float, float] | None:
-        """Least and largest speed; None where no speed can be asked for."""
+        """Smallest and largest speed, m/s; None if the speed cannot be set."""
         return None if self._driver is None else self._driver.speed_range_mps
 
     @property
     def force_range_n(self) -> tuple[float, float]:
-        """Least and largest force, N on one pad; (0, inf) while no driver has registered."""
+        """Smallest and largest force, N on one pad; (0, inf) while no driver is registered."""
         return (0.0, math.inf) if self._driver is None else self._driver.force_range_n
 
     def start(self, now_ns: int) -> bytes:
-        """Begin with a driver that has just connected; it sends the first message."""
+        """Begin with a driver that has just connected and will send the first message."""
         self._reset(State.UNREGISTERED)
         self._silent_at_ns = now_ns + SILENCE_NS
         return b""
@@ -118,28 +120,28 @@ class Session(PermittedSession):
 
     @property
     def force_sent_n(self) -> float | None:
-        """The force of the set-point last sent or queued; None where there is none since the activation."""
-        return self._setpoints.force
+        """Force sent or queued last, N on one pad; None if there was none since the activation."""
+        return self._queue.force
 
     def applied_n(self, force_n: float) -> float:
         """Return ``force_n``: a set-point has no steps."""
         return force_n
 
     def drop(self) -> bool:
-        """Drop what is not sent yet, except a stop; do not repeat what is unanswered."""
-        dropped = self._setpoints.forget()
+        """Drop set-points that are not sent yet, except a stop; do not repeat unanswered ones."""
+        dropped = self._queue.forget()
         self._follow_activation()
         return dropped
 
     def acknowledge(self) -> None:
-        """Forget that a set-point was lost, and let the driver know that the fault it reports was seen."""
-        self._setpoints.trouble = ""
+        """Forget that a set-point was lost, and acknowledge a reported fault to the driver."""
+        self._queue.failure = ""
         if self._fault:
-            self._setpoints.acknowledge()
+            self._queue.acknowledge()
             self._follow_activation()
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
-        """Take bytes received at ``now_ns`` and return the readings they complete."""
+        """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = []
         for message in self.decoder.messages(data):
             if isinstance(message, Registration):
@@ -150,8 +152,8 @@ class Session(PermittedSession):
             elif self._driver is None:
                 self.health.bad += 1
                 self._refuse(self._refusal or _REGISTER, now_ns)
-            elif self._is_believed(message, self._driver):
-                samples.append(self._take(message, now_ns))
+            elif self._is_plausible(message, self._driver):
+                samples.append(self._handle_report(message, now_ns))
             else:
                 self.health.bad += 1
         return samples
@@ -160,76 +162,76 @@ class Session(PermittedSession):
         """Return when `on_time` is due, ns; None while closed."""
         if self._machine.state is State.CLOSED:
             return None
-        due = [self._notice_ns if self._notice else None, self._setpoints.due_ns, self._silent_at_ns]
+        due = [self._notice_ns if self._notice else None, self._queue.due_ns, self._silent_at_ns]
         return min(time_ns for time_ns in due if time_ns is not None)
 
     def on_time(self, now_ns: int) -> bytes:
-        """Return the notice or set-point that is due at ``now_ns``; empty when none is."""
+        """Return the notice or set-point that is due at ``now_ns``; empty if none is."""
         if self._machine.state is State.CLOSED:
             return b""
         if now_ns >= self._silent_at_ns:
             self._fall_silent(now_ns)
         notice, self._notice = self._notice, b""
-        setpoint = self._setpoints.on_time(now_ns)
+        setpoint = self._queue.on_time(now_ns)
         self._follow_activation()
         return notice + setpoint
 
     def _activate(self, now_ns: int) -> bool:
-        """Ask the driver to make its gripper ready, whatever that takes."""
+        """Queue the activation, whatever the driver does for it."""
         if not self._machine.handle(Event.ACTIVATE):
             return False
-        self._setpoints.activate()
+        self._queue.activate()
         return True
 
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
-        """Ask for a width, at the driver's own speed where none is given."""
-        if not self._machine.takes(Event.MOVE):
+        """Queue a move, at the driver's own speed if none is given."""
+        if not self._machine.accepts(Event.MOVE):
             return False
         if speed_mps is not None:
-            _check("speed", speed_mps, self.speed_range_mps or (0.0, 0.0))
-        _check("width", width_m, self.width_range_m)
+            check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
+        check_range("width", width_m, self.width_range_m, "m")
         self._machine.handle(Event.MOVE)
-        self._setpoints.move(width_m, speed_mps, self._in_range(force_n))
+        self._queue.move(width_m, speed_mps, self._in_range(force_n))
         return True
 
     def _set_force(self, force_n: float) -> bool:
-        """Ask for another force, and no other motion; a move that waits goes with that force."""
+        """Queue another force without another motion; a move that waits is queued with that force."""
         if not self._machine.handle(Event.SET_FORCE):
             return False
-        self._setpoints.set_force(self._in_range(force_n))
+        self._queue.set_force(self._in_range(force_n))
         return True
 
     def _halt(self) -> bool:
         dropped = self.drop()
         if not self._machine.handle(Event.HALT):
             return dropped
-        self._setpoints.stop()
-        self._recall()
+        self._queue.stop()
+        self._repeat_report()
         return True
 
     def _follow_activation(self) -> None:
         """Update the state with the outcome of an activation."""
-        if self._setpoints.activation_waits:
+        if self._queue.activation_waits:
             return
-        if self._setpoints.activation_is_sent:
+        if self._queue.activation_is_sent:
             self._machine.handle(Event.ACTIVATION_SENT)
         elif self._machine.handle(Event.ACTIVATION_OVER):
-            self._recall()
+            self._repeat_report()
 
-    def _recall(self) -> None:
-        """Let the last report count again: an activation is over."""
+    def _repeat_report(self) -> None:
+        """Handle the last report again, because an activation is over."""
         self._machine.handle(self._reported)
 
     def _in_range(self, force_n: float) -> float:
-        """Return the force of the gripper's that is nearest."""
+        """Return the nearest force that the gripper has."""
         least, most = self.force_range_n
         return min(max(force_n, least), most)
 
     def _register(self, driver: Registration, now_ns: int) -> None:
-        if self._setpoints.due_ns is not None:
-            self._setpoints.give_up("the driver registered anew")
-        self._setpoints.void()
-        self._fault, self._setpoints.echo_ok = "", None
+        if self._queue.due_ns is not None:
+            self._queue.give_up("the driver registered anew")
+        self._queue.forget_force()
+        self._fault, self._queue.echo_ok = "", None
         if self.identity not in ("", driver.name):
             self._machine.handle(Event.STRANGER)
             self._driver = None
@@ -248,21 +250,21 @@ class Session(PermittedSession):
         self._fault = ""
         if self._driver is None:
             self._refuse(self._refusal or _REGISTER, now_ns)
-        if self._setpoints.due_ns is not None:
-            self._setpoints.give_up("no report of late")
+        if self._queue.due_ns is not None:
+            self._queue.give_up("no report of late")
 
     def _refuse(self, reason: str, now_ns: int) -> None:
         self._refusal = reason
         self._notice, self._notice_ns = wire.encode_notice(wire.REFUSED, reason), now_ns
 
-    def _is_believed(self, report: Report, driver: Registration) -> bool:
+    def _is_plausible(self, report: Report, driver: Registration) -> bool:
         (low, high), width_m = driver.width_range_m, report.width_m
         in_range = width_m is None or low - WIDTH_TOLERANCE_M <= width_m <= high + WIDTH_TOLERANCE_M
-        return in_range and self._setpoints.is_sound(report)
+        return in_range and self._queue.is_complete(report)
 
-    def _take(self, report: Report, now_ns: int) -> GripperSample:
+    def _handle_report(self, report: Report, now_ns: int) -> GripperSample:
         if report.id is not None:
-            self.health.duplicates += not self._setpoints.take_answer(report, now_ns)
+            self.health.duplicates += not self._queue.match_answer(report, now_ns)
             self._follow_activation()
         self._silent_at_ns = now_ns + SILENCE_NS
         self.health.good += 1
@@ -273,16 +275,10 @@ class Session(PermittedSession):
             self._reported = Event.REPORTED_FAULT if report.fault else Event.REPORTED_ACTIVE
         self._machine.handle(self._reported)
         if report.fault or not report.active:
-            self._setpoints.lose_grip(report.fault or "not active")
+            self._queue.lose_grip(report.fault or "not active")
             self._follow_activation()
         if not report.active:
-            self._setpoints.void()
+            self._queue.forget_force()
         reading = sample(report, now_ns)
-        reading.echo_ok = self._setpoints.echo_ok
+        reading.echo_ok = self._queue.echo_ok
         return reading
-
-
-def _check(name: str, value: float, bounds: tuple[float, float]) -> None:
-    low, high = bounds
-    if not low <= value <= high:  # also where it is no number
-        raise ValueError(f"the {name} must be from {low:g} to {high:g}, got {value}")

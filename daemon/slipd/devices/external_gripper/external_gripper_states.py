@@ -1,7 +1,7 @@
 """State machine of the session with an external driver.
 
-The driver carries out an activation on its own: it is under way until the driver answers the set-point that asks for
-it. What the driver reports always counts, but while an activation is queued or under way the gripper takes no motion.
+The driver carries out an activation on its own; it is in progress until the driver answers the set-point. While an
+activation is queued or in progress, the gripper accepts no motion, whatever the driver reports.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ class State(Enum):
 
     CLOSED = "closed"
     UNREGISTERED = "unregistered"
-    """Connected, but no driver registered, or another than before."""
+    """Connected, but no driver is registered, or another one than before."""
     WAITING = "waiting"
-    """Registered; no report came yet."""
+    """Registered, but no report was received yet."""
     SILENT = "silent"
-    """No report of late."""
+    """No recent report."""
     INACTIVE = "inactive"
     ACTIVE = "active"
     FAULTY = "faulty"
-    """Active, with a fault: it can be stopped, and nothing else."""
+    """Active, with a fault; it accepts only a stop or an activation."""
     ACTIVATION_QUEUED = "activation queued"
     ACTIVATING = "activating"
 
 
 class Event(Enum):
-    """Events; the first four are the kinds of a permit."""
+    """Events; the first four are the kinds of permits."""
 
     ACTIVATE = "activate"
     MOVE = "move"
@@ -37,7 +37,7 @@ class Event(Enum):
     HALT = "halt"
     ACTIVATION_SENT = "activation sent"
     ACTIVATION_OVER = "activation over"
-    """It was dropped, the driver answered it, or never will."""
+    """The activation was dropped, answered, or will never be answered."""
     REGISTERED = "registered"
     STRANGER = "stranger"
     """A driver of another name registered on the same connection."""
@@ -53,33 +53,33 @@ _REPORTS = {
     Event.REPORTED_FAULT: State.FAULTY,
 }
 _REGISTRATIONS = {Event.REGISTERED: State.WAITING, Event.STRANGER: State.UNREGISTERED}
-_ANYWAY = {**_REGISTRATIONS, Event.FELL_SILENT: State.SILENT, Event.ACTIVATE: State.ACTIVATION_QUEUED}
+_ALWAYS = {**_REGISTRATIONS, Event.FELL_SILENT: State.SILENT, Event.ACTIVATE: State.ACTIVATION_QUEUED}
 
 TRANSITIONS: Mapping[State, Mapping[Event, State]] = {
     State.CLOSED: {},
     State.UNREGISTERED: _REGISTRATIONS,
     State.WAITING: {**_REGISTRATIONS, **_REPORTS, Event.FELL_SILENT: State.SILENT},
     State.SILENT: {**_REGISTRATIONS, **_REPORTS},
-    State.INACTIVE: {**_ANYWAY, **_REPORTS},
+    State.INACTIVE: {**_ALWAYS, **_REPORTS},
     State.ACTIVE: {
-        **_ANYWAY,
+        **_ALWAYS,
         **_REPORTS,
         Event.MOVE: State.ACTIVE,
         Event.SET_FORCE: State.ACTIVE,
         Event.HALT: State.ACTIVE,
     },
-    State.FAULTY: {**_ANYWAY, **_REPORTS, Event.HALT: State.FAULTY},
+    State.FAULTY: {**_ALWAYS, **_REPORTS, Event.HALT: State.FAULTY},
     State.ACTIVATION_QUEUED: {
-        **_ANYWAY,
+        **_ALWAYS,
         Event.ACTIVATION_SENT: State.ACTIVATING,
         Event.ACTIVATION_OVER: State.INACTIVE,
     },
-    State.ACTIVATING: {**_ANYWAY, Event.HALT: State.INACTIVE, Event.ACTIVATION_OVER: State.INACTIVE},
+    State.ACTIVATING: {**_ALWAYS, Event.HALT: State.INACTIVE, Event.ACTIVATION_OVER: State.INACTIVE},
 }
-"""For each state, the events that it takes and the state that follows; opening and closing the link set the state.
+"""For each state, the events that it accepts and the state that follows; opening and closing the link set the state.
 
-Where an activation is over or is halted, the last report counts again: the session hands it over once more.
+After an activation is over or halted, the session handles the last report again.
 """
 
 ACTIVATION = frozenset({State.ACTIVATION_QUEUED, State.ACTIVATING})
-"""While in one of these the gripper takes no motion."""
+"""In these states the gripper accepts no motion."""

@@ -1,9 +1,8 @@
-"""Robotiq 2F-85, 2F-140 and Hand-E grippers, spoken to as a Modbus RTU master.
+"""Robotiq 2F-85, 2F-140 and Hand-E grippers; slipd is the Modbus RTU master.
 
-Three registers are written (what to do), three are read (what is). Nothing moves without a permit: the session
-polls, and sends a command only when `Session.execute` receives one. Positions, speeds and forces are the gripper's own
-bytes; tables in the config convert them to metres and newtons.
-Source: Robotiq 2F instruction manual, control over Modbus RTU.
+Three registers are written (commands), three are read (status). Nothing moves without a permit: the session polls, and
+sends a command only when `Session.execute` receives a permit. Positions, speeds and forces are bytes; tables in the
+config convert them to metres and newtons. Source: Robotiq 2F instruction manual, control over Modbus RTU.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ DEVICE = Device(
     Session,
     rates_hz=(1.0, 1e9 / COMMAND_PAUSE_NS),
     baud=115_200,
-    tabled=True,
+    needs_tables=True,
     grip=GRIP,
     frame="a reply of a Robotiq gripper",
 )

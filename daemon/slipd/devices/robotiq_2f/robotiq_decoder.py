@@ -1,13 +1,13 @@
-"""Decoder of the status replies of a Robotiq gripper, whoever requested them."""
+"""Decoder of the status replies of a Robotiq gripper, for recordings without their requests."""
 
 from __future__ import annotations
 
 import struct
 
-from slipd.devices import crc, modbus
-from slipd.devices.framing import FixedFrames
-from slipd.devices.health import DecoderHealth
 from slipd.devices.robotiq_2f.robotiq_registers import REGISTERS, UNIT, parse_status
+from slipd.devices.shared import crc, modbus
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.frame_scanner import FixedLengthScanner
 from slipd.samples import GripperSample
 
 _STATUS = struct.Struct(f">{REGISTERS}H")
@@ -16,10 +16,10 @@ _STATUS_LENGTH = _STATUS_AT + _STATUS.size + 2
 
 
 class Decoder:
-    """Makes gripper samples of the status replies in a stream; everything else in it is passed over.
+    """Decode the status replies in a stream to gripper samples; skip everything else.
 
-    ``echo_ok`` and ``width_m`` are None: the replies contain neither what was requested nor the width in metres.
-    `Session` adds them.
+    ``echo_ok`` and ``width_m`` are None, because the replies contain neither the request nor the width in metres;
+    `Session` sets them.
 
     Args:
         unit: Modbus address of the gripper.
@@ -27,7 +27,7 @@ class Decoder:
 
     def __init__(self, unit: int = UNIT) -> None:
         self.health = DecoderHealth()
-        self._frames = FixedFrames(bytes((unit,)), _STATUS_LENGTH, _is_status, self.health)
+        self._frames = FixedLengthScanner(bytes((unit,)), _STATUS_LENGTH, _is_status, self.health)
 
     def receive(self, data: bytes, t_ns: int) -> list[GripperSample]:
         """Decode bytes received at ``t_ns``; return the status readings they complete."""
@@ -36,7 +36,7 @@ class Decoder:
         return [parse_status(_STATUS.unpack_from(buffer, at + _STATUS_AT), t_ns, None) for at, _ in found]
 
     def forget(self) -> None:
-        """Drop a begun frame and what was expected to follow: the line was closed."""
+        """Drop a partial reply, because the line was closed."""
         self._frames.forget()
 
 

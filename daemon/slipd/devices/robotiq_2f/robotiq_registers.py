@@ -1,7 +1,8 @@
-"""The register words of the Robotiq 2F grippers, read and written from either side of the line.
+"""Registers of the Robotiq 2F grippers: bit layout, encoders and parsers for both ends of the line.
 
-Three output registers tell the gripper what to do, three input registers what is. Both are six bytes, high byte of
-each register first. Source: Robotiq 2F instruction manual, gripper register mapping.
+Three output registers (from 1000) command the gripper, three input registers (from 2000) report its status. Both are
+six bytes, high byte of each register first: action or status flags, reserved or fault, position request or its echo,
+then speed and force, or position and current. Source: Robotiq 2F instruction manual, gripper register mapping.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from slipd.devices import modbus
+from slipd.devices.shared import modbus
 from slipd.samples import GripperSample
 
 UNIT = 9
@@ -42,7 +43,7 @@ _CURRENT_PER_A = 100
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What the three output registers tell the gripper to do; an emulator's side of the talk.
+    """Content of the three output registers, for emulators.
 
     Attributes:
         activate: rACT; its rising edge starts the activation.
@@ -75,7 +76,7 @@ def parse_output(registers: tuple[int, ...]) -> Output:
 
 
 def write_output(registers: tuple[int, ...], request: modbus.Request) -> tuple[int, ...] | None:
-    """Return the output registers as a write request leaves them; None where it writes beside them."""
+    """Return the output registers after a write request; None if it writes outside them."""
     first = request.write_address - OUTPUT_ADDRESS
     if first < 0 or first + len(request.registers) > REGISTERS:
         return None
@@ -90,7 +91,7 @@ def status_registers(
     """Return the input registers 2000 to 2002 of a gripper.
 
     Args:
-        output: What it was last told: activation, "go" and requested position are echoed.
+        output: Command received last; activation, "go" and requested position are echoed.
         stage: gSTA: 0 reset, 1 activating, 3 active.
         found: gOBJ: 0 moving, 1 contact while opening, 2 contact while closing, 3 at the position.
         fault: gFLT, 0 to 15.
@@ -107,14 +108,14 @@ def parse_status(
 ) -> GripperSample:
     """Read the input registers 2000 to 2002, received at ``t_ns``.
 
-    The object bits mean "moving" only while the gripper goes to a position; a contact stays one after a halt.
+    The object bits mean "moving" only while the gripper goes to a position; a contact remains one after a halt.
 
     Args:
         registers: The three registers.
         t_ns: When the reply was received.
-        requested: The position byte that was last requested, for ``echo_ok``; None when none was. It is all that the
-            gripper echoes: force and speed are not.
-        width_m: Makes a width of a position byte; None where that is not known.
+        requested: Position byte requested last, for ``echo_ok``; None if there was none. The gripper echoes neither
+            force nor speed.
+        width_m: Converts a position byte to a width, m; None if the conversion is unknown.
     """
     flags, (fault, echo) = registers[0] >> 8, divmod(registers[1], 256)
     position, current = divmod(registers[2], 256)
@@ -134,7 +135,7 @@ def parse_status(
 
 
 def is_activating(registers: tuple[int, ...]) -> bool:
-    """Return whether gSTA says that the gripper activates."""
+    """Return whether gSTA reports an activation in progress."""
     return registers[0] >> 12 & 3 == _STAGE_ACTIVATING
 
 

@@ -1,44 +1,45 @@
-"""Session with a Robotiq gripper: permits become orders, status replies become samples."""
+"""Session with a Robotiq gripper: permits become register writes, status replies become samples."""
 
 from __future__ import annotations
 
-from slipd.devices import modbus
-from slipd.devices.health import DecoderHealth
-from slipd.devices.permitted_session import PermittedSession
 from slipd.devices.robotiq_2f.robotiq_line import COMMAND_PAUSE_NS, RobotiqLine
-from slipd.devices.robotiq_2f.robotiq_orders import Goal, Order, OrderKind, Orders
 from slipd.devices.robotiq_2f.robotiq_registers import UNIT, is_activating, parse_status
 from slipd.devices.robotiq_2f.robotiq_states import ACTIVATION, TRANSITIONS, Event, State
 from slipd.devices.robotiq_2f.robotiq_units import FORCE_TABLE, SPEED_TABLE, WIDTH_TABLE, Table, Units
-from slipd.devices.state_machine import StateMachine
+from slipd.devices.robotiq_2f.robotiq_write_queue import Goal, RegisterWrite, WriteKind, WriteQueue
+from slipd.devices.shared import modbus
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.gripper_session_base import GripperSessionBase
+from slipd.devices.shared.state_machine import StateMachine
 from slipd.samples import GripperSample
 
 LAST_UNIT = 247
-"""The highest address that Modbus gives to a device."""
+"""Highest Modbus address."""
 
-_SENT = {OrderKind.CLEAR: Event.CLEAR_SENT, OrderKind.ACTIVATE: Event.ACTIVATION_SENT}
-_REPEATED = {OrderKind.CLEAR: Event.CLEAR_REPEATED, OrderKind.ACTIVATE: Event.ACTIVATION_REPEATED}
+_SENT = {WriteKind.CLEAR: Event.CLEAR_SENT, WriteKind.ACTIVATE: Event.ACTIVATION_SENT}
+_REPEATED = {WriteKind.CLEAR: Event.CLEAR_REPEATED, WriteKind.ACTIVATE: Event.ACTIVATION_REPEATED}
 
 
-class Session(PermittedSession):
-    """Polls the gripper and carries out permits, one transaction at a time.
+class Session(GripperSessionBase):
+    """Poll the gripper and carry out permits, one transaction at a time.
 
     `state` is "closed", "waiting" (for a status), "inactive", "activating", "active", "command lost" or "no reply".
     `robotiq_states` lists what the gripper accepts in each state.
 
     Attributes:
         health: Its ``lost`` counts unanswered transactions.
-        command_lost: The last command was refused, never acknowledged, or met a gripper that was no longer active.
+        command_lost: Whether the last command was refused, was never acknowledged, or reached a gripper that was no
+            longer active.
 
-    ``echo_ok`` of a sample compares the position last sent with the gripper's echo of it, in every status while they
-    differ. Force and speed are not echoed; only the acknowledgement of the write shows that they arrived.
+    ``echo_ok`` of a sample tells whether the gripper echoes the position sent last. Force and speed are not echoed;
+    only the acknowledgement of the write shows that they arrived.
 
     Args:
         unit: Modbus address of the gripper.
         poll_period_s: Time from one status poll to the next, s, at least 0.005.
         force_table: (force byte, N on one pad), both rising.
         width_table: (position byte / 255, m between the pads), the first rising and the second falling.
-        speed_table: (speed byte, m/s), both rising; None: no speed can be asked for.
+        speed_table: (speed byte, m/s), both rising; None if the speed cannot be set.
 
     Raises:
         ValueError: The poll period is shorter than the gripper's own pause, or the address is not a Modbus address.
@@ -61,19 +62,19 @@ class Session(PermittedSession):
         self.health = DecoderHealth()
         self._units = Units(force_table, width_table, speed_table)
         self._line = RobotiqLine(unit, round(poll_period_s * 1e9), self.health)
-        self._orders = Orders(unit)
+        self._queue = WriteQueue(unit)
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:
         self._machine = StateMachine(TRANSITIONS, state)
-        self._orders.reset()
+        self._queue.reset()
         self.command_lost = False
-        self._reported: Event | None = None  # by the last status, since the gripper fell silent or was cleared
-        self._unanswered: Order | None = None  # it is repeated where no reply comes
+        self._reported: Event | None = None  # by the last status since the gripper fell silent or was cleared
+        self._unanswered: RegisterWrite | None = None  # to be repeated if no reply comes
 
     @property
     def state(self) -> str:
-        """The state in a word, for people."""
+        """State of the gripper, as a short text for people."""
         state = self._machine.state
         if state is State.CLOSED:
             return "closed"
@@ -90,55 +91,55 @@ class Session(PermittedSession):
 
     @property
     def width_range_m(self) -> tuple[float, float]:
-        """Least and largest width between the pads."""
+        """Smallest and largest width between the pads, m."""
         return self._units.width_range_m
 
     @property
     def speed_range_mps(self) -> tuple[float, float] | None:
-        """Least and largest speed; None where no speed can be asked for."""
+        """Smallest and largest speed, m/s; None if the speed cannot be set."""
         return self._units.speed_range_mps
 
     @property
     def force_range_n(self) -> tuple[float, float]:
-        """Least and largest force, N on one pad."""
+        """Smallest and largest force, N on one pad."""
         return self._units.force_range_n
 
     @property
     def force_sent_n(self) -> float | None:
-        """The force of the byte last sent or queued, N on one pad; None where there is none since the activation."""
-        force = self._orders.force
+        """Force sent or queued last, N on one pad; None if there was none since the activation."""
+        force = self._queue.force
         return None if force is None else self._units.newtons(force)
 
     def applied_n(self, force_n: float) -> float:
-        """Return the force of the byte that would be sent, N on one pad."""
+        """Return the force of the byte that would be sent for ``force_n``, N on one pad."""
         return self._units.newtons(self._units.force(force_n))
 
     def start(self, now_ns: int) -> bytes:
-        """Begin on a freshly opened link: forget what was queued, and poll. Nothing moves."""
+        """Begin on a freshly opened link: forget queued writes, and poll. Nothing moves."""
         self._reset(State.WAITING)
         self._line.open(now_ns)
         return self.on_time(now_ns)
 
     def stop(self) -> bytes:
-        """End. Nothing is sent: the gripper keeps what it holds."""
+        """End. Nothing is sent, so the gripper keeps what it holds."""
         self._reset(State.CLOSED)
         self._line.open(0)
         return b""
 
     def drop(self) -> bool:
-        """Drop what is not sent yet, except a halt; do not repeat what is unanswered."""
-        dropped = self._orders.drop()
-        if self._unanswered is not None and self._unanswered.kind is not OrderKind.HALT:
+        """Drop writes that are not sent yet, except a halt; do not repeat unanswered ones."""
+        dropped = self._queue.drop()
+        if self._unanswered is not None and self._unanswered.kind is not WriteKind.HALT:
             self._unanswered = None
-        self._take_back(Event.DROP)
+        self._revert_activation(Event.DROP)
         return dropped
 
     def acknowledge(self) -> None:
-        """Forget that a command was lost; its own lesser faults end by themselves, others with the next activation."""
+        """Forget that a command was lost. Minor faults of the gripper end by themselves, others with an activation."""
         self.command_lost = False
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
-        """Take bytes received at ``now_ns`` and return the status reading they complete, if any."""
+        """Decode bytes received at ``now_ns``; return the status reading they complete, if any."""
         request = self._line.outstanding
         reply = self._line.receive(data, now_ns)
         if request is None or reply is None:
@@ -149,34 +150,34 @@ class Session(PermittedSession):
             if reply.error:
                 self._give_up()
         elif not reply.error:
-            return [self._take_status(reply.registers, now_ns)]
+            return [self._handle_status(reply.registers, now_ns)]
         return []
 
     def next_deadline(self) -> int | None:
         """Return when `on_time` is due, ns; None while closed."""
         if self._machine.state is State.CLOSED:
             return None
-        return self._line.due_ns(commands_wait=bool(self._orders.waiting))
+        return self._line.due_ns(commands_wait=bool(self._queue.waiting))
 
     def on_time(self, now_ns: int) -> bytes:
-        """Return the command or poll that is due at ``now_ns``; empty when none is."""
+        """Return the command or poll that is due at ``now_ns``; empty if none is."""
         due = self.next_deadline()
         if due is None or now_ns < due:
             return b""
         if self._line.outstanding is not None:
-            self._time_out(self._line.outstanding)
-        if not self._orders.waiting or self._line.poll_goes_first(now_ns):
+            self._handle_timeout(self._line.outstanding)
+        if not self._queue.waiting or self._line.poll_goes_first(now_ns):
             return self._line.poll(now_ns)
-        order = self._unanswered = self._orders.send()
-        if order.kind in _SENT:
+        write = self._unanswered = self._queue.send()
+        if write.kind in _SENT:
             self._reported = None
-            self._machine.handle(_SENT[order.kind])
-        return self._line.send(order.request, now_ns)
+            self._machine.handle(_SENT[write.kind])
+        return self._line.send(write.request, now_ns)
 
     def _activate(self, now_ns: int) -> bool:
         if not self._machine.handle(Event.ACTIVATE):
             return False
-        self._orders.activate()
+        self._queue.activate()
         self._line.poll_soon(now_ns)
         return True
 
@@ -185,56 +186,56 @@ class Session(PermittedSession):
         goal, force = Goal(units.position(width_m), units.speed(speed_mps)), units.force(force_n)
         if not self._machine.handle(Event.MOVE):
             return False
-        self._orders.move(goal, force)
+        self._queue.move(goal, force)
         return True
 
     def _set_force(self, force_n: float) -> bool:
         if not self._machine.handle(Event.SET_FORCE):
             return False
-        self._orders.set_force(self._units.force(force_n), self._unanswered)
+        self._queue.set_force(self._units.force(force_n), self._unanswered)
         return True
 
     def _halt(self) -> bool:
-        taken_back = self._machine.takes(Event.DROP) and self.drop()
+        dropped = self._machine.accepts(Event.DROP) and self.drop()
         if not self._machine.handle(Event.HALT):
-            return taken_back
-        self._orders.halt()
+            return dropped
+        self._queue.halt()
         return True
 
-    def _take_back(self, event: Event) -> None:
-        """Let the last status count again where an activation was not sent."""
+    def _revert_activation(self, event: Event) -> None:
+        """Return to the state of the last status if an activation was not sent."""
         if self._machine.handle(event) and self._reported is not None:
             self._machine.handle(self._reported)
 
-    def _time_out(self, request: modbus.Request) -> None:
-        self._line.time_out()
-        order, self._unanswered = self._unanswered, None
+    def _handle_timeout(self, request: modbus.Request) -> None:
+        self._line.handle_timeout()
+        write, self._unanswered = self._unanswered, None
         writes = request.function == modbus.WRITE
-        if self._line.silent:  # it may have lost its power: ask before it is sent anywhere
+        if self._line.silent:  # the gripper may have lost power, so ask for its status before any motion
             self._reported = None
             self._machine.handle(Event.FELL_SILENT)
-            if writes or self._orders.waiting:
+            if writes or self._queue.waiting:
                 self._give_up()
-        elif order is None:
+        elif write is None:
             self.command_lost = self.command_lost or writes
-        elif self._orders.repeat(order) and order.kind in _REPEATED:
-            self._machine.handle(_REPEATED[order.kind])
+        elif self._queue.repeat(write) and write.kind in _REPEATED:
+            self._machine.handle(_REPEATED[write.kind])
 
     def _give_up(self) -> None:
-        self._orders.give_up()
-        self._take_back(Event.GIVE_UP)
+        self._queue.clear()
+        self._revert_activation(Event.GIVE_UP)
         self.command_lost = True
 
-    def _take_status(self, registers: tuple[int, ...], now_ns: int) -> GripperSample:
-        sample = parse_status(registers, now_ns, self._orders.requested, self._units.width_m)
+    def _handle_status(self, registers: tuple[int, ...], now_ns: int) -> GripperSample:
+        sample = parse_status(registers, now_ns, self._queue.requested, self._units.width_m)
         self.health.good += 1
         if sample.active:
             self._reported = Event.REPORTED_ACTIVE
         else:
             self._reported = Event.REPORTED_ACTIVATING if is_activating(registers) else Event.REPORTED_INACTIVE
-        believed = self._machine.handle(self._reported)
+        accepted = self._machine.handle(self._reported)
         if not sample.active:
-            self._orders.void()
-            if believed and self._orders.waiting:
+            self._queue.forget_force()
+            if accepted and self._queue.waiting:
                 self._give_up()
         return sample

@@ -1,8 +1,9 @@
-"""The messages of Weiss/Schunk WSG grippers, read and written from either side of the line.
+"""Messages of Weiss/Schunk WSG grippers: byte layout, encoders and parsers for both ends of the line.
 
-Packets are those of `slipd.devices.weiss`, with a checksum over the preamble too; a reply has the id of its command and
-begins with a status (u16). Widths are mm, speeds mm/s, numbers little-endian. **Forces are the sum of both fingers**:
-twice the newtons on one pad. Source: the public WSG drivers and the fieldbus manual.
+The packets are those of `slipd.devices.shared.weiss_packets`, with a checksum that includes the preamble. A reply has
+the id of its command and begins with a status (u16). Widths are mm, speeds mm/s; numbers are little-endian, and real
+numbers f32. **Forces are the sum of both fingers**, twice the force on one pad. Source: the public WSG drivers and the
+fieldbus manual.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slipd.devices import weiss
-from slipd.devices.health import DecoderHealth
-from slipd.devices.weiss import WITH_PREAMBLE, Packets
+from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, PacketScanner
 
 DISCONNECT = 0x07
 HOME = 0x20
@@ -32,7 +33,7 @@ SYSTEM = 0x50
 LIMITS = 0x53
 
 UPDATES = (WIDTH, FORCE, GRASPING, STATE)
-"""What the gripper sends by itself, one packet each, once a period was asked for."""
+"""Updates that the gripper sends periodically on request, one packet each."""
 
 OK = 0
 NOT_INITIALISED = 3
@@ -42,11 +43,13 @@ RANGE_ERROR = 28
 AXIS_BLOCKED = 29
 
 FINGERS = 2
-"""Newtons of the gripper in a newton on one pad."""
+"""Ratio of the gripper's force to the force on one pad."""
 
 CLAMP_ABSOLUTE = 0
-"""Flags of a pre-position: to an absolute width, and hold with the force limit whatever blocks the way. The meaning of
-the other bits is told differently by different sources."""
+"""Flags of a pre-position: absolute width, and clamp what blocks the way with the force limit.
+
+The sources disagree on the meaning of the other bits.
+"""
 
 STATE_BITS = {
     0: "referenced",
@@ -70,7 +73,7 @@ STATE_BITS = {
     20: "script_failure",
 }
 FAULTS = ("fast_stop", "over_temperature", "power_fault", "overcurrent", "finger_fault", "script_failure")
-"""The worst first, but for the fast stop: the gripper does that because of others, and it is what has to be ended."""
+"""Faults, the worst first; except that the fast stop, which others cause, is what must be acknowledged."""
 NOTICES = (
     "soft_limit_minus",
     "soft_limit_plus",
@@ -79,12 +82,12 @@ NOTICES = (
     "command_failure",
     "script_running",
 )
-"""What people may want to know of a gripper that goes on."""
+"""Conditions of a gripper that continues to work."""
 
 GRASPING_STATES = ("idle", "grasping", "no_part", "part_lost", "holding", "releasing", "positioning", "error")
 
 MOST = 1000.0
-"""No width (mm), speed (mm/s) or force (N) that a gripper tells is more."""
+"""Largest plausible width (mm), speed (mm/s) or force (N)."""
 
 _F32 = struct.Struct("<f")
 _FLAGS = struct.Struct("<I")
@@ -110,7 +113,7 @@ REPLY_SIZES = {
     SYSTEM: _SYSTEM.size,
     LIMITS: _LIMITS.size,
 }
-"""Bytes behind a status of 0; behind any other there are none."""
+"""Bytes after a status of 0; there are none after any other status."""
 REQUEST_SIZES = {
     DISCONNECT: 0,
     HOME: 1,
@@ -129,7 +132,7 @@ REQUEST_SIZES = {
 
 
 class Limits(NamedTuple):
-    """What a gripper can do, in its own units."""
+    """Limits of a gripper, in its own units."""
 
     stroke_mm: float
     min_speed: float
@@ -142,49 +145,49 @@ class Limits(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """An answer or an update: the id, a status, and what stands behind it."""
+    """An answer or an update: id, status, and the data after it."""
 
     id: int
     status: int
     data: bytes
 
 
-class Replies(Packets):
-    """Finds the replies in a stream.
+class ReplyScanner(PacketScanner):
+    """Find the replies in a stream.
 
     Args:
         health: Receives ``bad`` and ``bad_bytes``.
     """
 
     def __init__(self, health: DecoderHealth) -> None:
-        super().__init__(WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, health)
+        super().__init__(SEED_WITH_PREAMBLE, _is_reply, _TYPICAL_BYTES, health)
 
     def replies(self, data: bytes) -> list[Reply]:
-        """Take the next bytes of the stream and return the replies they complete."""
+        """Scan the next bytes of the stream; return the replies they complete."""
         return [
             Reply(packet.id, int.from_bytes(packet.payload[:_STATUS_LENGTH], "little"), packet.payload[_STATUS_LENGTH:])
             for packet in self.packets(data)
         ]
 
 
-def _is_reply(reply_id: int, size: int, begun: bytes) -> bool:
+def _is_reply(reply_id: int, size: int, payload: bytes) -> bool:
     expected = REPLY_SIZES.get(reply_id)
     if expected is None or size not in (_STATUS_LENGTH, _STATUS_LENGTH + expected):
         return False
-    if len(begun) < _STATUS_LENGTH:
+    if len(payload) < _STATUS_LENGTH:
         return True
-    status = int.from_bytes(begun[:_STATUS_LENGTH], "little")
+    status = int.from_bytes(payload[:_STATUS_LENGTH], "little")
     if status >= len(weiss.STATUS_WORDS) or size != _STATUS_LENGTH + (expected if status == OK else 0):
         return False
-    return len(begun) < size or _is_sound(reply_id, status, begun[_STATUS_LENGTH:])
+    return len(payload) < size or _is_sound(reply_id, status, payload[_STATUS_LENGTH:])
 
 
 def _is_sound(reply_id: int, status: int, data: bytes) -> bool:
-    """Say whether numbers are ones that a gripper can mean."""
+    """Return whether the numbers of a reply are plausible."""
     if status != OK:
         return True
     if reply_id in (GET_FORCE, WIDTH, FORCE):
-        return abs(parse_number(data)) <= MOST  # also False where it is no number
+        return abs(parse_number(data)) <= MOST  # also False for NaN
     if reply_id == GRASPING:
         return data[0] < len(GRASPING_STATES)
     if reply_id == LIMITS:
@@ -192,22 +195,22 @@ def _is_sound(reply_id: int, status: int, data: bytes) -> bool:
     return True
 
 
-def _are_limits(told: Limits) -> bool:
+def _are_limits(limits: Limits) -> bool:
     return (
-        all(map(math.isfinite, told))
-        and 0.0 < told.stroke_mm <= MOST
-        and 0.0 <= told.min_speed < told.max_speed <= MOST
-        and 0.0 <= told.min_force < told.nominal_force <= MOST
+        all(map(math.isfinite, limits))
+        and 0.0 < limits.stroke_mm <= MOST
+        and 0.0 <= limits.min_speed < limits.max_speed <= MOST
+        and 0.0 <= limits.min_force < limits.nominal_force <= MOST
     )
 
 
 def encode(packet_id: int, payload: bytes = b"") -> bytes:
-    """Return a packet, of either side."""
-    return weiss.encode(packet_id, payload, WITH_PREAMBLE)
+    """Return a packet of either direction."""
+    return weiss.encode(packet_id, payload, SEED_WITH_PREAMBLE)
 
 
 def preposition(width_mm: float, speed_mmps: float) -> bytes:
-    """Return the command to go to a width, and to hold what blocks the way."""
+    """Return the command to move to a width, and to clamp what blocks the way."""
     return encode(PREPOSITION, _GOAL.pack(CLAMP_ABSOLUTE, width_mm, speed_mmps))
 
 
@@ -218,7 +221,7 @@ def parse_goal(payload: bytes) -> tuple[int, float, float]:
 
 
 def home() -> bytes:
-    """Return the command to look for the reference, in the direction that the gripper is set to."""
+    """Return the command to search for the reference, in the direction set in the gripper."""
     return encode(HOME, b"\0")
 
 
@@ -238,7 +241,7 @@ def update_request(update_id: int, period_ms: int) -> bytes:
 
 
 def parse_update(payload: bytes) -> int:
-    """Return the period that a request for updates asks for, ms; 0 for one answer alone."""
+    """Return the period of a request for updates, ms; 0 for a single answer."""
     automatic, period_ms = _UPDATE.unpack(payload)
     return period_ms if automatic else 0
 
@@ -249,12 +252,12 @@ def encode_reply(reply_id: int, status: int = OK, data: bytes = b"") -> bytes:
 
 
 def encode_number(reply_id: int, number: float) -> bytes:
-    """Return the reply that is one number: width, force or force limit."""
+    """Return a reply that consists of one number: width, force or force limit."""
     return encode_reply(reply_id, data=_F32.pack(number))
 
 
 def encode_state(words: set[str]) -> bytes:
-    """Return the system state in which the bits of these words are set."""
+    """Return the system state with the bits of these words set."""
     flags = sum(1 << bit for bit, word in STATE_BITS.items() if word in words)
     return encode_reply(STATE, data=_FLAGS.pack(flags))
 
@@ -265,37 +268,37 @@ def encode_grasping(state: str) -> bytes:
 
 
 def encode_limits(limits: Limits) -> bytes:
-    """Return the answer that tells what the gripper can do."""
+    """Return the answer about the limits."""
     return encode_reply(LIMITS, data=_LIMITS.pack(*limits))
 
 
 def encode_system(serial: int) -> bytes:
-    """Return the answer that tells which gripper it is."""
+    """Return the answer about the system."""
     return encode_reply(SYSTEM, data=_SYSTEM.pack(1, 0, 0, serial))
 
 
 def parse_number(data: bytes) -> float:
-    """Return the one number of a reply, or of the command that sets the force limit."""
+    """Return the number in a reply, or in the command that sets the force limit."""
     return float(_F32.unpack(data)[0])
 
 
 def parse_state(data: bytes) -> frozenset[str]:
-    """Return the words of the bits that are set in a system state; bits without a meaning are passed over."""
+    """Return the words of the bits set in a system state; ignore bits without a meaning."""
     flags = _FLAGS.unpack(data)[0]
     return frozenset(word for bit, word in STATE_BITS.items() if flags >> bit & 1)
 
 
 def parse_limits(data: bytes) -> Limits:
-    """Return what a gripper can do."""
+    """Return the limits in an answer."""
     return Limits(*_LIMITS.unpack(data))
 
 
 def parse_serial(data: bytes) -> int:
-    """Return the serial number of the answer about the system."""
+    """Return the serial number in an answer about the system."""
     return int(_SYSTEM.unpack(data)[3])
 
 
 def at_most(number: float) -> float:
-    """Return the largest number that the wire can carry and that is not above ``number``."""
+    """Return the largest f32 that does not exceed ``number``."""
     rounded = np.float32(number)
     return float(rounded if float(rounded) <= number else np.nextafter(rounded, np.float32(-math.inf)))

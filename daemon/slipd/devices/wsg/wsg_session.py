@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import math
 
-from slipd.devices import weiss
-from slipd.devices.conversation import Conversation, Step
-from slipd.devices.permitted_session import PermittedSession
-from slipd.devices.state_machine import StateMachine
+from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.gripper_session_base import GripperSessionBase, check_range
+from slipd.devices.shared.startup_sequence import StartupSequence, Step
+from slipd.devices.shared.state_machine import StateMachine
 from slipd.devices.wsg import wsg_messages as wire
+from slipd.devices.wsg.wsg_command_queue import HOME, WsgCommandQueue
 from slipd.devices.wsg.wsg_decoder import Decoder
 from slipd.devices.wsg.wsg_messages import FINGERS, Limits, Reply
-from slipd.devices.wsg.wsg_orders import HOME, WsgOrders
-from slipd.devices.wsg.wsg_states import ACTIVATION, QUEUED, TRANSITIONS, UNDER_WAY, Event, State
+from slipd.devices.wsg.wsg_states import ACTIVATION, IN_PROGRESS, QUEUED, TRANSITIONS, Event, State
 from slipd.samples import GripperSample
 
 PERIOD_MS = 20
-"""Public drivers use it, and older grippers can do no more than 7 ms."""
+"""Period of the public drivers; older grippers need at least 7 ms."""
 SHORTEST_MS, LONGEST_MS = 5, 200
-"""Of a period: the first is twice what the gripper was seen to do, the last a fifth of what passes for silence."""
+"""Shortest and longest period: twice the fastest observed, and a fifth of the time that counts as silence."""
 HOMING_NS = 30_000_000_000
-"""A slow gripper needs some seconds for its whole stroke, there and back."""
+"""Time allowed for homing; a slow gripper needs some seconds for its whole stroke and back."""
+
 _IDS = {
     "system": wire.SYSTEM,
     "limits": wire.LIMITS,
@@ -31,25 +32,25 @@ _IDS = {
 }
 
 
-class Session(PermittedSession):
-    """Asks for the updates, and carries out permits, one command at a time.
+class Session(GripperSessionBase):
+    """Request updates, and carry out permits, one command at a time.
 
     `state` is "closed", "waiting", "configuring", "inactive", "activating", "active", a fault, "no reply", "command
-    lost" with the reason, or what the gripper refuses; the gripper's warnings follow "active". `identity` is its
-    serial number. `wsg_states` lists what the gripper accepts in each state.
+    lost" with the reason, or the request that the gripper refuses; "active" is followed by the gripper's warnings.
+    `identity` is its serial number. `wsg_states` lists what the gripper accepts in each state.
 
     Attributes:
         health: Its ``lost`` counts unanswered commands.
 
-    ``echo_ok`` of a sample: the force limit was read back as it was set. Widths are the gripper's own: between its
-    fingers, however thick the pads on them are. The largest force is the nominal one: whether more needs a setting of
-    the gripper is not known.
+    ``echo_ok`` of a sample tells whether the force limit was read back as it was set. Widths are between the gripper's
+    own fingers, without pads. The largest force is the nominal one, because it is unknown whether more requires a
+    setting of the gripper.
 
     Args:
         period_ms: Time from one update to the next, 5 to 200 ms.
 
     Raises:
-        ValueError: The period is out of range or no integer.
+        ValueError: The period is out of range or not an integer.
     """
 
     def __init__(self, period_ms: int = PERIOD_MS) -> None:
@@ -57,42 +58,42 @@ class Session(PermittedSession):
             raise ValueError(f"period_ms must be an integer from {SHORTEST_MS} to {LONGEST_MS}, got {period_ms!r}")
         self.decoder = Decoder()
         self.health = self.decoder.health
-        self._talk = Conversation(
+        self._startup = StartupSequence(
             [
                 Step("system", wire.encode(wire.SYSTEM), "optional"),
                 Step("limits", wire.encode(wire.LIMITS)),
                 *(Step(name, wire.update_request(_IDS[name], period_ms)) for name in list(_IDS)[2:]),
             ]
         )
-        self._orders = WsgOrders(self.health)
+        self._queue = WsgCommandQueue(self.health)
         self._reset(State.CLOSED)
 
     def _reset(self, state: State) -> None:
         self.decoder.forget()
-        self._orders.reset()
+        self._queue.reset()
         self._machine = StateMachine(TRANSITIONS, state)
         self.identity = ""
         self._limits: Limits | None = None
         self._fault = ""  # in the last reading
         self._width_m = 0.0
-        self._reported: Event | None = None  # by the last reading, unless it came while homing
+        self._reported: Event | None = None  # by the last reading, except during homing
         self._homing_until_ns = 0
 
     @property
     def command_lost(self) -> bool:
-        """The last command was refused, never acknowledged, or met a gripper that could not obey any more."""
-        return bool(self._orders.trouble)
+        """Whether the last command was refused, was never acknowledged, or reached a gripper that could not obey."""
+        return bool(self._queue.failure)
 
     @property
     def state(self) -> str:
-        """The state in a word, for people."""
+        """State of the gripper, as a short text for people."""
         state = self._machine.state
         if state in (State.CLOSED, State.WAITING):
-            return self._talk.state
+            return self._startup.state
         if state is State.SILENT:
             return "no reply"
         if self.command_lost:
-            return f"command lost: {self._orders.trouble}"
+            return f"command lost: {self._queue.failure}"
         if self.activating:
             return "activating"
         if state is not State.ACTIVE:
@@ -107,27 +108,27 @@ class Session(PermittedSession):
 
     @property
     def width_range_m(self) -> tuple[float, float]:
-        """Least and largest width; (0, inf) until the gripper reports them."""
+        """Smallest and largest width, m; (0, inf) until the gripper reports them."""
         return (0.0, math.inf) if self._limits is None else (0.0, self._limits.stroke_mm / 1000)
 
     @property
     def speed_range_mps(self) -> tuple[float, float] | None:
-        """Least and largest speed; None until the gripper reports them."""
+        """Smallest and largest speed, m/s; None until the gripper reports them."""
         if self._limits is None:
             return None
         return self._limits.min_speed / 1000, self._limits.max_speed / 1000
 
     @property
     def force_range_n(self) -> tuple[float, float]:
-        """Least and nominal force, N on one pad; (0, inf) until the gripper reports them."""
+        """Smallest and nominal force, N on one pad; (0, inf) until the gripper reports them."""
         if self._limits is None:
             return 0.0, math.inf
         return self._limits.min_force / FINGERS, self._limits.nominal_force / FINGERS
 
     @property
     def force_sent_n(self) -> float | None:
-        """The force limit last sent or queued, N on one pad; None where there is none since the activation."""
-        limit = self._orders.force
+        """Force limit sent or queued last, N on one pad; None if there was none since the activation."""
+        limit = self._queue.force
         return None if limit is None else limit / FINGERS
 
     def applied_n(self, force_n: float) -> float:
@@ -137,149 +138,152 @@ class Session(PermittedSession):
     def start(self, now_ns: int) -> bytes:
         """Begin on a freshly opened link. Nothing moves."""
         self._reset(State.WAITING)
-        self._talk.start(now_ns)
+        self._startup.start(now_ns)
         return self.on_time(now_ns)
 
     def stop(self) -> bytes:
-        """End with a goodbye, because the gripper takes a broken connection for a fault. It keeps what it holds."""
+        """End with a disconnect, because a broken connection is a fault to the gripper. It keeps what it holds."""
         self._reset(State.CLOSED)
-        self._talk.stop()
+        self._startup.stop()
         return wire.encode(wire.DISCONNECT)
 
     def drop(self) -> bool:
-        """Drop what is not sent yet, except a stop; do not repeat what is unanswered."""
-        dropped = self._orders.forget()
+        """Drop commands that are not sent yet, except a stop; do not repeat unanswered ones."""
+        dropped = self._queue.forget()
         self._follow_homing()
         return dropped
 
     def acknowledge(self) -> None:
-        """Forget that a command was lost, and acknowledge a fault where the gripper reports one."""
-        self._orders.trouble = ""
+        """Forget that a command was lost, and acknowledge a fault if the gripper reports one."""
+        self._queue.failure = ""
         if self._fault:
-            self._orders.acknowledge()
+            self._queue.acknowledge()
 
     def receive(self, data: bytes, now_ns: int) -> list[GripperSample]:
-        """Take bytes received at ``now_ns`` and return the readings they complete."""
+        """Decode bytes received at ``now_ns``; return the readings they complete."""
         samples = []
         for reply in self.decoder.replies(data):
-            self._take_reply(reply, now_ns)
-            sample = self.decoder.take(reply, now_ns)
+            self._handle_reply(reply, now_ns)
+            sample = self.decoder.decode_reply(reply, now_ns)
             if sample is not None:
-                self._take_sample(sample, now_ns)
+                self._handle_sample(sample, now_ns)
                 samples.append(sample)
         return samples
 
     def next_deadline(self) -> int | None:
         """Return when `on_time` is due, ns; None while closed."""
-        due = [self._talk.due_ns]
-        if self._talk.state == "running":
-            due += [self._orders.due_ns, self._homing_until_ns if self.activating else None]
+        due = [self._startup.due_ns]
+        if self._startup.state == "running":
+            due += [self._queue.due_ns, self._homing_until_ns if self.activating else None]
         return min((time_ns for time_ns in due if time_ns is not None), default=None)
 
     def on_time(self, now_ns: int) -> bytes:
-        """Return the question or command that is due at ``now_ns``; empty when none is."""
-        asked = self._talk.on_time(now_ns)
-        if self._talk.state != "running":
-            self._lose_all()
-            return asked
+        """Return the request or command that is due at ``now_ns``; empty if none is."""
+        request = self._startup.on_time(now_ns)
+        if self._startup.state != "running":
+            self._fall_silent()
+            return request
         if self.activating and now_ns >= self._homing_until_ns:
-            self._orders.give_up(f"no end of {HOME.name}")
+            self._queue.give_up(f"no end of {HOME.name}")
             self._machine.handle(Event.HOMING_ENDED)
-        command = self._orders.on_time(now_ns)
+        command = self._queue.on_time(now_ns)
         self._follow_homing()
-        return asked + command
+        return request + command
 
     def _activate(self, now_ns: int) -> bool:
-        """Ask for homing, behind the acknowledgement of a fault where there is one."""
+        """Queue homing, after the acknowledgement of a fault if there is one."""
         if not self._machine.handle(Event.ACTIVATE):
             return False
-        self._orders.home(faulty=bool(self._fault))
+        self._queue.home(faulty=bool(self._fault))
         self._homing_until_ns = now_ns + HOMING_NS
         return True
 
     def _move(self, width_m: float, speed_mps: float | None, force_n: float) -> bool:
-        """Ask for a width, at half of the largest speed where none is given."""
+        """Queue a move, at half of the largest speed if none is given."""
         limits = self._limits
-        if limits is None or not self._machine.takes(Event.MOVE):
+        if limits is None or not self._machine.accepts(Event.MOVE):
             return False
-        speed_mmps = limits.max_speed / 2 if speed_mps is None else _within(speed_mps, self.speed_range_mps, "speed")
-        goal = _within(width_m, self.width_range_m, "width"), speed_mmps
+        if speed_mps is not None:
+            check_range("speed", speed_mps, self.speed_range_mps or (0.0, 0.0), "m/s")
+        check_range("width", width_m, self.width_range_m, "m")
+        speed_mmps = limits.max_speed / 2 if speed_mps is None else speed_mps * 1000
         self._machine.handle(Event.MOVE)
-        self._orders.move(limits, goal, force_n)
+        self._queue.move(limits, (width_m * 1000, speed_mmps), force_n)
         return True
 
     def _set_force(self, force_n: float) -> bool:
-        """Ask for another force; what a move has gripped is clamped anew with it, and nothing opens."""
+        """Queue another force; an object gripped by a move is clamped again with it, and nothing opens."""
         limits = self._limits
         if limits is None or not self._machine.handle(Event.SET_FORCE):
             return False
-        self._orders.set_force(limits, force_n, self._width_m)
+        self._queue.set_force(limits, force_n, self._width_m)
         return True
 
     def _halt(self) -> bool:
         if not self._machine.handle(Event.HALT):
             return False
-        self._orders.stop()
-        self._recall()
+        self._queue.stop()
+        self._repeat_report()
         return True
 
-    def _recall(self) -> None:
-        """Let the last reading count again: homing was taken back before it was sent."""
+    def _repeat_report(self) -> None:
+        """Handle the last report again, because homing was dropped before it was sent."""
         if self._reported is not None:
             self._machine.handle(self._reported)
 
     def _follow_homing(self) -> None:
         """Update the state with the outcome of queued homing."""
-        if self._machine.state not in QUEUED or self._orders.home_waits:
+        if self._machine.state not in QUEUED or self._queue.home_waits:
             return
-        if self._orders.home_is_sent:
+        if self._queue.home_is_sent:
             self._reported = None
             self._machine.handle(Event.HOMING_SENT)
         else:
             self._machine.handle(Event.HOMING_DROPPED)
-            self._recall()
+            self._repeat_report()
 
-    def _take_reply(self, reply: Reply, now_ns: int) -> None:
-        asked = self._talk.asked
-        if asked and reply.id == _IDS[asked]:
-            well = reply.status == wire.OK
-            self._talk.answered(now_ns, "" if well else f"refused {asked}: {weiss.status_word(reply.status)}")
-            if reply.status == wire.OK:
-                self._learn(reply)
+    def _handle_reply(self, reply: Reply, now_ns: int) -> None:
+        awaited = self._startup.awaited
+        if awaited and reply.id == _IDS[awaited]:
+            succeeded = reply.status == wire.OK
+            error = "" if succeeded else f"refused {awaited}: {weiss.status_word(reply.status)}"
+            self._startup.handle_answer(now_ns, error)
+            if succeeded:
+                self._handle_info(reply)
             return
-        if self._orders.take_answer(reply, now_ns):
+        if self._queue.match_answer(reply, now_ns):
             self._follow_homing()
         else:
-            self._orders.take_end(reply)
+            self._queue.handle_motion_end(reply)
         if reply.id == wire.HOME and reply.status != wire.PENDING:
             self._machine.handle(Event.HOMING_ENDED)
 
-    def _learn(self, reply: Reply) -> None:
+    def _handle_info(self, reply: Reply) -> None:
         if reply.id == wire.LIMITS:
             self._limits = wire.parse_limits(reply.data)
         elif reply.id == wire.SYSTEM:
             self.identity = f"S/N {wire.parse_serial(reply.data)}"
 
-    def _take_sample(self, sample: GripperSample, now_ns: int) -> None:
-        self._talk.has_reading(now_ns)
+    def _handle_sample(self, sample: GripperSample, now_ns: int) -> None:
+        self._startup.reading_received(now_ns)
         referenced, fault = sample.active, sample.fault
-        if self._talk.state == "running":
+        if self._startup.state == "running":
             self._fault, self._width_m = fault, sample.width_m or 0.0
-            if self._machine.state not in UNDER_WAY:
+            if self._machine.state not in IN_PROGRESS:
                 self._reported = _report(referenced=referenced, fault=fault)
                 self._machine.handle(self._reported)
         sample.active = referenced and not self.activating
-        sample.echo_ok = self._orders.echo_ok
+        sample.echo_ok = self._queue.echo_ok
         if not referenced:
-            self._orders.void()
+            self._queue.forget_force()
         if fault or not referenced:
-            self._orders.lose_grip(fault or "not referenced")
+            self._queue.lose_grip(fault or "not referenced")
             self._follow_homing()
 
-    def _lose_all(self) -> None:
-        """Drop what was asked for: the gripper does not answer, or is asked anew what it is."""
-        if self._orders.due_ns is not None or self.activating:
-            self._orders.give_up("no reply")
+    def _fall_silent(self) -> None:
+        """Drop all commands, because the gripper does not answer or is being configured again."""
+        if self._queue.due_ns is not None or self.activating:
+            self._queue.give_up("no reply")
         self._fault, self._reported = "", None
         self._machine.handle(Event.FELL_SILENT)
 
@@ -288,11 +292,3 @@ def _report(*, referenced: bool, fault: str) -> Event:
     if not referenced:
         return Event.REPORTED_INACTIVE
     return Event.REPORTED_FAULT if fault else Event.REPORTED_ACTIVE
-
-
-def _within(value: float, bounds: tuple[float, float] | None, name: str) -> float:
-    """Return thousandths of a value that lies within its bounds."""
-    low, high = bounds or (0.0, 0.0)
-    if not low <= value <= high:  # also where it is no number
-        raise ValueError(f"the {name} must be from {low:g} to {high:g}, got {value}")
-    return value * 1000

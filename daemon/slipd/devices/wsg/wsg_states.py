@@ -1,7 +1,7 @@
 """State machine of the session with a WSG gripper.
 
-An activation is the command to home, which moves the fingers over their whole stroke. While it is queued the gripper is
-unchanged; once it was sent, the gripper does not count as ready until homing ends.
+An activation is the homing command, which moves the fingers over their whole stroke. While it is queued the gripper is
+unchanged; once it is sent, the gripper is not ready until homing ends.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ class State(Enum):
 
     CLOSED = "closed"
     WAITING = "waiting"
-    """Its configuration is not complete, or it has sent no reading."""
+    """Its configuration is incomplete, or no reading was received."""
     SILENT = "silent"
-    """It sent readings, and sends none any more: it is asked anew."""
+    """It no longer sends readings, and is being configured again."""
     INACTIVE = "inactive"
     """It is not referenced."""
     ACTIVE = "active"
     FAULTY = "faulty"
-    """It is referenced and reports a fault: it can be stopped, and nothing else."""
+    """It is referenced and reports a fault; it accepts only a stop or an activation."""
     HOMING_QUEUED = "homing queued"
     HOMING = "homing"
     REHOMING_QUEUED = "rehoming queued"
-    """Homing is under way, and queued once more."""
+    """Homing is in progress, and queued again."""
     SETTLING = "settling"
-    """Homing ended, was stopped or taken back, and no reading came since."""
+    """Homing ended, was stopped or dropped, and no reading was received since."""
 
 
 class Event(Enum):
-    """Events; the first four are the kinds of a permit."""
+    """Events; the first four are the kinds of permits."""
 
     ACTIVATE = "activate"
     MOVE = "move"
@@ -40,9 +40,9 @@ class Event(Enum):
     HALT = "halt"
     HOMING_SENT = "homing sent"
     HOMING_DROPPED = "homing dropped"
-    """It was dropped before it was sent."""
+    """Homing was dropped before it was sent."""
     HOMING_ENDED = "homing ended"
-    """The gripper reports it, or it took too long."""
+    """The gripper reports the end of homing, or homing took too long."""
     REPORTED_INACTIVE = "reported inactive"
     REPORTED_ACTIVE = "reported active"
     REPORTED_FAULT = "reported fault"
@@ -54,23 +54,23 @@ _REPORTS = {
     Event.REPORTED_ACTIVE: State.ACTIVE,
     Event.REPORTED_FAULT: State.FAULTY,
 }
-_ANYWAY = {Event.ACTIVATE: State.HOMING_QUEUED, Event.FELL_SILENT: State.SILENT}
+_ALWAYS = {Event.ACTIVATE: State.HOMING_QUEUED, Event.FELL_SILENT: State.SILENT}
 
 TRANSITIONS: Mapping[State, Mapping[Event, State]] = {
     State.CLOSED: {},
     State.WAITING: _REPORTS,
     State.SILENT: _REPORTS,
-    State.INACTIVE: {**_ANYWAY, **_REPORTS},
+    State.INACTIVE: {**_ALWAYS, **_REPORTS},
     State.ACTIVE: {
-        **_ANYWAY,
+        **_ALWAYS,
         **_REPORTS,
         Event.MOVE: State.ACTIVE,
         Event.SET_FORCE: State.ACTIVE,
         Event.HALT: State.ACTIVE,
     },
-    State.FAULTY: {**_ANYWAY, **_REPORTS, Event.HALT: State.FAULTY},
+    State.FAULTY: {**_ALWAYS, **_REPORTS, Event.HALT: State.FAULTY},
     State.HOMING_QUEUED: {
-        **_ANYWAY,
+        **_ALWAYS,
         Event.HALT: State.SETTLING,
         Event.HOMING_SENT: State.HOMING,
         Event.HOMING_DROPPED: State.SETTLING,
@@ -89,14 +89,14 @@ TRANSITIONS: Mapping[State, Mapping[Event, State]] = {
         Event.HOMING_DROPPED: State.HOMING,
         Event.HOMING_ENDED: State.HOMING_QUEUED,
     },
-    State.SETTLING: {**_ANYWAY, **_REPORTS, Event.HALT: State.SETTLING},
+    State.SETTLING: {**_ALWAYS, **_REPORTS, Event.HALT: State.SETTLING},
 }
-"""For each state, the events that it takes and the state that follows; opening and closing the link set the state.
+"""For each state, the events that it accepts and the state that follows; opening and closing the link set the state.
 
-Where homing is taken back before it was sent, the last reading counts again: the session hands it over once more.
+After homing is dropped before it was sent, the session handles the last report again.
 """
 
 QUEUED = frozenset({State.HOMING_QUEUED, State.REHOMING_QUEUED})
-UNDER_WAY = frozenset({State.HOMING, State.REHOMING_QUEUED})
-ACTIVATION = QUEUED | UNDER_WAY
-"""While in one of these the gripper takes no motion."""
+IN_PROGRESS = frozenset({State.HOMING, State.REHOMING_QUEUED})
+ACTIVATION = QUEUED | IN_PROGRESS
+"""In these states the gripper accepts no motion."""

@@ -1,0 +1,75 @@
+"""Decoder of the readings of another process."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from slipd.devices.external import external_message as message
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.msgpack_scanner import MsgpackScanner
+from slipd.devices.shared.sequence_tracker import SequenceTracker
+from slipd.samples import Array, TactileSample, WrenchSample
+
+MAX_STREAMS = 64
+"""Most streams with sequence numbers on one socket: limits the memory that invented names can fill."""
+
+_SEQ_SPAN = 1 << 64
+_BEGIN = re.compile(rb"[\x83-\x86](?:[\xa3-\xa9]|\Z)")  # a map of 3 to 6 fields, and a key of 3 to 9 bytes
+
+
+class Decoder:
+    """Decode every message to a wrench or tactile sample; ``source`` is its ``stream``.
+
+    ``device_time_ns`` is the message's ``t_ns``: CLOCK_MONOTONIC on this host at the acquisition, as reported by the
+    sender. `health.lost`, `duplicates` and `restarts` follow ``seq``, for streams that send it. Bytes outside messages
+    are `bad_bytes`, and each stretch of them is one `bad`; so is a message with an unknown key, a value of the wrong
+    type or a number out of range.
+
+    Status names: those of the message, and "invalid" if a value is not finite.
+    """
+
+    def __init__(self) -> None:
+        self.health = DecoderHealth()
+        self._scanner = MsgpackScanner(_BEGIN, message.measure, message.parse, self.health, limited=True)
+        self._sequences: dict[str, SequenceTracker] = {}
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample | TactileSample]:
+        """Decode bytes received at ``t_ns``; return the readings they complete."""
+        samples = [_sample(body, t_ns) for body in self._scanner.messages(data) if self._is_new(body)]
+        self.health.good += len(samples)
+        return samples
+
+    def forget(self) -> None:
+        """Drop a partial message and the expected sequence numbers, because the line was closed."""
+        self._scanner.forget()
+        self._sequences.clear()
+
+    def _is_new(self, body: dict[str, Any]) -> bool:
+        """Return whether a reading is new according to its sequence number, if it has one."""
+        if "seq" not in body:
+            return True
+        stream = body["stream"]
+        if stream not in self._sequences:
+            if len(self._sequences) == MAX_STREAMS:
+                self.health.bad += 1
+                return False
+            self._sequences[stream] = SequenceTracker(_SEQ_SPAN, self.health)
+        return self._sequences[stream].accept(body["seq"])
+
+
+def _sample(body: dict[str, Any], t_ns: int) -> WrenchSample | TactileSample:
+    status, stream, time_ns = tuple(body.get("status", ())), body["stream"], body["t_ns"]
+    if "values" in body:
+        values = np.array(body["values"], dtype=np.float64)
+        return TactileSample(t_ns, time_ns, values, _with_validity(status, values), stream)
+    force_n, torque_nm = [*map(float, body["force_n"])], body.get("torque_nm")
+    torque_nm = None if torque_nm is None else [*map(float, torque_nm)]
+    status = _with_validity(status, np.array(force_n if torque_nm is None else force_n + torque_nm))
+    return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
+
+
+def _with_validity(status: tuple[str, ...], values: Array) -> tuple[str, ...]:
+    return status if "invalid" in status or np.isfinite(values).all() else (*status, "invalid")

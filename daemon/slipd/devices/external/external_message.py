@@ -1,0 +1,199 @@
+"""Messages of the readings that another process sends: layout, limits, parser and encoder.
+
+The bounds of a message are checked first (`slipd.devices.shared.msgpack_bounds`), so that only a map of known keys with
+values of the right types is unpacked.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import msgpack
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slipd.devices.shared.msgpack_bounds import (
+    ARRAY16,
+    FIXARRAY,
+    FIXMAP,
+    FLOAT64,
+    NIL,
+    NUMBER_LENGTHS,
+    UINT_LENGTHS,
+    map_end,
+    text_end,
+)
+from slipd.devices.shared.partial_data import Malformed, arrived, byte_at, message_length
+
+MAX_MESSAGE = 1 << 16
+"""Longest message, bytes; a pad of 64 by 64 taxels fills 37,000."""
+
+MAX_TAXELS = 4096
+"""The largest pad that a config can describe, 64 by 64."""
+
+MAX_NAME = 64
+MAX_STATUS = 8
+MAX_WORD = 32
+
+AXES = 3
+
+FIELDS = range(3, 7)
+"""Numbers of fields: ``stream``, ``t_ns`` and the values; optionally a torque, ``seq`` and ``status``."""
+
+_LATEST_NS = 1 << 63  # CLOCK_MONOTONIC is a signed 64-bit number
+_NAME = re.compile(r"[A-Za-z0-9_./-]+")
+_WORD = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def measure(buffer: bytes, at: int) -> int:
+    """Return the length of the message at ``at``; 0 if more bytes are needed to decide, -1 if there is none."""
+    return message_length(_message_end, buffer, at, MAX_MESSAGE)
+
+
+def parse(data: bytes) -> dict[str, Any] | None:
+    """Unpack a measured message; return None if a name or a time is impossible."""
+    try:
+        body: dict[str, Any] = msgpack.unpackb(data)
+    except UnicodeDecodeError:
+        return None
+    is_possible = (
+        _NAME.fullmatch(body["stream"])
+        and body["t_ns"] < _LATEST_NS
+        and all(_WORD.fullmatch(word) for word in body.get("status", ()))
+    )
+    return body if is_possible else None
+
+
+def encode_reading(
+    stream: str,
+    t_ns: int,
+    *,
+    force_n: ArrayLike | None = None,
+    torque_nm: ArrayLike | None = None,
+    values: ArrayLike | None = None,
+    seq: int | None = None,
+    status: Sequence[str] = (),
+) -> bytes:
+    """Return the message of one reading.
+
+    Args:
+        stream: Name of the stream: up to 64 letters, digits and ``_./-``.
+        t_ns: CLOCK_MONOTONIC when the reading was taken.
+        force_n: Force, shape (3,), N.
+        torque_nm: Torque about the sensor's origin, shape (3,), N·m; only beside a force, and only if measured.
+        values: An image instead of a force, shape (taxels,) or (taxels, 3), in scan order.
+        seq: Sequence number of the stream's readings, if it has one.
+        status: Conditions of this reading, up to 8 short words.
+
+    Raises:
+        ValueError: A receiver would reject the message.
+    """
+    body: dict[str, Any] = {"stream": stream, "t_ns": t_ns}
+    for key, reading in (("force_n", force_n), ("torque_nm", torque_nm), ("values", values)):
+        if reading is not None:
+            body[key] = np.asarray(reading, dtype=np.float64).tolist()
+    if seq is not None:
+        body["seq"] = seq
+    if status:
+        body["status"] = list(status)
+    try:
+        data: bytes = msgpack.packb(body)
+    except OverflowError:
+        data = b""
+    if not data or measure(data, 0) != len(data) or parse(data) is None:
+        raise ValueError(
+            f"a reading must have a name, a time, and either a force of shape (3,), with or without a torque of shape "
+            f"(3,), or values of shape (taxels,) or (taxels, 3), with at most {MAX_TAXELS} taxels and {MAX_MESSAGE} "
+            f"bytes, got one of stream {stream!r:.80} that has not"
+        )
+    return data
+
+
+def _message_end(buffer: bytes, at: int) -> int:
+    end, keys = map_end(buffer, at, FIELDS, _VALUE_ENDS)
+    if not {b"stream", b"t_ns"} <= keys or (b"force_n" in keys) == (b"values" in keys):
+        raise Malformed
+    if b"torque_nm" in keys and b"values" in keys:
+        raise Malformed
+    return end
+
+
+def _stream_end(buffer: bytes, at: int) -> int:
+    return text_end(buffer, at, 1, MAX_NAME)
+
+
+def _unsigned_end(buffer: bytes, at: int) -> int:
+    """Return where an integer of at least 0 ends."""
+    head = byte_at(buffer, at)
+    size = 1 if head < FIXMAP else UINT_LENGTHS.get(head)
+    if size is None:
+        raise Malformed
+    return arrived(buffer, at + size)
+
+
+def _list_head(buffer: bytes, at: int, most: int) -> tuple[int, int]:
+    """Return the number of items of a list, and where the first begins."""
+    head = byte_at(buffer, at)
+    if head == ARRAY16:
+        begin = arrived(buffer, at + 3)
+        count = int.from_bytes(buffer[at + 1 : begin], "big")
+    else:
+        begin, count = at + 1, head - FIXARRAY
+    if not 0 <= count <= (most if head == ARRAY16 else min(most, 15)):
+        raise Malformed
+    return count, begin
+
+
+def _numbers_end(buffer: bytes, at: int, count: int) -> int:
+    doubles_end = at + 9 * count
+    if buffer[at:doubles_end:9] == bytes((FLOAT64,)) * count:  # the usual case: nothing but doubles
+        return arrived(buffer, doubles_end)
+    for _ in range(count):
+        size = NUMBER_LENGTHS.get(byte_at(buffer, at))
+        if size is None:
+            raise Malformed
+        at += size
+    return arrived(buffer, at)
+
+
+def _vector_end(buffer: bytes, at: int) -> int:
+    count, begin = _list_head(buffer, at, AXES)
+    if count != AXES:
+        raise Malformed
+    return _numbers_end(buffer, begin, AXES)
+
+
+def _torque_end(buffer: bytes, at: int) -> int:
+    return at + 1 if byte_at(buffer, at) == NIL else _vector_end(buffer, at)
+
+
+def _values_end(buffer: bytes, at: int) -> int:
+    count, begin = _list_head(buffer, at, MAX_TAXELS)
+    if not count:
+        raise Malformed
+    if byte_at(buffer, begin) in NUMBER_LENGTHS:
+        return _numbers_end(buffer, begin, count)
+    for _ in range(count):
+        begin = _vector_end(buffer, begin)
+    return begin
+
+
+def _status_end(buffer: bytes, at: int) -> int:
+    count, at = _list_head(buffer, at, MAX_STATUS)
+    for _ in range(count):
+        at = text_end(buffer, at, 1, MAX_WORD)
+    return at
+
+
+_VALUE_ENDS = {
+    b"stream": _stream_end,
+    b"t_ns": _unsigned_end,
+    b"seq": _unsigned_end,
+    b"force_n": _vector_end,
+    b"torque_nm": _torque_end,
+    b"values": _values_end,
+    b"status": _status_end,
+}
+"""For each key, where its value ends."""

@@ -1,0 +1,101 @@
+"""Queue of set-points for an external driver, and the driver's answers to them."""
+
+from __future__ import annotations
+
+from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper.external_gripper_message import Report
+from slipd.devices.shared.command_queue import Command, CommandQueue
+from slipd.devices.shared.decoder_health import DecoderHealth
+
+FORCE_TOLERANCE = 1e-6
+"""Largest relative excess of the applied force over the requested one; single precision can cause it."""
+
+_SETS_FORCE = ("move", "force")
+
+
+class SetpointQueue(CommandQueue):
+    """Waiting set-points, each with its own id.
+
+    Args:
+        answer_ns: Time allowed for an answer.
+        health: Its ``lost`` counts unanswered set-points.
+
+    Attributes:
+        echo_ok: Whether the driver last applied at most the requested force; None if it has applied none yet.
+    """
+
+    def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
+        super().__init__(answer_ns, health)
+        self._made = 0
+
+    def reset(self) -> None:
+        """Start again: nothing waits, nothing is known."""
+        super().reset()
+        self.echo_ok: bool | None = None
+        self._goal: dict[str, float | None] = {}
+
+    @property
+    def activation_waits(self) -> bool:
+        """Whether an activation waits to be sent."""
+        return any(command.activates for command in self.waiting)
+
+    @property
+    def activation_is_sent(self) -> bool:
+        """Whether an activation was sent last, and is not answered."""
+        return self.outstanding is not None and self.outstanding.activates
+
+    def activate(self) -> None:
+        """Queue an activation, and nothing else."""
+        self.replace([self._make("activate")])
+
+    def move(self, width_m: float, speed_mps: float | None, force_n: float) -> None:
+        """Queue a move, and nothing else."""
+        self._goal = {"width_m": width_m, "speed_mps": speed_mps}
+        self.replace([self._make("move", force_n=force_n, **self._goal)])
+
+    def set_force(self, force_n: float) -> None:
+        """Queue a force, after a stop that waits; a move that waits is queued with that force."""
+        moves = any(command.kind == "move" for command in self.waiting)
+        operation, goal = ("move", self._goal) if moves else ("force", {})
+        self.replace([self._make(operation, force_n=force_n, **goal)], keep=self._stops())
+
+    def stop(self) -> None:
+        """Send a stop at once in place of all else."""
+        self.interrupt(self._make("stop"))
+
+    def forget(self) -> bool:
+        """Drop set-points that are not sent yet, except a stop; return whether there were any."""
+        return self.drop(("stop",))
+
+    def acknowledge(self) -> None:
+        """Queue the acknowledgement of a fault, after a stop that waits."""
+        self.replace([self._make("acknowledge")], keep=self._stops())
+
+    def lose_grip(self, failure: str) -> None:
+        """Drop everything if a force is waiting or unanswered, because the gripper cannot obey."""
+        if self.contains(_SETS_FORCE):
+            self.give_up(failure)
+
+    def is_complete(self, report: Report) -> bool:
+        """Return whether a report, if it answers a force, contains the applied force."""
+        command = self.outstanding
+        answers = command is not None and report.id == command.number and command.kind in _SETS_FORCE
+        return not answers or report.applied_n is not None or bool(report.error)
+
+    def match_answer(self, report: Report, now_ns: int) -> bool:
+        """Handle the answer to the outstanding set-point; return False if the report is not its answer."""
+        command = self.outstanding
+        if command is None or report.id != command.number:
+            return False
+        self.handle_answer(now_ns, f"{command.name}: {report.error}" if report.error else "")
+        if command.kind in _SETS_FORCE and report.applied_n is not None:
+            self.echo_ok = report.applied_n <= (command.force or 0.0) * (1.0 + FORCE_TOLERANCE)
+        return True
+
+    def _make(self, operation: str, **values: float | None) -> Command:
+        self._made += 1
+        data = wire.encode_setpoint(self._made, operation, **values)
+        return Command(operation, operation, data, values.get("force_n"), self._made, operation == "activate")
+
+    def _stops(self) -> list[Command]:
+        return [command for command in self.waiting if command.kind == "stop"]

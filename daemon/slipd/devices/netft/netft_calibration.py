@@ -1,0 +1,178 @@
+"""Calibration of an ATI Net F/T or Ethernet Axia: the value of one count, and the two ways to request it.
+
+Source: ATI Ethernet Axia manual (READCALINFO over TCP, the page ``netftapi2.xml`` over HTTP).
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from slipd.devices import Inquiry
+
+MAX_ANSWER = 1 << 16
+"""Longest answer, bytes; the XML page has about 5,000."""
+
+COUNTS = (1.0, 1e12)
+"""Smallest and largest plausible counts per unit; sensors in use have a million per newton or pound."""
+
+INTERNAL_HZ = (1.0, 1e6)
+"""Lowest and highest plausible rate of the sensor's clock, Hz; the sensors in use have 7000."""
+
+_LBF = 4.448_221_615_260_5
+_KGF = 9.806_65
+_INCH = 0.0254
+FORCE_UNITS = {"lbf": _LBF, "N": 1.0, "klbf": 1e3 * _LBF, "kN": 1e3, "kgf": _KGF, "gf": 1e-3 * _KGF}
+"""Newtons per unit, in the order of codes 1 to 6 of READCALINFO."""
+TORQUE_UNITS = {
+    "lbf-in": _LBF * _INCH,
+    "lbf-ft": _LBF * 12 * _INCH,
+    "N-m": 1.0,
+    "N-mm": 1e-3,
+    "kgf-cm": 1e-2 * _KGF,
+    "kN-m": 1e3,
+}
+"""Newton metres per unit, in the order of codes 1 to 6 of READCALINFO."""
+
+_TCP_REPLY = struct.Struct(">2sBBII12x")  # header, unit codes, counts per unit; six scales of the 16-bit reading
+_TCP_HEADER = b"\x12\x34"
+_HTTP = b"HTTP/1."
+_STATUS = re.compile(rb"HTTP/1\.\d (\d{3})\b")
+_ROOT = re.compile(rb"<([A-Za-z]\w*)")
+_TAG = re.compile(r"<(scfgfu|scfgtu|cfgcpf|cfgcpt|cfgcalsn|runrate)>([^<]{0,64})</\1>")
+_SERIAL = re.compile(r"[\w.-]{1,32}", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Value of a count.
+
+    Attributes:
+        force_n: Newtons per count.
+        torque_nm: Newton metres per count.
+        identity: The reported serial number; "" if there is none.
+        internal_hz: The reported rate of the sensor's clock, Hz; None if there is no plausible one.
+    """
+
+    force_n: float
+    torque_nm: float
+    identity: str = ""
+    internal_hz: float | None = None
+
+
+def from_counts(counts_per_force: float, counts_per_torque: float, force_unit: str, torque_unit: str) -> Calibration:
+    """Return the calibration for the numbers and units that the sensor's configuration page shows.
+
+    Raises:
+        ValueError: A number is out of range, or a unit is unknown.
+    """
+    return Calibration(
+        _per_count("force", FORCE_UNITS, force_unit, counts_per_force),
+        _per_count("torque", TORQUE_UNITS, torque_unit, counts_per_torque),
+    )
+
+
+def read_tcp(answer: bytes) -> Calibration | str | None:
+    """Read the answer to `TCP_INQUIRY`.
+
+    Returns:
+        The calibration; a text if the answer is wrong; or None if it is incomplete.
+    """
+    if not answer.startswith(_TCP_HEADER[: len(answer)]) or len(answer) > _TCP_REPLY.size:
+        return "not an answer to READCALINFO"
+    if len(answer) < _TCP_REPLY.size:
+        return None
+    _, force_code, torque_code, counts_per_force, counts_per_torque = _TCP_REPLY.unpack(answer)
+    if not (1 <= force_code <= len(FORCE_UNITS) and 1 <= torque_code <= len(TORQUE_UNITS)):
+        return f"unit codes {force_code} and {torque_code} are not known"
+    force_unit, torque_unit = list(FORCE_UNITS)[force_code - 1], list(TORQUE_UNITS)[torque_code - 1]
+    try:
+        return from_counts(counts_per_force, counts_per_torque, force_unit, torque_unit)
+    except ValueError as error:
+        return str(error)
+
+
+def read_xml(answer: bytes) -> Calibration | str | None:
+    """Read the answer to `XML_INQUIRY`, with the same results as `read_tcp`.
+
+    Only a few tags are extracted. The page is not parsed as XML, so no entity in it can expand.
+    """
+    if not answer.startswith(_HTTP[: len(answer)]) or len(answer) > MAX_ANSWER:
+        return "not an HTTP answer"
+    head, _, page = answer.partition(b"\r\n\r\n")
+    if (status := _STATUS.match(head)) and status[1] != b"200":
+        return f"the sensor's page answers with HTTP {status[1].decode()}"
+    root = _ROOT.search(page)
+    if root is None or b"</%s>" % root[1] not in page:
+        return None
+    tags = dict(_TAG.findall(page.decode("latin-1")))
+    try:
+        calibration = from_counts(float(tags["cfgcpf"]), float(tags["cfgcpt"]), tags["scfgfu"], tags["scfgtu"])
+        internal_hz = float(tags.get("runrate", 0))
+    except KeyError as error:
+        return f"the sensor's page has no {error.args[0]}"
+    except ValueError as error:
+        return str(error)
+    serial = tags.get("cfgcalsn", "")
+    return replace(
+        calibration,
+        identity=f"S/N {serial}" if _SERIAL.fullmatch(serial) else "",
+        internal_hz=internal_hz if INTERNAL_HZ[0] <= internal_hz <= INTERNAL_HZ[1] else None,
+    )
+
+
+def checked_hz(name: str, rate_hz: float) -> float:
+    """Return a plausible rate of a sensor's clock, Hz, or 0 for no clock.
+
+    Raises:
+        ValueError: The rate is out of range.
+    """
+    slowest, fastest = INTERNAL_HZ
+    if not (rate_hz == 0 or slowest <= rate_hz <= fastest):
+        raise ValueError(f"{name} must be a rate from {slowest:g} to {fastest:g} Hz, or 0 for none, got {rate_hz:g}")
+    return rate_hz
+
+
+def _check_with(read: Callable[[bytes], Calibration | str | None]) -> Callable[[bytes], str]:
+    """Return the check of a complete answer."""
+
+    def check(answer: bytes) -> str:
+        found = read(answer)
+        return "the answer ends too early" if found is None else found if isinstance(found, str) else ""
+
+    return check
+
+
+TCP_INQUIRY = Inquiry(port=49_151, request=b"\x01" + bytes(19), reply_bytes=24, check=_check_with(read_tcp))
+XML_INQUIRY = Inquiry(
+    port=80, request=b"GET /netftapi2.xml HTTP/1.0\r\n\r\n", reply_bytes=0, check=_check_with(read_xml)
+)
+
+
+def encode_tcp(counts_per_force: int, counts_per_torque: int, force_code: int = 2, torque_code: int = 3) -> bytes:
+    """Return the answer to READCALINFO; the default unit codes are those of N and N·m."""
+    return _TCP_REPLY.pack(_TCP_HEADER, force_code, torque_code, counts_per_force, counts_per_torque)
+
+
+def encode_xml(tags: Mapping[str, str | int]) -> bytes:
+    """Return the HTTP answer that contains the page with the given tags."""
+    page = "".join(f"<{name}>{value}</{name}>\n" for name, value in tags.items())
+    head = "HTTP/1.0 200 OK\r\nContent-Type: text/xml\r\n\r\n"
+    return f'{head}<?xml version="1.0"?><netft>\n{page}</netft>\n'.encode()
+
+
+def _per_count(name: str, units: Mapping[str, float], unit: str, counts: float) -> float:
+    sizes = {_plain(known): size for known, size in units.items()}
+    if _plain(unit) not in sizes:
+        raise ValueError(f"{name}_unit must be one of {', '.join(units)}, got {unit!r}")
+    least, most = COUNTS
+    if not least <= counts <= most:
+        raise ValueError(f"counts_per_{name} must be a number from {least:g} to {most:g}, got {counts:g}")
+    return sizes[_plain(unit)] / counts
+
+
+def _plain(unit: str) -> str:
+    """Return a unit in a common spelling: sensors also write "Nm" for "N-m" and "g" for "gf"."""
+    return unit.lower().replace("-", "").replace("f", "", 1)

@@ -1,0 +1,147 @@
+"""Decoder of OptoForce readings: serial frames and UDP records, and the meaning of their status bits."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from slipd.devices.optoforce import optoforce_frames as frames
+from slipd.devices.shared import rdt_records as rdt
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameScanner
+from slipd.devices.shared.sequence_tracker import SequenceTracker
+from slipd.samples import WrenchSample
+
+CHANNELS = 4
+
+UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM = 10_000.0, 100_000.0
+
+_WIRINGS = ("serial", "udp")
+_HEAD = struct.Struct(">HH")  # counter, status; the counts follow
+_COUNTS_AT = frames.HEADER + _HEAD.size
+_THREE_COUNTS, _SIX_COUNTS = struct.Struct(">3h"), struct.Struct(">6h")
+_RAILS = frozenset((-(1 << 15), (1 << 15) - 1))
+_COUNTER_SPAN = 1 << 16
+_UDP_TICK_NS = 1_000_000
+_UDP_RESERVED = 0xFFFF_0000
+
+_OVERLOAD = 0x03F0
+_SENSOR_ERRORS = {1: ("not_detected", "invalid"), 2: ("sensor_failure", "invalid"), 4: ("temperature",)}
+_DAQ_ERRORS = {1: ("daq_error", "invalid"), 2: ("daq_communication", "invalid")}
+
+
+class Decoder:
+    """Decode frames or records to wrench samples; ``torque_nm`` is None for a three-axis sensor.
+
+    On the serial line the sensor's sensitivity report defines its counts; by default one count is 1 N or 1 N·m. The
+    converter sends N and N·m. Its records carry the converter's millisecond counter as ``device_time_ns``; serial
+    frames have no time.
+
+    Status names: "overload" (on any axis, because the manuals disagree which bit is which; or a count at the end of its
+    range), "invalid" with "not_detected", "sensor_failure", "sensor_error", "daq_error" or "daq_communication",
+    "temperature"; "sensor_<n>" and "several_sensors" tell whose error it is; "unknown" is a reserved bit.
+
+    Args:
+        wiring: "serial", or "udp" for the Ethernet converter.
+        counts_per_n: Counts per newton of each axis, x y z; serial only. A negative number reverses the axis.
+        counts_per_nm: Counts per newton metre of each axis of a six-axis sensor; serial only.
+        channel: The sensor of a four-channel DAQ to read, 0 to 3; other DAQs have only one.
+        counted: Whether the counter of the serial frames rises by one per frame, so that it shows losses.
+
+    Raises:
+        ValueError: An option is out of range or unknown.
+
+    Attributes:
+        replies: Answers among the bytes received last: header and body of each frame.
+    """
+
+    def __init__(
+        self,
+        wiring: str = "serial",
+        counts_per_n: Sequence[float] = (1.0, 1.0, 1.0),
+        counts_per_nm: Sequence[float] = (1.0, 1.0, 1.0),
+        channel: int = 0,
+        counted: bool = True,
+    ) -> None:
+        if wiring not in _WIRINGS:
+            raise ValueError(f"wiring must be one of {', '.join(_WIRINGS)}, got {wiring!r}")
+        if channel not in range(CHANNELS):
+            raise ValueError(f"channel must be an integer from 0 to {CHANNELS - 1}, got {channel}")
+        for name, scales in (("counts_per_n", counts_per_n), ("counts_per_nm", counts_per_nm)):
+            if len(scales) != 3 or not all(math.isfinite(scale) and scale for scale in scales):
+                raise ValueError(f"{name} must be three finite numbers, none of them zero, got {list(scales)}")
+        self.health = DecoderHealth()
+        self.replies: list[tuple[bytes, bytes]] = []
+        self._counts_per_unit = np.array([*counts_per_n, *counts_per_nm], dtype=np.float64)
+        self._channel_at = _COUNTS_AT + channel * _THREE_COUNTS.size
+        self._sequence = SequenceTracker(_COUNTER_SPAN, self.health, in_order=True) if counted else None
+        self._frames = FrameScanner(frames.SYNC, frames.measure, frames.TYPICAL_LENGTH, self.health)
+        self._records = rdt.RecordScanner(self.health, _UDP_RESERVED)
+        self._decode = self._decode_records if wiring == "udp" else self._decode_frames
+
+    def forget(self) -> None:
+        """Drop a partial frame and the expected sequence number, because the line was closed."""
+        self._records.forget()
+        self._frames.forget()
+        if self._sequence:
+            self._sequence.forget()
+
+    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        """Decode bytes received at ``t_ns``; return the readings they complete, in the sensor's frame."""
+        samples = self._decode(data, t_ns)
+        self.health.good += len(samples)
+        return samples
+
+    def _decode_records(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        heads, counts = self._records.receive(data)
+        forces, torques = (counts[:, :3] / UDP_COUNTS_PER_N).tolist(), (counts[:, 3:] / UDP_COUNTS_PER_NM).tolist()
+        return [
+            WrenchSample(t_ns, ticks * _UDP_TICK_NS, force, torque, _status_names(status))
+            for (ticks, status), force, torque in zip(heads, forces, torques, strict=True)
+        ]
+
+    def _decode_frames(self, data: bytes, t_ns: int) -> list[WrenchSample]:
+        buffer, found = self._frames.receive(data)
+        samples: list[WrenchSample] = []
+        self.replies = []
+        for at, _ in found:
+            header = buffer[at : at + frames.HEADER]
+            if header in (frames.ACK, frames.SERIAL_NUMBER):
+                self.replies.append((header, buffer[at + frames.HEADER : at + frames.HEADER + header[3]]))
+                continue
+            counter, status = _HEAD.unpack_from(buffer, at + frames.HEADER)
+            if self._sequence and not self._sequence.accept(counter):
+                continue
+            if header == frames.ONE_6_AXIS:
+                counts = _SIX_COUNTS.unpack_from(buffer, at + _COUNTS_AT)
+            else:
+                counts_at = self._channel_at if header == frames.FOUR_3_AXIS else _COUNTS_AT
+                counts = _THREE_COUNTS.unpack_from(buffer, at + counts_at)
+            if not _RAILS.isdisjoint(counts):
+                status |= rdt.AT_RAIL
+            values = (np.array(counts) / self._counts_per_unit[: len(counts)]).tolist()
+            torque = values[3:] if len(values) > 3 else None
+            samples.append(WrenchSample(t_ns, None, values[:3], torque, _status_names(status)))
+        return samples
+
+
+@lru_cache(maxsize=64)  # a condition lasts for many readings, and few exist at a time
+def _status_names(status: int) -> tuple[str, ...]:
+    names: list[str] = []
+    if status & (_OVERLOAD | rdt.AT_RAIL):
+        names.append("overload")
+    if sensor_error := status >> 10 & 7:
+        names += _SENSOR_ERRORS.get(sensor_error, ("sensor_error", "invalid"))
+    if daq_error := status >> 13 & 7:
+        names += _DAQ_ERRORS.get(daq_error, ("daq_error", "invalid"))
+    if number := status & 7:
+        names.append(f"sensor_{number}")
+    if status & 8:
+        names.append("several_sensors")
+    if status & _UDP_RESERVED:
+        names.append("unknown")
+    return tuple(dict.fromkeys(names))

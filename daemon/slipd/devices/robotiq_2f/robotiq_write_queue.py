@@ -1,0 +1,173 @@
+"""Queue of register writes to a Robotiq gripper, and the settings of those sent.
+
+A newer write replaces older ones that it supersedes. There are three kinds of motion: a full write moves the fingers to
+a position, a write of the force register alone changes the force (and speed), and a write of the action register alone
+stops the fingers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from slipd.devices.robotiq_2f.robotiq_registers import ACTIVATE, FORCE_ADDRESS, GO, OUTPUT_ADDRESS
+from slipd.devices.shared import modbus
+
+
+class WriteKind(Enum):
+    """Effect of a write; `CLEAR` and `ACTIVATE` together are an activation."""
+
+    CLEAR = auto()
+    ACTIVATE = auto()
+    GO = auto()
+    FORCE = auto()
+    HALT = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Goal of the fingers: position byte and speed byte."""
+
+    position: int
+    speed: int
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterWrite:
+    """One register write.
+
+    Attributes:
+        kind: Effect of the write.
+        request: Modbus request.
+        goal: Goal of a `GO`.
+        force: Force byte that it sets; None if it sets none.
+    """
+
+    kind: WriteKind
+    request: modbus.Request
+    goal: Goal | None = None
+    force: int | None = None
+
+    def force_after(self, force: int | None) -> int | None:
+        """Return the force byte in effect after this write, given the one before; an activation leaves none."""
+        activates = self.kind in (WriteKind.CLEAR, WriteKind.ACTIVATE)
+        return self.force if activates or self.force is not None else force
+
+
+_WHOLE = {WriteKind.CLEAR, WriteKind.ACTIVATE, WriteKind.GO, WriteKind.HALT}
+_SUPERSEDED_BY = {
+    WriteKind.ACTIVATE: _WHOLE,
+    WriteKind.GO: _WHOLE,
+    WriteKind.HALT: _WHOLE,
+    WriteKind.FORCE: {WriteKind.CLEAR, WriteKind.ACTIVATE, WriteKind.GO, WriteKind.FORCE},
+}
+"""For each kind, the newer kinds after which an unanswered write is not repeated; a `CLEAR` always is."""
+
+
+class WriteQueue:
+    """Waiting writes, in order.
+
+    Args:
+        unit: Modbus address of the gripper.
+
+    Attributes:
+        waiting: Writes that are not sent yet.
+        requested: Position byte sent last since the activation; None if none was sent.
+    """
+
+    def __init__(self, unit: int) -> None:
+        self._unit = unit
+        self._clear = self._write(WriteKind.CLEAR, (0, 0, 0))
+        self._activation = self._write(WriteKind.ACTIVATE, (ACTIVATE << 8, 0, 0))
+        self._halt = self._write(WriteKind.HALT, (ACTIVATE << 8,))
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again: nothing waits, nothing was sent."""
+        self.waiting: list[RegisterWrite] = []
+        self.requested: int | None = None
+        self._sent_goal = Goal(0, 0)
+        self._sent_force: int | None = None
+
+    @property
+    def force(self) -> int | None:
+        """Force byte in effect after all waiting writes; None if none was sent since the activation."""
+        force = self._sent_force
+        for write in self.waiting:
+            force = write.force_after(force)
+        return force
+
+    def forget_force(self) -> None:
+        """Forget the force that was sent, because the gripper is not active and no longer has it."""
+        self._sent_force = None
+
+    def activate(self) -> None:
+        """Queue an activation, and nothing else."""
+        self.waiting = [self._clear, self._activation]
+
+    def move(self, goal: Goal, force: int) -> None:
+        """Queue a move, and nothing else."""
+        self.waiting = [self._go(goal, force)]
+
+    def set_force(self, force: int, unanswered: RegisterWrite | None) -> None:
+        """Queue a force; a move that waits, or is ``unanswered`` and would be repeated, is queued with that force."""
+        newest = self.waiting[-1] if self.waiting else unanswered
+        goal = None if newest is None else newest.goal
+        halts = [write for write in self.waiting if write.kind is WriteKind.HALT]
+        self.waiting = [*halts, self._set(force) if goal is None else self._go(goal, force)]
+
+    def halt(self) -> None:
+        """Queue a halt before all else; keep a waiting force, but not that of a move that never began."""
+        forces = [write.force for write in self.waiting if write.force is not None]
+        starts_move = any(write.goal and write.goal.position != self._sent_goal.position for write in self.waiting)
+        self.waiting = [self._halt] if starts_move else [self._halt, *map(self._set, forces[-1:])]
+
+    def drop(self) -> bool:
+        """Drop waiting writes except a halt; return whether there were any."""
+        kept = [write for write in self.waiting if write.kind is WriteKind.HALT]
+        dropped = len(kept) < len(self.waiting)
+        self.waiting = kept
+        return dropped
+
+    def clear(self) -> None:
+        """Drop all waiting writes."""
+        self.waiting = []
+
+    def send(self) -> RegisterWrite:
+        """Take out the next write, which is sent now."""
+        write = self.waiting.pop(0)
+        self._sent_force = write.force_after(self._sent_force)
+        if write.kind is WriteKind.CLEAR:
+            self.requested = None
+        elif write.goal is not None:
+            self.requested, self._sent_goal = write.goal.position, write.goal
+        return write
+
+    def repeat(self, write: RegisterWrite) -> bool:
+        """Queue an unanswered write again; return False if a newer one supersedes it."""
+        if write.kind is WriteKind.CLEAR:
+            self.activate()
+            return True
+        if any(newer.kind in _SUPERSEDED_BY[write.kind] for newer in self.waiting):
+            return False
+        self.waiting.append(write)
+        return True
+
+    def _go(self, goal: Goal, force: int) -> RegisterWrite:
+        registers = (ACTIVATE | GO) << 8, goal.position, goal.speed << 8 | force
+        return self._write(WriteKind.GO, registers, goal=goal, force=force)
+
+    def _set(self, force: int) -> RegisterWrite:
+        return self._write(WriteKind.FORCE, (self._sent_goal.speed << 8 | force,), FORCE_ADDRESS, force=force)
+
+    def _write(
+        self,
+        kind: WriteKind,
+        registers: tuple[int, ...],
+        address: int = OUTPUT_ADDRESS,
+        *,
+        goal: Goal | None = None,
+        force: int | None = None,
+    ) -> RegisterWrite:
+        request = modbus.Request(self._unit, modbus.WRITE, write_address=address, registers=registers)
+        return RegisterWrite(kind, request, goal, force)

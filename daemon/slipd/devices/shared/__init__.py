@@ -1,0 +1,1 @@
+"""Parts that several devices share: frame search, checksums, sequence numbers, sessions and state machines."""

@@ -1,0 +1,152 @@
+"""Queue that sends commands one at a time, and repeats an unanswered one a limited number of times.
+
+Several gripper sessions share it. It handles commands, answers and time, but does not know what they mean. When a
+command stays unanswered, all waiting commands are dropped with it, because a later motion would come as a surprise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from slipd.devices.shared.decoder_health import DecoderHealth
+
+ATTEMPTS = 3
+"""A command that is unanswered this often is lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command.
+
+    Attributes:
+        name: Name of the command, for people.
+        kind: A newer command of the same kind replaces an older one.
+        data: Bytes to send.
+        force: Force that it sets or moves with, N as the gripper counts it; None if it has none.
+        number: Number that identifies its answer, if answers have one.
+        activates: Whether it makes the gripper ready: earlier forces no longer apply, and unanswered ones are not
+            repeated.
+    """
+
+    name: str
+    kind: int | str
+    data: bytes
+    force: float | None = None
+    number: int = 0
+    activates: bool = False
+
+    def force_after(self, force: float | None) -> float | None:
+        """Return the force in effect after this command, given the one before."""
+        return self.force if self.activates or self.force is not None else force
+
+    def supersedes(self, older: Command) -> bool:
+        """Return whether an older, unanswered command is not repeated because this one waits."""
+        return self.kind == older.kind or (self.activates and older.force is not None)
+
+
+class CommandQueue:
+    """Commands that wait, and the one command whose answer is awaited.
+
+    Args:
+        answer_ns: Time allowed for an answer.
+        health: Its ``lost`` counts unanswered commands.
+
+    Attributes:
+        waiting: Commands that are not sent yet, in order.
+        outstanding: The command that was sent and is not answered.
+        failure: Why the last command was lost; "" if it was not.
+    """
+
+    def __init__(self, answer_ns: int, health: DecoderHealth) -> None:
+        self._answer_ns = answer_ns
+        self._health = health
+        self.reset()
+
+    def reset(self) -> None:
+        """Start again: nothing waits, nothing was lost."""
+        self.waiting: list[Command] = []
+        self.outstanding: Command | None = None
+        self.failure = ""
+        self._force: float | None = None  # sent last
+        self._attempts = 0
+        self._due_ns = 0
+
+    @property
+    def due_ns(self) -> int | None:
+        """When `on_time` is due, ns; None if there is nothing to send."""
+        return self._due_ns if self.waiting or self.outstanding is not None else None
+
+    @property
+    def force(self) -> float | None:
+        """The force in effect after all waiting commands; None if none was set."""
+        force = self._force
+        for command in self.waiting:
+            force = command.force_after(force)
+        return force
+
+    def forget_force(self) -> None:
+        """Record that the gripper no longer has the force that was sent."""
+        self._force = None
+
+    def drop(self, keep: Sequence[int | str]) -> bool:
+        """Drop waiting commands except these kinds, and repeat no other; return whether anything was dropped."""
+        kept = [command for command in self.waiting if command.kind in keep]
+        dropped = len(kept) < len(self.waiting)
+        self.waiting = kept
+        if self.outstanding is not None and self.outstanding.kind not in keep:
+            self._attempts = ATTEMPTS
+        return dropped
+
+    def replace(self, commands: Iterable[Command], keep: Sequence[Command] = ()) -> None:
+        """Queue these commands in place of the waiting ones, after those of ``keep`` that wait."""
+        self.waiting = [command for command in self.waiting if command in keep]
+        self.waiting += commands
+
+    def interrupt(self, command: Command) -> None:
+        """Send this command at once in place of all others, and await no other answer."""
+        self.waiting, self.outstanding = [command], None
+        self._attempts = self._due_ns = 0
+
+    def contains(self, kinds: Iterable[int | str]) -> bool:
+        """Return whether a command of these kinds waits or is unanswered."""
+        commands = [*self.waiting, *([self.outstanding] if self.outstanding is not None else [])]
+        return any(command.kind in kinds for command in commands)
+
+    def on_time(self, now_ns: int) -> bytes:
+        """Return the command that is due at ``now_ns``; empty if none is."""
+        due_ns = self.due_ns
+        if due_ns is None or now_ns < due_ns:
+            return b""
+        if self.outstanding is not None:
+            self._handle_timeout(self.outstanding)
+        if not self.waiting:
+            return b""
+        self.outstanding = self.waiting.pop(0)
+        self._force = self.outstanding.force_after(self._force)
+        self._attempts += 1
+        self._due_ns = now_ns + self._answer_ns
+        return self.outstanding.data
+
+    def handle_answer(self, now_ns: int, failure: str = "") -> None:
+        """Handle the answer to the outstanding command; drop waiting commands if it reports a failure."""
+        self.outstanding, self.failure = None, ""
+        self._attempts, self._due_ns = 0, now_ns
+        if failure:
+            self.give_up(failure)
+
+    def give_up(self, failure: str) -> None:
+        """Drop everything, and record the reason."""
+        self.waiting, self.outstanding = [], None
+        self._attempts = 0
+        self.failure = failure
+
+    def _handle_timeout(self, command: Command) -> None:
+        self._health.lost += 1
+        self.outstanding = None
+        if self._attempts >= ATTEMPTS:
+            self.give_up(f"no answer to {command.name}")
+        elif any(newer.supersedes(command) for newer in self.waiting):
+            self._attempts = 0
+        else:
+            self.waiting.insert(0, command)

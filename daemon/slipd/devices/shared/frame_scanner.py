@@ -1,0 +1,156 @@
+"""Frame search in a byte stream that may start anywhere, lose bytes, and contain noise.
+
+After a candidate that fails, the search advances by one byte. So a header byte inside a float does not keep the search
+misaligned, and a good frame after a damaged one is not lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from slipd.devices.shared.decoder_health import DecoderHealth
+
+
+class FrameScanner:
+    """Find the frames of a device whose frames begin with sync bytes.
+
+    The scanner keeps less than the longest frame between two calls, and finds the same frames however the stream is
+    split.
+
+    Args:
+        sync: First bytes of every frame.
+        measure: ``measure(buffer, at)`` returns the length of the valid frame at ``at``; 0 if the buffer ends too early
+            to decide; -1 if there is no frame. The result must not depend on bytes after the frame, and ``measure``
+            must never need more bytes than the longest frame has.
+        typical: Length of an ordinary frame, bytes. Damage is counted in frames of this length.
+        health: Receives ``bad`` and ``bad_bytes``; the decoder updates the other counters.
+        text: Bytes that are not counted as damage between frames, such as acknowledgements.
+        seek: ``seek(buffer, at)`` returns the first place from ``at`` on where a frame may begin, -1 if there is none.
+            It is called after ``measure`` has rejected a place, for frames whose sync is too weak for a search byte by
+            byte. By default, the next sync.
+    """
+
+    def __init__(
+        self,
+        sync: bytes,
+        measure: Callable[[bytes, int], int],
+        typical: int,
+        health: DecoderHealth,
+        *,
+        text: bytes = b"",
+        seek: Callable[[bytes, int], int] | None = None,
+    ) -> None:
+        self._sync = sync
+        self._seek = seek or (lambda buffer, at: buffer.find(sync, at))
+        self._measure = measure
+        self._length = typical
+        self._health = health
+        self._text = text
+        self._tail = b""
+        self._damage = 0
+
+    def receive(self, data: bytes) -> tuple[bytes, list[tuple[int, bool]]]:
+        """Scan the next bytes of the stream.
+
+        Returns:
+            A buffer, and for each frame in it the offset of the frame and whether the frame is in sync: True if there
+            is nothing but text between it and the previous frame.
+        """
+        buffer = self._tail + data if self._tail else data
+        sync, measure = self._sync, self._measure
+        found: list[tuple[int, bool]] = []
+        done = 0
+        at = buffer.find(sync)
+        while at >= 0:
+            length = measure(buffer, at)
+            if length == 0:
+                break
+            if length > 0:
+                if at > done:
+                    self._skip(buffer[done:at])
+                found.append((at, self._damage == 0))
+                self._damage = 0
+                done = at + length
+                at = buffer.find(sync, done)
+            else:
+                at = self._seek(buffer, at + 1)
+        if done == len(buffer):
+            self._tail = b""
+            return buffer, found
+        keep = at if at >= 0 else self._partial_sync(buffer, done)
+        if keep > done:
+            self._skip(buffer[done:keep])
+        self._tail = buffer[keep:]
+        return buffer, found
+
+    @property
+    def has_partial(self) -> bool:
+        """Whether the stream ends with bytes that may begin a frame."""
+        return bool(self._tail)
+
+    @property
+    def in_sync(self) -> bool:
+        """Whether the stream ends with a whole frame, so that the next bytes begin one."""
+        return not self._tail and self._damage == 0
+
+    def forget(self) -> None:
+        """Drop a partial frame, because the line was closed or has been silent too long for the rest to come.
+
+        A frame at the beginning of the next bytes is in sync.
+        """
+        self._skip(self._tail)
+        self._tail = b""
+        self._damage = 0
+
+    def _partial_sync(self, buffer: bytes, done: int) -> int:
+        """Return the offset of an incomplete sync at the end of the buffer, or the end of the buffer."""
+        end = len(buffer)
+        for size in range(min(len(self._sync) - 1, end - done), 0, -1):
+            if buffer.endswith(self._sync[:size]):
+                return end - size
+        return end
+
+    def _skip(self, skipped: bytes) -> None:
+        """Count bytes that belong to no frame."""
+        if self._damage == 0:
+            skipped = skipped.lstrip(self._text)
+        if not skipped:
+            return
+        before = self._damaged_frames()
+        self._damage += len(skipped)
+        self._health.bad_bytes += len(skipped)
+        self._health.bad += self._damaged_frames() - before
+
+    def _damaged_frames(self) -> int:
+        """Return the damage since the last good frame as a number of frames, rounded; any damage is at least one."""
+        if self._damage == 0:
+            return 0
+        return max(1, (self._damage + self._length // 2) // self._length)
+
+
+class FixedLengthScanner(FrameScanner):
+    """Find frames of one length.
+
+    Args:
+        sync: First bytes of every frame.
+        length: Length of a whole frame, bytes.
+        check: ``check(buffer, at)`` returns whether the ``length`` bytes from ``at`` are a valid frame.
+        health: See `FrameScanner`.
+        text: See `FrameScanner`.
+    """
+
+    def __init__(
+        self,
+        sync: bytes,
+        length: int,
+        check: Callable[[bytes, int], bool],
+        health: DecoderHealth,
+        *,
+        text: bytes = b"",
+    ) -> None:
+        def measure(buffer: bytes, at: int) -> int:
+            if at + length > len(buffer):
+                return 0
+            return length if check(buffer, at) else -1
+
+        super().__init__(sync, measure, length, health, text=text)

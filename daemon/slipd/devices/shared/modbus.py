@@ -1,0 +1,189 @@
+"""Modbus RTU frames: encoders and parsers for the master and for emulated devices.
+
+They cover the four functions that the supported devices use: read holding (3) and input (4) registers, write registers
+(16), and both in one (23). Source: Modbus application protocol V1.1b3; Modbus over serial line V1.02.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from slipd.devices.shared import crc
+
+READ_HOLDING = 3
+READ_INPUT = 4
+WRITE = 16
+READ_WRITE = 23
+
+ILLEGAL_ADDRESS = 2
+
+MAX_FRAME = 256
+"""Longest frame of the protocol, bytes; no buffer needs to be longer."""
+
+_MOST_READ = 125
+_MOST_WRITTEN = {WRITE: 123, READ_WRITE: 121}
+_SIZE_AT = {WRITE: 6, READ_WRITE: 10}  # offset of the number of bytes that a request writes
+_ERROR_FLAG = 0x80
+_READ_LENGTH = 8
+_EXCEPTION_LENGTH = 5
+_CRC_LENGTH = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Request of the master.
+
+    Attributes:
+        unit: Address of the device, 1 to 247.
+        function: `READ_HOLDING`, `READ_INPUT`, `WRITE` or `READ_WRITE`.
+        read_address: First register to read.
+        read_count: Number of registers to read, 1 to 125; 0 if the function reads nothing.
+        write_address: First register to write.
+        registers: Values to write, 16 bits each; empty if the function writes nothing.
+    """
+
+    unit: int
+    function: int
+    read_address: int = 0
+    read_count: int = 0
+    write_address: int = 0
+    registers: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        reads = self.function in (READ_HOLDING, READ_INPUT, READ_WRITE)
+        writes = self.function in _MOST_WRITTEN
+        if not (reads or writes):
+            raise ValueError(f"function must be 3, 4, 16 or 23, got {self.function}")
+        if not (1 <= self.read_count <= _MOST_READ if reads else self.read_count == 0):
+            raise ValueError(f"function {self.function} cannot read {self.read_count} registers")
+        most = _MOST_WRITTEN.get(self.function, 0)
+        if not min(most, 1) <= len(self.registers) <= most:
+            raise ValueError(f"function {self.function} cannot write {len(self.registers)} registers")
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Answer of a device.
+
+    Attributes:
+        registers: Values read; empty for a write.
+        error: Exception code if the device refused the request; 0 if it did not.
+        length: Length of the frame, bytes.
+    """
+
+    registers: tuple[int, ...]
+    error: int
+    length: int
+
+
+def encode_request(request: Request) -> bytes:
+    """Return the frame of a request."""
+    body = bytes((request.unit, request.function))
+    if request.read_count:
+        body += struct.pack(">HH", request.read_address, request.read_count)
+    if request.registers:
+        count = len(request.registers)
+        body += struct.pack(f">HHB{count}H", request.write_address, count, 2 * count, *request.registers)
+    return _with_checksum(body)
+
+
+def encode_reply(request: Request, registers: tuple[int, ...] = ()) -> bytes:
+    """Return the answer of a device that carried out ``request``, with the values read.
+
+    Raises:
+        ValueError: The number of values differs from the request.
+    """
+    if len(registers) != request.read_count:
+        raise ValueError(f"registers must be the {request.read_count} requested ones, got {len(registers)}")
+    return _with_checksum(_reply_head(request) + struct.pack(f">{len(registers)}H", *registers))
+
+
+def encode_exception(request: Request, code: int) -> bytes:
+    """Return the answer of a device that refuses ``request``."""
+    return _with_checksum(bytes((request.unit, request.function | _ERROR_FLAG, code)))
+
+
+def find_reply(received: bytes, request: Request) -> Reply | None:
+    """Return the answer to ``request`` among the bytes received since it was sent; None if there is none.
+
+    Bytes before and after the answer are skipped.
+    """
+    head = _reply_head(request)
+    length = len(head) + 2 * request.read_count + _CRC_LENGTH
+    frame = _find_valid(received, head, length)
+    if frame:
+        return Reply(struct.unpack_from(f">{request.read_count}H", frame, len(head)), 0, length)
+    frame = _find_valid(received, bytes((request.unit, request.function | _ERROR_FLAG)), _EXCEPTION_LENGTH)
+    return Reply((), frame[2], _EXCEPTION_LENGTH) if frame else None
+
+
+def parse_requests(received: bytes, unit: int) -> tuple[list[Request], bytes]:
+    """Return the requests to ``unit`` among the bytes a device received, and the bytes to keep for the next call."""
+    requests: list[Request] = []
+    at = received.find(unit)
+    while at >= 0:
+        length = _request_length(received, at)
+        if at + length > len(received):
+            return requests, received[at:]
+        request = _parse_request(received[at : at + length])
+        if request:
+            requests.append(request)
+        at = received.find(unit, at + (length if request else 1))
+    return requests, b""
+
+
+def _with_checksum(body: bytes) -> bytes:
+    return body + crc.modbus(body).to_bytes(_CRC_LENGTH, "little")
+
+
+def _checksum_matches(frame: bytes) -> bool:
+    return crc.modbus(frame[:-_CRC_LENGTH]) == int.from_bytes(frame[-_CRC_LENGTH:], "little")
+
+
+def _reply_head(request: Request) -> bytes:
+    """Return the bytes before the registers in the answer to ``request``."""
+    head = bytes((request.unit, request.function))
+    if request.read_count:
+        return head + bytes((2 * request.read_count,))
+    return head + struct.pack(">HH", request.write_address, len(request.registers))
+
+
+def _find_valid(received: bytes, head: bytes, length: int) -> bytes:
+    at = received.find(head)
+    while 0 <= at <= len(received) - length:
+        frame = received[at : at + length]
+        if _checksum_matches(frame):
+            return frame
+        at = received.find(head, at + 1)
+    return b""
+
+
+def _request_length(received: bytes, at: int) -> int:
+    """Return the length of the request at ``at``, or of the part that shows it; 1 if there is none."""
+    function = received[at + 1] if at + 1 < len(received) else READ_INPUT
+    if function in (READ_HOLDING, READ_INPUT):
+        return _READ_LENGTH
+    size_at = _SIZE_AT.get(function)
+    if size_at is None:
+        return 1
+    size = received[at + size_at] if at + size_at < len(received) else 0
+    return size_at + 1 + size + _CRC_LENGTH
+
+
+def _parse_request(frame: bytes) -> Request | None:
+    if len(frame) < _READ_LENGTH or not _checksum_matches(frame):
+        return None
+    unit, function = frame[:2]
+    read_address, read_count = struct.unpack_from(">HH", frame, 2) if function != WRITE else (0, 0)
+    write_address, count, registers = 0, 0, ()
+    if function in _SIZE_AT:
+        size_at = _SIZE_AT[function]
+        write_address, count = struct.unpack_from(">HH", frame, size_at - 4)
+        registers = struct.unpack_from(f">{frame[size_at] // 2}H", frame, size_at + 1)
+    if count != len(registers):
+        return None
+    try:
+        return Request(unit, function, read_address, read_count, write_address, registers)
+    except ValueError:
+        return None

@@ -1,0 +1,84 @@
+"""Bounds of the parts of a msgpack map, checked before anything is unpacked, for messages from other processes.
+
+msgpack accepts nested huge lists, extension types and duplicate keys, and cannot tell early that the bytes received so
+far will never become a message. So the bounds of a message are checked first: a map of known keys, each once, each with
+a value of its own type.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+
+from slipd.devices.shared.partial_data import Incomplete, Malformed, arrived, byte_at
+
+FIXMAP, FIXARRAY, FIXSTR, STR8, ARRAY16, NIL = 0x80, 0x90, 0xA0, 0xD9, 0xDC, 0xC0
+FLOAT32, FLOAT64 = 0xCA, 0xCB
+
+UINT_LENGTHS = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
+"""Length of each unsigned integer by its first byte, except those of one byte (0 to 0x7F)."""
+_INT_LENGTHS = {0xD0: 2, 0xD1: 3, 0xD2: 5, 0xD3: 9}
+_ONE_BYTE_INTS = (*range(0x80), *range(0xE0, 0x100))
+
+NUMBER_LENGTHS = dict.fromkeys(_ONE_BYTE_INTS, 1) | UINT_LENGTHS | _INT_LENGTHS | {FLOAT32: 5, FLOAT64: 9}
+"""Length of each number by its first byte."""
+
+ValueEnd = Callable[[bytes, int], int]
+"""``value_end(buffer, at)`` returns where a value ends; raises `Incomplete` or `Malformed`."""
+
+
+def map_end(buffer: bytes, at: int, sizes: range, value_ends: Mapping[bytes, ValueEnd]) -> tuple[int, set[bytes]]:
+    """Return where a map ends, and its keys.
+
+    Args:
+        buffer: Bytes received so far.
+        at: Where the map begins.
+        sizes: Permitted numbers of keys.
+        value_ends: For each known key, where its value ends.
+
+    Raises:
+        Incomplete: The map has not arrived completely.
+        Malformed: It is not such a map.
+    """
+    size = byte_at(buffer, at) - FIXMAP
+    if size not in sizes:
+        raise Malformed
+    keys: set[bytes] = set()
+    at += 1
+    for _ in range(size):
+        key, at = _known_key(buffer, at, value_ends)
+        if key in keys:
+            raise Malformed
+        keys.add(key)
+        at = value_ends[key](buffer, at)
+    return at, keys
+
+
+def text_end(buffer: bytes, at: int, shortest: int, longest: int) -> int:
+    """Return where a text of ``shortest`` to ``longest`` bytes ends.
+
+    Raises:
+        Incomplete: The text has not arrived completely.
+        Malformed: It is not such a text.
+    """
+    head = byte_at(buffer, at)
+    if head == STR8:
+        at += 1
+        size = byte_at(buffer, at)
+    else:
+        size = head - FIXSTR if head < FIXSTR + 32 else -1
+    if not shortest <= size <= longest:
+        raise Malformed
+    return arrived(buffer, at + 1 + size)
+
+
+def _known_key(buffer: bytes, at: int, known: Collection[bytes]) -> tuple[bytes, int]:
+    """Return the key at ``at`` and where it ends; a key that is cut may still become a known one."""
+    end = at + 1 + byte_at(buffer, at) - FIXSTR
+    if end <= at:
+        raise Malformed
+    key = buffer[at + 1 : end]
+    if end > len(buffer) and any(whole.startswith(key) and len(whole) == end - at - 1 for whole in known):
+        raise Incomplete
+    if key not in known or end > len(buffer):
+        raise Malformed
+    return key, end

@@ -1,0 +1,253 @@
+"""The 36-byte RDT record of force/torque sensors on UDP, and the requests that start and stop it.
+
+Used by the ATI Net F/T and Ethernet Axia, and by the OptoForce Ethernet converter. A record, big-endian: record number
+(u32), sensor clock in ticks (u32), status (u32), force x y z and torque x y z in counts (6 × i32). It has neither sync
+nor checksum (UDP has one), so after lost bytes the scanner finds the records again by what must be consistent from one
+record to the next. Source: ATI Ethernet Axia manual, OptoForce Ethernet converter manual.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.frame_scanner import FrameScanner
+from slipd.devices.shared.sequence_tracker import LATE_WITHIN, SequenceTracker
+from slipd.samples import Array
+
+RECORD_LENGTH = 36
+
+STOP = 0x0000
+START = 0x0002
+START_BUFFERED = 0x0003
+
+_REQUEST = struct.Struct(">HHI")  # header, command, data
+_REQUEST_HEADER = 0x1234
+_HEAD = struct.Struct(">III")  # rdt_sequence, ft_sequence, status
+_RECORD = struct.Struct(">III6i")
+_COUNTS_AT = _HEAD.size
+_SPAN = 1 << 32
+_FIRST = 1
+"""Number of the first record after each start."""
+_FIRST_WITHIN = 1 << 16
+"""Up to this number the first record of a stream is accepted alone; a stream joined later needs four records."""
+_GAP_WITHIN = 1 << 8
+"""Longest small gap, records; one byte out of alignment, record numbers rise by this many."""
+_TICKS_WITHIN = 1 << 16
+"""Longest small gap, ticks: nine records of the slowest stream in use, 7000 ticks each."""
+_NEW_STREAM_NEEDS = 3
+"""Number of records that must follow one without history, each numbered higher by one.
+
+The counts of a resting sensor sometimes look like one such record, but not like three.
+"""
+
+_NEW_STREAM_OFFSETS = range(0, _NEW_STREAM_NEEDS * RECORD_LENGTH, RECORD_LENGTH)
+_SEEK_BLOCK = 1024
+"""Places that a search checks at once: enough to make the overhead of NumPy small."""
+
+_LATE_TICKS = 1 << 12
+"""A datagram at most this far behind was overtaken; the longest, of 40 records, takes 280 ticks at 1 kHz."""
+
+AT_RAIL = 1 << 32
+"""A 33rd status bit, never sent: a count is at the end of its range."""
+_RAILS = (-(1 << 31), (1 << 31) - 1)
+
+Head = tuple[int, int]
+"""Ticks of the sensor's clock, unwrapped, and the status with `AT_RAIL`."""
+
+
+class RecordScanner:
+    """Find the records of a stream, and unwrap the sensor's clock.
+
+    The first record of a stream is accepted if its number is low; in sync, the record with the next number is accepted.
+    A record after a small gap, a repeated or late one, the first one of a new start, and one with new reserved bits are
+    accepted if the next record follows them. All others, and any out of sync, must be followed by three records.
+
+    Args:
+        health: Receives all counts but ``good``.
+        reserved: Mask of the status bits without a meaning.
+    """
+
+    def __init__(self, health: DecoderHealth, reserved: int) -> None:
+        self._health = health
+        self._reserved = reserved
+        self._frames = FrameScanner(b"", self._measure, RECORD_LENGTH, health, seek=self._seek)
+        self._sequence = SequenceTracker(_SPAN, health, first=_FIRST)
+        self._newest: int | None = None
+        self._newest_ticks = 0
+        self._reserved_bits = 0  # of the newest record
+        self._in_sync = True
+        self._returned: tuple[int, int] | None = None  # number and unwrapped clock of the record returned last
+
+    def receive(self, data: bytes) -> tuple[list[Head], Array]:
+        """Scan the next bytes of the stream.
+
+        Returns:
+            The heads of the new records that they complete, and the counts of these, shape (records, 6): force x y z,
+            torque x y z.
+        """
+        heads, counts = self._scan_whole_records(data) or self._search(data)
+        lowest, highest = _RAILS
+        if heads and (counts.min() == lowest or counts.max() == highest):
+            at_rail = ((counts == lowest) | (counts == highest)).any(axis=1)
+            heads = [(ticks, status | AT_RAIL * bool(at)) for (ticks, status), at in zip(heads, at_rail, strict=True)]
+        return heads, counts
+
+    def _scan_whole_records(self, data: bytes) -> tuple[list[Head], Array] | None:
+        """Read the usual datagram, whole records that follow the newest; return None, and change nothing, otherwise."""
+        if len(data) % RECORD_LENGTH or len(data) <= RECORD_LENGTH:
+            return None
+        if self._returned is None or self._frames.has_partial:  # out of sync, there is always a partial record
+            return None
+        number, clock = self._returned
+        if (number, clock % _SPAN) != (self._newest, self._newest_ticks):
+            return None
+        words = np.frombuffer(data, ">u4").reshape(-1, RECORD_LENGTH // 4)
+        numbers, ticks, status = words[:, :3].astype(np.int64).T
+        steps = ticks - np.concatenate(((self._newest_ticks,), ticks[:-1]))
+        if not (
+            (numbers[1:] - numbers[:-1] == 1).all()
+            and 0 <= steps.min() <= steps.max() < _TICKS_WITHIN
+            and (status & self._reserved == self._reserved_bits).all()
+            and self._sequence.accept_run(int(numbers[0]), len(words))
+        ):
+            return None
+        clocks = (ticks + (clock - self._newest_ticks)).tolist()
+        self._newest, self._newest_ticks = int(numbers[-1]), int(ticks[-1])
+        self._returned = self._newest, clocks[-1]
+        return list(zip(clocks, status.tolist(), strict=True)), words.view(">i4")[:, 3:].astype(np.float64)
+
+    def _search(self, data: bytes) -> tuple[list[Head], Array]:
+        """Read any bytes."""
+        buffer, found = self._frames.receive(data)
+        heads: list[Head] = []
+        bodies: list[bytes] = []
+        for start, _ in found:
+            sequence, ticks, status = _HEAD.unpack_from(buffer, start)
+            if self._is_late(sequence, ticks):
+                self._health.duplicates += 1
+            elif self._sequence.accept(sequence):
+                self._returned = sequence, self._unwrap(ticks)
+                heads.append((self._returned[1], status))
+                bodies.append(buffer[start + _COUNTS_AT : start + RECORD_LENGTH])
+        return heads, np.frombuffer(b"".join(bodies), ">i4").astype(np.float64).reshape(-1, 6)
+
+    def forget(self) -> None:
+        """Drop a partial record, and expect the first record of a freshly opened stream."""
+        self._frames.forget()
+        self._sequence.forget()
+        self._newest, self._in_sync, self._returned = None, True, None
+
+    def _measure(self, buffer: bytes, at: int) -> int:
+        """Return the length of the record at ``at``, 0 if more bytes are needed to decide, -1 if there is none."""
+        if at + RECORD_LENGTH > len(buffer):
+            return 0
+        sequence, ticks, status = _HEAD.unpack_from(buffer, at)
+        reserved = status & self._reserved
+        needs = self._needs(sequence, ticks, reserved == self._reserved_bits)
+        for place in range(at, at + needs * RECORD_LENGTH, RECORD_LENGTH):
+            if place + 2 * RECORD_LENGTH > len(buffer):
+                return 0
+            if not self._is_pair(buffer, place, 2 if needs == _NEW_STREAM_NEEDS else _GAP_WITHIN):
+                self._in_sync = False
+                return -1
+        self._reserved_bits, self._in_sync = reserved, True
+        if self._newest is None or sequence == _FIRST or (self._newest - sequence) % _SPAN > LATE_WITHIN:
+            self._newest, self._newest_ticks = sequence, ticks
+        return RECORD_LENGTH
+
+    def _seek(self, buffer: bytes, at: int) -> int:
+        """Return the first place from ``at`` on that is followed by `_NEW_STREAM_NEEDS` records, as far as received.
+
+        This is what `_measure` requires out of sync, for a block of places at once.
+        """
+        end = len(buffer) - 2 * RECORD_LENGTH + 1  # from here on the next record is incomplete
+        while at < end:
+            count = min(_SEEK_BLOCK, end - at)
+            followed = np.ones(count + (_NEW_STREAM_NEEDS - 1) * RECORD_LENGTH, bool)
+            known = min(len(followed), end - at)
+            followed[:known] = self._pairs(buffer, at, known)
+            fits = np.logical_and.reduce([followed[offset : offset + count] for offset in _NEW_STREAM_OFFSETS])
+            found = int(fits.argmax())
+            if fits[found]:
+                return at + found
+            at += count
+        return at
+
+    def _pairs(self, buffer: bytes, at: int, count: int) -> NDArray[np.bool_]:
+        """Return for each place from ``at`` on whether the next record follows the one there, shape (count,)."""
+
+        def step(field: int) -> NDArray[np.uint32]:
+            numbers = np.ndarray((count + RECORD_LENGTH,), ">u4", buffer, at + 4 * field, (1,)).astype(np.uint32)
+            return numbers[RECORD_LENGTH:] - numbers[:count]
+
+        status = np.ndarray((count + RECORD_LENGTH,), ">u4", buffer, at + 8, (1,)).astype(np.uint32)
+        changed = (status[RECORD_LENGTH:] ^ status[:count]) & np.uint32(self._reserved)
+        ticks = step(1)
+        paired: NDArray[np.bool_] = (step(0) == 1) & (ticks > 0) & (ticks < _TICKS_WITHIN) & (changed == 0)
+        return paired
+
+    def _needs(self, sequence: int, ticks: int, same_reserved: bool) -> int:
+        """Return how many records must follow one for it to be accepted."""
+        if not self._in_sync:
+            return _NEW_STREAM_NEEDS
+        if self._newest is None:
+            return 0 if same_reserved and sequence < _FIRST_WITHIN else _NEW_STREAM_NEEDS
+        ahead, later = (sequence - self._newest) % _SPAN, (ticks - self._newest_ticks) % _SPAN
+        if later < _TICKS_WITHIN and ahead < _GAP_WITHIN:
+            return 0 if same_reserved and ahead == 1 else 1
+        is_late = -ahead % _SPAN <= LATE_WITHIN and -later % _SPAN < _TICKS_WITHIN
+        return 1 if is_late or sequence == _FIRST else _NEW_STREAM_NEEDS
+
+    def _is_pair(self, buffer: bytes, at: int, within: int) -> bool:
+        """Return whether the next record follows the one at ``at``."""
+        sequence, ticks, status = _HEAD.unpack_from(buffer, at)
+        next_sequence, next_ticks, next_status = _HEAD.unpack_from(buffer, at + RECORD_LENGTH)
+        return (
+            0 < (next_sequence - sequence) % _SPAN < within
+            and 0 < (next_ticks - ticks) % _SPAN < _TICKS_WITHIN
+            and not (next_status ^ status) & self._reserved
+        )
+
+    def _is_late(self, sequence: int, ticks: int) -> bool:
+        """Return whether a record was overtaken by one that has been returned."""
+        if self._returned is None or sequence == _FIRST:
+            return False
+        number, clock = self._returned
+        return 0 < (number - sequence) % _SPAN < _SPAN // 2 and 0 < (clock - ticks) % _SPAN < _LATE_TICKS
+
+    def _unwrap(self, ticks: int) -> int:
+        if self._returned is None:
+            return ticks
+        before = self._returned[1]
+        step = (ticks - before + _SPAN // 2) % _SPAN - _SPAN // 2
+        return before + step if step > -_TICKS_WITHIN else ticks  # a clock that jumps far back was reset
+
+
+def encode_request(command: int, data: int = 0) -> bytes:
+    """Return a request of 8 bytes; for a start, ``data`` is the number of records, 0 for no limit."""
+    return _REQUEST.pack(_REQUEST_HEADER, command, data)
+
+
+def parse_request(datagram: bytes) -> tuple[int, int] | None:
+    """Return command and data of a request; None if the datagram is not a request."""
+    if len(datagram) != _REQUEST.size:
+        return None
+    header, command, data = _REQUEST.unpack(datagram)
+    return (command, data) if header == _REQUEST_HEADER else None
+
+
+def encode_record(counts: Sequence[int], sequence: int, ft_sequence: int, status: int = 0) -> bytes:
+    """Return one record of 36 bytes as a sensor sends it.
+
+    Args:
+        counts: Force x y z, torque x y z; each within an int32.
+        sequence: Number of the record since the start, from 1; sent modulo 2^32.
+        ft_sequence: The sensor's own sample counter, its clock; sent modulo 2^32.
+        status: The 32 status bits.
+    """
+    return _RECORD.pack(sequence % _SPAN, ft_sequence % _SPAN, status, *counts)

@@ -1,0 +1,216 @@
+"""Common parts of the Weiss tactile controllers (DSACON32m, WTS): images in packets with id 0, and queries.
+
+Both controllers answer with the id of the query, begin every answer with a status (u16), and continue to send images
+meanwhile. The payload of an image is device time in ms (u32), flags (u8), and one u16 per cell or run of cells.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.sensor_session import SensorSession
+from slipd.devices.shared.startup_sequence import SILENCE_NS, StartupSequence, Step
+from slipd.devices.shared.weiss_packets import PREAMBLE, Packet, PacketScanner, encode, status_word
+from slipd.samples import TactileSample
+
+FRAME = 0x00
+"""Id of a packet that contains an image."""
+
+RLE = 0x01
+"""Flag of an image, and of a request for images: run-length encoded."""
+
+MAX_CELLS = 2048
+"""Most cells of an image: four times the six matrices of the SDH hand. It limits the wait after a wrong length."""
+
+FULL_SCALE = 4095
+"""The converters have 12 bits."""
+
+_FRAME_HEAD = struct.Struct("<IB")  # device time in ms, flags
+_HEADS = re.compile(PREAMBLE[:1] + b"(?=" + PREAMBLE[1:] + b"(.)(..))", re.DOTALL)  # id and size, overlapping matches
+_WORD_BYTES = 2
+_MS_SPAN = 1 << 32
+_STATUS_BYTES = 2
+
+PAUSE_NS = 300_000_000
+"""The bytes of a packet follow each other without gaps: after a pause this long a new packet begins."""
+
+Words = NDArray[np.uint16]
+"""Cells of an image, or runs of cells."""
+
+
+def encode_frame(words: Words, device_time_ms: int, seed: int, *, flags: int = 0) -> bytes:
+    """Return a packet that contains an image.
+
+    Args:
+        words: Cells, or runs of cells, integers of 16 bits, shape (any,).
+        device_time_ms: Device time, ms; sent modulo 2^32.
+        seed: Seed of the checksum, as in `weiss_packets.encode`.
+        flags: Flags of the image.
+    """
+    head = _FRAME_HEAD.pack(device_time_ms % _MS_SPAN, flags)
+    return encode(FRAME, head + np.asarray(words).astype("<u2").tobytes(), seed)
+
+
+class TactileDecoder(ABC):
+    """Find images and answers; the subclass decides which images are valid and makes samples of them.
+
+    ``device_time_ns`` is the controller's millisecond clock as sent: it wraps every 2^32 ms (49.7 days). Images have no
+    sequence number, so `health.lost`, `health.duplicates` and `health.restarts` stay 0: gaps and restarts show in the
+    device time.
+
+    Args:
+        seed: Seed of the checksum.
+        reply_sizes: Payload length of the answer to each query id. An answer may also be a status alone.
+        typical: Length of an ordinary packet, bytes.
+        text: Bytes that are not counted as damage between packets.
+
+    Attributes:
+        replies: Answers among the bytes received last.
+    """
+
+    def __init__(self, seed: int, reply_sizes: Mapping[int, int], typical: int, text: bytes = b"") -> None:
+        self.health = DecoderHealth()
+        self.reply_sizes = reply_sizes
+        self.replies: list[Packet] = []
+        self._seed = seed
+        self._scanner = PacketScanner(seed, self._accepts, typical, self.health, text=text)
+
+    def receive(self, data: bytes, t_ns: int) -> list[TactileSample]:
+        """Decode bytes received at ``t_ns``; return the images they complete."""
+        samples: list[TactileSample] = []
+        self.replies = []
+        for packet in self._scanner.packets(data):
+            if packet.id == FRAME:
+                time_ms, flags = _FRAME_HEAD.unpack_from(packet.payload)
+                samples += self._samples(bool(flags & RLE), _words(packet.payload), t_ns, time_ms * 1_000_000)
+            else:
+                self.replies.append(packet)
+        self.health.good += len(samples)
+        return samples
+
+    def forget(self) -> None:
+        """Drop a partial packet, because the rest of it will not come."""
+        self._scanner.forget()
+
+    def _accepts(self, packet_id: int, size: int, payload: bytes) -> bool:
+        return self._fits(packet_id, size, payload) and not self._contains_packet(payload)
+
+    def _contains_packet(self, payload: bytes) -> bool:
+        """Return whether a payload contains a whole packet, which means that its own length is wrong."""
+        for head in _HEADS.finditer(payload):
+            packet_id, size = head[1][0], int.from_bytes(head[2], "little")
+            content = payload[head.end(2) :][:size]
+            packet = encode(packet_id, content, self._seed)
+            if payload.startswith(packet, head.start()) and self._fits(packet_id, size, content):
+                return True
+        return False
+
+    def _fits(self, packet_id: int, size: int, payload: bytes) -> bool:
+        if packet_id != FRAME:
+            return size in (_STATUS_BYTES, self.reply_sizes.get(packet_id)) and packet_id in self.reply_sizes
+        count, odd = divmod(size - _FRAME_HEAD.size, _WORD_BYTES)
+        if odd or not 0 < count <= MAX_CELLS:
+            return False
+        if len(payload) < _FRAME_HEAD.size:
+            return True
+        return self._accepts_image(bool(payload[_FRAME_HEAD.size - 1] & RLE), count, _words(payload))
+
+    @abstractmethod
+    def _accepts_image(self, rle: bool, count: int, words: Words) -> bool:
+        """Return whether an image of ``count`` words may begin with the words received so far."""
+
+    @abstractmethod
+    def _samples(self, rle: bool, words: Words, t_ns: int, device_time_ns: int) -> list[TactileSample]:
+        """Return the samples of an accepted image."""
+
+
+def _words(payload: bytes) -> Words:
+    count = (len(payload) - _FRAME_HEAD.size) // _WORD_BYTES
+    return np.frombuffer(payload, "<u2", count, _FRAME_HEAD.size)
+
+
+def matrix_sample(cells: Words, t_ns: int, device_time_ns: int, full_scale: int, source: str = "") -> TactileSample:
+    """Return the sample of one matrix, with status "saturated" if a cell is at full scale."""
+    status = ("saturated",) if bool((cells >= full_scale).any()) else ()
+    return TactileSample(t_ns, device_time_ns, cells.astype(np.float64), status, source)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Query(Step):
+    """One request of a session, and how to handle its answer.
+
+    Attributes:
+        reply_id: Id of request and answer.
+        handle: ``handle(payload)`` uses the answer, and returns what is wrong with it, "" if nothing is.
+        tolerates: Status numbers other than 0 that are accepted.
+    """
+
+    reply_id: int
+    handle: Callable[[bytes], str] = lambda _: ""
+    tolerates: Collection[int] = ()
+
+
+class TactileSession(SensorSession[TactileSample]):
+    """Query the controller, start its images, and start again when they stop.
+
+    Images that arrive are returned in every state. `state` is "closed", "waiting" (for the first answer),
+    "configuring", "waiting for images", "running", or the problem, such as "no answer to sensor" or "refused start:
+    access denied"; the session retries forever.
+
+    Args:
+        decoder: Decoder of images and answers.
+        queries: The requests; the last one starts the images.
+        stop: Request that stops the images.
+        words: Meaning of the device's status numbers.
+        period_ns: Expected time from one image to the next.
+    """
+
+    decoder: TactileDecoder
+
+    def __init__(
+        self,
+        decoder: TactileDecoder,
+        queries: list[Query],
+        stop: bytes,
+        words: tuple[str, ...],
+        period_ns: int,
+    ) -> None:
+        silence_ns = max(SILENCE_NS, 3 * period_ns)
+        super().__init__(decoder, StartupSequence(queries, rest_ns=0, silence_ns=silence_ns), stop)
+        self._queries = queries
+        self._status_words = words
+        self._received_ns = 0
+
+    def receive(self, data: bytes, now_ns: int) -> list[TactileSample]:
+        """Decode bytes received at ``now_ns``; return the images they complete."""
+        if now_ns - self._received_ns > PAUSE_NS:
+            self.decoder.forget()
+        self._received_ns = now_ns
+        return super().receive(data, now_ns)
+
+    def _handle_answers(self, now_ns: int) -> None:
+        query = next(query for query in self._queries if query.name == self._startup.awaited)
+        for answer in self.decoder.replies:
+            if not self._startup.awaited or answer.id != query.reply_id:
+                continue
+            problem = self._handle_answer(query, answer.payload)
+            self._startup.handle_answer(now_ns, problem)
+            if not problem and query is self._queries[-1]:
+                self._startup.state = "waiting for images"
+
+    def _handle_answer(self, query: Query, payload: bytes) -> str:
+        """Use an answer; return what is wrong with it, "" if nothing is."""
+        code = int.from_bytes(payload[:_STATUS_BYTES], "little")
+        if code and code not in query.tolerates:
+            return f"refused {query.name}: {status_word(code, self._status_words)}"
+        if len(payload) != self.decoder.reply_sizes[query.reply_id]:
+            return f"empty answer to {query.name}"
+        return query.handle(payload)

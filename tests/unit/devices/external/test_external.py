@@ -1,0 +1,336 @@
+"""Readings pushed by other processes: their one shape, every way to miss it, and what hostile bytes may not do."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+import zmq
+from hypothesis import given
+from hypothesis import strategies as st
+from project import DOCS
+
+from slipd.devices import external
+from slipd.devices.external import encode_reading, external_message
+from slipd.devices.external.external_decoder import MAX_STREAMS
+from slipd.samples import TactileSample, WrenchSample
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+
+DOCUMENT = DOCS / "devices.md"
+WRENCH = {"stream": "left.wrench", "t_ns": 5, "force_n": [1.0, 2.0, 3.0], "torque_nm": [0.1, 0.2, 0.3]}
+IMAGE = {"stream": "left.pad", "t_ns": 6, "values": [1.0, 2.0, 3.0, 4.0]}
+
+
+def decode(*messages: bytes) -> tuple[list[WrenchSample | TactileSample], external.Decoder]:
+    decoder = external.Decoder()
+    return decoder.receive(b"".join(messages), 77), decoder
+
+
+def pack(base: dict[str, Any], **changes: Any) -> bytes:
+    """Return a message with other fields; a field that is to be left out is ``...``."""
+    data: bytes = msgpack.packb({key: value for key, value in {**base, **changes}.items() if value is not ...})
+    return data
+
+
+def wrench(number: int) -> bytes:
+    return encode_reading("w", number, force_n=(number, 0, -1), torque_nm=(0, 0, 0.5))
+
+
+def times(samples: list[WrenchSample | TactileSample]) -> list[int | None]:
+    return [sample.device_time_ns for sample in samples]
+
+
+def test_a_wrench_is_read() -> None:
+    (sample,), decoder = decode(pack(WRENCH))
+    assert isinstance(sample, WrenchSample)
+    assert sample.torque_nm is not None
+    assert (sample.force_n.tolist(), sample.torque_nm.tolist()) == ([1, 2, 3], [0.1, 0.2, 0.3])
+    assert (sample.t_ns, sample.device_time_ns, sample.source, sample.status) == (77, 5, "left.wrench", ())
+    assert (decoder.health.good, decoder.health.bad, decoder.health.bad_bytes) == (1, 0, 0)
+
+
+@pytest.mark.parametrize("torque", [None, ...])
+def test_a_force_may_come_without_a_torque(torque: Any) -> None:
+    (sample,), _ = decode(pack(WRENCH, torque_nm=torque))
+    assert isinstance(sample, WrenchSample)
+    assert sample.torque_nm is None
+
+
+@pytest.mark.parametrize("values", [[1.5], list(range(16)), [[1.0, 2.0, 3.0]] * 20, [[1, 2.5, -70_000]], [2.0] * 4096])
+def test_an_image_is_read_with_one_axis_or_three(values: Any) -> None:
+    (sample,), _ = decode(pack(IMAGE, values=values))
+    assert isinstance(sample, TactileSample)
+    assert sample.values.tolist() == values
+    assert sample.values.dtype == np.float64
+    assert (sample.t_ns, sample.device_time_ns, sample.source, sample.dwell_ns) == (77, 6, "left.pad", 0)
+
+
+def test_numbers_of_every_kind_are_read() -> None:
+    numbers = [0, 127, -1, -32, 255, 65_535, 1 << 31, 1 << 63, -128, -32_768, -(1 << 31), -(1 << 63), 0.5]
+    single = b"\xca" + struct.pack(">f", 0.25)
+    data = pack(IMAGE, values=[*numbers, 7.0]).replace(b"\xcb" + struct.pack(">d", 7.0), single)
+    (sample,), _ = decode(data)
+    assert isinstance(sample, TactileSample)
+    assert sample.values.tolist() == [*map(float, numbers), 0.25]
+
+
+@pytest.mark.parametrize("key", [*WRENCH, "seq", "status"])
+def test_the_order_of_the_fields_does_not_matter(key: str) -> None:
+    fields = {**WRENCH, "seq": 3, "status": ["overload"]}
+    first = {key: fields.pop(key)}
+    (sample,), _ = decode(pack({**first, **fields}))
+    assert (sample.source, sample.status) == ("left.wrench", ("overload",))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("key", ["force_n", "torque_nm", "values"])
+def test_a_value_that_is_not_finite_makes_the_reading_invalid(key: str, value: float) -> None:
+    base = IMAGE if key == "values" else WRENCH
+    assert decode(pack(base, **{key: [1.0, value, 2.0]}))[0][0].status == ("invalid",)
+    assert decode(pack(base, **{key: [1.0, value, 2.0]}, status=["invalid"]))[0][0].status == ("invalid",)
+
+
+WRONG: list[dict[str, Any]] = [
+    {"stream": ...},
+    {"stream": ""},
+    {"stream": "x" * 65},
+    {"stream": "left wrench"},
+    {"stream": "l\u00e9"},
+    {"stream": 5},
+    {"stream": b"left"},
+    {"t_ns": ...},
+    {"t_ns": -1},
+    {"t_ns": 1.5},
+    {"t_ns": 1 << 63},
+    {"t_ns": None},
+    {"force_n": ...},
+    {"force_n": None},
+    {"force_n": [1.0, 2.0]},
+    {"force_n": [1.0, 2.0, 3.0, 4.0]},
+    {"force_n": [1.0, "2", 3.0]},
+    {"force_n": [1.0, None, 3.0]},
+    {"force_n": [[1.0], 2.0, 3.0]},
+    {"force_n": {"x": 1}},
+    {"force_n": True},
+    {"torque_nm": [1.0]},
+    {"torque_nm": 1.0},
+    {"values": [1.0]},
+    {"seq": -1},
+    {"seq": 1.0},
+    {"seq": None},
+    {"status": "overload"},
+    {"status": ["Overload"]},
+    {"status": [""]},
+    {"status": ["x" * 33]},
+    {"status": ["x"] * 9},
+    {"status": [1]},
+    {"status": ["a\nb"]},
+]
+
+
+@pytest.mark.parametrize("changes", WRONG, ids=str)
+def test_a_message_of_another_shape_is_bad_and_its_neighbours_are_not(changes: dict[str, Any]) -> None:
+    wrong = pack(WRENCH, **changes)
+    samples, decoder = decode(wrench(1), wrong, wrench(2))
+    assert times(samples) == [1, 2]
+    assert (decoder.health.bad, decoder.health.bad_bytes) == (1, len(wrong))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        ...,
+        [],
+        [[]],
+        [[1.0, 2.0]],
+        [[1.0, 2.0, 3.0], 4.0],
+        [1.0, [1.0, 2.0, 3.0]],
+        [None],
+        [1.0] * 4097,
+        b"\0" * 8,
+        "12",
+    ],
+    ids=lambda values: str(values)[:20],
+)
+def test_an_image_of_another_shape_is_bad(values: Any) -> None:
+    samples, decoder = decode(wrench(1), pack(IMAGE, values=values), wrench(2))
+    assert times(samples) == [1, 2]
+    assert decoder.health.bad == 1
+
+
+def test_an_image_beside_a_torque_is_bad() -> None:
+    assert decode(pack(IMAGE, torque_nm=None))[0] == []
+
+
+def test_D2_a_field_of_a_later_version_is_refused_and_not_passed_over() -> None:
+    samples, decoder = decode(pack(WRENCH, temperature_c=20.0), pack(WRENCH, v=2), pack(WRENCH, streak=1))
+    assert samples == []
+    assert decoder.health.bad == 1
+
+
+def test_a_field_that_stands_twice_is_bad() -> None:
+    whole = pack(WRENCH)
+    twice = bytes((whole[0] + 1,)) + whole[1:] + b"\xa4t_ns\x07"
+    assert decode(twice)[0] == []
+
+
+def test_a_message_longer_than_the_longest_is_bad_however_it_is_split() -> None:
+    wrong = pack(IMAGE, values=[[1.0, 2.0, 3.0]] * 4096)
+    assert len(wrong) > external_message.MAX_MESSAGE
+    whole, halves = external.Decoder(), external.Decoder()
+    found = whole.receive(wrong + wrench(1), 77)
+    split = halves.receive(wrong[:40_000], 77) + halves.receive(wrong[40_000:], 77) + halves.receive(wrench(1), 77)
+    assert times(found) == times(split) == [1]
+    assert whole.health == halves.health
+
+
+def test_T2_a_message_cut_anywhere_is_dropped_whole_and_holds_nothing_back() -> None:
+    whole = pack(IMAGE, values=[[1.0, 2, 3.0]] * 3, seq=300, status=["hot"])
+    for cut in range(1, len(whole)):
+        samples, decoder = decode(whole[:cut], wrench(1), wrench(2))
+        assert times(samples) == [1, 2], cut
+        assert (decoder.health.bad, decoder.health.bad_bytes) == (1, cut)
+
+
+def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
+    long_name = encode_reading("n" * 40, 1 << 40, values=np.ones((3, 3)), seq=1 << 33, status=("hot", "x" * 32))
+    stream = wrench(1)[9:] + wrench(2) + long_name + b"\x85\xa6strea" + wrench(3)[:-1] + wrench(4) + b"\xc1" + wrench(5)
+    stream += pack(WRENCH, stream="n" * 65) + long_name + b"\x84"
+    # the fourth lost its last byte and took one of the fifth; the second came twice
+    assert len(same_for_every_split(external.Decoder, stream)) == 4
+
+
+def test_L2_a_damaged_message_costs_at_most_itself() -> None:
+    rng = random.Random(3)
+    whole = encode_reading("left.pad", 10**12, values=np.ones(16), seq=7)
+    for _ in range(3000):
+        hit = bytearray(whole)
+        at, kind = rng.randrange(len(hit)), rng.randrange(3)
+        if kind == 0:
+            hit[at] ^= 1 << rng.randrange(8)
+        elif kind == 1:
+            del hit[at]
+        else:
+            hit.insert(at, rng.randrange(256))
+        samples, _ = decode(wrench(1), bytes(hit), wrench(2), wrench(3))
+        assert times(samples)[0] == 1
+        assert times(samples)[-1] == 3
+
+
+def test_L3_noise_gives_no_reading_and_is_not_kept() -> None:
+    rng = random.Random(9)
+    decoder = external.Decoder()
+    for _ in range(100):
+        assert decoder.receive(rng.randbytes(4000) + b"\x85\xa6stream\xd9\x40" * 100, 0) == []
+        assert len(decoder._scanner._tail) < external_message.MAX_MESSAGE
+    assert decoder.health.bad_bytes > 400_000
+
+
+BOMBS = [
+    b"\x91" * 60_000,
+    b"\xdd\xff\xff\xff\xff" * 10_000,
+    b"\xdf\xff\xff\xff\xff",
+    b"\xdb\xff\xff\xff\xff",
+    b"\xc7\xff\x01" * 1000,
+    b"\x83\xa6stream\xdb\xff\xff\xff\xff",
+    b"\x83\xa6values\xdd\xff\xff\xff\xff",
+    b"\x83\xa6values\xdc\xff\xff" + b"\xc0" * 100,
+    b"\x83\xa6values" + b"\x91" * 60_000,
+    b"\x86" * 60_000,
+]
+
+
+@pytest.mark.parametrize("bomb", BOMBS, ids=lambda bomb: bomb[:12].hex())
+def test_a_bomb_is_refused_at_its_first_byte_that_is_wrong(bomb: bytes) -> None:
+    samples, decoder = decode(bomb, wrench(1), wrench(2))
+    assert times(samples) == [1, 2]
+    assert decoder._scanner._tail == b""
+
+
+@given(st.lists(st.one_of(st.just(wrench(1)), st.just(pack(IMAGE)), st.binary(max_size=40)), max_size=9))
+def test_nothing_raises_and_a_reading_behind_anything_is_read(parts: list[bytes]) -> None:
+    samples, decoder = decode(*parts, wrench(8), wrench(9))
+    assert times(samples)[-1] == 9
+    assert decoder.health.good == len(samples)
+
+
+def test_D3_gaps_duplicates_and_restarts_are_told_apart_for_each_stream() -> None:
+    left = [encode_reading("left", number, force_n=(0, 0, 1), seq=number) for number in (700, 701, 705, 705, 704, 0, 1)]
+    right = [encode_reading("right", number, force_n=(0, 0, 1), seq=number) for number in (0, 1, 2, 3, 4, 5, 6)]
+    samples, decoder = decode(*(data for pair in zip(left, right, strict=True) for data in pair), wrench(5), wrench(5))
+    assert [sample.device_time_ns for sample in samples if sample.source == "left"] == [700, 701, 705, 0, 1]
+    assert [sample.device_time_ns for sample in samples if sample.source == "right"] == list(range(7))
+    assert times(samples)[-2:] == [5, 5]
+    health = decoder.health
+    assert (health.lost, health.duplicates, health.restarts, health.good) == (3, 2, 1, 14)
+
+
+def test_names_that_are_made_up_fill_no_memory() -> None:
+    decoder = external.Decoder()
+    for number in range(200):
+        decoder.receive(encode_reading(f"s{number}", 1, force_n=(0, 0, 1), seq=1), 0)
+    assert len(decoder._sequences) == MAX_STREAMS
+    assert (decoder.health.good, decoder.health.bad) == (64, 136)
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [
+        {},
+        {"force_n": (1, 2, 3), "values": (1, 2)},
+        {"force_n": (1, 2)},
+        {"torque_nm": (1, 2, 3)},
+        {"values": np.ones((4, 2))},
+        {"values": np.ones(4097)},
+        {"values": ()},
+        {"force_n": (1, 2, 3), "seq": -1},
+        {"force_n": (1, 2, 3), "seq": 1 << 64},
+        {"force_n": (1, 2, 3), "status": ["Bad"]},
+    ],
+    ids=str,
+)
+def test_a_reading_that_would_not_be_taken_is_not_written(reading: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="a reading must have"):
+        encode_reading("left.wrench", 5, **reading)
+
+
+class Unplugged(Exception):  # noqa: N818
+    """The documented program's sensor has no more readings."""
+
+
+def test_the_documented_pusher_sends_what_is_read(tmp_path: Path) -> None:
+    (program,) = re.findall(r"<!-- external pusher -->\n+```python\n(.*?)```", DOCUMENT.read_text("utf-8"), re.DOTALL)
+    endpoint = f"ipc://{tmp_path}/pushed"
+    readings = iter([([1.0, 2.0, float(number)], [0.0, 0.0, 0.1]) for number in range(3)])
+
+    def read_my_sensor() -> tuple[list[float], list[float]]:
+        for reading in readings:
+            return reading
+        raise Unplugged
+
+    with zmq.Context() as context, context.socket(zmq.PULL) as pull:
+        pull.bind(endpoint)
+        pull.rcvtimeo = 10_000
+        assert program.count("ipc:///run/slipd/left-wrench.ipc") == 1
+        scope: dict[str, Any] = {"read_my_sensor": read_my_sensor}
+        with pytest.raises(Unplugged):
+            exec(program.replace("ipc:///run/slipd/left-wrench.ipc", endpoint), scope)
+        samples, decoder = decode(*(pull.recv() for _ in range(3)))
+        scope["push"].close()
+        zmq.Context.instance().term()
+    assert [sample.force_n.tolist() for sample in samples if isinstance(sample, WrenchSample)] == [
+        [1.0, 2.0, 0.0],
+        [1.0, 2.0, 1.0],
+        [1.0, 2.0, 2.0],
+    ]
+    assert {sample.source for sample in samples} == {"left.wrench"}
+    assert (decoder.health.bad, decoder.health.lost, decoder.health.duplicates) == (0, 0, 0)

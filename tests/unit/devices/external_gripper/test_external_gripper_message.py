@@ -1,0 +1,189 @@
+"""The messages of a gripper's driver: what is taken, and every way not to be one."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+from typing import Any
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper.external_gripper_message import Foreign, Registration, Report, measure, parse
+
+DRIVER = Registration("lab driver", (0.0, 0.1), (2.0, 60.0), (0.01, 0.2))
+REGISTRATION: dict[str, Any] = {"v": 1, "name": "lab driver", "width_range_m": [0, 0.1], "force_range_n": [2, 60]}
+REPORT: dict[str, Any] = {"v": 1, "width_m": 0.05}
+EVERYTHING = Report(0.05, False, True, "contact_opening", "no_power", -1.5, 7, 5.0, "out of range")
+
+lengths = st.none() | st.floats(0.0, wire.MAX_WIDTH_M)
+newtons = st.none() | st.floats(0.0, wire.MAX_FORCE_N)
+reports = st.builds(
+    Report,
+    lengths,
+    st.booleans(),
+    st.booleans(),
+    st.sampled_from(wire.OBJECTS),
+    st.sampled_from(["", "no_power"]),
+    newtons,
+    st.integers(1, wire.LAST_ID),
+    newtons,
+    st.sampled_from(["", "out of range"]),
+)
+
+
+def take(body: Any) -> Any:
+    data = msgpack.packb(body)
+    return parse(data) if measure(data, 0) == len(data) else None
+
+
+def test_a_registration_and_a_report_are_as_they_are_written_down() -> None:
+    assert take(REGISTRATION) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
+    assert take(REGISTRATION | {"speed_range_mps": [0.01, 0.2]}) == DRIVER
+    assert take(REGISTRATION | {"speed_range_mps": None}) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
+    assert take(REPORT) == Report(0.05)
+    assert take({"width_m": None, "v": 1, "moving": True}) == Report(None, moving=True, object="moving")
+    assert take({"v": 2, "name": "x"}) == Foreign(2)
+
+
+@given(reports)
+def test_what_is_encoded_is_read(report: Report) -> None:
+    data = wire.encode_report(report)
+    assert len(data) <= wire.MAX_MESSAGE
+    assert parse(data) == report
+    assert parse(wire.encode_registration(DRIVER)) == DRIVER
+
+
+def test_every_shorter_piece_of_a_message_waits_for_more_and_what_follows_does_not_matter() -> None:
+    for data in (
+        wire.encode_report(EVERYTHING),
+        wire.encode_registration(DRIVER),
+        wire.encode_report(Report(0.1, fault="f" * 100)),
+        msgpack.packb(REPORT | {"id": 2**40, "force_n": -(2**40)}),
+    ):
+        assert [measure(data[:size], 0) for size in range(1, len(data))] == [0] * (len(data) - 1)
+        assert measure(data + b"\xff" * 9, 0) == measure(b"\x00" + data, 1) == len(data)
+
+
+WRONG: list[Any] = [
+    {},
+    {"v": 1},
+    {"width_m": 0.05, "id": 1},
+    REPORT | {"v": 1.0},
+    REPORT | {"v": True},
+    REPORT | {"widht_m": 0.1},
+    REPORT | {"name": "x"},
+    REGISTRATION | {"name": ""},
+    REGISTRATION | {"name": "two\nlines"},
+    REGISTRATION | {"name": 5},
+    REGISTRATION | {"name": "x" * (wire.MAX_TEXT + 1)},
+    REGISTRATION | {"width_m": 0.1},
+    {key: value for key, value in REGISTRATION.items() if key != "force_range_n"},
+    REPORT | {"active": 1},
+    REPORT | {"moving": None},
+    REPORT | {"object": "ball"},
+    REPORT | {"fault": "Two Words"},
+    REPORT | {"fault": 3},
+    REPORT | {"error": 3},
+    REPORT | {"error": "a\x1bb"},
+    REPORT | {"id": 0},
+    REPORT | {"id": -1},
+    REPORT | {"id": True},
+    REPORT | {"id": 1.0},
+    REPORT | {"id": 1 << 63},
+    REPORT | {"width_m": "wide"},
+    REPORT | {"width_m": True},
+    REPORT | {"width_m": -0.1},
+    REPORT | {"width_m": 2.1},
+    REPORT | {"applied_n": -1.0},
+    REPORT | {"applied_n": [1, 2]},
+    REPORT | {"force_n": b"\x00"},
+    REPORT | {"force_n": {"x": 1}},
+    REPORT | {"force_n": [1, 2, 3]},
+    REPORT | {"force_n": [[1], 2]},
+    {**REPORT, **{f"k{at}": 0 for at in range(12)}},
+]
+
+
+@pytest.mark.parametrize("body", WRONG, ids=str)
+def test_a_message_that_is_not_as_written_down_is_none(body: Any) -> None:
+    assert take(body) is None
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
+@pytest.mark.parametrize("key", ["width_m", "force_n", "applied_n"])
+def test_N1_a_number_that_is_not_finite_or_beyond_all_measure_is_not_believed(key: str, value: float) -> None:
+    assert take(REPORT | {"id": 1, key: value}) is None
+
+
+@pytest.mark.parametrize("value", [[0.1, 0.0], [0.1, 0.1], [-1, 0], [0, 1e9], [0, math.nan], [None, 1], 5, [True, 2]])
+@pytest.mark.parametrize("key", ["width_range_m", "force_range_n", "speed_range_mps"])
+def test_a_range_that_is_none_is_not_believed(key: str, value: Any) -> None:
+    assert take(REGISTRATION | {key: value}) is None
+
+
+def test_text_that_is_no_text_is_none() -> None:
+    data = msgpack.packb(REPORT | {"fault": "x"}).replace(b"\xa1x", b"\xa1\xff")
+    assert measure(data, 0) == len(data)
+    assert parse(data) is None
+
+
+def test_a_key_that_stands_twice_is_refused_before_anything_is_unpacked() -> None:
+    twice = b"\x83\xa1v\x01\xa7width_m\x00\xa7width_m\x01"
+    assert measure(twice, 0) == -1
+
+
+def test_L3_a_length_that_lies_is_not_waited_for() -> None:
+    begun = b"\x83\xa1v\x01\xa5fault\xd9"
+    assert measure(begun + b"\xff", 0) == -1
+    assert measure(begun + b"\x78" + bytes(0x77), 0) == 0
+    texts = [b"\xa6object", b"\xa5fault", b"\xa5error", b"\xa4name", b"\xa6active"]
+    long = b"\x8a" + b"".join(key + b"\xd9\x78" + bytes(0x78) for key in texts)
+    assert measure(long[: wire.MAX_MESSAGE - 1], 0) == 0
+    assert measure(long[: wire.MAX_MESSAGE], 0) == -1
+    assert measure(b"\x85" + long[1:], 0) == -1
+
+
+def test_L3_noise_is_seldom_even_a_beginning() -> None:
+    noise = random.Random(3).randbytes(50_000)
+    assert all(measure(noise, at) <= 0 for at in range(len(noise)) if 0x82 <= noise[at] <= 0x8A)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: wire.encode_report(Report(math.nan)),
+        lambda: wire.encode_report(Report(0.1, object="ball")),
+        lambda: wire.encode_report(Report(0.1, fault="x" * 200)),
+        lambda: wire.encode_registration(Registration("", (0.0, 0.1), (2.0, 60.0))),
+        lambda: wire.encode_registration(Registration("x", (0.1, 0.0), (2.0, 60.0))),
+    ],
+)
+def test_a_message_that_would_not_be_taken_is_not_made(make: Any) -> None:
+    with pytest.raises(ValueError, match="must have finite numbers"):
+        make()
+
+
+def test_set_points_and_notices_are_as_they_are_written_down() -> None:
+    move = wire.encode_setpoint(3, "move", width_m=0.02, speed_mps=None, force_n=10.0)
+    assert msgpack.unpackb(move) == {
+        "v": 1,
+        "id": 3,
+        "op": "move",
+        "width_m": 0.02,
+        "speed_mps": None,
+        "force_n": 10.0,
+    }
+    assert msgpack.unpackb(wire.encode_setpoint(4, "stop")) == {"v": 1, "id": 4, "op": "stop"}
+    assert msgpack.unpackb(wire.encode_notice(wire.REFUSED, "why")) == {"v": 1, "refused": "why"}
+    assert struct.pack(">d", 0.02) in move
+
+
+def test_a_key_that_is_no_text_does_not_lead_backwards() -> None:
+    """Its length, counted from the code of a text, would be negative, and the walk end before it began."""
+    body = b"\x00v\x00\xa7width_m\xc0"
+    assert measure(b"\x82" + body + bytes(161 - 1 - len(body)), 0) == -1

@@ -1,0 +1,524 @@
+"""The session with somebody else's driver: what it is told, and what of its answers is believed."""
+
+from __future__ import annotations
+
+import math
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import pytest
+from permits import activate, forget, halt, move, set_force
+from project import DOCS
+
+from slipd.devices.external_gripper import Decoder, Session
+from slipd.devices.external_gripper import external_gripper_message as wire
+from slipd.devices.external_gripper.external_gripper_message import (
+    Registration,
+    Report,
+    encode_registration,
+    encode_report,
+)
+from slipd.devices.external_gripper.external_gripper_session import ANSWER_MS, SILENCE_NS
+from slipd.devices.shared.command_queue import ATTEMPTS
+from slipd.samples import GripperSample
+from slipd.sim.emulated_external_gripper import DRIVER, Driver
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+MS = 1_000_000
+PATIENCE_S = 30.0
+DOCUMENT = DOCS / "devices.md"
+
+
+@dataclass
+class Bench:
+    """A session and a driver, a millisecond apart."""
+
+    session: Session = field(default_factory=Session)
+    driver: Driver = field(default_factory=Driver)
+    now_ns: int = 0
+    samples: list[GripperSample] = field(default_factory=list)
+    sent: list[dict[str, Any]] = field(default_factory=list)
+    deaf: bool = False
+
+    def start(self) -> Bench:
+        self.driver.opened(self.now_ns)
+        assert self.session.start(self.now_ns) == b""
+        return self.run(0.1)
+
+    def hear(self, said: list[bytes]) -> None:
+        for piece in said:
+            self.samples += self.session.receive(piece, self.now_ns)
+
+    def run(self, seconds: float) -> Bench:
+        for _ in range(round(seconds * 1000)):
+            self.now_ns += MS
+            said = self.driver.advance(self.now_ns)
+            self.hear([] if self.deaf else said)
+            while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
+                self.write(self.session.on_time(self.now_ns))
+        return self
+
+    def write(self, data: bytes) -> None:
+        unpacker = msgpack.Unpacker()
+        unpacker.feed(data)
+        self.sent += unpacker
+        self.hear(self.driver.receive(data, self.now_ns))
+
+    @property
+    def last(self) -> GripperSample:
+        return self.samples[-1]
+
+    def told(self) -> list[str]:
+        return [body["op"] for body in self.sent if "op" in body]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    made = Bench().start()
+    assert made.session.state == "active"
+    assert made.driver.notices == [{"v": 1, "registered": "emulated driver"}]
+    made.sent.clear()
+    return made
+
+
+@pytest.fixture
+def holding(bench: Bench) -> Bench:
+    assert move(bench.session, 0.0, 0.2, 10.0) == 10.0
+    bench.run(0.4)
+    assert (bench.last.object, bench.last.width_m) == ("contact_closing", 0.04)
+    bench.sent.clear()
+    return bench
+
+
+def test_a_driver_registers_and_reports_and_nothing_is_asked_of_it() -> None:
+    bench = Bench()
+    assert (bench.session.state, bench.session.next_deadline()) == ("closed", None)
+    assert (bench.session.width_range_m, bench.session.speed_range_mps) == ((0.0, math.inf), None)
+    assert bench.session.force_range_n == (0.0, math.inf)
+    bench.start().run(1.0)
+    assert bench.told() == []
+    assert bench.session.identity == "emulated driver"
+    ranges = bench.session.width_range_m, bench.session.force_range_n, bench.session.speed_range_mps
+    assert ranges == (DRIVER.width_range_m, DRIVER.force_range_n, DRIVER.speed_range_mps)
+    assert (bench.last.width_m, bench.last.active, bench.last.echo_ok) == (0.08, True, None)
+    assert len(bench.samples) == pytest.approx(55, abs=1)
+    assert bench.session.stop() == b""
+    assert (bench.session.state, bench.session.next_deadline(), bench.session.identity) == ("closed", None, "")
+
+
+def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Bench) -> None:
+    assert (holding.last.force_n, holding.last.echo_ok) == (10.0, True)
+    assert set_force(holding.session, 12.0) == 12.0
+    holding.run(0.1)
+    assert holding.sent == [{"v": 1, "id": 2, "op": "force", "force_n": 12.0}]
+    assert (holding.last.force_n, holding.last.width_m, holding.session.command_lost) == (12.0, 0.04, False)
+
+
+@pytest.mark.parametrize(("asked", "told"), [(0.5, 2.0), (59.5, 59.5), (500.0, 60.0)])
+def test_no_more_is_told_than_was_asked_but_for_the_least(bench: Bench, asked: float, told: float) -> None:
+    assert move(bench.session, 0.02, None, asked) == told
+    bench.run(0.1)
+    assert bench.sent == [{"v": 1, "id": 1, "op": "move", "width_m": 0.02, "speed_mps": None, "force_n": told}]
+
+
+def test_a_force_behind_a_move_that_waits_goes_with_the_move(bench: Bench) -> None:
+    move(bench.session, 0.02, 0.1, 40.0)
+    set_force(bench.session, 5.0)
+    bench.run(0.1)
+    assert [(body["op"], body["width_m"], body["force_n"]) for body in bench.sent] == [("move", 0.02, 5.0)]
+
+
+def test_stop_goes_before_all_else(bench: Bench) -> None:
+    move(bench.session, 0.02, 0.01, 10.0)
+    bench.run(0.1)
+    bench.driver.mute = True
+    set_force(bench.session, 11.0)
+    bench.run(0.01)
+    assert halt(bench.session)
+    set_force(bench.session, 12.0)
+    bench.driver.mute = False
+    bench.run(0.2)
+    assert bench.told() == ["move", "force", "stop", "force"]
+    assert (bench.last.moving, bench.last.width_m) == (False, pytest.approx(0.079, abs=2e-4))
+
+
+def test_activation_is_the_drivers_own(bench: Bench) -> None:
+    bench.driver.report = Report(0.08, active=False)
+    bench.run(0.1)
+    assert (bench.session.state, halt(bench.session), set_force(bench.session, 5.0)) == ("inactive", False, None)
+    activate(bench.session, bench.now_ns)
+    bench.run(0.1)
+    assert (bench.told(), bench.session.state) == (["activate"], "active")
+
+
+def test_D4_a_fault_is_shown_and_only_its_acknowledgement_is_sent(holding: Bench) -> None:
+    holding.driver.report = Report(0.04, fault="no_power")
+    holding.driver._goal_m = None
+    holding.run(0.1)
+    assert (holding.session.state, holding.last.fault) == ("no_power", "no_power")
+    assert (move(holding.session, 0.0, None, 5.0), set_force(holding.session, 5.0)) == (None, None)
+    halt(holding.session)
+    holding.session.acknowledge()
+    holding.run(0.1)
+    assert (holding.told(), holding.last.fault) == (["stop", "acknowledge"], "")
+    holding.session.acknowledge()
+    holding.run(0.1)
+    assert len(holding.told()) == 2
+
+
+def test_D4_a_set_point_that_meets_a_fault_is_dropped(bench: Bench) -> None:
+    bench.driver.mute = True
+    set_force(bench.session, 5.0)
+    bench.run(0.01)
+    bench.driver.report = Report(0.08, fault="no_power")
+    bench.run(1.0)
+    assert (bench.told(), bench.session.state) == (["force"], "command lost: no_power")
+
+
+def test_D5_a_force_above_the_one_told_shows_while_it_lasts(bench: Bench) -> None:
+    bench.driver.excess = 0.01
+    move(bench.session, 0.02, None, 10.0)
+    bench.run(0.5)
+    assert {sample.echo_ok for sample in bench.samples[-20:]} == {False}
+    bench.driver.excess = -0.01
+    set_force(bench.session, 10.0)
+    bench.run(0.1)
+    assert bench.last.echo_ok is True
+
+
+def test_D5_a_force_where_none_was_asked_for_is_above_it() -> None:
+    bench = Bench()
+    bench.session.start(0)
+    bench.hear([encode_registration(Registration("x", (0.0, 0.1), (0.0, 50.0))), encode_report(Report(0.05))])
+    assert set_force(bench.session, 0.0) == 0.0
+    bench.session.on_time(0)
+    bench.hear([encode_report(Report(0.05, id=1, applied_n=50.0))])
+    assert bench.last.echo_ok is False
+
+
+def test_A6_an_unanswered_set_point_is_sent_again_with_its_id_and_then_given_up(bench: Bench) -> None:
+    bench.driver.mute = True
+    set_force(bench.session, 10.0)
+    bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
+    assert [(body["op"], body["id"]) for body in bench.sent] == [("force", 1)] * ATTEMPTS
+    assert bench.session.command_lost
+    assert bench.session.state == "command lost: no answer to force"
+    assert bench.session.health.lost == ATTEMPTS
+    bench.driver.mute = False
+    set_force(bench.session, 11.0)
+    bench.run(0.1)
+    assert not bench.session.command_lost
+
+
+def test_A6_a_driver_that_refuses_is_not_asked_again(bench: Bench) -> None:
+    bench.driver.mute = True
+    set_force(bench.session, 10.0)
+    bench.run(0.01)
+    bench.hear([encode_report(Report(0.05, id=1, error="finger guard is open"))])
+    bench.run(0.3)
+    assert (bench.told(), bench.session.state) == (["force"], "command lost: force: finger guard is open")
+
+
+def test_an_answer_to_nothing_is_a_report_and_a_duplicate(bench: Bench) -> None:
+    bench.hear([encode_report(Report(0.07, id=99, applied_n=50.0))])
+    assert (bench.last.width_m, bench.last.echo_ok, bench.session.health.duplicates) == (0.07, None, 1)
+    bench.driver.mute = True
+    set_force(bench.session, 10.0)
+    bench.run(0.01)
+    bench.hear([encode_report(Report(0.07, id=99, applied_n=50.0))])
+    assert (bench.last.echo_ok, bench.session.health.duplicates) == (None, 2)
+
+
+@pytest.mark.parametrize("lie", [Report(0.2), Report(0.05, id=1)])
+def test_a_report_that_lies_is_counted_and_not_believed(bench: Bench, lie: Report) -> None:
+    bench.driver.mute = True
+    set_force(bench.session, 10.0)
+    bench.run(0.01)
+    seen = len(bench.samples)
+    bench.hear([encode_report(lie)])
+    assert (len(bench.samples), bench.session.health.bad) == (seen, 1)
+    assert bench.session._queue.outstanding is not None
+
+
+def test_a_driver_that_falls_silent_is_told_nothing_more(bench: Bench) -> None:
+    bench.deaf = True
+    bench.driver.mute = True
+    bench.run(0.45)
+    set_force(bench.session, 10.0)
+    bench.run(SILENCE_NS * 1e-9)
+    assert (bench.session.state, bench.session.command_lost) == ("no reply", True)
+    assert (set_force(bench.session, 10.0), halt(bench.session)) == (None, False)
+    activate(bench.session, bench.now_ns)
+    bench.session.acknowledge()
+    bench.sent.clear()
+    bench.run(1.0)
+    assert bench.told() == []
+    bench.deaf = bench.driver.mute = False
+    bench.run(0.1)
+    assert set_force(bench.session, 10.0) == 10.0
+
+
+def test_a_driver_that_does_not_register_is_told_to(bench: Bench) -> None:
+    session = Session()
+    session.start(0)
+    assert session.state == "waiting"
+    assert session.receive(encode_report(Report(0.05)), 0) == []
+    assert session.next_deadline() == 0
+    assert msgpack.unpackb(session.on_time(0)) == {"v": 1, "refused": "a driver registers before all else"}
+    assert (session.state, session.health.bad) == ("refused: a driver registers before all else", 1)
+    assert move(session, 0.05, None, 5.0) is None
+    assert session.on_time(SILENCE_NS - 1) == b""
+    assert session.on_time(SILENCE_NS) != b""
+
+
+def test_D2_another_version_of_the_format_is_refused_by_name() -> None:
+    session = Session()
+    session.start(0)
+    session.receive(msgpack.packb({"v": 2, "name": "x"}), 0)
+    assert session.state == "refused: the format must be version 1, got 2"
+    assert msgpack.unpackb(session.on_time(0))["refused"] == "the format must be version 1, got 2"
+    session.receive(encode_registration(DRIVER), 0)
+    assert session.state == "waiting"
+
+
+def test_a_driver_that_registers_again_begins_anew(holding: Bench) -> None:
+    assert holding.session.force_sent_n == 10.0
+    holding.hear([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
+    assert (holding.session.state, holding.session.health.restarts) == ("waiting", 1)
+    assert (holding.session.force_range_n, holding.session.force_sent_n) == ((1.0, 2.0), None)
+    holding.run(0.1)
+    assert (holding.told(), holding.session.command_lost, holding.session.state) == ([], False, "active")
+
+
+@pytest.mark.parametrize("sent", [False, True])
+def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again(bench: Bench, sent: bool) -> None:
+    bench.driver.mute = True
+    set_force(bench.session, 10.0)
+    bench.run(0.01 * sent)
+    bench.hear([encode_registration(DRIVER)])
+    assert bench.session.command_lost
+    bench.run(1.0)
+    assert (bench.told(), bench.session.state) == (["force"] * sent, "command lost: the driver registered anew")
+    bench.driver.mute = False
+    set_force(bench.session, 11.0)
+    bench.run(0.1)
+    assert bench.session.state == "active"
+
+
+def test_another_driver_on_the_same_connection_is_told_nothing_until_the_first_registers_again(bench: Bench) -> None:
+    session, reason = bench.session, "another driver registered here: connect anew"
+    set_force(session, 10.0)
+    bench.samples.clear()
+    bench.hear([encode_registration(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
+    for _ in range(2):
+        assert msgpack.unpackb(session.on_time(bench.now_ns)) == {"v": 1, "refused": reason}
+        bench.hear([encode_report(Report(0.05))])
+    assert (session.identity, session.state) == (DRIVER.name, f"refused: {reason}")
+    assert (move(session, 0.0, None, 5.0), set_force(session, 5.0), halt(session)) == (None, None, False)
+    assert (bench.samples, session.command_lost) == ([], True)
+    bench.hear([encode_registration(DRIVER), encode_report(Report(0.05))])
+    assert set_force(session, 5.0) == 5.0
+
+
+@pytest.mark.parametrize("how", ["halt", "drop"])
+def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, how: str) -> None:
+    holding.driver.mute = True
+    set_force(holding.session, 12.0)
+    holding.run(0.01)
+    set_force(holding.session, 15.0)
+    assert (holding.session.force_sent_n, forget(holding.session, how)) == (15.0, True)
+    assert holding.session.force_sent_n == 12.0
+    assert holding.session.drop() is False
+
+
+def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: Bench) -> None:
+    bench.driver.mute = True
+    set_force(bench.session, 10.0)
+    bench.run(0.01)
+    move(bench.session, 0.0, None, 10.0)
+    assert bench.session.drop()
+    bench.run(1.0)
+    assert (bench.told(), bench.session.state) == (["force"], "command lost: no answer to force")
+
+
+def test_a_stop_is_not_dropped(bench: Bench) -> None:
+    halt(bench.session)
+    assert bench.session.drop() is False
+    bench.run(0.1)
+    assert bench.told() == ["stop"]
+
+
+@pytest.mark.parametrize("active", [False, True])
+@pytest.mark.parametrize("how", ["halt", "drop"])
+def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str, active: bool) -> None:
+    bench.driver.report = Report(0.08, active=active)
+    bench.run(0.1)
+    activate(bench.session, bench.now_ns)
+    assert forget(bench.session, how)
+    bench.run(0.1)
+    assert bench.told() == ["stop"] * (active and how == "halt")
+
+
+def test_a_gripper_that_is_not_active_any_more_or_is_activated_was_told_no_force(holding: Bench) -> None:
+    activate(holding.session, holding.now_ns)
+    assert (holding.session.force_sent_n, holding.session.drop()) == (None, True)
+    assert holding.session.force_sent_n == 10.0
+    holding.driver.report = Report(0.04, active=False)
+    holding.driver._goal_m = None
+    holding.run(0.1)
+    assert holding.session.force_sent_n is None
+
+
+def test_an_end_with_a_set_point_on_its_way_says_nothing(holding: Bench) -> None:
+    set_force(holding.session, 12.0)
+    assert (holding.session.stop(), holding.session.next_deadline()) == (b"", None)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_N2_a_force_that_is_no_number_is_refused(bench: Bench, value: float) -> None:
+    for ask in (lambda: move(bench.session, 0.0, None, value), lambda: set_force(bench.session, value)):
+        with pytest.raises(ValueError, match="must be finite"):
+            ask()
+
+
+@pytest.mark.parametrize("value", [-0.001, 0.5, math.nan])
+def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(bench: Bench, value: float) -> None:
+    with pytest.raises(ValueError, match=r"the width must be from 0 to 0\.1 m, got"):
+        move(bench.session, value, None, 5.0)
+    with pytest.raises(ValueError, match=r"the speed must be from 0\.01 to 0\.2 m/s, got"):
+        move(bench.session, 0.05, value, 5.0)
+
+
+@pytest.mark.parametrize("answer_ms", [4, 1001, 100.0])
+def test_a_time_that_is_none_is_refused(answer_ms: Any) -> None:
+    with pytest.raises(ValueError, match="5 to 1000"):
+        Session(answer_ms)
+
+
+def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
+    reports = [encode_report(Report(width_m, id=7, applied_n=3.0)) for width_m in (0.04, 0.05, 0.06)]
+    nan = msgpack.packb({"v": 1, "width_m": math.nan})
+    stream = b"\x00\x82" + reports[0] + nan + reports[1] + encode_registration(DRIVER) + reports[1][:30] + reports[2]
+    assert [sample[3] for sample in same_for_every_split(Decoder, stream)] == [0.04, 0.05, 0.06]
+    decoder = Decoder()
+    decoder.receive(stream, 0)
+    assert (decoder.health.good, decoder.health.bad) == (3, 3)
+    assert decoder.health.bad_bytes == 2 + len(nan) + 30
+
+
+def test_L5_a_message_that_a_hang_up_tore_is_not_completed_by_the_next() -> None:
+    decoder = Decoder()
+    data = encode_report(Report(0.05))
+    decoder.receive(data[:-3], 0)
+    decoder.forget()
+    assert decoder.receive(data[-3:], 0) == []
+    assert decoder.health.bad_bytes == len(data)
+    assert decoder.receive(data, 0)[0].width_m == 0.05
+
+
+def test_the_bytes_kept_are_bounded_by_the_longest_message() -> None:
+    decoder = Decoder()
+    for _ in range(100):
+        decoder.receive(b"\x8a\xa5fault\xd9\x78" + bytes(60), 0)
+        assert len(decoder._scanner._tail) < wire.MAX_MESSAGE
+
+
+def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> None:
+    pattern = r"<!-- external gripper driver -->\n+```python\n(.*?)```"
+    (program,) = re.findall(pattern, DOCUMENT.read_text("utf-8"), re.DOTALL)
+    path = str(tmp_path / "gripper")
+    assert program.count("/run/slipd/gripper") == 1
+    told: list[dict[str, Any]] = []
+
+    def obey(setpoint: dict[str, Any]) -> float | None:
+        told.append(setpoint)
+        return setpoint.get("force_n")
+
+    scope = {"obey": obey, "state_of_my_gripper": lambda: {"width_m": 0.05, "moving": False}}
+    driver = threading.Thread(target=exec, args=(program.replace("/run/slipd/gripper", path), scope))
+    session, until_s = Session(), time.monotonic() + PATIENCE_S
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(path)
+        server.listen()
+        driver.start()
+        line, _ = server.accept()
+        with line:
+            line.settimeout(0.005)
+            session.start(time.monotonic_ns())
+
+            def go_on(reached: Callable[[], bool]) -> None:
+                while not reached():
+                    assert time.monotonic() < until_s, session.state
+                    line.sendall(session.on_time(time.monotonic_ns()))
+                    try:
+                        session.receive(line.recv(4096), time.monotonic_ns())
+                    except TimeoutError:
+                        continue
+
+            go_on(lambda: session.state == "active")
+            assert move(session, 0.0, None, 100.0) == 60.0
+            go_on(lambda: session._queue.due_ns is None)
+            assert set_force(session, 7.0) == 7.0
+            go_on(lambda: session._queue.due_ns is None)
+            assert halt(session)
+            go_on(lambda: session._queue.due_ns is None)
+    driver.join(PATIENCE_S)
+    assert not driver.is_alive()
+    assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in told] == [
+        ("move", 60.0),
+        ("force", 7.0),
+        ("stop", None),
+    ]
+    assert (session.identity, session.command_lost, session._queue.echo_ok) == ("my gripper", False, True)
+    assert (session.health.bad, session.health.lost) == (0, 0)
+
+
+def test_a_force_is_told_as_it_is_asked_for() -> None:
+    assert Session().applied_n(12.34) == 12.34
+
+
+def test_no_motion_is_taken_until_the_driver_has_answered_the_activation(bench: Bench) -> None:
+    activate(bench.session)
+    for _ in range(2):  # queued, and sent
+        assert (bench.session.activating, bench.session.state) == (True, "activating")
+        assert (move(bench.session, 0.02, None, 5.0), set_force(bench.session, 5.0)) == (None, None)
+        bench.driver.mute = True
+        bench.run(0.03)
+    bench.driver.mute = False
+    bench.run(0.2)
+    assert (bench.session.activating, bench.told()[-1]) == (False, "activate")
+    assert move(bench.session, 0.02, None, 5.0) == 5.0
+
+
+@pytest.mark.parametrize("active", [False, True])
+def test_an_activation_that_was_sent_is_stopped(bench: Bench, active: bool) -> None:
+    bench.driver.report = Report(0.08, active=active)
+    bench.driver.mute = True
+    bench.run(0.1)
+    activate(bench.session)
+    bench.run(0.01)
+    assert halt(bench.session)
+    bench.run(0.05)
+    assert (bench.told(), bench.session.activating) == (["activate", "stop"], False)
+    assert bench.session.state == ("active" if active else "inactive")
+
+
+def test_an_activation_that_is_never_answered_is_over_when_it_is_given_up(bench: Bench) -> None:
+    bench.driver.mute = True
+    activate(bench.session)
+    bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
+    assert bench.told() == ["activate"] * ATTEMPTS
+    assert (bench.session.activating, bench.session.state) == (False, "command lost: no answer to activate")
+    assert set_force(bench.session, 5.0) == 5.0
+
+
+def test_a_session_that_was_closed_writes_nothing(bench: Bench) -> None:
+    bench.session.stop()
+    assert bench.session.on_time(bench.now_ns + SILENCE_NS) == b""

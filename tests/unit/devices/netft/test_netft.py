@@ -1,0 +1,227 @@
+"""The Net F/T decoder and its session: worked records, every status bit, and every way to know what counts mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from slipd.devices import netft
+from slipd.devices.netft import netft_calibration
+from slipd.devices.shared import rdt_records as rdt
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.startup_sequence import RETRY_PAUSE_NS, SILENCE_NS
+
+WORKED = bytes.fromhex(
+    "00 00 00 07 00 01 E2 40 00 00 00 00 00 BC 61 4E FF D9 DA 60 05 D8 E3 20 00 02 49 F0 FF FF 5B F0 00 00 00 07"
+)
+NEXT = bytes.fromhex(
+    "00 00 00 08 00 01 E2 47 80 00 00 05 00 BC 61 4E FF D9 DA 60 05 D8 E3 20 00 02 49 F0 FF FF 5B F0 00 00 00 07"
+)
+COUNTS = (12_345_678, -2_500_000, 98_100_000, 150_000, -42_000, 7)
+ANSWER = netft_calibration.encode_tcp(1000, 10)
+PAGE = netft_calibration.encode_xml(
+    {"cfgcalsn": "FT1", "scfgfu": "N", "scfgtu": "Nm", "cfgcpf": 1000, "cfgcpt": 10, "runrate": 3500}
+)
+START_BUFFERED = bytes.fromhex("12 34 00 03 00 00 00 00")
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+
+
+def record(number: int, status: int = 0) -> bytes:
+    return rdt.encode_record(COUNTS, number, 7 * number, status)
+
+
+def test_the_worked_records_are_read() -> None:
+    first, second = netft.Decoder().receive(WORKED + NEXT, 77)
+    assert first.force_n == pytest.approx([12.345678, -2.5, 98.1])
+    assert first.torque_nm == pytest.approx([0.15, -0.042, 0.000007])
+    assert (first.t_ns, first.device_time_ns, first.status) == (77, round(123_456 / 7e-6), ())
+    assert second.device_time_ns - first.device_time_ns == 1_000_000
+    assert second.status == ("temperature", "broken_gauge", "invalid", "error")
+
+
+def test_the_worked_record_is_written() -> None:
+    assert rdt.encode_record(COUNTS, 7, 123_456) == WORKED
+
+
+def test_units_and_counts_are_options() -> None:
+    (sample,) = netft.Decoder(1000, 10, "lbf", "N-mm").receive(record(1), 0)
+    assert sample.force_n == pytest.approx([12_345.678 * 4.4482216152605, -2500 * 4.4482216152605, 98100 * 4.44822162])
+    assert sample.torque_nm == pytest.approx([15, -4.2, 0.0007])
+
+
+def test_a_sensor_without_a_known_rate_has_no_time() -> None:
+    (sample,) = netft.Decoder(internal_hz=0).receive(record(1), 0)
+    assert sample.device_time_ns is None
+
+
+def test_the_time_goes_on_where_the_counter_wraps() -> None:
+    top = 1 << 32
+    decoder = netft.Decoder(internal_hz=1000)
+    stream = b"".join(rdt.encode_record(COUNTS, number, top - 3 + number) for number in range(1, 6))
+    assert [s.device_time_ns - top * 10**6 for s in decoder.receive(stream, 0)] == [
+        step * 10**6 for step in range(-2, 3)
+    ]
+
+
+BITS = {
+    0: ("temperature",),
+    1: ("supply",),
+    2: ("broken_gauge", "invalid"),
+    3: ("busy",),
+    5: ("other_error", "invalid"),
+    7: ("no_calibration", "invalid"),
+    16: ("monitor",),
+    27: ("gauge_range", "overload"),
+    28: ("simulated",),
+    29: ("calibration_checksum", "invalid"),
+    30: ("overload",),
+    31: ("error", "invalid"),
+}
+
+
+@pytest.mark.parametrize("bit", range(32))
+def test_F2_every_status_bit_has_its_words(bit: int) -> None:
+    stream = b"".join(record(number, 1 << bit) for number in range(1, 5))
+    assert netft.Decoder().receive(stream, 0)[-1].status == BITS.get(bit, ("unknown",))
+
+
+def test_F2_an_error_that_no_known_bit_explains_is_invalid() -> None:
+    decoder = netft.Decoder()
+    words = [decoder.receive(record(n, s), 0)[0].status for n, s in ((1, 1 << 31), (2, 1 << 31 | 1), (3, 1 << 31 | 8))]
+    assert words == [("error", "invalid"), ("temperature", "error"), ("busy", "error", "invalid")]
+
+
+def test_F2_all_bits_at_once_name_each_word_once() -> None:
+    status = netft.Decoder().receive(b"".join(record(n, 0xFFFF_FFFF) for n in range(1, 5)), 0)[0].status
+    assert sorted(status) == sorted({word for words in BITS.values() for word in words} | {"unknown"})
+
+
+def test_N3_a_count_at_the_end_of_its_range_is_overload() -> None:
+    (sample,) = netft.Decoder().receive(rdt.encode_record((*COUNTS[:5], -(1 << 31)), 1, 1), 0)
+    assert sample.status == ("overload",)
+
+
+def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
+    damaged = record(3)[:20] + b"\xff" * 5
+    stream = record(17) + record(18) + record(20) + record(21) + damaged + b"".join(record(n) for n in range(30, 36))
+    assert len(same_for_every_split(netft.Decoder, stream)) == 10
+
+
+def test_D3_gap_duplicate_and_restart_are_told_apart() -> None:
+    decoder = netft.Decoder()
+    for number in (1, 2, 5, 6, 6, 7, 8, 1, 2):
+        decoder.receive(record(number), 0)
+    assert decoder.health == DecoderHealth(good=8, lost=2, duplicates=1, restarts=1)
+
+
+@pytest.mark.parametrize("value", [-1, float("nan"), float("inf")])
+def test_an_impossible_rate_is_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="internal_hz"):
+        netft.Decoder(internal_hz=value)
+
+
+def test_the_inquiry_follows_the_options() -> None:
+    assert netft.inquiry(buffered=False) == netft_calibration.TCP_INQUIRY
+    assert netft.inquiry(calibration="xml") == netft_calibration.XML_INQUIRY
+    assert netft.inquiry(calibration="config") is None
+    for make in (netft.inquiry, netft.Session):
+        with pytest.raises(ValueError, match="one of tcp, xml, config, got"):
+            make(calibration="guess")
+
+
+def started(**options: Any) -> netft.Session:
+    session = netft.Session(**options)
+    session.start(0)
+    return session
+
+
+def test_the_calibration_is_awaited_and_then_records_are_asked_for() -> None:
+    session = started()
+    assert session.state == "waiting for calibration"
+    assert session.receive(ANSWER, 5) == []
+    assert (session.state, session.next_deadline()) == ("waiting", 5)
+    assert session.on_time(5) == START_BUFFERED
+    (sample,) = session.receive(record(1), 6)
+    assert sample.force_n[0] == pytest.approx(12_345.678)
+    assert sample.torque_nm[0] == pytest.approx(15_000)
+    assert (session.state, session.identity) == ("running", "")
+
+
+@pytest.mark.parametrize("size", [1, 7, 100])
+def test_the_page_may_come_in_pieces_and_tells_identity_and_rate(size: int) -> None:
+    session = started(calibration="xml", buffered=False)
+    for at in range(0, len(PAGE), size):
+        assert session.receive(PAGE[at : at + size], 5) == []
+    assert session.on_time(5) == rdt.encode_request(rdt.START)
+    (sample,) = session.receive(record(1), 6)
+    assert sample.device_time_ns == 2_000_000
+    assert session.identity == "S/N FT1"
+
+
+def test_a_sensor_told_to_have_no_time_has_none_whatever_its_page_says() -> None:
+    session = started(calibration="xml", internal_hz=0)
+    session.receive(PAGE, 0)
+    assert session.receive(record(1), 6)[0].device_time_ns is None
+
+
+def test_numbers_of_the_config_need_no_answer() -> None:
+    session = netft.Session(calibration="config", counts_per_force=1000)
+    assert session.start(9) == START_BUFFERED
+    assert session.receive(record(1), 10)[0].force_n[0] == pytest.approx(12_345.678)
+
+
+def test_a_wrong_answer_is_told_and_records_are_counted_but_not_handed_on() -> None:
+    session = started()
+    session.receive(netft_calibration.encode_tcp(0, 1), 5)
+    assert session.state == "wrong calibration: counts_per_force must be a number from 1 to 1e+12, got 0"
+    assert session.receive(record(1) + record(2), 6) == []
+    assert session.health == DecoderHealth(bad=3, bad_bytes=24)
+    due_ns = session.next_deadline()
+    assert due_ns == 5 + RETRY_PAUSE_NS
+    assert session.on_time(due_ns - 1) == session.on_time(due_ns) == b""
+    assert session.state.startswith("wrong calibration")
+    assert session.next_deadline() == due_ns + RETRY_PAUSE_NS
+
+
+def test_a_missing_answer_is_told_and_a_late_one_is_taken() -> None:
+    session = started()
+    assert session.on_time(RETRY_PAUSE_NS) == b""
+    assert session.state == "no calibration"
+    session.receive(ANSWER, 3 * RETRY_PAUSE_NS)
+    assert session.on_time(3 * RETRY_PAUSE_NS) == START_BUFFERED
+
+
+def test_another_link_means_another_calibration() -> None:
+    session = started()
+    session.receive(ANSWER, 0)
+    session.on_time(0)
+    assert len(session.receive(record(900), 1)) == 1
+    session.start(10)
+    assert session.state == "waiting for calibration"
+    session.receive(netft_calibration.encode_tcp(2000, 10), 11)
+    session.on_time(11)
+    assert session.receive(record(1), 12)[0].force_n[0] == pytest.approx(6172.839)
+    assert session.health.restarts == 0
+
+
+def test_a_silent_sensor_is_started_again() -> None:
+    session = started(calibration="config")
+    assert session.on_time(SILENCE_NS - 1) == b""
+    assert session.on_time(SILENCE_NS) == START_BUFFERED
+    assert session.state == "no answer to start"
+    session.receive(record(1), SILENCE_NS + 1)
+    assert session.state == "running"
+    assert session.next_deadline() == 2 * SILENCE_NS + 1
+
+
+def test_stop_stops_the_sensor_and_what_still_comes_is_handed_on() -> None:
+    session = started()
+    assert session.stop() == bytes.fromhex("12 34 00 00 00 00 00 00")
+    assert (session.state, session.next_deadline()) == ("closed", None)
+    session = started(calibration="config")
+    session.stop()
+    assert len(session.receive(record(1), 5)) == 1
+    assert session.next_deadline() is None

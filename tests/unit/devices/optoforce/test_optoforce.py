@@ -1,0 +1,274 @@
+"""OptoForce on its two wirings: published and worked frames, status words, and the session on each."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from slipd.devices import optoforce
+from slipd.devices.optoforce import optoforce_frames as frames
+from slipd.devices.shared import rdt_records as rdt
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.startup_sequence import ANSWER_NS, RETRY_PAUSE_NS, SILENCE_NS
+
+SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+Damage = Callable[..., Iterator[bytes]]
+
+PUBLISHED = bytes.fromhex("AA 07 08 0A 2D 6A 00 00 FF F7 FF FB 00 07 05 51")
+"""From a capture of a three-axis sensor."""
+SIX_AXES = bytes.fromhex("AA 07 08 10 03 E8 00 80 00 FA FF 83 0B B8 00 28 FF D8 00 07 07 79")
+RECORD = bytes.fromhex(
+    "00 00 00 01 00 00 01 F4 00 00 00 00 00 01 E2 40 FF FF 9E 58 00 0E F8 08 00 00 3A 98 FF FF EF 98 00 00 00 03"
+)
+ACK = bytes.fromhex("AA 00 50 01 00 00 FB")
+SERIAL = frames.encode_frame(frames.SERIAL_NUMBER, b"ISE12 \0\0")
+
+
+def reading(counter: int) -> bytes:
+    return frames.encode_reading((counter % 100, -5, 7, 1, 2, 3), counter)
+
+
+def udp(number: int, status: int = 0) -> bytes:
+    return rdt.encode_record((1, 2, 3, 4, 5, 6), number, 1000 + number, status)
+
+
+def test_the_published_frame_is_read_and_written() -> None:
+    factors = (300 / 7925, 300 / 8641, 2000 / 6049)
+    (sample,) = optoforce.Decoder(counts_per_n=[1 / factor for factor in factors]).receive(PUBLISHED, 77)
+    assert sample.force_n == pytest.approx([-0.34069, -0.17359, 2.31443], abs=1e-5)
+    assert (sample.t_ns, sample.device_time_ns, sample.torque_nm, sample.status) == (77, None, None, ())
+    assert frames.encode_reading((-9, -5, 7), 11626) == PUBLISHED
+
+
+def test_the_worked_six_axis_frame_is_read_and_written() -> None:
+    (sample,) = optoforce.Decoder().receive(SIX_AXES, 0)
+    assert sample.force_n.tolist() == [250, -125, 3000]
+    assert sample.torque_nm.tolist() == [40, -40, 7]
+    assert sample.status == ("overload",)
+    (scaled,) = optoforce.Decoder("serial", [10, -10, 100], [40, 80, 7]).receive(SIX_AXES, 0)
+    assert scaled.force_n.tolist() == [25, 12.5, 30]
+    assert scaled.torque_nm.tolist() == [1, -0.5, 1]
+    assert frames.encode_reading((250, -125, 3000, 40, -40, 7), 1000, 0x80) == SIX_AXES
+
+
+@pytest.mark.parametrize("channel", range(4))
+def test_one_sensor_of_four_is_handed_on(channel: int) -> None:
+    frame = frames.encode_reading(tuple(range(12)), 1)
+    assert len(frame) == 34
+    (sample,) = optoforce.Decoder(channel=channel).receive(frame, 0)
+    assert sample.force_n.tolist() == [3 * channel, 3 * channel + 1, 3 * channel + 2]
+    assert sample.torque_nm is None
+    assert sample.source == ""
+
+
+def test_the_worked_record_is_read() -> None:
+    (sample,) = optoforce.Decoder("udp").receive(RECORD, 5)
+    assert sample.force_n == pytest.approx([12.3456, -2.5, 98.1])
+    assert sample.torque_nm == pytest.approx([0.15, -0.042, 0.00003])
+    assert (sample.device_time_ns, sample.status) == (500_000_000, ())
+
+
+def words_of(bit: int) -> tuple[str, ...]:
+    return {
+        **{number: (f"sensor_{1 << number}",) for number in range(3)},
+        3: ("several_sensors",),
+        **dict.fromkeys(range(4, 10), ("overload",)),
+        10: ("not_detected", "invalid"),
+        11: ("sensor_failure", "invalid"),
+        12: ("temperature",),
+        13: ("daq_error", "invalid"),
+        14: ("daq_communication", "invalid"),
+        15: ("daq_error", "invalid"),
+    }.get(bit, ("unknown",))
+
+
+@pytest.mark.parametrize("bit", range(32))
+def test_F2_every_status_bit_has_its_words_on_both_wirings(bit: int) -> None:
+    stream = b"".join(udp(number, 1 << bit) for number in range(1, 5))
+    assert optoforce.Decoder("udp").receive(stream, 0)[-1].status == words_of(bit)
+    if bit < 16:
+        assert optoforce.Decoder().receive(frames.encode_reading((1, 2, 3), 1, 1 << bit), 0)[0].status == words_of(bit)
+
+
+def test_F2_an_error_without_a_name_is_invalid_all_the_same() -> None:
+    (sample,) = optoforce.Decoder().receive(frames.encode_reading((1, 2, 3), 1, 3 << 10 | 7 << 13), 0)
+    assert sample.status == ("sensor_error", "invalid", "daq_error")
+
+
+@pytest.mark.parametrize("rail", [-32768, 32767])
+def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int) -> None:
+    (sample,) = optoforce.Decoder().receive(frames.encode_reading((1, 2, rail), 1), 0)
+    assert sample.status == ("overload",)
+    (sample,) = optoforce.Decoder(channel=0).receive(frames.encode_reading((1, 2, 3, *[rail] * 9), 1), 0)
+    assert sample.status == ()
+
+
+def test_D3_gap_duplicate_and_restart_are_told_apart() -> None:
+    decoder = optoforce.Decoder()
+    for counter in (65_534, 65_535, 0, 3, 3, 4, 5000, 0):
+        decoder.receive(reading(counter), 0)
+    assert decoder.health == DecoderHealth(good=7, lost=2 + 4995, duplicates=1, restarts=1)
+
+
+def test_a_counter_that_is_not_trusted_is_not_used() -> None:
+    decoder = optoforce.Decoder(counted=False)
+    decoder.forget()
+    for counter in (10, 20, 20, 30):
+        decoder.receive(reading(counter), 0)
+    assert decoder.health == DecoderHealth(good=4)
+
+
+def test_L1_every_split_reads_the_same_on_both_wirings(same_for_every_split: SplitCheck) -> None:
+    stream = reading(1)[7:] + ACK + reading(2) + PUBLISHED[:9] + SERIAL + reading(3) + b"\xaa\x07" + reading(7)
+    assert len(same_for_every_split(optoforce.Decoder, stream)) == 3
+    records = [udp(number) for number in (1, 2, 4, 5, 6)]
+    assert len(same_for_every_split(lambda: optoforce.Decoder("udp"), b"".join(records))) == 5
+
+
+def test_L2_a_damaged_frame_costs_itself_alone_and_the_sum_misses_few(damaged: Damage) -> None:
+    missed = 0
+    for hit in damaged(reading(2), 3000):
+        decoder = optoforce.Decoder()
+        first, *middle, last = decoder.receive(reading(1) + hit + reading(3), 0)
+        assert (first.force_n[0], last.force_n[0]) == (1, 3)
+        assert decoder.health.bad >= 1
+        assert not (middle and len(hit) == len(reading(2))), hit.hex()
+        missed += len(middle) and reading(2) not in hit
+    assert missed <= 6  # a plain sum of the bytes misses one in about a thousand that grew or shrank by a byte
+
+
+def test_L3_noise_full_of_headers_yields_nothing_and_is_not_kept() -> None:
+    rng = random.Random(5)
+    decoder = optoforce.Decoder()
+    for header in (frames.FOUR_3_AXIS, frames.ONE_3_AXIS, frames.ACK, b""):
+        for _ in range(60):
+            assert decoder.receive(header + rng.randbytes(400), 0) == []
+            assert len(decoder._frames._tail) < 34
+    assert decoder.health.bad > 1000
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"wiring": "usb"}, "one of serial, udp, got"),
+        ({"channel": 4}, "0 to 3"),
+        ({"channel": -1}, "0 to 3"),
+        ({"counts_per_n": [1.0, 2.0]}, "counts_per_n"),
+        ({"counts_per_n": [1.0, 0.0, 1.0]}, "counts_per_n"),
+        ({"counts_per_nm": [1.0, float("nan"), 1.0]}, "counts_per_nm"),
+    ],
+)
+def test_impossible_options_are_refused(options: dict[str, Any], fault: str) -> None:
+    for make in (optoforce.Decoder, optoforce.Session):
+        with pytest.raises(ValueError, match=fault):
+            make(**options)
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"period_ms": 2}, "one of 1, 3, 10, 33, 100, got 2"),
+        ({"wiring": "udp", "period_ms": 256}, "from 1 to 255, got"),
+        ({"filter_hz": 100.0}, "one of 0, 500, 150, 50, 15, 5, 1.5, got"),
+    ],
+)
+def test_impossible_settings_are_refused(options: dict[str, Any], fault: str) -> None:
+    with pytest.raises(ValueError, match=fault):
+        optoforce.Session(**options)
+
+
+def test_the_published_requests_are_written() -> None:
+    assert optoforce.Session(period_ms=10, filter_hz=15).start(0) == bytes.fromhex("AA 00 32 03 0A 04 00 00 ED")
+    assert frames.encode_frame(b"\xab\x00\x12\x08", b"") == frames.GET_SERIAL_NUMBER
+    assert frames.encode_frame(frames.ACK, b"\0") == ACK
+
+
+def test_a_serial_daq_is_configured_and_asked_for_its_serial_number() -> None:
+    session = optoforce.Session()
+    assert session.start(0) == bytes.fromhex("AA 00 32 03 01 02 00 00 E2")
+    assert len(session.receive(reading(1), 1)) == 1
+    session.receive(SERIAL, 1)  # not asked for yet
+    assert (session.state, session.identity) == ("waiting", "")
+    session.receive(ACK[:3], 2)
+    session.receive(ACK[3:], 2)
+    assert (session.state, session.next_deadline()) == ("configuring", 2)
+    assert session.on_time(2) == frames.GET_SERIAL_NUMBER
+    session.receive(reading(2) + SERIAL + reading(3), 3)
+    assert (session.state, session.identity) == ("running", "S/N ISE12")
+
+
+@pytest.mark.parametrize("body", [b"\0" * 8, b"\xff12345\xff6", b"\x01\x02345678"])
+def test_a_serial_number_that_is_no_text_is_none(body: bytes) -> None:
+    session = optoforce.Session()
+    session.start(0)
+    session.receive(ACK, 1)
+    session.on_time(1)
+    session.receive(frames.encode_frame(frames.SERIAL_NUMBER, body), 2)
+    assert session.identity == ""
+
+
+def test_a_refused_configuration_is_named_and_repeated() -> None:
+    session = optoforce.Session()
+    configuration = session.start(0)
+    session.receive(frames.encode_frame(frames.ACK, b"\x03"), 1)
+    assert session.state == "refused configuration: code 3"
+    assert session.on_time(1 + RETRY_PAUSE_NS) == configuration
+
+
+def test_a_daq_without_answer_is_named_and_asked_for_ever() -> None:
+    session = optoforce.Session()
+    session.start(0)
+    written = [session.on_time(now_ns) for now_ns in range(0, 20 * ANSWER_NS, ANSWER_NS)]
+    assert session.state == "no answer to configuration"
+    assert sum(map(bool, written)) > 10
+
+
+def test_the_converter_gets_rate_filter_and_start_in_datagrams_of_their_own() -> None:
+    session = optoforce.Session(wiring="udp", period_ms=1, filter_hz=150)
+    written = [session.start(0), session.on_time(0), session.on_time(0)]
+    assert [request.hex(" ") for request in written] == [
+        "12 34 00 82 00 00 00 01",
+        "12 34 00 81 00 00 00 02",
+        "12 34 00 02 00 00 00 00",
+    ]
+    assert session.on_time(0) == b""
+    assert len(session.receive(udp(1), 1)) == 1
+    assert (session.state, session.identity) == ("running", "")
+    assert session.on_time(1 + SILENCE_NS) == written[0]
+
+
+def test_stop_silences_the_sensor() -> None:
+    for wiring, stop in (("serial", "AA 00 32 03 00 02 00 00 E1"), ("udp", "12 34 00 00 00 00 00 00")):
+        session = optoforce.Session(wiring=wiring)
+        session.start(0)
+        assert session.stop() == bytes.fromhex(stop)
+        assert (session.state, session.next_deadline()) == ("closed", None)
+
+
+def test_a_new_link_forgets_the_old_identity_and_numbers() -> None:
+    session = optoforce.Session()
+    session.start(0)
+    session.receive(ACK, 1)
+    session.on_time(1)
+    session.receive(SERIAL + reading(700), 2)
+    session.start(5)
+    session.receive(reading(3), 6)
+    assert session.identity == ""
+    assert session.health == DecoderHealth(good=2)
+
+
+def test_requests_are_heard_in_any_split_and_behind_noise() -> None:
+    wanted = frames.Configuration(10, 4)
+    damaged = bytearray(frames.encode_configuration(wanted))
+    damaged[5] ^= 1
+    stream = b"\xab\xaa" + frames.encode_configuration(wanted) + bytes(damaged) + frames.GET_SERIAL_NUMBER
+    stream += frames.encode_configuration(wanted)
+    heard, asked = b"", []
+    for byte in stream:
+        found, heard = frames.parse_requests(heard + bytes((byte,)))
+        asked += found
+    assert asked == [wanted, None, wanted]
+    assert frames.parse_requests(stream)[0] == asked

@@ -1,0 +1,104 @@
+"""The words of the Robotiq registers: published status bytes, and every code of every field."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from slipd.devices import robotiq_2f
+from slipd.devices.robotiq_2f.robotiq_registers import (
+    Output,
+    is_activating,
+    parse_output,
+    parse_status,
+    status_registers,
+    write_output,
+)
+from slipd.devices.shared import modbus
+
+TOLD = Output(activate=True, go=True, release=False, position=255, speed=128, force=60)
+
+
+def test_worked_grasp_is_read() -> None:
+    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 B9 00 00 FF BD 00 5C 9A"), 77)
+    assert (sample.t_ns, sample.device_time_ns, sample.echo_ok) == (77, None, None)
+    assert (sample.active, sample.moving, sample.object, sample.fault) == (True, False, "contact_closing", "")
+    assert sample.width_m is None
+    assert parse_status((0xB900, 0x00FF, 0xBD00), 0, None, lambda position: position / 1000).width_m == 0.189
+
+
+def test_worked_opening_done_is_read() -> None:
+    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 F9 00 00 00 0D 00 17 AA"), 0)
+    assert (sample.active, sample.moving, sample.object, sample.current_a) == (True, False, "none", 0.0)
+
+
+def test_worked_motion_is_read() -> None:
+    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 03 06 39 00 00 FF 0E 0A F7 8B"), 0)
+    assert (sample.moving, sample.object) == (True, "moving")
+    assert sample.current_a == pytest.approx(0.1)
+
+
+def test_worked_overcurrent_is_read() -> None:
+    (sample,) = robotiq_2f.Decoder().receive(bytes.fromhex("09 04 06 31 00 0E C8 96 00 EF C4"), 0)
+    assert (sample.active, sample.moving, sample.object, sample.fault) == (True, False, "none", "overcurrent")
+
+
+@pytest.mark.parametrize(
+    ("code", "name"),
+    [
+        (0x00, ""),
+        (0x05, "activation_needed"),
+        (0x07, "activation_bit_not_set"),
+        (0x08, "over_temperature"),
+        (0x09, "no_communication"),
+        (0x0A, "under_voltage"),
+        (0x0B, "automatic_release"),
+        (0x0C, "internal"),
+        (0x0D, "activation_failed"),
+        (0x0E, "overcurrent"),
+        (0x0F, "automatic_release_completed"),
+        (0x01, "fault_1"),
+        (0x30, "controller_3"),
+        (0x3E, "overcurrent"),
+    ],
+)
+def test_every_fault_has_its_name(code: int, name: str) -> None:
+    assert parse_status((0x3900, code << 8, 0), 0, None).fault == name
+
+
+@pytest.mark.parametrize(("stage", "found", "go"), list(itertools.product(range(4), range(4), (False, True))))
+def test_status_words_say_what_the_gripper_does(stage: int, found: int, go: bool) -> None:
+    told = Output(activate=stage > 0, go=go, release=False, position=9, speed=0, force=0)
+    registers = status_registers(told, stage=stage, found=found, fault=0, position=51, current_a=0.5)
+    sample = parse_status(registers, 0, 9)
+    moving = stage == 1 or (go and found == 0)
+    assert sample.active == (stage == 3)
+    assert sample.moving == moving
+    names = ("moving" if moving else "none", "contact_opening", "contact_closing", "none")
+    assert sample.object == ("moving" if stage == 1 and found == 0 else names[found])
+    assert (sample.current_a, sample.echo_ok) == (0.5, True)
+    assert is_activating(registers) is (stage == 1)
+
+
+def test_a_gripper_whose_activation_bit_is_clear_is_not_active() -> None:
+    assert not parse_status((0x3000, 0, 0), 0, None).active
+
+
+def test_current_saturates() -> None:
+    registers = status_registers(TOLD, stage=3, found=2, fault=0, position=0, current_a=99)
+    assert parse_status(registers, 0, None).current_a == 2.55
+
+
+def test_output_words_are_read() -> None:
+    assert parse_output((0x0900, 0x00FF, 0x803C)) == TOLD
+    assert parse_output((0x1000, 0, 0)).release
+
+
+def test_writes_land_where_they_are_addressed_and_nowhere_else() -> None:
+    before = (0x0900, 200, 0x803C)
+    force = modbus.Request(9, modbus.WRITE, write_address=1002, registers=(0x805A,))
+    assert write_output(before, force) == (0x0900, 200, 0x805A)
+    for address, count in ((999, 1), (1003, 1), (1002, 2), (1000, 4)):
+        beside = modbus.Request(9, modbus.WRITE, write_address=address, registers=(0,) * count)
+        assert write_output(before, beside) is None

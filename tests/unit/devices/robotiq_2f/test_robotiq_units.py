@@ -1,0 +1,72 @@
+"""No setting is ever told that grips harder than was asked for."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.devices.robotiq_2f.robotiq_units import ForceMap, interpolate
+
+TABLE = [(0.0, 3.0), (60.0, 7.5), (120.0, 13.0), (255.0, 30.0)]
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> list[tuple[float, float]]:
+    """Whole rising settings within a byte, and forces that rise by at least 0.1 N."""
+    units = draw(st.lists(st.integers(0, 255), min_size=2, max_size=6, unique=True))
+    steps = draw(st.lists(st.floats(0.1, 50.0), min_size=len(units), max_size=len(units)))
+    return list(zip(map(float, sorted(units)), itertools.accumulate(steps), strict=True))
+
+
+@pytest.mark.parametrize(("units", "force_n"), TABLE)
+def test_the_points_of_the_table_are_met_both_ways(units: float, force_n: float) -> None:
+    table = ForceMap(TABLE)
+    assert table.newtons(units) == pytest.approx(force_n)
+    assert table.units(force_n) == units
+
+
+def test_between_two_points_the_map_is_linear() -> None:
+    table = ForceMap(TABLE)
+    assert table.newtons(30) == pytest.approx(5.25)
+    assert table.units(5.25) == 30
+    assert table.units(5.26) == 30
+    assert table.units(5.24) == 29
+
+
+def test_the_whole_setting_below_is_taken_and_not_the_nearest() -> None:
+    assert ForceMap([(0.0, 0.0), (10.0, 10.0)]).units(6.999) == 6
+
+
+def test_beyond_the_table_its_ends_hold() -> None:
+    table = ForceMap(TABLE)
+    assert table.units(1.0) == 0
+    assert table.units(1e6) == 255
+    assert table.newtons(-10) == 3.0
+    assert table.newtons(300) == 30.0
+
+
+@given(table=tables(), share=st.floats(0.0, 1.0))
+def test_what_is_applied_is_never_above_what_was_asked(table: list[tuple[float, float]], share: float) -> None:
+    least, most = table[0][1], table[-1][1]
+    asked = least + share * (most - least)
+    forces = ForceMap(table)
+    setting = forces.units(asked)
+    assert table[0][0] <= setting <= table[-1][0]
+    assert forces.newtons(setting) <= asked * (1.0 + 1e-6)
+    if setting < table[-1][0]:
+        assert forces.newtons(setting + 1) > asked * (1.0 - 1e-6), "the next setting would still have been allowed"
+
+
+@given(table=tables(), a=st.floats(0.0, 300.0), b=st.floats(0.0, 300.0))
+def test_more_force_asked_is_never_less_force_applied(table: list[tuple[float, float]], a: float, b: float) -> None:
+    forces = ForceMap(table)
+    assert forces.units(min(a, b)) <= forces.units(max(a, b))
+
+
+def test_interpolate_holds_the_ends_of_a_falling_table() -> None:
+    widths = [(0.0, 0.085), (1.0, 0.0)]
+    assert [interpolate(widths, closure) for closure in (-1.0, 0.0, 1.0, 2.0)] == [0.085, 0.085, 0.0, 0.0]
+    assert interpolate(widths, 0.5) == pytest.approx(0.0425)

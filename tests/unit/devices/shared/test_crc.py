@@ -1,0 +1,36 @@
+"""Both checksums against their published check values and a bitwise computation."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.devices.shared import crc
+
+CHECK = b"123456789"
+
+
+def bitwise(data: bytes, poly: int, final: int) -> int:
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ poly if value & 1 else value >> 1
+    return value ^ final
+
+
+def test_check_values_are_the_published_ones() -> None:
+    assert crc.x25(CHECK) == 0x906E
+    assert crc.modbus(CHECK) == 0x4B37
+
+
+@given(st.binary(max_size=80))
+def test_both_equal_the_bitwise_definition(data: bytes) -> None:
+    assert crc.x25(data) == bitwise(data, 0x8408, 0xFFFF)
+    assert crc.modbus(data) == bitwise(data, 0xA001, 0)
+
+
+@given(st.binary(max_size=80), st.integers(0, 0xFFFF))
+def test_x25_holds_for_the_right_checksum_and_for_no_other(data: bytes, sent: int) -> None:
+    assert crc.x25_matches(data + sent.to_bytes(2, "little")) == (sent == crc.x25(data))
+    assert crc.x25_matches(data + crc.x25(data).to_bytes(2, "little"))

@@ -1,0 +1,208 @@
+"""Modbus frames: published bytes, any split, and pymodbus as an independent peer."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU, ExceptionResponse
+from pymodbus.pdu import register_message as peer
+
+from slipd.devices.shared import crc, modbus
+from slipd.devices.shared.modbus import Request
+
+POLL = Request(9, modbus.READ_INPUT, 2000, 3)
+WORKED = [
+    (Request(9, modbus.WRITE, write_address=1000, registers=(0, 0, 0)), "09 10 03 E8 00 03 06 00 00 00 00 00 00 73 30"),
+    (
+        Request(9, modbus.WRITE, write_address=1000, registers=(256, 0, 0)),
+        "09 10 03 E8 00 03 06 01 00 00 00 00 00 72 E1",
+    ),
+    (POLL, "09 04 07 D0 00 03 B1 CE"),
+    (Request(9, modbus.READ_HOLDING, 2000, 3), "09 03 07 D0 00 03 04 0E"),
+    (
+        Request(9, modbus.READ_WRITE, 2000, 3, 1000, (0x0900, 0x00C8, 0x803C)),
+        "09 17 07 D0 00 03 03 E8 00 03 06 09 00 00 C8 80 3C 37 91",
+    ),
+]
+"""From the maker's manual, but for the first and the last, which were computed."""
+
+words = st.integers(0, 0xFFFF)
+reads = st.builds(
+    Request,
+    st.integers(1, 247),
+    st.sampled_from([modbus.READ_HOLDING, modbus.READ_INPUT]),
+    words,
+    st.integers(1, 125),
+)
+writes = st.builds(
+    lambda unit, address, registers: Request(unit, modbus.WRITE, write_address=address, registers=tuple(registers)),
+    st.integers(1, 247),
+    words,
+    st.lists(words, min_size=1, max_size=123),
+)
+both = st.builds(
+    lambda unit, read, count, address, registers: Request(
+        unit, modbus.READ_WRITE, read, count, address, tuple(registers)
+    ),
+    st.integers(1, 247),
+    words,
+    st.integers(1, 125),
+    words,
+    st.lists(words, min_size=1, max_size=121),
+)
+requests = st.one_of(reads, writes, both)
+
+
+@pytest.mark.parametrize(("request_", "worked"), WORKED)
+def test_worked_requests_are_written_and_read(request_: Request, worked: str) -> None:
+    assert modbus.encode_request(request_) == bytes.fromhex(worked)
+    assert modbus.parse_requests(bytes.fromhex(worked), 9) == ([request_], b"")
+
+
+def test_worked_replies_are_found() -> None:
+    write, poll = WORKED[0][0], POLL
+    assert modbus.encode_reply(write) == bytes.fromhex("09 10 03 E8 00 03 01 30")
+    assert modbus.find_reply(bytes.fromhex("09 10 03 E8 00 03 01 30"), write) == modbus.Reply((), 0, 8)
+    status = bytes.fromhex("09 04 06 B9 00 00 FF BD 00 5C 9A")
+    assert modbus.find_reply(status, poll) == modbus.Reply((0xB900, 0x00FF, 0xBD00), 0, 11)
+    assert modbus.encode_reply(poll, (0xB900, 0x00FF, 0xBD00)) == status
+
+
+@given(requests)
+def test_the_peer_reads_every_request_as_it_was_meant(request_: Request) -> None:
+    frame = modbus.encode_request(request_)
+    used, pdu = FramerRTU(DecodePDU(True)).handleFrame(frame, request_.unit, 0)
+    assert used == len(frame)
+    assert pdu is not None
+    assert pdu.function_code == request_.function
+    if request_.function == modbus.READ_WRITE:
+        assert (pdu.read_address, pdu.read_count) == (request_.read_address, request_.read_count)
+        assert (pdu.write_address, tuple(pdu.write_registers)) == (request_.write_address, request_.registers)
+    elif request_.function == modbus.WRITE:
+        assert (pdu.address, tuple(pdu.registers)) == (request_.write_address, request_.registers)
+    else:
+        assert (pdu.address, pdu.count) == (request_.read_address, request_.read_count)
+
+
+@given(requests, st.data())
+def test_replies_agree_with_the_peer_both_ways(request_: Request, data: st.DataObject) -> None:
+    count = request_.read_count
+    registers = tuple(data.draw(st.lists(words, min_size=count, max_size=count)))
+    makers = {
+        modbus.READ_HOLDING: peer.ReadHoldingRegistersResponse,
+        modbus.READ_INPUT: peer.ReadInputRegistersResponse,
+        modbus.READ_WRITE: peer.ReadWriteMultipleRegistersResponse,
+    }
+    if request_.function == modbus.WRITE:
+        answer = peer.WriteMultipleRegistersResponse(
+            dev_id=request_.unit, address=request_.write_address, count=len(request_.registers)
+        )
+    else:
+        answer = makers[request_.function](dev_id=request_.unit, registers=list(registers))
+    frame = FramerRTU(DecodePDU(False)).buildFrame(answer)
+    assert modbus.encode_reply(request_, registers) == frame
+    assert modbus.find_reply(frame, request_) == modbus.Reply(registers, 0, len(frame))
+
+
+@given(requests, st.integers(1, 11))
+def test_refusals_agree_with_the_peer(request_: Request, code: int) -> None:
+    answer = ExceptionResponse(request_.function, code)
+    answer.dev_id = request_.unit
+    frame = FramerRTU(DecodePDU(False)).buildFrame(answer)
+    assert modbus.encode_exception(request_, code) == frame
+    assert modbus.find_reply(frame, request_) == modbus.Reply((), code, 5)
+
+
+@given(st.lists(requests, max_size=4), st.integers(1, 40))
+def test_a_device_reads_its_requests_from_any_split(sent: list[Request], size: int) -> None:
+    mine = [replace(request, unit=9) for request in sent]
+    stream = b"".join(modbus.encode_request(request) for request in mine)
+    heard, found = b"", []
+    for start in range(0, len(stream), size):
+        requests_, heard = modbus.parse_requests(heard + stream[start : start + size], 9)
+        found += requests_
+    assert found == mine
+    assert heard == b""
+
+
+def test_requests_to_other_units_and_noise_are_passed_over() -> None:
+    other = modbus.encode_request(Request(10, modbus.READ_INPUT, 2000, 3))
+    stream = b"\x00\x09\x63" + other + modbus.encode_request(POLL) + b"\xff" + modbus.encode_request(WORKED[1][0])
+    assert modbus.parse_requests(stream, 9) == ([POLL, WORKED[1][0]], b"")
+
+
+@pytest.mark.parametrize("cut", range(1, 8))
+def test_the_beginning_of_a_torn_request_does_not_hide_the_next(cut: int) -> None:
+    frame = modbus.encode_request(POLL)
+    assert modbus.parse_requests(frame[:cut] + frame, 9) == ([POLL], b"")
+
+
+def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
+    reply = modbus.encode_reply(POLL, (1, 2, 3))
+    assert modbus.find_reply(b"\x09\x04\x06" + reply + b"\x09", POLL) == modbus.Reply((1, 2, 3), 0, 11)
+    assert modbus.find_reply(reply, Request(8, modbus.READ_INPUT, 2000, 3)) is None
+    assert modbus.find_reply(reply, Request(9, modbus.READ_HOLDING, 2000, 3)) is None
+    assert modbus.find_reply(reply, Request(9, modbus.READ_INPUT, 2000, 2)) is None
+    for at in range(len(reply)):
+        assert modbus.find_reply(reply[:at], POLL) is None
+        for bit in range(8):
+            damaged = bytearray(reply)
+            damaged[at] ^= 1 << bit
+            assert modbus.find_reply(bytes(damaged), POLL) is None
+
+
+def test_the_reply_to_another_write_is_no_acknowledgement() -> None:
+    force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
+    assert modbus.find_reply(modbus.encode_reply(force), WORKED[0][0]) is None
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "09 10 03 E8 00 02 06 00 00 00 00 00 00",  # two registers announced, three sent
+        "09 10 03 E8 00 00 00",  # none at all
+        "09 04 07 D0 00 00",
+        "09 04 07 D0 00 7E",
+    ],
+)
+def test_a_request_that_contradicts_itself_is_passed_over(body: str) -> None:
+    contradiction = bytes.fromhex(body)
+    stream = contradiction + crc.modbus(contradiction).to_bytes(2, "little") + modbus.encode_request(POLL)
+    assert modbus.parse_requests(stream, 9) == ([POLL], b"")
+
+
+def test_what_a_device_keeps_of_noise_is_bounded() -> None:
+    rng = random.Random(1)
+    heard = b""
+    for _ in range(500):
+        found, heard = modbus.parse_requests(heard + rng.randbytes(200), 9)
+        assert found == []
+        assert len(heard) <= 300
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"function": 6},
+        {"function": modbus.READ_INPUT, "read_count": 0},
+        {"function": modbus.READ_INPUT, "read_count": 126},
+        {"function": modbus.WRITE},
+        {"function": modbus.WRITE, "registers": (0,) * 124},
+        {"function": modbus.WRITE, "registers": (0,), "read_count": 1},
+        {"function": modbus.READ_WRITE, "registers": (0,) * 122, "read_count": 1},
+        {"function": modbus.READ_INPUT, "read_count": 1, "registers": (0,)},
+    ],
+)
+def test_a_request_that_fits_no_frame_is_refused(fields: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match="function"):
+        Request(9, **fields)
+
+
+def test_a_reply_with_another_number_of_registers_is_refused() -> None:
+    with pytest.raises(ValueError, match="the 3 requested ones, got 2"):
+        modbus.encode_reply(POLL, (1, 2))

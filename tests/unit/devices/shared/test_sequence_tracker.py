@@ -1,0 +1,177 @@
+"""Gap, duplicate, late reading, wrap and restart, told apart in sequences whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.sequence_tracker import FURTHEST_GAP, LATE_WITHIN, SHORT_GAP, SequenceTracker
+
+
+def watch(span: int, *numbers: int, first: int = 0) -> tuple[list[int], DecoderHealth]:
+    """Return the numbers that are handed on, and the counters."""
+    health = DecoderHealth()
+    numbering = SequenceTracker(span, health, first=first)
+    return [number for number in numbers if numbering.accept(number)], health
+
+
+def counted(health: DecoderHealth) -> tuple[int, int, int]:
+    return health.lost, health.duplicates, health.restarts
+
+
+@dataclass
+class Device:
+    """What a device with a running number sends over a line with faults, and what should be counted."""
+
+    span: int
+    now: int = 0  # its number without the wrap, since it began
+    sent: list[int] = field(default_factory=list)
+    handed_on: int = 0
+    truth: list[int] = field(default_factory=lambda: [0, 0, 0])
+
+    def send(self) -> None:
+        self.sent.append(self.now % self.span)
+        self.handed_on += 1
+        self.now += 1
+
+    def lose(self, count: int) -> None:
+        self.now += count
+        self.truth[0] += count
+        self.send()
+
+    def repeat(self, behind: int) -> None:
+        number = self.now - 1 - behind
+        if number > 0 and number % self.span != 0:  # the first number of all again is a restart
+            self.sent.append(number % self.span)
+            self.truth[1] += 1
+
+    def restart(self) -> None:
+        """Begin anew, where that cannot be taken for a wrap."""
+        if SHORT_GAP + 1 < self.span - self.now % self.span < self.span - 1:
+            self.now = 0
+            self.truth[2] += 1
+            self.send()
+
+
+STEPS = st.one_of(
+    st.tuples(st.just("send"), st.just(0)),
+    st.tuples(st.just("lose"), st.integers(1, 100)),
+    st.tuples(st.just("repeat"), st.integers(0, LATE_WITHIN - 1)),
+    st.tuples(st.just("restart"), st.just(0)),
+)
+
+
+@settings(max_examples=300)
+@given(st.sampled_from([1 << 16, 1 << 32, 1 << 64]), st.integers(0, 1 << 20), st.lists(STEPS, max_size=40))
+def test_D3_every_fault_of_a_sequence_is_counted_as_what_it_is(
+    span: int, begin: int, steps: list[tuple[str, int]]
+) -> None:
+    device = Device(span, begin)
+    device.send()
+    for what, count in steps:
+        if what == "lose" and count > SHORT_GAP and (device.now + count) % span == 0:
+            count += 1  # a long gap that ends at the first number looks like a restart
+        getattr(device, what)(*([count] if what in ("lose", "repeat") else []))
+    handed_on, health = watch(span, *device.sent)
+    assert counted(health) == tuple(device.truth)
+    assert len(handed_on) == device.handed_on
+
+
+@given(st.sampled_from([256, 1 << 16, 1 << 32]), st.integers(-3, 3), st.integers(1, 100))
+def test_D3_a_wrap_is_no_gap_and_no_restart_and_a_gap_over_it_is_one(span: int, begin: int, missing: int) -> None:
+    across = [number % span for number in range(span - 4 + begin, span + 4 + begin)]
+    assert watch(span, *across) == (across, DecoderHealth())
+    gap = [span - 1, missing]
+    assert counted(watch(span, span - 1 - SHORT_GAP + 1, 0)[1]) == (SHORT_GAP - 1, 0, 0)
+    assert counted(watch(span, *gap)[1]) == (missing, 0, 0)
+
+
+@pytest.mark.parametrize("span", [1 << 32, 1 << 64])
+@pytest.mark.parametrize("newest", [5, 33, 10**6, 3 * 10**9])
+def test_D3_a_number_that_jumps_back_to_the_first_is_a_restart(span: int, newest: int) -> None:
+    assert counted(watch(span, newest, 0, 1, 2)[1]) == (0, 0, 1)
+    assert counted(watch(span, newest, 1, 2, 3, first=1)[1]) == (0, 0, 1)
+
+
+def test_D3_a_restart_whose_first_numbers_were_lost_is_no_gap_however_far_the_number_had_come() -> None:
+    for newest in (1000, 10**6, (1 << 31) - 1, (1 << 31) + 10, 3 * 10**9):
+        assert counted(watch(1 << 32, newest, 7, 8)[1]) == (0, 0, 1), newest
+
+
+def test_D3_what_came_late_is_dropped_and_what_follows_it_is_not() -> None:
+    handed_on, health = watch(1 << 16, 100, 102, 101, 103, 103, 99, 104)
+    assert handed_on == [100, 102, 103, 104]
+    assert counted(health) == (1, 3, 0)
+
+
+def test_D3_the_longest_gap_is_told_from_a_restart() -> None:
+    assert counted(watch(1 << 32, 9, 9 + FURTHEST_GAP)[1]) == (FURTHEST_GAP - 1, 0, 0)
+    assert counted(watch(1 << 32, 9, 10 + FURTHEST_GAP)[1]) == (0, 0, 1)
+    assert counted(watch(256, 200, 200 + 128 - 256)[1]) == (127, 0, 0)
+    assert counted(watch(256, 200, 200 + 129 - 256)[1]) == (0, 0, 1)
+
+
+@given(
+    st.sampled_from([128, 256]), st.integers(0, 255), st.lists(st.integers(-3, 3), max_size=3), st.integers(-2, 2),
+    st.integers(1, 12), st.lists(st.integers(-40, 40), max_size=4), st.booleans(),
+)  # fmt: skip
+def test_numbers_that_go_on_are_taken_together_as_they_are_one_by_one(
+    span: int, begin: int, before: list[int], gap: int, count: int, after: list[int], in_order: bool
+) -> None:
+    health, plain = DecoderHealth(), DecoderHealth()
+    together, singly = (SequenceTracker(span, told, in_order=in_order) for told in (health, plain))
+    number = begin % span
+    for step in [0, *before]:
+        number = (number + step) % span
+        assert together.accept(number) == singly.accept(number)
+    first = (begin + sum(before) + 1) % span + gap
+    if together.accept_run(first, count):
+        assert first + count <= span
+        assert all(singly.accept(number) for number in range(first, first + count))
+    for number in after:
+        assert together.accept((first + number) % span) == singly.accept((first + number) % span)
+    assert health == plain
+
+
+def test_nothing_goes_on_from_nothing_nor_over_the_wrap() -> None:
+    numbering = SequenceTracker(256, DecoderHealth())
+    assert not numbering.accept_run(0, 1)
+    assert numbering.accept(250)
+    assert not numbering.accept_run(251, 6), "the last would be 0"
+    assert not numbering.accept_run(252, 1)
+    assert numbering.accept_run(251, 5)
+    assert numbering.accept(0)
+
+
+def test_an_old_number_is_forgotten_with_those_that_go_on() -> None:
+    numbering = SequenceTracker(256, DecoderHealth(), in_order=True)
+    assert [numbering.accept(number) for number in (5, 3)] == [True, False]
+    assert numbering.accept_run(6, 2)
+    assert not numbering.accept(4)
+
+
+def test_after_forgetting_any_number_is_the_next() -> None:
+    health = DecoderHealth()
+    numbering = SequenceTracker(256, health)
+    assert numbering.accept(200)
+    numbering.forget()
+    assert numbering.accept(7)
+    assert counted(health) == (0, 0, 0)
+
+
+def test_a_false_number_on_a_line_that_keeps_order_costs_one_reading() -> None:
+    health = DecoderHealth()
+    numbering = SequenceTracker(256, health, in_order=True)
+    assert [numbering.accept(number) for number in (5, 21, 7, 8, 9, 10)] == [True, True, False, True, True, True]
+    assert (health.duplicates, health.lost) == (1, 15)
+    overtaken = SequenceTracker(256, DecoderHealth())
+    assert [overtaken.accept(number) for number in (5, 21, 7, 8, 9)] == [True, True, False, False, False]
+
+
+def test_a_reading_that_is_sent_twice_stays_old_on_a_line_that_keeps_order() -> None:
+    numbering = SequenceTracker(256, DecoderHealth(), in_order=True)
+    assert [numbering.accept(number) for number in (5, 5, 6, 6, 7, 7)] == [True, False, True, False, True, False]

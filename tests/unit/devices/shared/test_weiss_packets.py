@@ -1,0 +1,163 @@
+"""The packets of the Weiss controllers: the checksum against its definition, and lengths that lie."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE, Packet
+
+SEEDS = (SEED_AFTER_PREAMBLE, SEED_WITH_PREAMBLE)
+LONGEST = 40
+
+
+def defined(data: bytes, seed: int = SEED_AFTER_PREAMBLE) -> int:
+    """The checksum as the drivers define it: the table of a CCITT shifting left, walked shifting right."""
+    for byte in data:
+        entry = (seed ^ byte) & 0xFF
+        value = entry << 8
+        for _ in range(8):
+            value = (value << 1 ^ 0x1021) & 0xFFFF if value & 0x8000 else value << 1
+        seed = value ^ seed >> 8
+    return seed
+
+
+def packets(seed: int = SEED_WITH_PREAMBLE, *, bare: bool = False, text: bytes = b"") -> weiss.PacketScanner:
+    def admits(packet_id: int, size: int, begun: bytes) -> bool:
+        return packet_id <= 9 and size <= LONGEST and begun[:1] != b"\xff"
+
+    return weiss.PacketScanner(seed, admits, 20, DecoderHealth(), bare=bare, text=text)
+
+
+def test_check_values_are_the_published_ones() -> None:
+    assert weiss.checksum(b"123456789") == 0x6EB4
+    assert weiss.checksum(weiss.PREAMBLE) == SEED_WITH_PREAMBLE
+
+
+@given(st.binary(max_size=120), st.integers(0, 0xFFFF))
+def test_the_checksum_equals_its_definition(data: bytes, seed: int) -> None:
+    assert weiss.checksum(data, seed) == defined(data, seed)
+
+
+def test_the_checksum_of_a_long_packet_equals_its_definition() -> None:
+    rng = random.Random(1)
+    for size in (*range(200), 977, 982, 4106):
+        data = rng.randbytes(size)
+        assert weiss.checksum(data) == defined(data)
+
+
+@given(st.binary(max_size=80))
+def test_data_followed_by_its_checksum_leave_nothing(data: bytes) -> None:
+    assert weiss.checksum(data + weiss.checksum(data).to_bytes(2, "little")) == 0
+
+
+def test_a_packet_whose_sum_only_leaves_a_residue_of_0_is_none() -> None:
+    whole = weiss.encode(3, b"abc", SEED_WITH_PREAMBLE)
+    body, right = whole[len(weiss.PREAMBLE) : -2], int.from_bytes(whole[-2:], "little")
+    sums = [n for n in range(1 << 16) if weiss.checksum(body + n.to_bytes(2, "little"), SEED_WITH_PREAMBLE) == 0]
+    assert right in sums
+    assert len(sums) > 1
+    for n in sums:
+        _, found = packets().receive(whole[:-2] + n.to_bytes(2, "little"))
+        assert len(found) == (n == right)
+
+
+def test_all_damage_within_one_byte_is_found_and_like_damage_13_bytes_on_is_not() -> None:
+    data = bytearray(random.Random(2).randbytes(60))
+    right = weiss.checksum(data)
+    for at in range(60):
+        for flips in range(1, 256):
+            data[at] ^= flips
+            assert weiss.checksum(data) != right
+            data[at] ^= flips
+    data[20] ^= 0x5A
+    data[33] ^= 0x5A
+    assert weiss.checksum(data) == right
+
+
+@given(st.binary(min_size=2, max_size=80), st.sets(st.integers(0, 15), min_size=1).filter(lambda bits: len(bits) % 2))
+def test_an_odd_number_of_flipped_bits_is_always_found(data: bytes, bits: set[int]) -> None:
+    flips = sum(1 << bit * (8 * len(data) - 1) // 15 for bit in bits)
+    damaged = int.from_bytes(data, "big") ^ flips
+    assert weiss.checksum(damaged.to_bytes(len(data), "big")) != weiss.checksum(data)
+
+
+@pytest.mark.parametrize(
+    ("packet_id", "payload", "sent"),
+    [
+        (6, "", "AA AA AA 06 00 00 97 26"),
+        (1, "12 34", "AA AA AA 01 02 00 12 34 6D 66"),
+        (1, "", "AA AA AA 01 00 00 E8 10"),
+    ],
+)
+def test_published_packets_are_written_and_read(packet_id: int, payload: str, sent: str) -> None:
+    packet = Packet(packet_id, bytes.fromhex(payload))
+    assert weiss.encode(*packet, SEED_WITH_PREAMBLE) == bytes.fromhex(sent)
+    reader = packets()
+    assert reader.packets(bytes.fromhex(sent)) == [packet]
+    assert reader._tail == b""
+    reader.forget()
+    assert reader._health.bad_bytes == 0
+
+
+def test_a_bare_packet_has_no_checksum() -> None:
+    bare = weiss.encode(1, b"", SEED_AFTER_PREAMBLE, bare=True)
+    assert bare == bytes.fromhex("AA AA AA 01 00 00")
+    stream = bare + weiss.encode(2, b"\x12", SEED_AFTER_PREAMBLE, bare=True) + bare
+    assert packets(SEED_AFTER_PREAMBLE, bare=True).packets(stream) == [(1, b""), (2, b"\x12"), (1, b"")]
+
+
+def test_the_two_coverages_of_the_checksum_do_not_understand_each_other() -> None:
+    for seed, other in (SEEDS, SEEDS[::-1]):
+        assert packets(seed).packets(weiss.encode(1, b"abc", other)) == []
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_L1_every_split_reads_the_same(seed: int) -> None:
+    parts = [weiss.encode(number, b"\xaa" * number + bytes(number), seed) for number in range(6)]
+    stream = b"\xaa\xaa" + parts[1] + b"\xaa\xaa\xaa\x03\xff\xff" + b"\xaa".join(parts) + parts[2][:-1] + parts[5]
+    wanted = [1, 0, 1, 2, 3, 4, 5, 5]
+    for pieces in (*((stream[:at], stream[at:]) for at in range(len(stream))), [bytes((byte,)) for byte in stream]):
+        reader = packets(seed)
+        assert [packet.id for piece in pieces for packet in reader.packets(piece)] == wanted
+
+
+@pytest.mark.parametrize("size", [LONGEST + 1, 1000, 0xFFFF])
+def test_L3_a_length_beyond_the_longest_packet_is_not_waited_for(size: int) -> None:
+    good = weiss.encode(1, b"abc", SEED_WITH_PREAMBLE)
+    reader = packets()
+    assert reader.packets(weiss.PREAMBLE + b"\x01" + size.to_bytes(2, "little") + good) == [(1, b"abc")]
+
+
+def test_L3_a_false_length_within_bounds_costs_no_packet_behind_it() -> None:
+    reader = packets()
+    seen = reader.packets(weiss.PREAMBLE + b"\x01\x28\x00" + weiss.encode(2, b"abc", SEED_WITH_PREAMBLE))
+    assert seen == []
+    for _ in range(4):
+        seen += reader.packets(weiss.encode(3, b"12345", SEED_WITH_PREAMBLE))
+    assert [packet.id for packet in seen] == [2, 3, 3, 3, 3]
+
+
+def test_what_has_come_of_a_payload_may_refuse_it_before_the_rest_comes() -> None:
+    good = weiss.encode(1, b"abc", SEED_WITH_PREAMBLE)
+    assert packets().packets(weiss.PREAMBLE + b"\x01\x28\x00\xff" + good) == [(1, b"abc")]
+
+
+def test_text_between_packets_is_no_damage() -> None:
+    reader = packets(text=b"boot")
+    good = weiss.encode(1, b"abc", SEED_WITH_PREAMBLE)
+    assert len(reader.packets(b"boot" + good + b"boot" + good)) == 2
+    reader.packets(b"b\0")
+    assert reader._health.bad_bytes == 1
+
+
+@pytest.mark.parametrize(
+    ("code", "word"), [(0, "ok"), (12, "no parameter expected"), (26, "command pending"), (31, "status 31")]
+)
+def test_status_numbers_have_words(code: int, word: str) -> None:
+    assert weiss.status_word(code) == word

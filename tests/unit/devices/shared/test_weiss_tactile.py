@@ -1,0 +1,432 @@
+"""Both Weiss sessions against their emulated controllers: deaf, refusing, silent, torn off in the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from slipd.devices import dsacon32, wts
+from slipd.devices.dsacon32 import dsacon32_messages as messages
+from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.startup_sequence import ANSWER_NS
+from slipd.devices.shared.weiss_tactile import TactileSession
+from slipd.samples import TactileSample
+from slipd.sim.emulated_dsacon32 import Dsacon32
+from slipd.sim.emulated_wts import WtsModule
+from slipd.sim.weiss_controller import WeissController
+
+MS = 1_000_000
+S = 1_000_000_000
+
+
+@dataclass
+class Bench:
+    """Drives session and controller in steps of 10 ms.
+
+    ``mend(answer)`` stands between them: what it returns is what the session hears.
+    """
+
+    session: TactileSession
+    device: WeissController
+    now_ns: int = 0
+    written: list[bytes] = field(default_factory=list)
+    states: list[str] = field(default_factory=list)
+    samples: list[TactileSample] = field(default_factory=list)
+    mend: Callable[[bytes], bytes] = bytes
+
+    def start(self) -> None:
+        self.write(self.session.start(self.now_ns))
+
+    def write(self, data: bytes) -> None:
+        self.note()
+        if data:
+            self.written.append(data)
+            for answer in self.device.receive(data, self.now_ns):
+                self.hear(self.mend(answer))
+
+    def hear(self, data: bytes) -> None:
+        if data:
+            self.samples += self.session.receive(data, self.now_ns)
+        self.note()
+
+    def note(self) -> None:
+        if not self.states or self.states[-1] != self.session.state:
+            self.states.append(self.session.state)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            self.now_ns += 10 * MS
+            for said in self.device.advance(self.now_ns):
+                self.hear(said)
+            for _ in range(20):
+                due = self.session.next_deadline()
+                if due is None or due > self.now_ns:
+                    break
+                self.write(self.session.on_time(self.now_ns))
+            else:
+                pytest.fail("it never stops asking")
+
+
+def dsacon_bench(**device: messages.ControllerInfo) -> Bench:
+    made = Dsacon32([(4, 2), (2, 2)], np.random.default_rng(0), noise_counts=0.0, **device)
+    made.press(np.arange(12))
+    return Bench(dsacon32.Session(), made)
+
+
+def wts_bench() -> Bench:
+    return Bench(wts.Session(), WtsModule(wts.Matrix(), np.random.default_rng(0), noise_counts=0.0))
+
+
+def of(packet_id: int, wrong: bytes) -> Callable[[bytes], bytes]:
+    """Return what puts ``wrong`` in the place of every answer with the id."""
+    return lambda answer: wrong if answer[3] == packet_id else answer
+
+
+both = pytest.mark.parametrize("make", [dsacon_bench, wts_bench])
+
+DSACON_ASKED = [
+    messages.encode_query(messages.CONTROLLER),
+    messages.encode_query(messages.SENSOR),
+    messages.encode_matrix_query(0),
+    messages.encode_matrix_query(1),
+    messages.acquire(0, rle=True),
+    messages.acquire(30, rle=True),
+]
+WTS_ASKED = [
+    wts.encode_query(wts.SYSTEM),
+    wts.encode_query(wts.MATRIX),
+    wts.encode_query(wts.STOP),
+    wts.encode_start(10),
+]
+
+
+@pytest.mark.parametrize(
+    ("make", "asked", "identity", "rate_hz"),
+    [(dsacon_bench, DSACON_ASKED, "S/N 1234", 60), (wts_bench, WTS_ASKED, "S/N 4711", 100)],
+)
+def test_the_device_is_asked_what_it_is_and_started(
+    make: Callable[[], Bench], asked: list[bytes], identity: str, rate_hz: int
+) -> None:
+    bench = make()
+    assert bench.session.identity == ""
+    bench.start()
+    bench.run(2)
+    assert bench.written == asked
+    assert bench.states == ["waiting", "configuring", "waiting for images", "running"]
+    assert bench.session.identity == identity
+    assert len(bench.samples) == pytest.approx(2 * rate_hz, abs=4)
+    assert bench.session.health.bad_bytes == 0
+
+
+def test_the_matrices_that_are_learned_split_the_images() -> None:
+    bench = dsacon_bench()
+    bench.start()
+    bench.run(0.2)
+    assert [(sample.source, sample.values.tolist()) for sample in bench.samples[:2]] == [
+        ("0", list(range(8))),
+        ("1", list(range(8, 12))),
+    ]
+    bench.hear(dsacon32.encode_frame([1] * 11, 0))
+    assert bench.samples[-1].values.tolist() == [8, 9, 10, 11]
+    assert bench.session.health.bad_bytes > 0
+
+
+def test_matrices_take_effect_when_all_are_known() -> None:
+    bench = dsacon_bench()
+    bench.mend = lambda answer: b"" if len(bench.written) == 4 else answer
+    bench.start()
+    bench.run(0.1)
+    assert bench.written == DSACON_ASKED[:4]
+    bench.hear(dsacon32.encode_frame(range(12), 0))
+    assert [len(sample.values) for sample in bench.samples] == [12]
+
+
+def test_options_reach_the_requests() -> None:
+    bench = Bench(dsacon32.Session(rate_hz=1, rle=False), dsacon_bench().device)
+    bench.start()
+    bench.run(4.5)
+    assert bench.written[-2:] == [messages.acquire(0, rle=False), messages.acquire(1, rle=False)]
+    assert bench.session.stop() == messages.acquire(0, rle=False)
+    assert len(bench.samples) == 8  # a pause of a second is no silence at this rate
+    session = wts.Session(interval_ms=0)
+    bench = Bench(session, wts_bench().device)
+    bench.start()
+    bench.run(0.1)
+    assert bench.written[-1] == wts.encode_start(0)
+
+
+@pytest.mark.parametrize("rate_hz", [0, 31, 2.5])
+def test_a_rate_beyond_the_controller_is_refused(rate_hz: int) -> None:
+    with pytest.raises(ValueError, match="1 to 30"):
+        dsacon32.Session(rate_hz=rate_hz)
+
+
+@pytest.mark.parametrize("interval_ms", [-1, 65_536, 2.5])
+def test_an_interval_that_cannot_be_sent_is_refused(interval_ms: int) -> None:
+    with pytest.raises(ValueError, match="0 to 65535"):
+        wts.Session(interval_ms=interval_ms)
+
+
+def test_D1_a_controller_that_boots_deaf_is_waited_for_without_complaint() -> None:
+    bench = dsacon_bench()
+    assert isinstance(bench.device, Dsacon32)
+    bench.device.power_up(0)
+    bench.start()
+    bench.run(7.9)
+    assert bench.states == ["waiting"]
+    assert bench.samples == []
+    bench.run(1)
+    assert bench.states == ["waiting", "configuring", "waiting for images", "running"]
+    assert bench.session.health.bad_bytes == 0
+
+
+@both
+def test_a_device_that_never_answers_is_named_and_asked_for_ever(make: Callable[[], Bench]) -> None:
+    bench = make()
+    bench.mend = lambda _: b""
+    bench.start()
+    bench.run(12)
+    assert bench.states[0] == "waiting"
+    assert bench.session.state in {"no answer to controller", "no answer to system information"}
+    assert set(bench.written) == {bench.written[0]}
+    assert len(bench.written) >= 20
+    bench.mend = bytes
+    bench.run(2)
+    assert bench.session.state == "running"
+
+
+@both
+def test_a_later_question_without_answer_is_repeated_and_then_the_talk_begins_anew(make: Callable[[], Bench]) -> None:
+    bench = make()
+    bench.mend = lambda answer: b"" if bench.written[1:2] == bench.written[-1:] else answer
+    bench.start()
+    bench.run(1.4)
+    first, second = bench.written[:2]
+    assert bench.written == [first, second, second, second]
+    bench.run(0.5)
+    assert bench.written[4:6] == [first, second]
+    bench.run(1)
+    assert any(state.startswith("no answer to") for state in bench.states)
+    bench.mend = bytes
+    bench.run(2)
+    assert bench.session.state == "running"
+
+
+@both
+def test_an_answer_that_comes_twice_is_not_taken_for_the_next_one(make: Callable[[], Bench]) -> None:
+    bench = make()
+    bench.start()
+    bench.mend = lambda answer: b""
+    bench.run(0.1)
+    bench.mend = lambda answer: answer + answer
+    bench.run(0.6)
+    assert len(bench.written) == 3  # after a repeated question the next one waits
+    bench.run(1)
+    assert bench.session.state == "running"
+    assert len(set(bench.written)) == len(DSACON_ASKED if make is dsacon_bench else WTS_ASKED)
+
+
+def test_a_late_second_answer_about_a_matrix_is_not_taken_for_the_next_matrix() -> None:
+    bench = dsacon_bench()
+    late = messages.encode_matrix(4, 2)
+    bench.mend = lambda answer: b"" if bench.written.count(DSACON_ASKED[2]) == 1 and answer[3] == 0x0B else answer
+    bench.start()
+    bench.run(0.6)
+    bench.hear(late)
+    bench.run(1)
+    assert bench.session.state == "running"
+    assert [len(sample.values) for sample in bench.samples[:2]] == [8, 4]
+
+
+@pytest.mark.parametrize(
+    ("make", "packet_id", "wrong", "state"),
+    [
+        (dsacon_bench, 0x01, messages.encode_error(0x01, 15), "refused controller: access denied"),
+        (dsacon_bench, 0x02, messages.encode_error(0x02, 12), "refused sensor: not enough parameters"),
+        (dsacon_bench, 0x02, messages.encode_sensor(6, 1, error=2), "refused sensor: no sensor"),
+        (dsacon_bench, 0x0B, messages.encode_error(0x0B), "empty answer to matrix 0"),
+        (dsacon_bench, 0x03, messages.encode_error(0x03, 27), "refused start: range error"),
+        (wts_bench, 0x30, wts.encode_status(0x30, 16), "refused matrix information: access denied"),
+        (wts_bench, 0x50, wts.encode_status(0x50), "empty answer to system information"),
+        (wts_bench, 0x21, wts.encode_status(0x21, 12), "refused start: no parameter expected"),
+    ],
+)
+def test_a_refusal_is_told_in_words_and_asked_again(
+    make: Callable[[], Bench], packet_id: int, wrong: bytes, state: str
+) -> None:
+    bench = make()
+    bench.mend = of(packet_id, wrong)
+    bench.start()
+    bench.run(3)
+    assert bench.session.state == state
+    assert bench.written[-1] == bench.written[-2] == bench.written[-3]
+    bench.mend = bytes
+    bench.run(2)
+    assert bench.session.state == "running"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "state"),
+    [
+        (
+            messages.encode_controller(messages.ControllerInfo(5, kind=0)),
+            "controller type DSACON16 is not supported: DS",
+        ),
+        (
+            messages.encode_controller(messages.ControllerInfo(5, kind=9)),
+            "controller type 9 is not supported: DSACON32",
+        ),
+        (messages.encode_controller(messages.ControllerInfo(5, operable=False)), "controller not operable"),
+        (messages.encode_sensor(0, 1), "a controller must have 1 to 16 matrices, got 0"),
+        (messages.encode_sensor(17, 1), "a controller must have 1 to 16 matrices, got 17"),
+        (messages.encode_matrix(0, 14), "matrix 0 must be columns and rows"),
+        (messages.encode_matrix(100, 100), "the matrices must have at most 2048 cells, got 10000"),
+    ],
+)
+def test_D2_a_controller_that_cannot_be_read_is_told_and_not_started(wrong: bytes, state: str) -> None:
+    bench = dsacon_bench()
+    bench.mend = of(wrong[3], wrong)
+    bench.start()
+    bench.run(2.5)
+    assert bench.session.state.startswith(state)
+    assert bench.samples == []
+    assert messages.acquire(30, rle=True) not in bench.written
+    bench.mend = bytes
+    bench.run(2)
+    assert bench.session.state == "running"
+
+
+@pytest.mark.parametrize("matrix", [wts.Matrix(0, 8), wts.Matrix(100, 100), wts.Matrix(4, 8, 0)])
+def test_D2_a_module_whose_matrix_makes_no_sense_is_told_and_not_started(matrix: wts.Matrix) -> None:
+    bench = wts_bench()
+    bench.mend = of(wts.MATRIX, wts.encode_matrix(matrix))
+    bench.start()
+    bench.run(1)
+    assert bench.session.state.startswith(f"matrix of {matrix.cols} x {matrix.rows} cells of {matrix.full_scale}")
+    assert wts.encode_start(10) not in bench.written
+
+
+@pytest.mark.parametrize(
+    ("make", "wrong"),
+    [(dsacon_bench, messages.encode_error(messages.ACQUIRE, 4)), (wts_bench, wts.encode_status(wts.START, 4))],
+)
+def test_a_device_that_runs_already_has_obeyed(make: Callable[[], Bench], wrong: bytes) -> None:
+    bench = make()
+    bench.mend = of(wrong[3], wrong)
+    bench.start()
+    bench.run(1)
+    assert bench.session.state == "running"
+
+
+@both
+def test_images_of_a_device_that_runs_already_are_handed_on_while_it_is_asked(make: Callable[[], Bench]) -> None:
+    before = make()
+    before.start()
+    before.run(0.5)
+    bench = Bench(make().session, before.device, now_ns=before.now_ns, mend=lambda _: b"")
+    bench.start()
+    bench.run(1)
+    assert bench.session.state == "waiting"
+    assert len(bench.samples) >= 29
+    bench.mend = bytes
+    bench.run(2)
+    assert bench.session.state == "running"
+
+
+@both
+def test_silence_while_running_shows_after_a_second_and_the_talk_begins_anew(make: Callable[[], Bench]) -> None:
+    bench = make()
+    bench.start()
+    bench.run(0.5)
+    asked = list(bench.written)
+    bench.device._push(None, bench.now_ns)
+    bench.run(0.9)
+    assert bench.session.state == "running"
+    bench.run(1)
+    assert bench.written == asked * 2
+    assert bench.session.state == "running"
+
+
+def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer() -> None:
+    bench = dsacon_bench()
+    bench.mend = lambda _: b""
+    bench.start()
+    bench.run(0.1)
+    begun = weiss.PREAMBLE + b"\0\xa5\x0f" + bytes(4) + b"\1"
+    bench.hear(begun)
+    bench.mend = bytes
+    bench.run(2)
+    assert bench.session.state == "running"
+    assert bench.session.health.bad_bytes == len(begun)
+
+
+@both
+def test_what_the_former_link_left_half_is_dropped_and_so_is_who_was_there(make: Callable[[], Bench]) -> None:
+    bench = make()
+    bench.start()
+    bench.run(0.5)
+    assert bench.session.identity
+    bench.session.stop()
+    bench.hear(weiss.PREAMBLE + b"\0")
+    bench.session.start(bench.now_ns)
+    assert bench.session.identity == ""
+    assert bench.session.health.bad_bytes == 4
+
+
+def test_another_controller_on_the_line_has_its_own_matrices() -> None:
+    bench = dsacon_bench()
+    bench.start()
+    bench.run(0.5)
+    bench.device = Dsacon32([(3, 3)], np.random.default_rng(0))
+    bench.samples.clear()
+    bench.run(2)
+    assert {(sample.source, len(sample.values)) for sample in bench.samples} == {("0", 9)}
+
+
+def test_a_long_interval_is_no_silence() -> None:
+    bench = Bench(wts.Session(interval_ms=2000), wts_bench().device)
+    bench.start()
+    bench.run(7)
+    assert len(bench.written) == 4
+    assert len(bench.samples) == 3
+
+
+@pytest.mark.parametrize(
+    ("make", "wrong"),
+    [(dsacon_bench, messages.encode_error(messages.ACQUIRE, 17)), (wts_bench, wts.encode_status(wts.STOP, 18))],
+)
+def test_a_device_that_has_nothing_to_stop_is_started_all_the_same(make: Callable[[], Bench], wrong: bytes) -> None:
+    bench = make()
+    stop = bench.session.stop()
+    bench.mend = lambda answer: wrong if bench.written[-1] == stop else answer
+    bench.start()
+    bench.run(1)
+    assert bench.session.state == "running"
+
+
+@both
+def test_stop_ends_the_images_and_the_deadlines(make: Callable[[], Bench]) -> None:
+    bench = make()
+    assert (bench.session.state, bench.session.next_deadline()) == ("closed", None)
+    bench.start()
+    bench.run(0.5)
+    bench.write(bench.session.stop())
+    bench.samples.clear()
+    bench.run(1)
+    assert (bench.session.state, bench.session.next_deadline()) == ("closed", None)
+    assert bench.samples == []
+    assert bench.session.on_time(10**12) == b""
+    bench.device._push(10 * MS, bench.now_ns)
+    bench.run(0.1)
+    assert bench.samples
+    assert bench.session.state == "closed"
+
+
+def test_nothing_is_asked_before_it_is_due() -> None:
+    session = wts.Session()
+    assert session.start(5) == wts.encode_query(wts.SYSTEM)
+    assert session.next_deadline() == 5 + ANSWER_NS
+    assert session.on_time(6) == b""

@@ -1,0 +1,134 @@
+"""The packets of WSG grippers: worked frames, every code, and what is no reply."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slipd.devices.shared import weiss_packets as weiss
+from slipd.devices.shared.decoder_health import DecoderHealth
+from slipd.devices.wsg import wsg_messages as wire
+from slipd.devices.wsg.wsg_messages import Limits, Reply, ReplyScanner
+
+LIMITS = Limits(110.0, 5.0, 420.0, 100.0, 5000.0, 5.0, 80.0, 120.0)
+
+
+def floats(*numbers: float) -> bytes:
+    return struct.pack(f"<{len(numbers)}f", *numbers)
+
+
+@pytest.mark.parametrize(
+    ("made", "sent"),
+    [
+        (wire.encode(0x06), "AA AA AA 06 00 00 97 26"),
+        (wire.encode(0x01, b"\x12\x34"), "AA AA AA 01 02 00 12 34 6D 66"),
+        (wire.home(), "AA AA AA 20 01 00 00 8F 83"),
+        (wire.acknowledge(), "AA AA AA 24 03 00 61 63 6B DC B9"),
+        (wire.encode(wire.STOP), "AA AA AA 22 00 00 0E 76"),
+        (wire.encode(0x23), "AA AA AA 23 00 00 AC 1C"),
+        (wire.encode(wire.DISCONNECT), "AA AA AA 07 00 00 35 4C"),
+        (wire.set_force(20.0), "AA AA AA 32 04 00 00 00 A0 41 F5 22"),
+        (wire.encode_reply(wire.SET_FORCE), "AA AA AA 32 02 00 00 00 9C 93"),
+        (wire.encode(wire.GET_FORCE), "AA AA AA 33 00 00 2C 70"),
+        (wire.encode(0x25, floats(40, 50)), "AA AA AA 25 08 00 00 00 20 42 00 00 48 42 83 5C"),
+        (wire.encode_reply(0x25, wire.PENDING), "AA AA AA 25 02 00 1A 00 6D 48"),
+        (wire.encode_reply(0x25), "AA AA AA 25 02 00 00 00 22 87"),
+        (wire.encode_reply(0x25, 18), "AA AA AA 25 02 00 12 00 E4 C9"),
+        (wire.encode(0x26, floats(80, 100)), "AA AA AA 26 08 00 00 00 A0 42 00 00 C8 42 96 91"),
+        (wire.encode(0x21, b"\x02" + floats(60, 100)), "AA AA AA 21 09 00 02 00 00 70 42 00 00 C8 42 63 CB"),
+        (wire.encode(wire.FORCE, bytes(3)), "AA AA AA 45 03 00 00 00 00 17 E3"),
+        (wire.update_request(wire.FORCE, 20), "AA AA AA 45 03 00 01 14 00 99 7E"),
+        (wire.encode_number(wire.FORCE, 12.5), "AA AA AA 45 06 00 00 00 00 00 48 41 9A 9D"),
+        (wire.encode_state({"referenced", "target_reached"}), "AA AA AA 40 06 00 00 00 81 00 00 00 67 BD"),
+        (wire.encode_grasping("holding"), "AA AA AA 41 03 00 00 00 04 5A 02"),
+    ],
+)
+def test_worked_frames_are_written(made: bytes, sent: str) -> None:
+    assert made == bytes.fromhex(sent)
+
+
+def read(data: bytes) -> list[Reply]:
+    return ReplyScanner(DecoderHealth()).replies(data)
+
+
+def test_worked_replies_are_read() -> None:
+    (force,) = read(bytes.fromhex("AA AA AA 45 06 00 00 00 00 00 48 41 9A 9D"))
+    assert (force.id, force.status, wire.parse_number(force.data)) == (wire.FORCE, wire.OK, 12.5)
+    (state,) = read(bytes.fromhex("AA AA AA 40 06 00 00 00 81 00 00 00 67 BD"))
+    assert wire.parse_state(state.data) == {"referenced", "target_reached"}
+    assert read(bytes.fromhex("AA AA AA 32 02 00 00 00 9C 93")) == [Reply(wire.SET_FORCE, wire.OK, b"")]
+
+
+def test_the_commands_are_read_as_they_were_written() -> None:
+    def payload(packet: bytes) -> bytes:
+        return packet[6:-2]
+
+    assert wire.parse_goal(payload(wire.preposition(40.0, 50.0))) == (0, 40.0, 50.0)
+    assert wire.parse_number(payload(wire.set_force(20.0))) == 20.0
+    assert wire.parse_update(payload(wire.update_request(wire.WIDTH, 20))) == 20
+    assert wire.parse_update(bytes(3)) == 0
+    assert wire.parse_limits(read(wire.encode_limits(LIMITS))[0].data) == LIMITS
+    assert wire.parse_serial(read(wire.encode_system(123456))[0].data) == 123456
+
+
+@pytest.mark.parametrize("status", range(1, 31))
+def test_every_status_has_a_word_and_comes_without_data(status: int) -> None:
+    assert not weiss.status_word(status).startswith("status")
+    for reply_id, size in wire.REPLY_SIZES.items():
+        assert read(wire.encode_reply(reply_id, status)) == [Reply(reply_id, status, b"")]
+        assert size == 0 or read(wire.encode_reply(reply_id, status, bytes(size))) == []
+
+
+def test_every_bit_of_the_state_is_told_by_its_word_alone() -> None:
+    assert sorted(wire.STATE_BITS) == [*range(10), *range(12, 21)]
+    for bit, word in wire.STATE_BITS.items():
+        assert wire.parse_state((1 << bit).to_bytes(4, "little")) == {word}
+    assert wire.parse_state((1 << 10 | 1 << 11 | 0x7FF << 21).to_bytes(4, "little")) == set()
+    assert {*wire.FAULTS, *wire.NOTICES} <= set(wire.STATE_BITS.values())
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        wire.encode_reply(0x25),
+        wire.encode_reply(wire.HOME, 31),
+        wire.encode_reply(wire.WIDTH),
+        wire.encode_reply(wire.HOME, wire.OK, b"\0"),
+        wire.encode(wire.HOME, b"\0"),
+        wire.encode_number(wire.WIDTH, math.nan),
+        wire.encode_number(wire.FORCE, -math.inf),
+        wire.encode_number(wire.GET_FORCE, 1001.0),
+        wire.encode_reply(wire.GRASPING, wire.OK, b"\x08"),
+        wire.encode_limits(LIMITS._replace(max_acceleration=math.nan)),
+        wire.encode_limits(LIMITS._replace(stroke_mm=0.0)),
+        wire.encode_limits(LIMITS._replace(max_speed=5.0)),
+        wire.encode_limits(LIMITS._replace(nominal_force=5.0)),
+        wire.encode_limits(LIMITS._replace(nominal_force=1e4)),
+        wire.encode(wire.WIDTH, bytes(60_000)),
+        weiss.encode(wire.HOME, bytes(2), weiss.SEED_AFTER_PREAMBLE),
+    ],
+)
+def test_what_no_gripper_says_is_no_reply(packet: bytes) -> None:
+    replies = ReplyScanner(DecoderHealth())
+    assert replies.replies(packet) == []
+    assert replies.replies(wire.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
+
+
+def test_L3_noise_yields_no_reply() -> None:
+    health = DecoderHealth()
+    noise = random.Random(5).randbytes(200_000)
+    assert ReplyScanner(health).replies(noise + wire.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
+    assert replace(health, bad=0) == DecoderHealth(bad_bytes=len(noise))
+
+
+@given(st.floats(0.0, 1000.0))
+def test_a_number_on_the_wire_is_never_above_the_one_meant(number: float) -> None:
+    sent = wire.at_most(number)
+    assert struct.unpack("<f", struct.pack("<f", sent))[0] == sent
+    assert sent <= number <= sent * (1 + 1.3e-7) + 1.5e-45
