@@ -259,7 +259,12 @@ MEANING = [
     ("speed_table = [[0, 0.02], [255, 0.15]]", "speed_table = [[0, 0.2], [300, 1]]", "gripper.speed_table", "255"),
     ("caution = 0.6", "caution = 0.9", "levels.caution", "must be below levels.warning, 0.85, got 0.9"),
     ("caution = 0.6", "caution = 0.04", "levels.hysteresis", "must be below levels.caution, 0.04, got 0.05"),
-    ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 9 }", "finger.left.wrench.options", "sinc_length must be an integer from 64"),
+    (
+        "rate_hz = 800",
+        "rate_hz = 800\noptions = { sinc_length = 9 }",
+        "finger.left.wrench.options",
+        "sinc_length must be an integer from 64",
+    ),
     ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 64.5 }", "finger.left.wrench.options", "64.5"),
     ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { unit = 300 }", "gripper.options", "1 to 247, a Modbus address"),
     ("rate_hz = 50.0", 'rate_hz = 50.0\noptions = { unit = "9" }', "gripper.options", "a Modbus address, got '9'"),
