@@ -1,4 +1,4 @@
-"""Tares of one finger: those of its force sensor and its pad are requested, read and undone separately."""
+"""Tares that a client requests: of the force sensor, the pad, or both, each with an offset of its own."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ STREAMS = ("wrench", "pad")
 
 @dataclass(frozen=True)
 class Tares:
-    """The streams of a finger that one request is about.
+    """Streams of a finger that one request names.
 
     Attributes:
         finger: The finger.
-        channels: The channel of each stream, by its kind, "wrench" or "pad".
+        channels: Channel of each stream, by "wrench" or "pad".
     """
 
     finger: Finger
@@ -26,32 +26,31 @@ class Tares:
 
     @classmethod
     def of(cls, finger: Finger, stream: str | None) -> Tares | Refusal:
-        """Find the streams that a request names.
+        """Find the streams of a request; refuse one that the finger does not have.
 
         Args:
             finger: The finger.
-            stream: "wrench", "pad", or "all"; None: what measures the force, which is the pad where there is no force
-                sensor.
+            stream: "wrench", "pad" or "all"; None: the stream that measures the force.
         """
-        has = {kind: channel for kind in STREAMS if (channel := finger.channel(kind)) is not None}
+        channels = {name: channel for name in STREAMS if (channel := finger.channel(name)) is not None}
         if stream == "all":
-            return cls(finger, has)
-        kind = next(iter(has)) if stream is None else stream
-        if kind not in has:
-            return Refusal("not_ready", f"finger {finger.name} has no {kind}, only a {next(iter(has))}", "stream")
-        return cls(finger, {kind: has[kind]})
+            return cls(finger, channels)
+        name = finger.main_stream if stream is None else stream
+        if name not in channels:
+            return Refusal("not_ready", f"finger {finger.name} has no {name}, only a {finger.main_stream}", "stream")
+        return cls(finger, {name: channels[name]})
 
     def refuse(self, t_ns: int, *, unloaded: bool) -> Refusal | None:
-        """Return why these streams cannot be tared now; None if they can.
+        """Return why these streams cannot be tared at ``t_ns``; None where they can.
 
         Args:
-            t_ns: Now.
-            unloaded: The client states that nothing touches the finger, although its normal force is clearly negative.
+            t_ns: Now, CLOCK_MONOTONIC.
+            unloaded: The client states that nothing touches the finger, even if its normal force is clearly negative.
         """
         name = self.finger.name
-        for kind in self.channels:
-            if not self.finger.is_fresh(kind, t_ns):
-                return Refusal("not_ready", f"finger {name} has no fresh {kind} readings to average", "finger")
+        for stream in self.channels:
+            if not self.finger.is_fresh(stream, t_ns):
+                return Refusal("not_ready", f"finger {name} has no fresh {stream} readings to average", "finger")
         if self.finger.is_pressed_without(self.channels) is True:
             return Refusal("in_contact", f"finger {name} is in contact: a tare would erase its load", "finger")
         if self.finger.is_pulled and self.finger.main_stream in self.channels and not unloaded:
@@ -64,23 +63,23 @@ class Tares:
 
     @property
     def verified(self) -> bool:
-        """The finger is known to be untouched, by all but the zeros that these streams are about to get."""
+        """Nothing touches the finger, as known without the streams that are to be tared."""
         return self.finger.is_pressed_without(self.channels) is False
 
     @property
     def busy(self) -> bool:
-        """Whether a tare of one of them is in progress."""
+        """A tare of one of them is in progress."""
         return any(channel.tare.busy for channel in self.channels.values())
 
     def begin(self, t_ns: int, seconds: float, by: str, *, unloaded: bool) -> None:
-        """Start to average; ``unloaded`` as in `refuse`."""
-        for kind in self.channels:
-            self.finger.begin_tare(t_ns, seconds, by, kind, unloaded=unloaded)
+        """Begin to average the readings of each; see `Finger.begin_tare`."""
+        for stream in self.channels:
+            self.finger.begin_tare(t_ns, seconds, by, stream, unloaded=unloaded)
 
     def undo(self) -> Refusal | None:
-        """Restore the offset before the last tare of the one stream; refused where there is none."""
-        [kind] = self.channels
-        if self.finger.undo_tare(kind):
+        """Restore the offset before the last tare of the only stream; refuse where there is none."""
+        [stream] = self.channels
+        if self.finger.undo_tare(stream):
             return None
-        message = f"the {kind} of finger {self.finger.name} has no earlier tare to go back to"
+        message = f"the {stream} of finger {self.finger.name} has no earlier tare to go back to"
         return Refusal("not_ready", message, "finger")

@@ -9,15 +9,15 @@ from slipd.config import Finger
 from slipd.fusion import Doubt
 from slipd.signals.agreement import CLEAR, STDS
 
-#: Before its first tare a force sensor reads its own bias, N.
 LARGEST_BIAS_N = 10.0
+"""A force sensor may read this much without load before its first tare, N."""
 
 
 class PullDetector:
     """Limit of the negative normal force beyond which only a fault explains it.
 
-    The zero of a force sensor may drift by the least force of a contact plus the drift that is compensated.
-    A pad adds the threshold of each taxel.
+    The zero of a force sensor may drift by the least normal force of a contact plus the drift that is compensated, that
+    of a pad by twice that force plus the threshold of each taxel.
 
     Args:
         finger: ``[finger.X]``.
@@ -33,7 +33,15 @@ class PullDetector:
             self._drift_n = CLEAR * finger.min_normal_n + taxels * (0.0 if pad is None else pad.threshold)
 
     def least_n(self, doubt: Doubt, *, tared: bool) -> float:
-        """Least pull that neither drift, noise, unknown weight nor (untared) bias explains, in the readings' unit."""
+        """Return the least pull that drift, noise, unknown weight and (before a tare) bias do not explain.
+
+        Args:
+            doubt: Uncertainty of the reading.
+            tared: A tare was taken.
+
+        Returns:
+            The pull, positive, in the unit of the readings: N, or that of a pad without calibration.
+        """
         least_n = self._drift_n + STDS * doubt.force_std_n + doubt.force_n
         return least_n if tared or not self._by_force else least_n + LARGEST_BIAS_N
 
@@ -41,9 +49,9 @@ class PullDetector:
         """Return what people should check.
 
         Args:
-            normal_n: Normal force, N.
-            tared: The sensor was tared.
-            pressed: The image of the pad shows a contact; None: nothing is known.
+            normal_n: Normal force, N; negative.
+            tared: The force has a known zero.
+            pressed: The image of the pad shows a contact; None: unknown.
         """
         text = f"its normal force is {normal_n:.6g} N, and nothing pulls on a pad: check "
         if not self._by_force:
