@@ -35,18 +35,18 @@ def finger(left: str, parse: Parse) -> Finger:
 @pytest.fixture
 def hands(finger: Finger, wrench: Wrench) -> dict[bool, Finger]:
     """A finger whose image agrees with its force for 0.3 s, and one whose image does not."""
-    reported = {}
+    fingers = {}
     for agrees in (True, False):
-        hand = copy.deepcopy(finger)
+        one = copy.deepcopy(finger)
         for k in range(30):
             t_ns, normal_n = T0 - (300 - 10 * k) * MS, 8.0 + math.sin(k)
-            read_force(hand, wrench(t_ns, normal_n, (0.5, 0.0), 0.0, (0.0 if agrees else 0.006, 0.0)))
-            hand.update_image(TactileSample(t_ns, None, 100 * normal_n / 16 + 0.1 * (np.arange(16.0) % 3)))
-        reported[agrees] = hand
-    assert "disagreement" not in reported[True].state.verdict.reasons
-    read_force(hand, wrench(T0, 8.0, (0.5, 0.0), 0.0, (0.006, 0.0)))
-    assert hand.state.verdict.reasons[0] == "disagreement"
-    return reported
+            read_force(one, wrench(t_ns, normal_n, (0.5, 0.0), 0.0, (0.0 if agrees else 0.006, 0.0)))
+            one.update_image(TactileSample(t_ns, None, 100 * normal_n / 16 + 0.1 * (np.arange(16.0) % 3)))
+        fingers[agrees] = one
+    assert "disagreement" not in fingers[True].state.verdict.reasons
+    read_force(one, wrench(T0, 8.0, (0.5, 0.0), 0.0, (0.006, 0.0)))
+    assert one.state.verdict.reasons[0] == "disagreement"
+    return fingers
 
 
 class Split:
@@ -54,36 +54,36 @@ class Split:
 
     def __init__(self, finger: Finger, sizes: Sequence[int]) -> None:
         self.finger = copy.deepcopy(finger)
-        self.voice = FingerPublisher(self.finger, MessageSequencer("b00t", "rig", 0), Rates())
+        self.publisher = FingerPublisher(self.finger, MessageSequencer("b00t", "rig", 0), Rates())
         self.out: list[Output] = []
         self.reported: list[str] = []
         self._sizes = list(sizes)
 
-    def take(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> None:
+    def feed(self, samples: Sequence[WrenchSample], times_ns: Sequence[int]) -> None:
         at = 0
         while at < len(samples):
             size = self._sizes[0]
             self._sizes = [*self._sizes[1:], size]
             for batch in self.finger.decide(samples[at : at + size], times_ns[at : at + size]):
                 self.reported += plain(batch)
-                self.voice.publish_batch(batch, self.out)
+                self.publisher.publish_batch(batch, self.out)
             at += size
         self.reported.append(repr((self.finger.is_pressed(), self.finger.is_trusted, self.finger.age_s(times_ns[-1]))))
 
 
 def plain(batch: VerdictBatch) -> list[str]:
-    """Everything that is known after each reading, to the last bit."""
-    reported = []
+    """Return all that is known after each reading, to the last bit."""
+    known = []
     for state, level in zip(batch, batch.levels, strict=True):
         assert level == level_code(state.verdict.level)
         used, shares = state.utilisation, state.load_distribution
         arrays = [None if values is None else values.tolist() for values in (used and used.pole_m, shares and shares.x)]
         numbers = (state.contact, used and (*used[:3], *used[4:]), state.tipping_margin_m, state.age_s)
-        reported.append(repr((state.t_ns, state.verdict, state.wrench, state.model, state.status, *numbers, *arrays)))
-    return reported
+        known.append(repr((state.t_ns, state.verdict, state.wrench, state.model, state.status, *numbers, *arrays)))
+    return known
 
 
-#: Words of the device, time since the reading before in ms, normal force, pull, spin, centroid; what is odd about it.
+# Status, time since the reading before in ms, normal and tangential force, spin, centroid; what is odd about it.
 READING = st.tuples(
     st.sampled_from((*[""] * 8, "skipped", "overload", "invalid")),
     st.sampled_from((0.0, 0.25, 0.25, 1.0, 1.0, 5.0)),
@@ -115,7 +115,7 @@ IMAGES = {"full": FULL, "part": np.where(np.arange(16) < 6, FULL, 0.0), "empty":
 def test_verdicts_do_not_depend_on_how_readings_are_split_into_reads(
     hands: dict[bool, Finger], wrench: Wrench, reads: list[Any], sizes: list[int], agrees: bool
 ) -> None:
-    """What is untrusted, late, without torque, or ends the contact stands anywhere in a read; so does a slip."""
+    """Readings that are untrusted, late, without torque, or end the contact may stand anywhere in a read."""
     t_ns = T0
     splits = [Split(hands[agrees], some) for some in ((1,), (12,), sizes)]
     for readings, waited_ms, image, friction in reads:
@@ -126,21 +126,21 @@ def test_verdicts_do_not_depend_on_how_readings_are_split_into_reads(
         received_ns = t_ns + round(waited_ms * MS)
         for word, _, *contact, odd in readings:
             sample = wrench(received_ns, *contact, status=(word,) if word else ())
-            made.append(odd_one(sample, odd, made))
+            made.append(make_odd(sample, odd, made))
         for split in splits:
             if image is not None:
                 status = ("invalid",) if image == "invalid" else ()
                 split.finger.update_image(TactileSample(times_ns[0], None, IMAGES[image], status))
             if friction is not None:
                 split.finger.set_friction(*friction)
-            split.take(made, times_ns)
+            split.feed(made, times_ns)
     singly, whole, cut = splits
     assert singly.reported == whole.reported == cut.reported
     assert singly.out == whole.out == cut.out
 
 
-def odd_one(sample: WrenchSample, odd: str, before: Sequence[WrenchSample]) -> WrenchSample:
-    """A reading that repeats the one before, has no torque, or numbers that are none."""
+def make_odd(sample: WrenchSample, odd: str, before: Sequence[WrenchSample]) -> WrenchSample:
+    """Return a reading that repeats the one before, has no torque, or is not finite."""
     if odd == "again" and before:
         return before[-1]
     if odd == "no torque":
@@ -210,22 +210,3 @@ def test_centroid_that_the_weight_may_have_moved_outside_is_tipping(make_noisy: 
     level, reasons = noisy.verdict
     assert level in ("caution", "warning")
     assert {"tipping", "weight_unknown"} <= set(reasons)
-
-
-def test_readings_of_one_read_get_the_same_verdicts_as_single_ones(left: str, parse: Parse) -> None:
-    rng = np.random.default_rng(5)
-    forces = rng.normal(0.0, 1.0, (300, 3)) + np.array((1.0, 0.0, -2.0))
-    forces[::17, 2] = 0.3
-    times_ns = [T0 + k * MS // 16 for k in range(len(forces))]
-    samples = [WrenchSample(times_ns[-1], None, f, np.cross((0.001, 0.0, 0.0), f)) for f in forces]
-    reported = []
-    for size in (1, 7, 300):
-        finger = make_finger(left, parse)
-        finger.update_image(TactileSample(T0, None, np.full(16, 50.0)))
-        states = []
-        for at in range(0, len(samples), size):
-            for batch in finger.decide(samples[at : at + size], times_ns[at : at + size]):
-                states += list(batch)
-        reported.append([(state.verdict, state.utilisation and state.utilisation[:3]) for state in states])
-    assert reported[0] == reported[1] == reported[2]
-    assert {verdict.level for verdict, _ in reported[0]} >= {"stable", "warning", "no_contact"}
