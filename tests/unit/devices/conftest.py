@@ -1,4 +1,4 @@
-"""What the decoders' tests share: the same stream, split in every way, and frames that a line has damaged."""
+"""Fixtures of the decoders' tests: one stream split in every way, and frames damaged on the line."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
+SplitCheck = Callable[..., list[tuple[Any, ...]]]
 Damage = Callable[..., Iterator[bytes]]
 
 
 def plain(sample: Any) -> tuple[Any, ...]:
-    """Return a sample's content as a value that can be compared."""
+    """Return the content of a sample as a comparable value."""
     fields = (getattr(sample, name) for name in sample.__slots__)
     return tuple(field.tolist() if hasattr(field, "tolist") else field for field in fields)
 
@@ -26,11 +26,16 @@ def outcome(make: Callable[[], Any], pieces: list[bytes]) -> tuple[list[tuple[An
 
 @pytest.fixture
 def same_for_every_split() -> SplitCheck:
-    """Check that a stream gives the same samples and counters whole, cut at any byte, and byte by byte."""
+    """Check that a stream gives the same samples and counts whole, cut at any byte, and in small pieces.
 
-    def check(make: Callable[[], Any], stream: bytes) -> list[tuple[Any, ...]]:
+    A ``tail`` is appended to the stream, but not cut at every byte.
+    """
+
+    def check(make: Callable[[], Any], stream: bytes, tail: bytes = b"") -> list[tuple[Any, ...]]:
+        cuts = range(1, len(stream))
+        stream += tail
         whole = outcome(make, [stream])
-        for at in range(1, len(stream)):
+        for at in cuts:
             assert outcome(make, [stream[:at], stream[at:]]) == whole, f"cut at {at}"
         for size in (1, 2, 3, 7, 36, 38):
             pieces = [stream[at : at + size] for at in range(0, len(stream), size)]
@@ -42,9 +47,9 @@ def same_for_every_split() -> SplitCheck:
 
 @pytest.fixture
 def damaged() -> Damage:
-    """Yield so many copies of a frame, each with a bit turned, a byte lost, or a byte that was never sent.
+    """Yield copies of a frame, each with a bit flipped, a byte lost, or a byte added.
 
-    With ``bursts`` a part of them has three bytes overwritten instead, which weak checks miss too often.
+    With ``bursts`` some of them have three bytes overwritten instead, which weak checks often miss.
     """
 
     def copies(frame: bytes, count: int, *, bursts: bool = False) -> Iterator[bytes]:

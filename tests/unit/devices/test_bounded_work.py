@@ -75,7 +75,7 @@ def calls(work: Callable[[], object]) -> int:
 
 
 @pytest.mark.parametrize(("name", "number"), STREAMS)
-def test_a_decoder_makes_a_bounded_number_of_calls_a_byte(name: str, number: int) -> None:
+def test_a_decoder_makes_a_bounded_number_of_calls_per_byte(name: str, number: int) -> None:
     device = DEVICES[name]
     size = 64 * READ
     pieces = [*HOSTILE[name], random.Random(1).randbytes(size)]
@@ -124,19 +124,19 @@ def test_xela_parses_no_character_more_than_twice(text: bytes, size: int, monkey
     assert counting.parsed <= 2 * size + zeros
 
 
-def test_xela_reads_numbers_without_a_zero_at_the_cost_of_two_looks() -> None:
+def test_xela_parses_numbers_without_a_leading_zero_twice() -> None:
     (sample,) = xela.Decoder(calibrated=True).receive(XELA_NUMBERS, 0)
     assert (sample.values == 0.5).all()
 
 
 @pytest.mark.parametrize("number", ["1" * 4000, "-1", str(1 << 63)])
-def test_xela_refuses_a_running_number_that_no_counter_holds(number: str) -> None:
+def test_xela_rejects_a_sequence_number_beyond_64_bits(number: str) -> None:
     decoder = xela.Decoder()
     decoder.receive(b'{"message":5}{"message":%s}' % number.encode(), 0)
     assert (decoder.health.bad, decoder.health.lost) == (1, 0)
 
 
-def test_xela_takes_a_leap_beyond_any_gap_for_a_restart() -> None:
+def test_xela_counts_a_jump_beyond_the_longest_gap_as_a_restart() -> None:
     decoder = xela.Decoder()
     decoder.receive(b'{"message":5}{"message":9000000000000000000}', 0)
     assert (decoder.health.lost, decoder.health.restarts) == (0, 1)
@@ -188,7 +188,7 @@ def test_garbage_is_not_searched_place_by_place(junk: bytes) -> None:
 
 @pytest.mark.parametrize("piece", [b"\x83\xa3", b"\x83\xa6stream", b"\x83\xa4t_ns\x01"])
 @pytest.mark.parametrize("read", [100, 1 << 16])
-def test_a_stretch_of_garbage_is_judged_at_a_bounded_number_of_places(
+def test_a_stretch_of_garbage_is_checked_at_a_bounded_number_of_places(
     piece: bytes, read: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     judged = 0
@@ -207,7 +207,7 @@ def test_a_stretch_of_garbage_is_judged_at_a_bounded_number_of_places(
     assert judged <= FREE_TRIES + len(stream) // BYTES_PER_TRY + 1 + waiting
 
 
-def test_a_reading_behind_a_stretch_of_garbage_is_found_and_the_next_stretch_is_judged_anew() -> None:
+def test_a_reading_after_a_stretch_of_garbage_is_found_and_the_next_stretch_is_checked_again() -> None:
     decoder = external.Decoder()
     reading = external.encode_reading("left", 1, force_n=(1.0, 2.0, 3.0))
     for _ in range(3):

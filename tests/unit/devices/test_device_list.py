@@ -54,7 +54,7 @@ def test_a_device_names_rates_that_its_emulator_and_its_line_have(device: Device
     assert (device.grip is not None) == (device.kind == "gripper" and device.name != "external_gripper")
 
 
-def test_a_file_that_devices_share_is_no_device() -> None:
+def test_the_folder_of_shared_parts_is_not_a_device() -> None:
     for name in ("framing", "crc", "health", "no_such_device", "", "bota.py", "../errors"):
         assert name not in DEVICES
     with pytest.raises(KeyError, match="framing"):
@@ -62,7 +62,7 @@ def test_a_file_that_devices_share_is_no_device() -> None:
 
 
 @devices
-def test_no_decoder_raises_or_reads_anything_in_noise(device: Device) -> None:
+def test_no_decoder_raises_or_finds_readings_in_noise(device: Device) -> None:
     rng = random.Random(device.name)
     decoder = device.decoder()
     for size in (0, 1, 7, 100, 5000):
@@ -146,7 +146,7 @@ def test_L5_a_frame_that_an_unplug_tore_is_not_completed_by_what_comes_after(dev
 
 
 @pytest.mark.process
-def test_asking_for_a_device_loads_that_one_alone() -> None:
+def test_a_lookup_loads_only_that_device() -> None:
     code = (
         "import sys; from slipd.devices import DEVICES; DEVICES['xela'];"
         "print([m for m in ('slipd.devices.bota', 'slipd.devices.xela') if m in sys.modules])"

@@ -23,7 +23,7 @@ def due(session: tsf85.Session) -> bytes:
     return session.on_time(at_ns)
 
 
-def test_it_stops_asks_and_starts_the_sensor() -> None:
+def test_the_sensor_is_stopped_queried_and_started() -> None:
     session = tsf85.Session(period_ms=2)
     assert (session.start(0), session.state, session.identity) == (STOP, "waiting", "")
     assert due(session) == ASK
@@ -34,7 +34,7 @@ def test_it_stops_asks_and_starts_the_sensor() -> None:
     assert (session.state, session.next_deadline()) == ("running", 30 * MS + SILENCE_NS)
 
 
-def test_a_sensor_that_does_not_tell_its_firmware_is_started_all_the_same() -> None:
+def test_a_sensor_that_does_not_report_its_firmware_is_started_nevertheless() -> None:
     session = tsf85.Session()
     session.start(0)
     assert [due(session) for _ in range(3)] == [ASK] * 3
@@ -44,7 +44,7 @@ def test_a_sensor_that_does_not_tell_its_firmware_is_started_all_the_same() -> N
     assert (session.state, session.identity) == ("running", "")
 
 
-def test_images_are_handed_on_whatever_the_state() -> None:
+def test_images_are_returned_in_every_state() -> None:
     session = tsf85.Session()
     assert len(session.receive(IMAGE, 0)) == 1
     session.start(0)
@@ -52,7 +52,7 @@ def test_images_are_handed_on_whatever_the_state() -> None:
     assert session.health.good == 2
 
 
-def test_silence_begins_it_anew_for_ever_and_never_enters_the_bootloader() -> None:
+def test_silence_restarts_the_sensor_forever_and_never_starts_the_bootloader() -> None:
     session = tsf85.Session()
     written = [session.start(0), *(due(session) for _ in range(60))]
     assert session.state == "no answer to start"

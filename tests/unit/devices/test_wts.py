@@ -94,12 +94,12 @@ def test_T2_two_images_mixed_are_dropped_whole() -> None:
         assert times_ms(wts.Decoder(), mixed, three) == ([10, 20] if mixed == two else [20])
 
 
-def test_D2_a_run_length_encoded_image_is_none() -> None:
+def test_D2_a_run_length_encoded_image_is_rejected() -> None:
     flagged = weiss.encode(0, bytes(4) + b"\x01\x05\x00", SEED_WITH_PREAMBLE)
     assert times_ms(wts.Decoder(), flagged, WORKED) == [123_456]
 
 
-def test_a_value_beyond_full_scale_makes_no_image() -> None:
+def test_a_value_beyond_full_scale_gives_no_image() -> None:
     decoder = wts.Decoder()
     assert decoder.receive(wts.encode_frame([4096], 0), 0) == []
     decoder.set_matrix(wts.Matrix(1, 1, 1000))

@@ -58,7 +58,7 @@ def test_worked_message_is_read_calibrated() -> None:
     assert sample.values.tolist() == [[0.7007, 4.3194, -4.4254]]
 
 
-def test_what_is_encoded_is_decoded_for_every_sensor() -> None:
+def test_what_is_encoded_is_decoded_forevery_sensor() -> None:
     forces = np.linspace(-2, 2, 48).reshape(16, 3)
     data = xela.encode_message(3, {"1": pad(1), "12": pad(2, 24)}, 1_700_000_000.25, {"12": forces, "1": -forces})
     samples, _ = receive(data)
@@ -68,7 +68,7 @@ def test_what_is_encoded_is_decoded_for_every_sensor() -> None:
     assert samples[0].device_time_ns == 1_700_000_000_250_000_000
 
 
-def test_calibrated_values_are_taken_when_asked_for() -> None:
+def test_calibrated_values_are_used_if_configured() -> None:
     forces = np.linspace(-2, 2, 48).reshape(16, 3)
     data = xela.encode_message(3, {"1": pad(1), "2": pad(2)}, 1.0, {"1": forces})
     (sample,), decoder = receive(data, calibrated=True)
@@ -76,7 +76,7 @@ def test_calibrated_values_are_taken_when_asked_for() -> None:
     assert decoder.health.bad == 1  # the server calibrates only the first
 
 
-def test_the_welcome_is_passed_over() -> None:
+def test_the_welcome_is_skipped() -> None:
     samples, decoder = receive(WELCOME + message(1))
     assert len(samples) == 1
     assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
@@ -100,7 +100,7 @@ def test_the_welcome_is_passed_over() -> None:
         {"data": [1] * 48},
     ],
 )
-def test_a_sensor_whose_readings_disagree_is_bad_and_its_neighbour_is_not(fields: dict[str, Any]) -> None:
+def test_a_sensor_with_a_wrong_number_of_values_is_bad_and_its_neighbour_is_not(fields: dict[str, Any]) -> None:
     samples, decoder = receive(changed(**fields))
     assert [sample.source for sample in samples] == ["2"]
     assert (decoder.health.good, decoder.health.bad) == (1, 1)
@@ -120,14 +120,14 @@ def test_a_sensor_whose_readings_disagree_is_bad_and_its_neighbour_is_not(fields
         5,
     ],
 )
-def test_calibrated_values_that_are_no_forces_are_bad(values: Any) -> None:
+def test_calibrated_values_that_are_not_forces_are_bad(values: Any) -> None:
     samples, decoder = receive(changed(calibrated=values), calibrated=True)
     assert [sample.source for sample in samples] == ["2"]
     assert decoder.health.bad == 1
 
 
 @pytest.mark.parametrize("time", [None, "1", -1, 1e300, float("nan"), 10**400])
-def test_a_time_that_is_none_is_unknown_and_the_reading_stands(time: Any) -> None:
+def test_an_impossible_time_is_unknown_and_the_reading_is_kept(time: Any) -> None:
     samples, _ = receive(changed(time=time))
     assert [sample.device_time_ns for sample in samples] == [None, 1_000_000_000]
 
@@ -136,7 +136,7 @@ def test_a_time_that_is_none_is_unknown_and_the_reading_stands(time: Any) -> Non
     ("numbers", "counted"),
     [((1, 2, 3), (0, 0, 0)), ((1, 5), (3, 0, 0)), ((9, 9, 10), (0, 1, 0)), ((9, 1, 2, 4), (1, 0, 1))],
 )
-def test_D3_gaps_duplicates_and_restarts_are_told_by_the_running_number(
+def test_D3_gaps_duplicates_and_restarts_are_counted_by_the_sequence_number(
     numbers: tuple[int, ...], counted: tuple[int, int, int]
 ) -> None:
     samples, decoder = receive(b"".join(message(number) for number in numbers))
@@ -192,7 +192,7 @@ def test_each_stretch_of_garbage_counts_once() -> None:
 @given(
     st.lists(st.one_of(st.sampled_from([message(1), WELCOME, b'{"', b"{", b"}"]), st.binary(max_size=40)), max_size=9)
 )
-def test_nothing_raises_and_a_message_behind_anything_is_read_at_the_latest_with_the_next(parts: list[bytes]) -> None:
+def test_nothing_raises_and_a_message_after_anything_is_read_at_the_latest_with_the_next(parts: list[bytes]) -> None:
     decoder = xela.Decoder()
     for part in parts:
         decoder.receive(part, 0)
@@ -226,7 +226,7 @@ def test_endless_garbage_is_not_kept(junk: bytes) -> None:
     assert decoder.health.bad_bytes > 0
 
 
-def test_a_number_with_two_dots_is_garbage_and_holds_nobody_up() -> None:
+def test_a_number_with_two_dots_is_garbage_and_delays_nothing() -> None:
     samples, decoder = receive(b'{"message":1,"time":1.2.3}' + message(2))
     assert len(samples) == len(receive(message(2))[0])
     assert decoder.health.bad_bytes == len(b'{"message":1,"time":1.2.3}')

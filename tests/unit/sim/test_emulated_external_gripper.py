@@ -68,7 +68,7 @@ def test_it_survives_garbage_and_registers_again_when_it_is_told_to() -> None:
     for garbage in (b"\xc1", b"\x81\xa1\xff\x00", b"\x05", encode_setpoint(1, "move"), b"\x81\xa2op\x01"):
         assert driver.receive(garbage, MS) == []
     assert driver.receive(encode_setpoint(2, "stop"), MS) != []
-    driver.receive(encode_notice(REFUSED, "a driver registers before all else"), MS)
+    driver.receive(encode_notice(REFUSED, "the driver must register first"), MS)
     assert driver.advance(2 * MS) == [encode_registration(DRIVER)]
 
 

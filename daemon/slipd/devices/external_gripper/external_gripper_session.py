@@ -22,8 +22,8 @@ SILENCE_NS = 500_000_000
 WIDTH_TOLERANCE_M = 0.001
 """A width this far beyond the registered range is still accepted, because a calibration may be inexact."""
 
-_REGISTER = "a driver registers before all else"
-_ANOTHER = "another driver registered here: connect anew"
+_REGISTER = "the driver must register first"
+_ANOTHER = "another driver registered on this connection: reconnect"
 
 
 class Session(GripperSessionBase):
@@ -229,7 +229,7 @@ class Session(GripperSessionBase):
 
     def _register(self, driver: Registration, now_ns: int) -> None:
         if self._queue.due_ns is not None:
-            self._queue.give_up("the driver registered anew")
+            self._queue.give_up("the driver registered again")
         self._queue.forget_force()
         self._fault, self._queue.echo_ok = "", None
         if self.identity not in ("", driver.name):
@@ -251,7 +251,7 @@ class Session(GripperSessionBase):
         if self._driver is None:
             self._refuse(self._refusal or _REGISTER, now_ns)
         if self._queue.due_ns is not None:
-            self._queue.give_up("no report of late")
+            self._queue.give_up("no recent report")
 
     def _refuse(self, reason: str, now_ns: int) -> None:
         self._refusal = reason

@@ -7,7 +7,6 @@ A frame has no length and nothing in it is escaped, so the parser follows its of
 end of the previous item, and the last item must be followed by sum and end marker. If the last block has no defined
 content, the frame ends at the first end marker at which the sum matches. An end marker directly followed by a start
 marker ends the frame in any case.
-
 Sources: the vendor's PTSCOM 2.0 (September 2022), and a public parser that contradicts it. The offsets of each frame
 show whether two zero bytes end the index, and whether the type of a sensor's slip entry has one byte or two.
 `papillarray_layout` finds out which numbers are forces.
@@ -248,13 +247,13 @@ def encode_blocks(blocks: Sequence[tuple[int, bytes]], width: int = 2, *, index_
         width: Bytes of an offset.
         index_end: Whether two zero bytes end the index, as in PTSCOM 2.0.
     """
-    behind = _INDEX_END if index_end else b""
-    at = 1 + len(blocks) * (2 + width) + len(behind)
+    ending = _INDEX_END if index_end else b""
+    at = 1 + len(blocks) * (2 + width) + len(ending)
     index = bytes((width,))
     for kind, block in blocks:
         index += kind.to_bytes(2, "little") + at.to_bytes(width, "little")
         at += len(block)
-    body = index + behind + b"".join(block for _, block in blocks)
+    body = index + ending + b"".join(block for _, block in blocks)
     return START + body + (sum(body) & 0xFFFF).to_bytes(_SUM_LENGTH, "little") + END
 
 

@@ -19,7 +19,7 @@ STOP_PAUSE_NS = 20_000_000
 _LOW_PASS = 1
 _REFUSALS = {1: "not supported", 2: "value out of range", 3: "EEPROM write failure"}
 
-_RATE, _GET_RATE, _FILTER, _GET_FILTER = "rate", "question for the rate", "filter", "question for the filter"
+_RATE, _GET_RATE, _FILTER, _GET_FILTER = "rate", "rate query", "filter", "filter query"
 _PRODUCT, _SERIAL = "product name", "serial number"
 _NUMBERS = {
     _GET_RATE: packets.GET_RATE,
@@ -35,7 +35,7 @@ class Session(SensorSession[WrenchSample]):
     """Stop the sensor, set rate and filter if they differ, read its name, and start it; never tare it.
 
     The sensor keeps its settings in an EEPROM, so the session reads them first and writes only what differs. `state` is
-    "closed", "waiting", "configuring", "running", or the problem, such as "no answer to question for the rate" or
+    "closed", "waiting", "configuring", "running", or the problem, such as "no answer to rate query" or
     "refused rate: value out of range". `identity` is product name and serial number.
 
     Args:

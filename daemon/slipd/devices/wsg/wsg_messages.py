@@ -98,13 +98,9 @@ _LIMITS = struct.Struct("<8f")
 _STATUS_LENGTH = 2
 _TYPICAL_BYTES = 14
 
-REPLY_SIZES = {
-    DISCONNECT: 0,
-    HOME: 0,
-    PREPOSITION: 0,
-    STOP: 0,
-    ACKNOWLEDGE: 0,
-    SET_FORCE: 0,
+_COMMANDS = (DISCONNECT, HOME, PREPOSITION, STOP, ACKNOWLEDGE, SET_FORCE)
+
+REPLY_SIZES = dict.fromkeys(_COMMANDS, 0) | {
     GET_FORCE: _F32.size,
     STATE: _FLAGS.size,
     GRASPING: 1,
@@ -114,21 +110,14 @@ REPLY_SIZES = {
     LIMITS: _LIMITS.size,
 }
 """Bytes after a status of 0; there are none after any other status."""
-REQUEST_SIZES = {
-    DISCONNECT: 0,
+REQUEST_SIZES = dict.fromkeys((DISCONNECT, STOP, GET_FORCE, SYSTEM, LIMITS), 0) | {
     HOME: 1,
     PREPOSITION: _GOAL.size,
-    STOP: 0,
     ACKNOWLEDGE: 3,
     SET_FORCE: _F32.size,
-    GET_FORCE: 0,
-    STATE: _UPDATE.size,
-    GRASPING: _UPDATE.size,
-    WIDTH: _UPDATE.size,
-    FORCE: _UPDATE.size,
-    SYSTEM: 0,
-    LIMITS: 0,
+    **dict.fromkeys(UPDATES, _UPDATE.size),
 }
+"""Bytes of a request, for emulators."""
 
 
 class Limits(NamedTuple):

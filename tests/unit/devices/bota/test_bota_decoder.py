@@ -79,7 +79,7 @@ def test_a_value_that_is_not_finite_makes_the_reading_invalid(value: float, plac
     assert sample.status == ("invalid",)
 
 
-def test_device_time_is_handed_on_as_sent_and_wraps() -> None:
+def test_device_time_is_returned_as_sent_and_wraps() -> None:
     stream = b"".join(bota.encode_frame((0, 0, 0), (0, 0, 0), (1 << 32) + step) for step in (-1, 0, 1))
     assert times_us(bota.Decoder().receive(stream, 0)) == [(1 << 32) - 1, 0, 1]
 
@@ -144,7 +144,7 @@ def test_noise_yields_no_reading() -> None:
     assert decoder.health.bad_bytes > 512 * 8192 - 37
 
 
-def test_out_of_step_a_frame_with_reserved_bits_is_believed_only_by_its_successor() -> None:
+def test_out_of_sync_a_frame_with_reserved_bits_is_accepted_only_by_its_successor() -> None:
     strange = [bota.encode_frame((0, 0, 0), (0, 0, 0), time, status=0x1000) for time in range(3)]
     decoder = bota.Decoder()
     assert times_us(decoder.receive(b"\0" * 5 + b"".join(strange), 0)) == [1, 2]
@@ -154,7 +154,7 @@ def test_out_of_step_a_frame_with_reserved_bits_is_believed_only_by_its_successo
 
 def test_endless_garbage_is_not_kept() -> None:
     decoder = bota.Decoder()
-    for _ in range(200):
+    for _ in range(20):
         decoder.receive(b"\xaa" * 4096, 0)
         assert len(decoder._frames._tail) < FRAME_LENGTH
 

@@ -114,7 +114,7 @@ def test_options_reach_the_commands() -> None:
     assert bench.written == [b"C", b"c,1,1,0,4", b"f,512,0,0,1", b"R"]
 
 
-def test_a_running_sensor_is_configured_at_once_and_its_readings_are_handed_on_meanwhile() -> None:
+def test_a_running_sensor_is_configured_at_once_and_its_readings_are_returned_meanwhile() -> None:
     bench = Bench(bota.Session(), Sensor(running=True, deaf_to="C"))
     bench.start()
     bench.run(1.0)
@@ -124,7 +124,7 @@ def test_a_running_sensor_is_configured_at_once_and_its_readings_are_handed_on_m
     assert bench.session.state == "running"
 
 
-def test_a_sensor_that_shows_nothing_is_spoken_to_after_two_seconds() -> None:
+def test_a_silent_sensor_is_configured_after_two_seconds() -> None:
     bench = Bench(bota.Session(), Sensor())
     bench.start()
     bench.run(1.98)
@@ -133,7 +133,7 @@ def test_a_sensor_that_shows_nothing_is_spoken_to_after_two_seconds() -> None:
     assert bench.session.state == "running"
 
 
-def test_a_command_without_answer_is_repeated_and_then_the_sequence_begins_anew() -> None:
+def test_an_unanswered_command_is_repeated_and_then_the_sequence_restarts() -> None:
     bench = Bench(bota.Session(), Sensor(running=True, deaf_to="f"))
     bench.start()
     bench.run(1.6)
@@ -185,7 +185,7 @@ def test_the_identity_is_that_of_the_last_banner_and_unknown_on_a_new_link() -> 
     assert session.identity == ""
 
 
-def test_a_banner_that_never_tells_a_name_is_forgotten() -> None:
+def test_a_banner_that_has_no_name_is_forgotten() -> None:
     session = bota.Session()
     session.start(0)
     session.receive(bota_text.BANNER + b"\r", 1)
@@ -207,7 +207,7 @@ def test_a_refused_command_is_named_and_repeated_until_it_is_obeyed() -> None:
     assert bench.session.state == "running"
 
 
-def test_frames_stand_for_a_lost_answer_to_run() -> None:
+def test_frames_replace_a_lost_answer_to_run() -> None:
     session = bota.Session()
     sensor = Sensor(running=True, deaf_to="R")
     bench = Bench(session, sensor)
@@ -230,7 +230,7 @@ def test_a_sensor_that_resets_while_running_is_configured_again() -> None:
     assert bench.states[-3:] == ["waiting", "configuring", "running"]
 
 
-def test_silence_while_running_shows_after_a_second() -> None:
+def test_silence_while_running_is_reported_after_a_second() -> None:
     bench = Bench(bota.Session(), Sensor(running=True))
     bench.start()
     bench.run(0.5)
@@ -256,7 +256,7 @@ def test_answers_are_found_in_any_split_and_between_frames(size: int) -> None:
     assert session.health.good == 9
 
 
-def test_an_answer_behind_the_rest_of_a_frame_is_found() -> None:
+def test_an_answer_after_the_rest_of_a_frame_is_found() -> None:
     """The read is as long as a frame, and completes one."""
     session = bota.Session()
     frame, answer = bota.encode_frame((0, 0, 1), (0, 0, 0), 0), b"r,0,C,0"

@@ -82,7 +82,7 @@ def test_a_run_is_at_most_fifteen_cells_long() -> None:
     assert dsacon32.encode_frame([5] * 32, 0, rle=True)[11:-2] == bytes.fromhex("05 F0 05 F0 05 20")
 
 
-def test_a_run_of_no_cells_is_nothing() -> None:
+def test_a_run_of_zero_cells_adds_nothing() -> None:
     (sample,) = dsacon32.Decoder().receive(payload_frame("00 00 00 00 01  07 00 05 10 00 00"), 0)
     assert sample.values.tolist() == [5]
 
@@ -134,13 +134,13 @@ def test_L3_the_buffer_is_bounded_by_the_longest_image() -> None:
 
 
 @pytest.mark.parametrize("frame", [PLAIN, RLE])
-def test_L3_a_length_beyond_the_known_form_is_seen_at_the_flags(frame: bytes) -> None:
+def test_L3_a_length_beyond_the_known_matrices_is_rejected_at_the_flags(frame: bytes) -> None:
     decoder = dsacon32.Decoder(FORMS)
     decoder.receive(frame[:4] + b"\x1f" + frame[5:11], 0)
     assert decoder.health.bad_bytes == 11
 
 
-def test_L3_a_wrong_length_of_long_runs_is_seen_when_the_next_image_comes() -> None:
+def test_L3_a_wrong_length_of_long_runs_is_found_when_the_next_image_arrives() -> None:
     decoder = dsacon32.Decoder([[20, 30]])
     one, two, three = (dsacon32.encode_frame([5] * 600, number, rle=True) for number in range(3))
     wrong = one[:4] + (2 * 590 + 5).to_bytes(2, "little") + one[6:]
@@ -148,7 +148,7 @@ def test_L3_a_wrong_length_of_long_runs_is_seen_when_the_next_image_comes() -> N
 
 
 @pytest.mark.parametrize("rle", [False, True])
-def test_L3_a_wrong_length_is_seen_when_the_next_image_comes(rle: bool) -> None:
+def test_L3_a_wrong_length_is_found_when_the_next_image_arrives(rle: bool) -> None:
     one, two, three = frames(3, rle=rle, cells=600)
     wrong = one[:4] + (4000 + 5).to_bytes(2, "little") + one[6:]
     seen, _ = decode(wrong, two, three, matrices=[[20, 30]] if rle else None)
@@ -156,7 +156,7 @@ def test_L3_a_wrong_length_is_seen_when_the_next_image_comes(rle: bool) -> None:
 
 
 @pytest.mark.parametrize("size", [101, 1001, 4001])
-def test_L3_a_length_that_lies_is_seen_once_a_whole_packet_has_come_behind_it(size: int) -> None:
+def test_L3_a_wrong_length_is_found_once_a_whole_packet_follows_it(size: int) -> None:
     one, two, three = frames(3, rle=True)
     lie = one[:4] + size.to_bytes(2, "little") + one[6:]
     assert decode(lie, two)[0] == [33]
@@ -164,13 +164,13 @@ def test_L3_a_length_that_lies_is_seen_once_a_whole_packet_has_come_behind_it(si
     assert decode(messages.encode_matrix(6, 14)[:10], frames(1, rle=True, cells=4)[0])[0] == [0]
 
 
-def test_L1_every_split_reads_the_same_behind_a_length_that_lies(same_for_every_split: SplitCheck) -> None:
+def test_L1_every_split_reads_the_same_after_a_wrong_length(same_for_every_split: SplitCheck) -> None:
     one, *rest = frames(4, rle=True)
     lie = one[:4] + (1001).to_bytes(2, "little") + one[6:]
     assert len(same_for_every_split(dsacon32.Decoder, rest[0] + lie + b"".join(rest[1:]))) == 3
 
 
-def test_an_image_that_holds_what_only_looks_like_a_packet_is_one() -> None:
+def test_an_image_that_contains_what_only_looks_like_a_packet_is_accepted() -> None:
     cells = [0xAAA] * 10 + [0xAA] * 3 + [0] * 3
     assert weiss.PREAMBLE in dsacon32.encode_frame(cells, 0, rle=True)[3:]
     assert decode(dsacon32.encode_frame(cells, 33, rle=True))[0] == [33]
@@ -200,19 +200,19 @@ def test_T2_two_images_mixed_are_dropped_whole() -> None:
     assert passed == 0
 
 
-def test_a_value_beyond_12_bits_makes_no_image() -> None:
+def test_a_value_beyond_12_bits_gives_no_image() -> None:
     bad = payload_frame("00 00 00 00 00 FF 0F 00 10")
     seen, decoder = decode(bad, PLAIN)
     assert seen == [1000]
     assert decoder.health.bad_bytes == len(bad)
 
 
-def test_an_image_without_cells_or_with_half_a_cell_is_none() -> None:
+def test_an_image_without_cells_or_with_half_a_cell_is_rejected() -> None:
     for empty in ("00 00 00 00 00", "00 00 00 00", "00 00 00 00 01 05 00", "00 00 00 00 00 05 00 07"):
         assert decode(payload_frame(empty), PLAIN)[0] == [1000]
 
 
-def test_more_cells_than_any_controller_has_are_no_image() -> None:
+def test_more_cells_than_any_controller_has_are_rejected() -> None:
     too_many = [9] * (weiss_tactile.MAX_CELLS + 1)
     for rle in (False, True):
         assert decode(dsacon32.encode_frame(too_many, 0, rle=rle), PLAIN)[0] == [1000]
@@ -224,7 +224,7 @@ def test_D1_boot_text_is_no_damage() -> None:
     assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
 
 
-def test_the_clock_is_handed_on_as_sent_and_wraps() -> None:
+def test_the_device_time_is_returned_as_sent_and_wraps() -> None:
     stream = [dsacon32.encode_frame([1], (1 << 32) + step) for step in (-1, 0, 1)]
     assert decode(*stream)[0] == [(1 << 32) - 1, 0, 1]
 
@@ -270,7 +270,7 @@ def test_matrices_that_no_controller_has_are_refused(matrices: list[list[float]]
         ),
     ],
 )
-def test_worked_questions_and_answers_are_written(made: bytes, sent: str) -> None:
+def test_worked_requests_and_answers_are_encoded(made: bytes, sent: str) -> None:
     assert made == bytes.fromhex("AA AA AA" + sent)
 
 
@@ -290,5 +290,5 @@ def test_errors_are_numbered_as_this_controller_does(code: int, word: str) -> No
     assert weiss.status_word(code, messages.ERROR_WORDS) == word
 
 
-def test_the_last_error_has_no_word_beyond_it() -> None:
+def test_an_error_beyond_the_last_has_no_word() -> None:
     assert weiss.status_word(28, messages.ERROR_WORDS) == "status 28"

@@ -171,13 +171,13 @@ def test_an_image_beside_a_torque_is_bad() -> None:
     assert decode(pack(IMAGE, torque_nm=None))[0] == []
 
 
-def test_D2_a_field_of_a_later_version_is_refused_and_not_passed_over() -> None:
+def test_D2_a_field_of_a_later_version_is_refused_and_not_skipped() -> None:
     samples, decoder = decode(pack(WRENCH, temperature_c=20.0), pack(WRENCH, v=2), pack(WRENCH, streak=1))
     assert samples == []
     assert decoder.health.bad == 1
 
 
-def test_a_field_that_stands_twice_is_bad() -> None:
+def test_a_duplicate_field_is_bad() -> None:
     whole = pack(WRENCH)
     twice = bytes((whole[0] + 1,)) + whole[1:] + b"\xa4t_ns\x07"
     assert decode(twice)[0] == []
@@ -193,7 +193,7 @@ def test_a_message_longer_than_the_longest_is_bad_however_it_is_split() -> None:
     assert whole.health == halves.health
 
 
-def test_T2_a_message_cut_anywhere_is_dropped_whole_and_holds_nothing_back() -> None:
+def test_T2_a_message_cut_anywhere_is_dropped_whole_and_delays_nothing() -> None:
     whole = pack(IMAGE, values=[[1.0, 2, 3.0]] * 3, seq=300, status=["hot"])
     for cut in range(1, len(whole)):
         samples, decoder = decode(whole[:cut], wrench(1), wrench(2))
@@ -250,20 +250,20 @@ BOMBS = [
 
 
 @pytest.mark.parametrize("bomb", BOMBS, ids=lambda bomb: bomb[:12].hex())
-def test_a_bomb_is_refused_at_its_first_byte_that_is_wrong(bomb: bytes) -> None:
+def test_a_decompression_bomb_is_rejected_at_its_first_wrong_byte(bomb: bytes) -> None:
     samples, decoder = decode(bomb, wrench(1), wrench(2))
     assert times(samples) == [1, 2]
     assert decoder._scanner._tail == b""
 
 
 @given(st.lists(st.one_of(st.just(wrench(1)), st.just(pack(IMAGE)), st.binary(max_size=40)), max_size=9))
-def test_nothing_raises_and_a_reading_behind_anything_is_read(parts: list[bytes]) -> None:
+def test_nothing_raises_and_a_reading_after_anything_is_read(parts: list[bytes]) -> None:
     samples, decoder = decode(*parts, wrench(8), wrench(9))
     assert times(samples)[-1] == 9
     assert decoder.health.good == len(samples)
 
 
-def test_D3_gaps_duplicates_and_restarts_are_told_apart_for_each_stream() -> None:
+def test_D3_gaps_duplicates_and_restarts_are_distinguished_for_each_stream() -> None:
     left = [encode_reading("left", number, force_n=(0, 0, 1), seq=number) for number in (700, 701, 705, 705, 704, 0, 1)]
     right = [encode_reading("right", number, force_n=(0, 0, 1), seq=number) for number in (0, 1, 2, 3, 4, 5, 6)]
     samples, decoder = decode(*(data for pair in zip(left, right, strict=True) for data in pair), wrench(5), wrench(5))
@@ -274,7 +274,7 @@ def test_D3_gaps_duplicates_and_restarts_are_told_apart_for_each_stream() -> Non
     assert (health.lost, health.duplicates, health.restarts, health.good) == (3, 2, 1, 14)
 
 
-def test_names_that_are_made_up_fill_no_memory() -> None:
+def test_invented_names_fill_no_memory() -> None:
     decoder = external.Decoder()
     for number in range(200):
         decoder.receive(encode_reading(f"s{number}", 1, force_n=(0, 0, 1), seq=1), 0)
@@ -298,7 +298,7 @@ def test_names_that_are_made_up_fill_no_memory() -> None:
     ],
     ids=str,
 )
-def test_a_reading_that_would_not_be_taken_is_not_written(reading: dict[str, Any]) -> None:
+def test_an_invalid_reading_is_not_encoded(reading: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="a reading must have"):
         encode_reading("left.wrench", 5, **reading)
 
@@ -307,7 +307,7 @@ class Unplugged(Exception):  # noqa: N818
     """The documented program's sensor has no more readings."""
 
 
-def test_the_documented_pusher_sends_what_is_read(tmp_path: Path) -> None:
+def test_the_documented_sender_is_understood(tmp_path: Path) -> None:
     (program,) = re.findall(r"<!-- external pusher -->\n+```python\n(.*?)```", DOCUMENT.read_text("utf-8"), re.DOTALL)
     endpoint = f"ipc://{tmp_path}/pushed"
     readings = iter([([1.0, 2.0, float(number)], [0.0, 0.0, 0.1]) for number in range(3)])

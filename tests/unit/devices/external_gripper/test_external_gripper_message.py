@@ -41,7 +41,7 @@ def take(body: Any) -> Any:
     return parse(data) if measure(data, 0) == len(data) else None
 
 
-def test_a_registration_and_a_report_are_as_they_are_written_down() -> None:
+def test_a_registration_and_a_report_are_as_documented() -> None:
     assert take(REGISTRATION) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
     assert take(REGISTRATION | {"speed_range_mps": [0.01, 0.2]}) == DRIVER
     assert take(REGISTRATION | {"speed_range_mps": None}) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
@@ -51,14 +51,14 @@ def test_a_registration_and_a_report_are_as_they_are_written_down() -> None:
 
 
 @given(reports)
-def test_what_is_encoded_is_read(report: Report) -> None:
+def test_encoded_messages_are_parsed(report: Report) -> None:
     data = wire.encode_report(report)
     assert len(data) <= wire.MAX_MESSAGE
     assert parse(data) == report
     assert parse(wire.encode_registration(DRIVER)) == DRIVER
 
 
-def test_every_shorter_piece_of_a_message_waits_for_more_and_what_follows_does_not_matter() -> None:
+def test_every_part_of_a_message_is_incomplete_and_following_bytes_do_not_matter() -> None:
     for data in (
         wire.encode_report(EVERYTHING),
         wire.encode_registration(DRIVER),
@@ -110,34 +110,34 @@ WRONG: list[Any] = [
 
 
 @pytest.mark.parametrize("body", WRONG, ids=str)
-def test_a_message_that_is_not_as_written_down_is_none(body: Any) -> None:
+def test_a_message_that_is_not_as_documented_is_rejected(body: Any) -> None:
     assert take(body) is None
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
 @pytest.mark.parametrize("key", ["width_m", "force_n", "applied_n"])
-def test_N1_a_number_that_is_not_finite_or_beyond_all_measure_is_not_believed(key: str, value: float) -> None:
+def test_N1_a_number_that_is_not_finite_or_out_of_range_is_rejected(key: str, value: float) -> None:
     assert take(REPORT | {"id": 1, key: value}) is None
 
 
 @pytest.mark.parametrize("value", [[0.1, 0.0], [0.1, 0.1], [-1, 0], [0, 1e9], [0, math.nan], [None, 1], 5, [True, 2]])
 @pytest.mark.parametrize("key", ["width_range_m", "force_range_n", "speed_range_mps"])
-def test_a_range_that_is_none_is_not_believed(key: str, value: Any) -> None:
+def test_an_invalid_range_is_rejected(key: str, value: Any) -> None:
     assert take(REGISTRATION | {key: value}) is None
 
 
-def test_text_that_is_no_text_is_none() -> None:
+def test_text_that_is_not_utf_8_is_rejected() -> None:
     data = msgpack.packb(REPORT | {"fault": "x"}).replace(b"\xa1x", b"\xa1\xff")
     assert measure(data, 0) == len(data)
     assert parse(data) is None
 
 
-def test_a_key_that_stands_twice_is_refused_before_anything_is_unpacked() -> None:
+def test_a_duplicate_key_is_rejected_before_anything_is_unpacked() -> None:
     twice = b"\x83\xa1v\x01\xa7width_m\x00\xa7width_m\x01"
     assert measure(twice, 0) == -1
 
 
-def test_L3_a_length_that_lies_is_not_waited_for() -> None:
+def test_L3_a_wrong_length_is_not_waited_for() -> None:
     begun = b"\x83\xa1v\x01\xa5fault\xd9"
     assert measure(begun + b"\xff", 0) == -1
     assert measure(begun + b"\x78" + bytes(0x77), 0) == 0
@@ -163,12 +163,12 @@ def test_L3_noise_is_seldom_even_a_beginning() -> None:
         lambda: wire.encode_registration(Registration("x", (0.1, 0.0), (2.0, 60.0))),
     ],
 )
-def test_a_message_that_would_not_be_taken_is_not_made(make: Any) -> None:
+def test_an_invalid_message_is_not_encoded(make: Any) -> None:
     with pytest.raises(ValueError, match="must have finite numbers"):
         make()
 
 
-def test_set_points_and_notices_are_as_they_are_written_down() -> None:
+def test_set_points_and_notices_are_as_documented() -> None:
     move = wire.encode_setpoint(3, "move", width_m=0.02, speed_mps=None, force_n=10.0)
     assert msgpack.unpackb(move) == {
         "v": 1,
@@ -183,7 +183,7 @@ def test_set_points_and_notices_are_as_they_are_written_down() -> None:
     assert struct.pack(">d", 0.02) in move
 
 
-def test_a_key_that_is_no_text_does_not_lead_backwards() -> None:
+def test_a_key_that_is_not_text_does_not_lead_backwards() -> None:
     """Its length, counted from the code of a text, would be negative, and the walk end before it began."""
     body = b"\x00v\x00\xa7width_m\xc0"
     assert measure(b"\x82" + body + bytes(161 - 1 - len(body)), 0) == -1

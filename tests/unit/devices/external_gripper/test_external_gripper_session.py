@@ -122,13 +122,13 @@ def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Ben
 
 
 @pytest.mark.parametrize(("asked", "told"), [(0.5, 2.0), (59.5, 59.5), (500.0, 60.0)])
-def test_no_more_is_told_than_was_asked_but_for_the_least(bench: Bench, asked: float, told: float) -> None:
+def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, asked: float, told: float) -> None:
     assert move(bench.session, 0.02, None, asked) == told
     bench.run(0.1)
     assert bench.sent == [{"v": 1, "id": 1, "op": "move", "width_m": 0.02, "speed_mps": None, "force_n": told}]
 
 
-def test_a_force_behind_a_move_that_waits_goes_with_the_move(bench: Bench) -> None:
+def test_a_force_after_a_waiting_move_is_sent_with_the_move(bench: Bench) -> None:
     move(bench.session, 0.02, 0.1, 40.0)
     set_force(bench.session, 5.0)
     bench.run(0.1)
@@ -182,7 +182,7 @@ def test_D4_a_set_point_that_meets_a_fault_is_dropped(bench: Bench) -> None:
     assert (bench.told(), bench.session.state) == (["force"], "command lost: no_power")
 
 
-def test_D5_a_force_above_the_one_told_shows_while_it_lasts(bench: Bench) -> None:
+def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -> None:
     bench.driver.excess = 0.01
     move(bench.session, 0.02, None, 10.0)
     bench.run(0.5)
@@ -193,7 +193,7 @@ def test_D5_a_force_above_the_one_told_shows_while_it_lasts(bench: Bench) -> Non
     assert bench.last.echo_ok is True
 
 
-def test_D5_a_force_where_none_was_asked_for_is_above_it() -> None:
+def test_D5_a_force_without_a_request_is_too_high() -> None:
     bench = Bench()
     bench.session.start(0)
     bench.hear([encode_registration(Registration("x", (0.0, 0.1), (0.0, 50.0))), encode_report(Report(0.05))])
@@ -203,7 +203,7 @@ def test_D5_a_force_where_none_was_asked_for_is_above_it() -> None:
     assert bench.last.echo_ok is False
 
 
-def test_A6_an_unanswered_set_point_is_sent_again_with_its_id_and_then_given_up(bench: Bench) -> None:
+def test_A6_an_unanswered_set_point_is_sent_again_with_its_id_and_then_lost(bench: Bench) -> None:
     bench.driver.mute = True
     set_force(bench.session, 10.0)
     bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
@@ -226,7 +226,7 @@ def test_A6_a_driver_that_refuses_is_not_asked_again(bench: Bench) -> None:
     assert (bench.told(), bench.session.state) == (["force"], "command lost: force: finger guard is open")
 
 
-def test_an_answer_to_nothing_is_a_report_and_a_duplicate(bench: Bench) -> None:
+def test_an_answer_to_no_set_point_is_a_report_and_a_duplicate(bench: Bench) -> None:
     bench.hear([encode_report(Report(0.07, id=99, applied_n=50.0))])
     assert (bench.last.width_m, bench.last.echo_ok, bench.session.health.duplicates) == (0.07, None, 1)
     bench.driver.mute = True
@@ -237,7 +237,7 @@ def test_an_answer_to_nothing_is_a_report_and_a_duplicate(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("lie", [Report(0.2), Report(0.05, id=1)])
-def test_a_report_that_lies_is_counted_and_not_believed(bench: Bench, lie: Report) -> None:
+def test_a_implausible_report_is_counted_and_not_accepted(bench: Bench, lie: Report) -> None:
     bench.driver.mute = True
     set_force(bench.session, 10.0)
     bench.run(0.01)
@@ -247,7 +247,7 @@ def test_a_report_that_lies_is_counted_and_not_believed(bench: Bench, lie: Repor
     assert bench.session._queue.outstanding is not None
 
 
-def test_a_driver_that_falls_silent_is_told_nothing_more(bench: Bench) -> None:
+def test_a_driver_that_falls_silent_receives_nothing_more(bench: Bench) -> None:
     bench.deaf = True
     bench.driver.mute = True
     bench.run(0.45)
@@ -265,14 +265,14 @@ def test_a_driver_that_falls_silent_is_told_nothing_more(bench: Bench) -> None:
     assert set_force(bench.session, 10.0) == 10.0
 
 
-def test_a_driver_that_does_not_register_is_told_to(bench: Bench) -> None:
+def test_a_driver_that_does_not_register_is_asked_to(bench: Bench) -> None:
     session = Session()
     session.start(0)
     assert session.state == "waiting"
     assert session.receive(encode_report(Report(0.05)), 0) == []
     assert session.next_deadline() == 0
-    assert msgpack.unpackb(session.on_time(0)) == {"v": 1, "refused": "a driver registers before all else"}
-    assert (session.state, session.health.bad) == ("refused: a driver registers before all else", 1)
+    assert msgpack.unpackb(session.on_time(0)) == {"v": 1, "refused": "the driver must register first"}
+    assert (session.state, session.health.bad) == ("refused: the driver must register first", 1)
     assert move(session, 0.05, None, 5.0) is None
     assert session.on_time(SILENCE_NS - 1) == b""
     assert session.on_time(SILENCE_NS) != b""
@@ -288,7 +288,7 @@ def test_D2_another_version_of_the_format_is_refused_by_name() -> None:
     assert session.state == "waiting"
 
 
-def test_a_driver_that_registers_again_begins_anew(holding: Bench) -> None:
+def test_a_driver_that_registers_again_starts_again(holding: Bench) -> None:
     assert holding.session.force_sent_n == 10.0
     holding.hear([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
     assert (holding.session.state, holding.session.health.restarts) == ("waiting", 1)
@@ -305,15 +305,15 @@ def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again
     bench.hear([encode_registration(DRIVER)])
     assert bench.session.command_lost
     bench.run(1.0)
-    assert (bench.told(), bench.session.state) == (["force"] * sent, "command lost: the driver registered anew")
+    assert (bench.told(), bench.session.state) == (["force"] * sent, "command lost: the driver registered again")
     bench.driver.mute = False
     set_force(bench.session, 11.0)
     bench.run(0.1)
     assert bench.session.state == "active"
 
 
-def test_another_driver_on_the_same_connection_is_told_nothing_until_the_first_registers_again(bench: Bench) -> None:
-    session, reason = bench.session, "another driver registered here: connect anew"
+def test_another_driver_on_the_same_connection_receives_nothing_until_the_first_registers_again(bench: Bench) -> None:
+    session, reason = bench.session, "another driver registered on this connection: reconnect"
     set_force(session, 10.0)
     bench.samples.clear()
     bench.hear([encode_registration(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
@@ -328,7 +328,7 @@ def test_another_driver_on_the_same_connection_is_told_nothing_until_the_first_r
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
-def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, how: str) -> None:
+def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(holding: Bench, how: str) -> None:
     holding.driver.mute = True
     set_force(holding.session, 12.0)
     holding.run(0.01)
@@ -338,7 +338,7 @@ def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding
     assert holding.session.drop() is False
 
 
-def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: Bench) -> None:
+def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(bench: Bench) -> None:
     bench.driver.mute = True
     set_force(bench.session, 10.0)
     bench.run(0.01)
@@ -357,7 +357,7 @@ def test_a_stop_is_not_dropped(bench: Bench) -> None:
 
 @pytest.mark.parametrize("active", [False, True])
 @pytest.mark.parametrize("how", ["halt", "drop"])
-def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str, active: bool) -> None:
+def test_an_unsent_activation_is_cancelled(bench: Bench, how: str, active: bool) -> None:
     bench.driver.report = Report(0.08, active=active)
     bench.run(0.1)
     activate(bench.session, bench.now_ns)
@@ -366,7 +366,7 @@ def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str, a
     assert bench.told() == ["stop"] * (active and how == "halt")
 
 
-def test_a_gripper_that_is_not_active_any_more_or_is_activated_was_told_no_force(holding: Bench) -> None:
+def test_a_gripper_that_is_not_active_any_more_or_is_activated_has_no_force(holding: Bench) -> None:
     activate(holding.session, holding.now_ns)
     assert (holding.session.force_sent_n, holding.session.drop()) == (None, True)
     assert holding.session.force_sent_n == 10.0
@@ -376,13 +376,13 @@ def test_a_gripper_that_is_not_active_any_more_or_is_activated_was_told_no_force
     assert holding.session.force_sent_n is None
 
 
-def test_an_end_with_a_set_point_on_its_way_says_nothing(holding: Bench) -> None:
+def test_stopping_with_an_unanswered_set_point_sends_nothing(holding: Bench) -> None:
     set_force(holding.session, 12.0)
     assert (holding.session.stop(), holding.session.next_deadline()) == (b"", None)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_N2_a_force_that_is_no_number_is_refused(bench: Bench, value: float) -> None:
+def test_N2_a_force_that_is_not_finite_is_refused(bench: Bench, value: float) -> None:
     for ask in (lambda: move(bench.session, 0.0, None, value), lambda: set_force(bench.session, value)):
         with pytest.raises(ValueError, match="must be finite"):
             ask()
@@ -397,7 +397,7 @@ def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(bench: Bench
 
 
 @pytest.mark.parametrize("answer_ms", [4, 1001, 100.0])
-def test_a_time_that_is_none_is_refused(answer_ms: Any) -> None:
+def test_an_impossible_answer_time_is_refused(answer_ms: Any) -> None:
     with pytest.raises(ValueError, match="5 to 1000"):
         Session(answer_ms)
 
@@ -480,7 +480,7 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
     assert (session.health.bad, session.health.lost) == (0, 0)
 
 
-def test_a_force_is_told_as_it_is_asked_for() -> None:
+def test_a_force_is_sent_as_requested() -> None:
     assert Session().applied_n(12.34) == 12.34
 
 
@@ -510,7 +510,7 @@ def test_an_activation_that_was_sent_is_stopped(bench: Bench, active: bool) -> N
     assert bench.session.state == ("active" if active else "inactive")
 
 
-def test_an_activation_that_is_never_answered_is_over_when_it_is_given_up(bench: Bench) -> None:
+def test_an_activation_that_is_never_answered_ends_when_it_is_lost(bench: Bench) -> None:
     bench.driver.mute = True
     activate(bench.session)
     bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
@@ -519,6 +519,6 @@ def test_an_activation_that_is_never_answered_is_over_when_it_is_given_up(bench:
     assert set_force(bench.session, 5.0) == 5.0
 
 
-def test_a_session_that_was_closed_writes_nothing(bench: Bench) -> None:
+def test_a_closed_session_sends_nothing(bench: Bench) -> None:
     bench.session.stop()
     assert bench.session.on_time(bench.now_ns + SILENCE_NS) == b""

@@ -110,7 +110,7 @@ def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None
     assert len(same_for_every_split(netft.Decoder, stream)) == 10
 
 
-def test_D3_gap_duplicate_and_restart_are_told_apart() -> None:
+def test_D3_gap_duplicate_and_restart_are_distinguished() -> None:
     decoder = netft.Decoder()
     for number in (1, 2, 5, 6, 6, 7, 8, 1, 2):
         decoder.receive(record(number), 0)
@@ -161,7 +161,7 @@ def test_the_page_may_come_in_pieces_and_tells_identity_and_rate(size: int) -> N
     assert session.identity == "S/N FT1"
 
 
-def test_a_sensor_told_to_have_no_time_has_none_whatever_its_page_says() -> None:
+def test_a_sensor_asked_to_have_no_time_has_none_whatever_its_page_says() -> None:
     session = started(calibration="xml", internal_hz=0)
     session.receive(PAGE, 0)
     assert session.receive(record(1), 6)[0].device_time_ns is None
@@ -173,7 +173,7 @@ def test_numbers_of_the_config_need_no_answer() -> None:
     assert session.receive(record(1), 10)[0].force_n[0] == pytest.approx(12_345.678)
 
 
-def test_a_wrong_answer_is_told_and_records_are_counted_but_not_handed_on() -> None:
+def test_a_wrong_answer_is_told_and_records_are_counted_but_not_returned() -> None:
     session = started()
     session.receive(netft_calibration.encode_tcp(0, 1), 5)
     assert session.state == "wrong calibration: counts_per_force must be a number from 1 to 1e+12, got 0"
@@ -217,7 +217,7 @@ def test_a_silent_sensor_is_started_again() -> None:
     assert session.next_deadline() == 2 * SILENCE_NS + 1
 
 
-def test_stop_stops_the_sensor_and_what_still_comes_is_handed_on() -> None:
+def test_stop_stops_the_sensor_and_what_still_comes_is_returned() -> None:
     session = started()
     assert session.stop() == bytes.fromhex("12 34 00 00 00 00 00 00")
     assert (session.state, session.next_deadline()) == ("closed", None)

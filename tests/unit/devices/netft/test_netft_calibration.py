@@ -58,14 +58,14 @@ def test_every_unit_name_is_converted_however_it_is_spelled(force: str, torque: 
 
 
 @pytest.mark.parametrize("counts", [0, -1, math.nan, math.inf])
-def test_counts_that_make_no_unit_are_refused(counts: float) -> None:
+def test_impossible_counts_per_unit_are_refused(counts: float) -> None:
     with pytest.raises(ValueError, match="counts_per_force"):
         from_counts(counts, 1, "N", "N-m")
     with pytest.raises(ValueError, match="counts_per_torque"):
         from_counts(1, counts, "N", "N-m")
 
 
-def test_a_unit_that_is_not_known_is_refused_with_those_that_are() -> None:
+def test_an_unknown_unit_is_refused_with_a_list_of_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"force_unit must be one of lbf, N, klbf.* got 'stone'"):
         from_counts(1, 1, "stone", "N-m")
     with pytest.raises(ValueError, match=r"torque_unit must be one of lbf-in.* got 'N'"):
@@ -73,7 +73,7 @@ def test_a_unit_that_is_not_known_is_refused_with_those_that_are() -> None:
 
 
 @pytest.mark.parametrize("size", range(24))
-def test_an_answer_that_has_not_wholly_come_is_waited_for(size: int) -> None:
+def test_an_incomplete_answer_is_awaited(size: int) -> None:
     assert read_tcp(WORKED[:size]) is None
 
 
@@ -88,7 +88,7 @@ def test_an_answer_that_has_not_wholly_come_is_waited_for(size: int) -> None:
         (encode_tcp(1, 0), "counts_per_torque must be a number from 1 to 1e+12, got 0"),
     ],
 )
-def test_an_answer_that_cannot_be_right_is_named(answer: bytes, fault: str) -> None:
+def test_a_wrong_answer_is_explained(answer: bytes, fault: str) -> None:
     found = read_tcp(answer)
     assert isinstance(found, str)
     assert fault in found
@@ -102,7 +102,7 @@ def test_the_page_is_read_with_serial_number_and_rate() -> None:
     )
 
 
-def test_a_page_in_pieces_is_waited_for() -> None:
+def test_a_page_in_pieces_is_awaited() -> None:
     page = encode_xml(PAGE)
     for size in range(len(page) - len("</netft>\n") + 1):
         assert read_xml(page[:size]) is None
@@ -123,13 +123,13 @@ def test_a_page_in_pieces_is_waited_for() -> None:
         (encode_xml({}), "has no cfgcpf"),
     ],
 )
-def test_a_page_that_cannot_be_right_is_named(answer: bytes, fault: str) -> None:
+def test_a_wrong_page_is_explained(answer: bytes, fault: str) -> None:
     found = read_xml(answer)
     assert isinstance(found, str)
     assert fault in found
 
 
-def test_N1_a_rate_that_is_no_number_is_no_rate() -> None:
+def test_N1_a_rate_that_is_not_a_number_is_ignored() -> None:
     for rate in ("nan", "inf", "-5", "1e-300", "0.5", "1e300", "0"):
         found = read_xml(encode_xml({**PAGE, "runrate": rate}))
         assert isinstance(found, Calibration)
@@ -158,5 +158,5 @@ def test_no_answer_raises() -> None:
         (XML_INQUIRY, b"HTTP/1.0 503 busy\r\n\r\n", "the sensor's page answers with HTTP 503"),
     ],
 )
-def test_a_whole_answer_is_checked_before_the_stream_is_opened(inquiry: Inquiry, answer: bytes, fault: str) -> None:
+def test_a_complete_answer_is_checked_before_the_stream_is_opened(inquiry: Inquiry, answer: bytes, fault: str) -> None:
     assert inquiry.check(answer) == fault

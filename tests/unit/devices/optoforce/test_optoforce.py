@@ -55,7 +55,7 @@ def test_the_worked_six_axis_frame_is_read_and_written() -> None:
 
 
 @pytest.mark.parametrize("channel", range(4))
-def test_one_sensor_of_four_is_handed_on(channel: int) -> None:
+def test_one_sensor_of_four_is_returned(channel: int) -> None:
     frame = frames.encode_reading(tuple(range(12)), 1)
     assert len(frame) == 34
     (sample,) = optoforce.Decoder(channel=channel).receive(frame, 0)
@@ -93,7 +93,7 @@ def test_F2_every_status_bit_has_its_words_on_both_wirings(bit: int) -> None:
         assert optoforce.Decoder().receive(frames.encode_reading((1, 2, 3), 1, 1 << bit), 0)[0].status == words_of(bit)
 
 
-def test_F2_an_error_without_a_name_is_invalid_all_the_same() -> None:
+def test_F2_an_error_without_a_name_is_invalid_nevertheless() -> None:
     (sample,) = optoforce.Decoder().receive(frames.encode_reading((1, 2, 3), 1, 3 << 10 | 7 << 13), 0)
     assert sample.status == ("sensor_error", "invalid", "daq_error")
 
@@ -106,14 +106,14 @@ def test_N3_a_count_at_the_end_of_its_range_is_overload(rail: int) -> None:
     assert sample.status == ()
 
 
-def test_D3_gap_duplicate_and_restart_are_told_apart() -> None:
+def test_D3_gap_duplicate_and_restart_are_distinguished() -> None:
     decoder = optoforce.Decoder()
     for counter in (65_534, 65_535, 0, 3, 3, 4, 5000, 0):
         decoder.receive(reading(counter), 0)
     assert decoder.health == DecoderHealth(good=7, lost=2 + 4995, duplicates=1, restarts=1)
 
 
-def test_a_counter_that_is_not_trusted_is_not_used() -> None:
+def test_an_untrusted_counter_is_not_used() -> None:
     decoder = optoforce.Decoder(counted=False)
     decoder.forget()
     for counter in (10, 20, 20, 30):
@@ -201,7 +201,7 @@ def test_a_serial_daq_is_configured_and_asked_for_its_serial_number() -> None:
 
 
 @pytest.mark.parametrize("body", [b"\0" * 8, b"\xff12345\xff6", b"\x01\x02345678"])
-def test_a_serial_number_that_is_no_text_is_none(body: bytes) -> None:
+def test_a_serial_number_that_is_not_text_is_empty(body: bytes) -> None:
     session = optoforce.Session()
     session.start(0)
     session.receive(ACK, 1)
@@ -218,7 +218,7 @@ def test_a_refused_configuration_is_named_and_repeated() -> None:
     assert session.on_time(1 + RETRY_PAUSE_NS) == configuration
 
 
-def test_a_daq_without_answer_is_named_and_asked_for_ever() -> None:
+def test_a_daq_that_does_not_answer_is_reported_and_retried_forever() -> None:
     session = optoforce.Session()
     session.start(0)
     written = [session.on_time(now_ns) for now_ns in range(0, 20 * ANSWER_NS, ANSWER_NS)]
@@ -260,7 +260,7 @@ def test_a_new_link_forgets_the_old_identity_and_numbers() -> None:
     assert session.health == DecoderHealth(good=2)
 
 
-def test_requests_are_heard_in_any_split_and_behind_noise() -> None:
+def test_requests_are_read_from_any_split_and_after_noise() -> None:
     wanted = frames.Configuration(10, 4)
     damaged = bytearray(frames.encode_configuration(wanted))
     damaged[5] ^= 1

@@ -73,7 +73,7 @@ def ready(first: int = 0, layout: int = DISPLACEMENT_FIRST) -> papillarray.Decod
     """Return a decoder that knows the layout and has counted no reading; the next frame is ``first``."""
     decoder = papillarray.Decoder()
     for number in range(first - FRAMES, first):
-        decoder.receive(make(number, [forces(1)], layout=layout), 0)
+        decoder.receive(make(number, [forces(1, 1)], layout=layout), 0)
     assert decoder.health.good == 1
     decoder.health.good = 0
     return decoder
@@ -121,7 +121,7 @@ def test_the_worked_frame_is_written() -> None:
 @pytest.mark.parametrize("index_end", [True, False])
 @pytest.mark.parametrize("type_bytes", [1, 2])
 @pytest.mark.parametrize("sensors", [1, 2])
-def test_the_stream_itself_says_how_it_is_laid_out(layout: int, index_end: bool, type_bytes: int, sensors: int) -> None:
+def test_the_stream_shows_its_layout(layout: int, index_end: bool, type_bytes: int, sensors: int) -> None:
     decoder = papillarray.Decoder()
     kind: dict[str, Any] = {"slip": True, "layout": layout, "index_end": index_end, "type_bytes": type_bytes}
     for number in range(FRAMES - 1):
@@ -137,7 +137,7 @@ def test_the_stream_itself_says_how_it_is_laid_out(layout: int, index_end: bool,
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_without_a_load_nothing_is_decided_and_behind_one_nothing_is_forgotten(layout: int) -> None:
+def test_the_layout_is_undecided_without_a_load_and_kept_after_one(layout: int) -> None:
     rng = np.random.default_rng(3)
 
     def unloaded(number: int) -> bytes:
@@ -154,14 +154,14 @@ def test_without_a_load_nothing_is_decided_and_behind_one_nothing_is_forgotten(l
     assert len(decoder.receive(unloaded(number + 1), 0)) == 2
 
 
-def test_frames_that_say_nothing_do_not_interrupt_those_that_do() -> None:
+def test_inconclusive_frames_do_not_interrupt_conclusive_ones() -> None:
     decoder = papillarray.Decoder()
     for number in range(2 * FRAMES):
         samples = decoder.receive(make(number, [forces(number) if number % 2 else np.zeros((9, 3))]), 0)
     assert len(samples) == 1
 
 
-def test_where_neither_layout_fits_every_reading_is_refused() -> None:
+def test_if_neither_layout_matches_every_reading_is_rejected() -> None:
     decoder = papillarray.Decoder()
     for number in range(20):
         assert decoder.receive(frame(number, wholes=[np.array((4.0, 5.0, 6.0))]), 0) == []
@@ -172,7 +172,7 @@ def test_where_neither_layout_fits_every_reading_is_refused() -> None:
     assert len(samples) == 1
 
 
-def test_a_frame_that_contradicts_the_layout_is_dropped_and_many_take_it_back() -> None:
+def test_a_frame_that_contradicts_the_layout_is_dropped_and_many_change_the_layout() -> None:
     decoder = ready(100)
     assert decoder.receive(frame(100, layout=FORCE_FIRST), 0) == []
     assert (decoder.health.bad, len(decoder.receive(frame(101), 0))) == (1, 1)
@@ -202,7 +202,7 @@ def test_frames_without_the_whole_force_decide_nothing() -> None:
     assert decoder.health.note == papillarray_layout.UNDECIDED
 
 
-def test_a_controller_that_is_plugged_in_anew_has_to_show_its_layout_again() -> None:
+def test_a_reconnected_controller_must_show_its_layout_again() -> None:
     decoder = ready()
     decoder.forget()
     assert decoder.health.note == ""
@@ -225,7 +225,7 @@ def test_offsets_of_one_byte_reach_a_small_frame() -> None:
     assert sample.values.tolist() == forces(1, 1).tolist()
 
 
-def test_an_undefined_block_is_passed_over_wherever_it_stands() -> None:
+def test_an_undefined_block_is_skipped_wherever_it_stands() -> None:
     undefined = (frames.UNDEFINED, frames.END + b"whatever")
     pillars = frames.encode_pillars([entries(forces(4))])
     for blocks in ([frames.encode_hub(4, 4000), undefined, pillars], [frames.encode_hub(4, 4000), pillars, undefined]):
@@ -277,7 +277,7 @@ ENTRY = frames.encode_vectors((1, 2, 3), (0, 0, 0))
     ],
 )
 @pytest.mark.parametrize("index_end", [True, False])
-def test_a_body_that_is_not_as_its_index_says_is_no_frame(blocks: list[tuple[int, bytes]], index_end: bool) -> None:
+def test_a_body_that_contradicts_its_index_is_rejected(blocks: list[tuple[int, bytes]], index_end: bool) -> None:
     numbers, decoder = decode(frame(0) + frames.encode_blocks(blocks, index_end=index_end) + frame(2))
     assert numbers == [0, 2]
     assert decoder.health.bad >= 1
@@ -306,7 +306,7 @@ def test_the_index_ends_with_two_zero_bytes_or_with_none() -> None:
         {11: 0},
     ],
 )
-def test_an_index_that_points_anywhere_else_is_no_frame(change: dict[int, int]) -> None:
+def test_an_index_with_a_wrong_offset_is_rejected(change: dict[int, int]) -> None:
     body = bytearray(WORKED[4:-6])
     for at, byte in change.items():
         body[at] = byte
@@ -337,15 +337,15 @@ def test_an_end_marker_inside_the_data_does_not_end_the_frame() -> None:
 
 
 def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
-    small = [make(number, [forces(number, 2)], slip=True, type_bytes=1 + number % 2) for number in range(12)]
-    stream = small[0][30:] + small[1] + small[2][:40] + b"".join(small[3:7]) + frames.START + b"".join(small[7:])
-    undefined = frames.encode_blocks([frames.encode_hub(12, 0), (frames.UNDEFINED, frames.END * 2)])
-    assert len(same_for_every_split(ready, stream + undefined + bytes(frames.LONGEST))) == 10
+    small = [make(number, [forces(number, 1)], slip=True, type_bytes=1 + number % 2) for number in range(6)]
+    stream = small[0][30:] + small[1] + small[2][:40] + small[3] + frames.START + small[4] + small[5]
+    undefined = frames.encode_blocks([frames.encode_hub(6, 0), (frames.UNDEFINED, frames.END * 2)])
+    assert len(same_for_every_split(ready, stream + undefined, tail=bytes(frames.LONGEST))) == 4
 
 
 def test_L2_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage) -> None:
     before, whole, behind = (frame(number, sensors=2) for number in (3, 4, 5))
-    for hit in damaged(whole, 1500):
+    for hit in damaged(whole, 600):
         numbers, decoder = decode(before + hit + behind + bytes(frames.LONGEST), 3)
         assert numbers == ([3, 3, 4, 4, 5, 5] if whole in hit else [3, 3, 5, 5]), hit.hex()
         assert decoder.health.bad >= 1
@@ -368,11 +368,11 @@ def test_L3_noise_gives_no_sample_and_is_not_kept() -> None:
 
 
 @given(st.lists(st.one_of(st.just(frame(1)), st.just(frames.START), st.binary(max_size=60)), max_size=8))
-def test_nothing_raises_and_a_frame_behind_anything_is_read(parts: list[bytes]) -> None:
+def test_nothing_raises_and_a_frame_after_anything_is_read(parts: list[bytes]) -> None:
     assert decode(b"".join(parts) + frame(2) + bytes(frames.LONGEST))[0][-1] == 2
 
 
-def test_D3_gaps_duplicates_and_restarts_are_told_apart() -> None:
+def test_D3_gaps_duplicates_and_restarts_are_distinguished() -> None:
     numbers, decoder = decode(b"".join(frame(number) for number in (900, 901, 905, 905, 904, 906, 0, 1)), 900)
     assert numbers == [900, 901, 905, 906, 0, 1]
     health = decoder.health

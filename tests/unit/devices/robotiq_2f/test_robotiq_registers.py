@@ -68,7 +68,7 @@ def test_every_fault_has_its_name(code: int, name: str) -> None:
 
 
 @pytest.mark.parametrize(("stage", "found", "go"), list(itertools.product(range(4), range(4), (False, True))))
-def test_status_words_say_what_the_gripper_does(stage: int, found: int, go: bool) -> None:
+def test_status_words_describe_the_motion(stage: int, found: int, go: bool) -> None:
     told = Output(activate=stage > 0, go=go, release=False, position=9, speed=0, force=0)
     registers = status_registers(told, stage=stage, found=found, fault=0, position=51, current_a=0.5)
     sample = parse_status(registers, 0, 9)
@@ -95,7 +95,7 @@ def test_output_words_are_read() -> None:
     assert parse_output((0x1000, 0, 0)).release
 
 
-def test_writes_land_where_they_are_addressed_and_nowhere_else() -> None:
+def test_writes_change_only_the_addressed_registers() -> None:
     before = (0x0900, 200, 0x803C)
     force = modbus.Request(9, modbus.WRITE, write_address=1002, registers=(0x805A,))
     assert write_output(before, force) == (0x0900, 200, 0x805A)

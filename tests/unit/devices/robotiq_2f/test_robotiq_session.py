@@ -133,7 +133,7 @@ def active() -> Bench:
     return bench
 
 
-def test_starting_only_polls_and_never_moves_anything() -> None:
+def test_starting_only_polls_and_moves_nothing() -> None:
     bench = Bench().start()
     bench.steps(200)
     assert bench.commands() == []
@@ -144,7 +144,7 @@ def test_starting_only_polls_and_never_moves_anything() -> None:
     assert bench.session.next_deadline() is None
 
 
-def test_activation_clears_then_activates_and_waits_until_the_gripper_says_so() -> None:
+def test_activation_clears_then_activates_and_waits_until_the_gripper_reports_it() -> None:
     bench = Bench().start()
     activate(bench.session, bench.now_ns)
     assert bench.move(1, 2, 3) is None
@@ -216,7 +216,7 @@ def test_halt_clears_go_and_keeps_the_gripper_active(active: Bench) -> None:
     assert active.samples[-1].active
 
 
-def test_halt_leaves_a_force_on_its_way(active: Bench) -> None:
+def test_a_halt_keeps_a_force_that_waits(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     active.set_force(90)
@@ -225,7 +225,7 @@ def test_halt_leaves_a_force_on_its_way(active: Bench) -> None:
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
 
-def test_halt_takes_back_a_move_that_never_began_with_its_force(active: Bench) -> None:
+def test_a_halt_drops_a_move_that_never_began_with_its_force(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     active.move(0, 255, 0)
@@ -235,7 +235,7 @@ def test_halt_takes_back_a_move_that_never_began_with_its_force(active: Bench) -
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
-def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active: Bench, how: str) -> None:
+def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(active: Bench, how: str) -> None:
     assert active.session.force_sent_n is None, "the gripper was active before"
     active.move(200, 128, 60)
     assert active.session.force_sent_n == 61.0
@@ -249,7 +249,7 @@ def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(active:
     assert active.gripper.output == (0x0100 if how == "halt" else 0x0900, 200, 0x805A)
 
 
-def test_the_force_told_is_that_of_a_force_that_is_repeated_behind_a_halt(active: Bench) -> None:
+def test_the_force_sent_is_that_of_a_force_that_is_repeated_after_a_halt(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     active.gripper.mute = True
@@ -264,7 +264,7 @@ def test_the_force_told_is_that_of_a_force_that_is_repeated_behind_a_halt(active
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
 
-def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(active: Bench) -> None:
+def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(active: Bench) -> None:
     active.gripper.mute = True
     active.move(200, 128, 60)
     active.steps(1)
@@ -322,7 +322,7 @@ def test_a_halt_is_not_dropped_and_is_repeated(active: Bench) -> None:
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
-def test_an_activation_that_was_not_sent_is_taken_back(active: Bench, how: str) -> None:
+def test_an_unsent_activation_is_cancelled(active: Bench, how: str) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     activate(active.session, active.now_ns)
@@ -334,7 +334,7 @@ def test_an_activation_that_was_not_sent_is_taken_back(active: Bench, how: str) 
     assert (active.session.state, active.session.force_sent_n) == ("active", 61.0)
 
 
-def test_half_an_activation_is_taken_back_by_a_halt_though_the_first_half_is_unanswered() -> None:
+def test_half_an_activation_is_cancelled_by_a_halt_though_the_first_half_is_unanswered() -> None:
     bench = Bench().start()
     activate(bench.session, bench.now_ns)
     bench.gripper.mute = True
@@ -346,7 +346,7 @@ def test_half_an_activation_is_taken_back_by_a_halt_though_the_first_half_is_una
     assert (bench.commands(), bench.gripper.stage) == ([CLEAR], 0)
 
 
-def test_half_an_activation_that_was_taken_back_leaves_a_gripper_that_takes_nothing(active: Bench) -> None:
+def test_a_gripper_whose_activation_was_cancelled_halfway_accepts_nothing(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     activate(active.session, active.now_ns)
@@ -358,7 +358,7 @@ def test_half_an_activation_that_was_taken_back_leaves_a_gripper_that_takes_noth
 
 
 @pytest.mark.parametrize("how", ["activated", "power lost"])
-def test_a_gripper_that_was_not_active_since_was_told_no_force(active: Bench, how: str) -> None:
+def test_a_gripper_that_was_inactive_meanwhile_has_no_force(active: Bench, how: str) -> None:
     active.move(200, 128, 60)
     active.steps(2)
     if how == "activated":
@@ -372,7 +372,7 @@ def test_a_gripper_that_was_not_active_since_was_told_no_force(active: Bench, ho
     assert (active.session.state, active.session.force_sent_n) == ("active", None)
 
 
-def test_a_move_that_was_lost_before_it_was_sent_is_no_goal(active: Bench) -> None:
+def test_a_move_that_was_lost_before_it_was_sent_is_not_a_goal(active: Bench) -> None:
     active.gripper.mute = True
     active.steps(3)
     active.move(200, 128, 60)
@@ -386,7 +386,7 @@ def test_a_move_that_was_lost_before_it_was_sent_is_no_goal(active: Bench) -> No
     assert active.gripper.output[2] & 0xFF == 90
 
 
-def test_an_end_with_a_command_on_its_way_says_nothing(active: Bench) -> None:
+def test_stopping_with_an_unanswered_command_sends_nothing(active: Bench) -> None:
     active.move(200, 128, 60)
     assert (active.session.stop(), active.session.next_deadline()) == (b"", None)
 
@@ -402,7 +402,7 @@ def test_a_width_or_speed_that_the_gripper_does_not_have_is_refused(active: Benc
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-def test_N2_a_force_that_is_no_number_is_refused(active: Bench, value: float) -> None:
+def test_N2_a_force_that_is_not_finite_is_refused(active: Bench, value: float) -> None:
     for ask in (lambda: move(active.session, 0.1, None, value), lambda: set_force(active.session, value)):
         with pytest.raises(ValueError, match="must be finite"):
             ask()
@@ -410,7 +410,7 @@ def test_N2_a_force_that_is_no_number_is_refused(active: Bench, value: float) ->
     assert active.commands() == []
 
 
-def test_the_force_told_is_that_of_the_byte_below_the_one_asked_for(active: Bench) -> None:
+def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> None:
     assert move(active.session, 0.1, None, 5.9) == active.session.applied_n(5.9) == 5.0
     assert set_force(active.session, 7.999) == 7.0
     assert set_force(active.session, 0.2) == 1.0, "the gripper's least"
@@ -454,7 +454,7 @@ def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: 
     assert active.session.state == "command lost"
 
 
-def test_A6_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Bench) -> None:
+def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(active: Bench) -> None:
     active.gripper.mute = True
     active.move(200, 128, 60)
     active.steps(3)
@@ -468,7 +468,7 @@ def test_A6_an_unanswered_command_is_repeated_twice_and_then_given_up(active: Be
     assert all(later - earlier == 100 * MS for earlier, later in pairwise(times))
 
 
-def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_status_came_again(active: Bench) -> None:
+def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_new_status(active: Bench) -> None:
     active.gripper.mute = True
     active.steps(5)
     assert active.session.state == "no reply"
@@ -482,7 +482,7 @@ def test_D4_after_a_loss_of_power_nothing_is_sent_before_a_status_came_again(act
     assert not active.session.command_lost
 
 
-def test_a_newer_move_takes_the_place_of_an_unanswered_one(active: Bench) -> None:
+def test_a_newer_move_replaces_an_unanswered_one(active: Bench) -> None:
     active.gripper.mute = True
     active.move(1, 1, 1)
     active.steps(1)
@@ -552,7 +552,7 @@ def test_a_gripper_with_the_older_status_function_is_found(mute_first: bool) -> 
     assert bench.session.state == "inactive"
 
 
-def test_the_echo_is_judged_against_the_position_last_sent(active: Bench) -> None:
+def test_the_echo_is_checked_against_the_position_last_sent(active: Bench) -> None:
     assert active.samples[-1].echo_ok is None
     active.move(200, 128, 60)
     active.steps(2)
@@ -613,7 +613,7 @@ def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:
     assert active.session.health.bad_bytes == 24
 
 
-def test_endless_garbage_is_neither_kept_nor_taken_for_a_reply(active: Bench) -> None:
+def test_endless_garbage_is_neither_kept_nor_mistaken_for_a_reply(active: Bench) -> None:
     active.now_ns += 20 * MS
     active.session.on_time(active.now_ns)
     for _ in range(100):
@@ -652,7 +652,7 @@ def test_an_address_that_no_gripper_has_is_refused(unit: int) -> None:
         robotiq_2f.Session(unit=unit)
 
 
-def test_A6_a_command_lost_after_an_acknowledgement_is_told_again(active: Bench) -> None:
+def test_A6_a_command_lost_after_an_acknowledgement_is_reported_again(active: Bench) -> None:
     for _ in range(2):
         active.gripper.mute = True
         active.move(200, 128, 60)
@@ -664,7 +664,7 @@ def test_A6_a_command_lost_after_an_acknowledgement_is_told_again(active: Bench)
         active.steps(8)
 
 
-def test_a_second_halt_keeps_the_force_that_is_repeated_behind_the_first(active: Bench) -> None:
+def test_a_second_halt_keeps_the_force_that_is_repeated_after_the_first(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     active.gripper.mute = True
@@ -679,7 +679,7 @@ def test_a_second_halt_keeps_the_force_that_is_repeated_behind_the_first(active:
     assert active.gripper.output == (0x0100, 200, 0x805A)
 
 
-def test_an_unanswered_force_is_not_repeated_behind_an_activation(active: Bench) -> None:
+def test_an_unanswered_force_is_not_repeated_after_an_activation(active: Bench) -> None:
     active.move(200, 128, 60)
     active.steps(1)
     active.gripper.mute = True
@@ -693,7 +693,7 @@ def test_an_unanswered_force_is_not_repeated_behind_an_activation(active: Bench)
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
-def test_a_status_counts_though_it_came_while_an_activation_that_is_taken_back_was_queued(how: str) -> None:
+def test_a_status_received_during_a_queued_activation_counts_after_its_cancellation(how: str) -> None:
     bench = Bench().start()
     activate(bench.session, bench.now_ns)
     bench.gripper.output, bench.gripper.stage = (0x0100, 0, 0), 3  # somebody else activated it
@@ -704,7 +704,7 @@ def test_a_status_counts_though_it_came_while_an_activation_that_is_taken_back_w
     assert (bench.session.state, bench.session.activating) == ("active", False)
 
 
-def test_a_move_is_refused_until_the_activation_is_over_and_the_session_says_why() -> None:
+def test_a_move_is_refused_until_the_activation_is_over_and_the_state_shows_it() -> None:
     bench = Bench().start()
     assert not bench.session.activating
     activate(bench.session, bench.now_ns)

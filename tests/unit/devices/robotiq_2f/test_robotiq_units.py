@@ -22,7 +22,7 @@ def tables(draw: st.DrawFn) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize(("units", "force_n"), TABLE)
-def test_the_points_of_the_table_are_met_both_ways(units: float, force_n: float) -> None:
+def test_the_points_of_the_table_are_exact_in_both_directions(units: float, force_n: float) -> None:
     table = ForceMap(TABLE)
     assert table.newtons(units) == pytest.approx(force_n)
     assert table.units(force_n) == units
@@ -36,11 +36,11 @@ def test_between_two_points_the_map_is_linear() -> None:
     assert table.units(5.24) == 29
 
 
-def test_the_whole_setting_below_is_taken_and_not_the_nearest() -> None:
+def test_a_force_is_rounded_down_to_an_integer_setting() -> None:
     assert ForceMap([(0.0, 0.0), (10.0, 10.0)]).units(6.999) == 6
 
 
-def test_beyond_the_table_its_ends_hold() -> None:
+def test_beyond_the_table_its_ends_apply() -> None:
     table = ForceMap(TABLE)
     assert table.units(1.0) == 0
     assert table.units(1e6) == 255
@@ -49,7 +49,7 @@ def test_beyond_the_table_its_ends_hold() -> None:
 
 
 @given(table=tables(), share=st.floats(0.0, 1.0))
-def test_what_is_applied_is_never_above_what_was_asked(table: list[tuple[float, float]], share: float) -> None:
+def test_the_applied_force_never_exceeds_the_requested_one(table: list[tuple[float, float]], share: float) -> None:
     least, most = table[0][1], table[-1][1]
     asked = least + share * (most - least)
     forces = ForceMap(table)
@@ -61,7 +61,7 @@ def test_what_is_applied_is_never_above_what_was_asked(table: list[tuple[float, 
 
 
 @given(table=tables(), a=st.floats(0.0, 300.0), b=st.floats(0.0, 300.0))
-def test_more_force_asked_is_never_less_force_applied(table: list[tuple[float, float]], a: float, b: float) -> None:
+def test_a_larger_request_never_applies_less_force(table: list[tuple[float, float]], a: float, b: float) -> None:
     forces = ForceMap(table)
     assert forces.units(min(a, b)) <= forces.units(max(a, b))
 

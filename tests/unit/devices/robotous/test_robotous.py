@@ -37,7 +37,7 @@ def test_the_worked_reading_is_read_and_written() -> None:
     assert packets.encode_reading(COUNTS, 0x08) == WORKED
 
 
-def test_a_reading_that_was_asked_for_once_is_read_too() -> None:
+def test_a_single_reading_on_request_is_read_too() -> None:
     assert len(robotous.Decoder().receive(packets.encode_reading(COUNTS, number=packets.READ_ONCE), 0)) == 1
 
 
@@ -50,7 +50,7 @@ def test_the_torque_divider_is_the_models() -> None:
 
 
 @pytest.mark.parametrize("bit", range(8))
-def test_F2_every_overload_bit_is_overload_and_the_others_are_no_reading(bit: int) -> None:
+def test_F2_every_overload_bit_is_overload_and_the_others_give_no_reading(bit: int) -> None:
     samples = robotous.Decoder().receive(packets.encode_reading(COUNTS, 1 << bit), 0)
     assert [sample.status for sample in samples] == ([("overload",)] if bit < 6 else [])
 
@@ -75,7 +75,7 @@ def test_L2_a_damaged_reading_costs_itself_alone(damaged: Damage) -> None:
         assert decoder.health.bad >= 1
 
 
-def test_L3_out_of_step_unused_bytes_must_be_zero_and_in_step_they_need_not() -> None:
+def test_L3_out_of_sync_unused_bytes_must_be_zero_and_in_sync_they_need_not() -> None:
     odd = packets.encode_response(packets.START, bytes(13) + b"\1\2")
     decoder = robotous.Decoder()
     assert len(decoder.receive(b"\0" + odd + odd, 0)) == 1
@@ -106,7 +106,7 @@ def test_the_worked_commands_are_written_and_read(command: tuple[int, bytes], wi
     assert packets.parse_commands(bytes.fromhex(wire)) == ([(number, arguments.ljust(7, b"\0"))], b"")
 
 
-def test_commands_are_heard_in_any_split_and_behind_noise() -> None:
+def test_commands_are_read_from_any_split_and_after_noise() -> None:
     stop = packets.encode_command(packets.STOP)
     stream = b"\x01\x55" + stop + stop[:5] + stop + b"\x07"
     heard, commands = b"", []
@@ -117,7 +117,7 @@ def test_commands_are_heard_in_any_split_and_behind_noise() -> None:
     assert heard == b""
 
 
-def test_a_name_that_is_no_text_is_none() -> None:
+def test_a_name_that_is_not_text_is_empty() -> None:
     assert packets.parse_name(b"RFT40-SA01\0\0\0\0\0") == "RFT40-SA01"
     assert packets.parse_name(b"\xff\x01" * 7) == ""
 
@@ -136,7 +136,7 @@ def asked(**options: Any) -> robotous.Session:
     return session
 
 
-def test_settings_that_differ_are_written_and_the_names_asked() -> None:
+def test_settings_that_differ_are_written_and_the_names_requested() -> None:
     session = asked(output_hz=1000, filter_hz=100)
     assert answer(session, packets.GET_RATE, b"\x05") == packets.encode_command(packets.SET_RATE, b"\x08")
     assert answer(session, packets.SET_RATE, b"\1\0") == packets.encode_command(packets.GET_FILTER)
@@ -157,7 +157,7 @@ def test_settings_that_agree_are_not_written_again(rate: int, hz: int, kept: byt
     assert answer(session, packets.GET_FILTER, kept) == packets.encode_command(packets.PRODUCT_NAME)
 
 
-def test_a_rate_that_is_none_is_written_over() -> None:
+def test_an_unknown_rate_is_overwritten() -> None:
     assert answer(asked(output_hz=200), packets.GET_RATE, b"\x63") == packets.encode_command(packets.SET_RATE, b"\x05")
 
 
@@ -172,13 +172,13 @@ def test_a_refusal_is_named_and_the_setting_repeated(code: int, word: str) -> No
     assert session.on_time(100 + RETRY_PAUSE_NS) == setting
 
 
-def test_an_answer_to_something_else_is_passed_over() -> None:
+def test_an_answer_to_something_else_is_skipped() -> None:
     session = asked()
     assert answer(session, packets.SET_RATE, b"\1\0") == b""
     assert session.state == "waiting"
 
 
-def test_a_sensor_that_answers_no_questions_is_set_all_the_same() -> None:
+def test_a_sensor_that_answers_no_questions_is_set_nevertheless() -> None:
     session = asked()
     due_ns, written = session.next_deadline() or 0, []
     while packets.encode_command(packets.SET_RATE, b"\x07") not in written:

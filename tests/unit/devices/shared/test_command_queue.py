@@ -18,7 +18,7 @@ def commands() -> CommandQueue:
     return CommandQueue(ANSWER_NS, DecoderHealth())
 
 
-def test_the_next_goes_when_the_last_is_answered(commands: CommandQueue) -> None:
+def test_the_next_command_is_sent_when_the_last_is_answered(commands: CommandQueue) -> None:
     assert (commands.due_ns, commands.on_time(5)) == (None, b"")
     commands.replace([GO, FORCE])
     assert commands.on_time(5) == b"go"
@@ -29,7 +29,7 @@ def test_the_next_goes_when_the_last_is_answered(commands: CommandQueue) -> None
     assert (commands.due_ns, commands.failure) == (None, "")
 
 
-def test_A6_what_is_not_answered_is_sent_three_times_and_takes_what_waits_with_it(commands: CommandQueue) -> None:
+def test_A6_after_three_unanswered_attempts_all_waiting_commands_are_dropped(commands: CommandQueue) -> None:
     commands.replace([GO, FORCE])
     sent = [commands.on_time(at * ANSWER_NS) for at in range(ATTEMPTS + 2)]
     assert sent == [b"go"] * ATTEMPTS + [b"", b""]
@@ -40,7 +40,7 @@ def test_A6_what_is_not_answered_is_sent_three_times_and_takes_what_waits_with_i
     assert commands.failure == ""
 
 
-def test_A6_what_a_newer_one_of_its_kind_replaces_is_not_repeated(commands: CommandQueue) -> None:
+def test_A6_a_command_that_a_newer_one_of_its_kind_replaces_is_not_repeated(commands: CommandQueue) -> None:
     commands.replace([GO])
     commands.on_time(0)
     commands.replace([FORCE, FASTER])
@@ -48,23 +48,21 @@ def test_A6_what_a_newer_one_of_its_kind_replaces_is_not_repeated(commands: Comm
 
 
 @pytest.mark.parametrize(("force", "sent"), [(1.0, b"home"), (None, b"go")])
-def test_a_force_is_not_repeated_behind_what_makes_the_gripper_ready(
-    commands: CommandQueue, force: float | None, sent: bytes
-) -> None:
+def test_a_force_is_not_repeated_after_an_activation(commands: CommandQueue, force: float | None, sent: bytes) -> None:
     commands.replace([Command("go", "go", b"go", force)])
     commands.on_time(0)
     commands.replace([Command("home", "home", b"home", activates=True)])
     assert commands.on_time(ANSWER_NS) == sent
 
 
-def test_a_refusal_takes_what_waits_with_it(commands: CommandQueue) -> None:
+def test_a_refusal_drops_waiting_commands(commands: CommandQueue) -> None:
     commands.replace([GO, FORCE])
     commands.on_time(0)
     commands.handle_answer(1, "go: refused")
     assert (commands.on_time(2), commands.failure) == (b"", "go: refused")
 
 
-def test_an_interruption_waits_for_nothing_and_is_kept_by_what_comes_behind_it(commands: CommandQueue) -> None:
+def test_an_interruption_is_sent_at_once_and_kept_by_later_commands(commands: CommandQueue) -> None:
     commands.replace([GO, FORCE])
     commands.on_time(0)
     commands.interrupt(STOP)
@@ -77,7 +75,7 @@ def test_an_interruption_waits_for_nothing_and_is_kept_by_what_comes_behind_it(c
 
 
 @pytest.mark.parametrize("waits", [False, True])
-def test_what_is_dropped_is_not_sent_and_what_was_sent_not_repeated(commands: CommandQueue, waits: bool) -> None:
+def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(commands: CommandQueue, waits: bool) -> None:
     commands.replace([GO, FORCE])
     assert commands.on_time(0) == b"go"
     commands.replace([FORCE, STOP] if waits else [STOP])
@@ -111,7 +109,7 @@ def test_the_force_is_that_of_the_last_command_sent_or_waiting_that_sets_one(com
     assert commands.force is None
 
 
-def test_a_new_beginning_forgets_everything(commands: CommandQueue) -> None:
+def test_a_reset_forgets_everything(commands: CommandQueue) -> None:
     commands.replace([GO])
     commands.on_time(0)
     commands.give_up("no reply")

@@ -30,7 +30,7 @@ def scan(stream: bytes, size: int, text: bytes = b"") -> tuple[list[tuple[int, b
     return values, health
 
 
-def test_frames_back_to_back_are_found_in_step() -> None:
+def test_frames_back_to_back_are_found_in_sync() -> None:
     values, health = scan(frame(1) + frame(2) + frame(3), 12)
     assert values == [(1, True), (2, True), (3, True)]
     assert health == DecoderHealth()
@@ -48,13 +48,13 @@ def test_damage_is_rounded_to_whole_frames(garbage: int, bad: int) -> None:
     assert (health.bad_bytes, health.bad) == (garbage, bad)
 
 
-def test_text_between_frames_is_no_damage_but_text_behind_garbage_is() -> None:
+def test_text_between_frames_is_not_damage_but_text_after_garbage_is() -> None:
     values, health = scan(frame(1) + b"ok" + frame(2) + b"\0ok" + frame(3), 99, text=b"ok")
     assert values == [(1, True), (2, True), (3, False)]
     assert (health.bad_bytes, health.bad) == (3, 1)
 
 
-def test_a_frame_behind_a_false_start_is_kept() -> None:
+def test_a_frame_after_a_false_start_is_kept() -> None:
     values, health = scan(SYNC + SYNC[:1] + frame(7), 99)
     assert values == [(7, False)]
     assert health.bad_bytes == 3

@@ -24,7 +24,7 @@ sessions = pytest.mark.parametrize("make", [robotiq_2f.Session, wsg.Session, ext
         (Permit("set_force", force_n=float("inf")), "a force must be finite, got inf N"),
     ],
 )
-def test_a_permit_that_lacks_what_it_needs_is_a_wrong_call(make: Callable[[], Any], permit: Permit, wrong: str) -> None:
+def test_an_incomplete_permit_raises_an_error(make: Callable[[], Any], permit: Permit, wrong: str) -> None:
     session = make()
     for _ in range(2):
         with pytest.raises(ValueError, match=wrong):
@@ -32,6 +32,6 @@ def test_a_permit_that_lacks_what_it_needs_is_a_wrong_call(make: Callable[[], An
         session.start(0)
 
 
-def test_no_setting_gives_a_force_that_is_no_number() -> None:
+def test_no_table_gives_a_force_that_is_not_finite() -> None:
     with pytest.raises(ValueError, match="must be finite"):
         robotiq_2f.Session().applied_n(float("nan"))

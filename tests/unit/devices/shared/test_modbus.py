@@ -74,7 +74,7 @@ def test_worked_replies_are_found() -> None:
 
 
 @given(requests)
-def test_the_peer_reads_every_request_as_it_was_meant(request_: Request) -> None:
+def test_the_peer_reads_every_request_as_intended(request_: Request) -> None:
     frame = modbus.encode_request(request_)
     used, pdu = FramerRTU(DecodePDU(True)).handleFrame(frame, request_.unit, 0)
     assert used == len(frame)
@@ -130,7 +130,7 @@ def test_a_device_reads_its_requests_from_any_split(sent: list[Request], size: i
     assert heard == b""
 
 
-def test_requests_to_other_units_and_noise_are_passed_over() -> None:
+def test_requests_to_other_units_and_noise_are_skipped() -> None:
     other = modbus.encode_request(Request(10, modbus.READ_INPUT, 2000, 3))
     stream = b"\x00\x09\x63" + other + modbus.encode_request(POLL) + b"\xff" + modbus.encode_request(WORKED[1][0])
     assert modbus.parse_requests(stream, 9) == ([POLL, WORKED[1][0]], b"")
@@ -156,7 +156,7 @@ def test_a_reply_is_found_in_noise_and_no_damaged_or_foreign_one_is() -> None:
             assert modbus.find_reply(bytes(damaged), POLL) is None
 
 
-def test_the_reply_to_another_write_is_no_acknowledgement() -> None:
+def test_the_reply_to_another_write_is_not_an_acknowledgement() -> None:
     force = Request(9, modbus.WRITE, write_address=1002, registers=(1,))
     assert modbus.find_reply(modbus.encode_reply(force), WORKED[0][0]) is None
 
@@ -170,13 +170,13 @@ def test_the_reply_to_another_write_is_no_acknowledgement() -> None:
         "09 04 07 D0 00 7E",
     ],
 )
-def test_a_request_that_contradicts_itself_is_passed_over(body: str) -> None:
+def test_a_request_that_contradicts_itself_is_skipped(body: str) -> None:
     contradiction = bytes.fromhex(body)
     stream = contradiction + crc.modbus(contradiction).to_bytes(2, "little") + modbus.encode_request(POLL)
     assert modbus.parse_requests(stream, 9) == ([POLL], b"")
 
 
-def test_what_a_device_keeps_of_noise_is_bounded() -> None:
+def test_a_device_keeps_a_bounded_amount_of_noise() -> None:
     rng = random.Random(1)
     heard = b""
     for _ in range(500):

@@ -44,11 +44,11 @@ def test_requests_are_written_and_read() -> None:
     assert rdt.parse_request(bytes(8)) is None
 
 
-def test_a_lone_record_is_believed_at_the_start_of_a_stream() -> None:
+def test_a_lone_record_is_accepted_at_the_start_of_a_stream() -> None:
     assert read(record(7)) == ([7], DecoderHealth())
 
 
-def test_an_empty_datagram_is_nothing() -> None:
+def test_an_empty_datagram_gives_nothing() -> None:
     assert read(record(1), record(2), b"", record(3)) == ([1, 2, 3], DecoderHealth())
 
 
@@ -59,18 +59,18 @@ def test_many_records_come_from_one_piece_with_all_their_counts() -> None:
     assert counts.tolist() == [[COUNTS[0], 1000 * number, *COUNTS[2:]] for number in (1, 2)]
 
 
-def test_D3_a_gap_is_believed_with_the_record_after_it() -> None:
+def test_D3_a_gap_is_accepted_with_the_record_after_it() -> None:
     assert read(record(1), record(5)) == ([1], DecoderHealth())
     assert read(record(1), record(5), record(6)) == ([1, 5, 6], DecoderHealth(lost=3))
 
 
-def test_D3_every_second_datagram_lost_still_hands_on_the_others() -> None:
+def test_D3_if_every_second_datagram_is_lost_the_others_are_returned() -> None:
     numbers, health = read(*(record(number) for number in range(1, 100, 2)))
     assert numbers == list(range(1, 98, 2))
     assert health.lost == 48
 
 
-def test_D3_a_repeated_and_a_late_record_are_not_handed_on() -> None:
+def test_D3_a_repeated_and_a_late_record_are_not_returned() -> None:
     late = [record(8), record(9), record(9), record(10), record(8), record(11), record(12)]
     assert read(*late) == ([8, 9, 10, 11, 12], DecoderHealth(duplicates=2))
 
@@ -82,12 +82,12 @@ def test_D3_an_overtaken_datagram_is_dropped_whole_and_lost_nowhere_else() -> No
     assert health == DecoderHealth(lost=40, duplicates=40)
 
 
-def test_D3_a_start_is_a_restart_and_no_loss() -> None:
+def test_D3_a_start_is_a_restart_and_not_a_loss() -> None:
     stream = [record(number) for number in (900, 901, 1, 2, 3)]
     assert read(*stream) == ([900, 901, 1, 2, 3], DecoderHealth(restarts=1))
 
 
-def test_D3_a_start_whose_first_records_are_lost_is_believed_by_four() -> None:
+def test_D3_a_start_whose_first_records_are_lost_is_accepted_by_four() -> None:
     stream = [record(number, ticks=70 * step) for step, number in enumerate((900, 901, 4, 5, 6, 7))]
     assert read(*stream[:-1])[0] == [900, 901]
     assert read(*stream) == ([900, 901, 4, 5, 6, 7], DecoderHealth(restarts=1))
@@ -102,7 +102,7 @@ def test_D3_the_number_wraps_to_zero() -> None:
     assert health == DecoderHealth()
 
 
-def test_the_clock_is_unwrapped_and_a_reset_begins_anew() -> None:
+def test_the_clock_is_unwrapped_and_a_reset_starts_again() -> None:
     top = 1 << 32
     steps = (top - 14, top - 7, top, top + 7)
     assert ticks(*(record(n, ticks=at) for n, at in enumerate(steps, 1))) == list(steps)
@@ -111,7 +111,7 @@ def test_the_clock_is_unwrapped_and_a_reset_begins_anew() -> None:
     assert ticks(record(8, ticks=5_000_000), record(1, ticks=70), record(2, ticks=77)) == [5_000_000, 70, 77]
 
 
-def test_a_freshly_opened_stream_begins_at_any_number_and_drops_what_was_begun() -> None:
+def test_a_freshly_opened_stream_begins_at_any_number_and_drops_a_partial_record() -> None:
     health = DecoderHealth()
     records = rdt.RecordScanner(health, RESERVED)
     records.receive(record(9) + record(10)[:20])
@@ -120,7 +120,7 @@ def test_a_freshly_opened_stream_begins_at_any_number_and_drops_what_was_begun()
     assert health == DecoderHealth(bad=1, bad_bytes=20)
 
 
-def test_reserved_bits_are_believed_when_they_are_steady() -> None:
+def test_reserved_bits_are_accepted_when_they_are_steady() -> None:
     odd = 0x0004_0000
     assert read(*(record(number, odd) for number in range(1, 5)))[0] == [1, 2, 3, 4]
     assert read(record(1), record(2), record(3, odd), record(4, odd), record(5, odd))[0] == [1, 2, 3, 4, 5]
@@ -169,7 +169,7 @@ def test_L2_one_bit_of_a_number_costs_that_record_alone() -> None:
         assert health.bad + health.duplicates == 1
 
 
-def test_L3_noise_yields_no_record_before_or_behind_good_ones() -> None:
+def test_L3_noise_yields_no_record_before_or_after_good_ones() -> None:
     rng = random.Random(6)
     numbers, health = read(rng.randbytes(100_000))
     assert numbers == []
@@ -178,7 +178,7 @@ def test_L3_noise_yields_no_record_before_or_behind_good_ones() -> None:
     assert numbers == [1, 2, 3, 4, 5]
 
 
-def test_L3_behind_garbage_at_the_very_start_four_records_confirm_each_other() -> None:
+def test_L3_after_garbage_at_the_very_start_four_records_confirm_each_other() -> None:
     rng = random.Random(7)
     for size in range(1, 80):
         stream = [record(number) for number in range(100, 104)]
@@ -186,7 +186,7 @@ def test_L3_behind_garbage_at_the_very_start_four_records_confirm_each_other() -
         assert read(b"\xff" + rng.randbytes(size), *stream)[0] == [100, 101, 102, 103]
 
 
-def test_L3_a_resting_sensors_counts_are_not_taken_for_records() -> None:
+def test_L3_the_counts_of_a_resting_sensor_are_not_mistaken_for_records() -> None:
     rng = np.random.default_rng(9)
     stream = b"".join(
         rdt.encode_record(rng.integers(-2, 3, size=6).tolist(), number, number) for number in range(10, 400)
@@ -198,7 +198,7 @@ def test_L3_a_resting_sensors_counts_are_not_taken_for_records() -> None:
         assert clock == list(range(11, 400))
 
 
-def test_L3_what_is_kept_is_less_than_four_records() -> None:
+def test_L3_less_than_four_records_are_kept() -> None:
     records = rdt.RecordScanner(DecoderHealth(), RESERVED)
     rng = random.Random(8)
     for _ in range(100):
@@ -291,7 +291,7 @@ def test_L1_a_whole_datagram_is_read_as_its_pieces_are(events: list[tuple[str, i
     assert told(sent, 2000) == told(sent, size)
 
 
-def test_D3_the_clock_of_a_late_record_moves_none_behind_it() -> None:
+def test_D3_the_clock_of_a_late_record_moves_none_after_it() -> None:
     """Of two datagrams that were overtaken, the second is late by its numbers alone."""
     first = [rdt.encode_record(COUNTS, SPAN - 3 + step, SPAN - 21 + 7 * step) for step in range(4)]
     second = [record(n, ticks=7 * n + 11) for n in (37, 38)]

@@ -82,7 +82,7 @@ def test_D3_every_fault_of_a_sequence_is_counted_as_what_it_is(
 
 
 @given(st.sampled_from([256, 1 << 16, 1 << 32]), st.integers(-3, 3), st.integers(1, 100))
-def test_D3_a_wrap_is_no_gap_and_no_restart_and_a_gap_over_it_is_one(span: int, begin: int, missing: int) -> None:
+def test_D3_a_wrap_is_neither_gap_nor_restart_and_a_gap_across_it_is_a_gap(span: int, begin: int, missing: int) -> None:
     across = [number % span for number in range(span - 4 + begin, span + 4 + begin)]
     assert watch(span, *across) == (across, DecoderHealth())
     gap = [span - 1, missing]
@@ -97,18 +97,18 @@ def test_D3_a_number_that_jumps_back_to_the_first_is_a_restart(span: int, newest
     assert counted(watch(span, newest, 1, 2, 3, first=1)[1]) == (0, 0, 1)
 
 
-def test_D3_a_restart_whose_first_numbers_were_lost_is_no_gap_however_far_the_number_had_come() -> None:
+def test_D3_a_restart_whose_first_numbers_were_lost_is_not_a_gap() -> None:
     for newest in (1000, 10**6, (1 << 31) - 1, (1 << 31) + 10, 3 * 10**9):
         assert counted(watch(1 << 32, newest, 7, 8)[1]) == (0, 0, 1), newest
 
 
-def test_D3_what_came_late_is_dropped_and_what_follows_it_is_not() -> None:
+def test_D3_a_late_reading_is_dropped_and_the_next_one_is_not() -> None:
     handed_on, health = watch(1 << 16, 100, 102, 101, 103, 103, 99, 104)
     assert handed_on == [100, 102, 103, 104]
     assert counted(health) == (1, 3, 0)
 
 
-def test_D3_the_longest_gap_is_told_from_a_restart() -> None:
+def test_D3_the_longest_gap_is_distinguished_from_a_restart() -> None:
     assert counted(watch(1 << 32, 9, 9 + FURTHEST_GAP)[1]) == (FURTHEST_GAP - 1, 0, 0)
     assert counted(watch(1 << 32, 9, 10 + FURTHEST_GAP)[1]) == (0, 0, 1)
     assert counted(watch(256, 200, 200 + 128 - 256)[1]) == (127, 0, 0)
@@ -119,7 +119,7 @@ def test_D3_the_longest_gap_is_told_from_a_restart() -> None:
     st.sampled_from([128, 256]), st.integers(0, 255), st.lists(st.integers(-3, 3), max_size=3), st.integers(-2, 2),
     st.integers(1, 12), st.lists(st.integers(-40, 40), max_size=4), st.booleans(),
 )  # fmt: skip
-def test_numbers_that_go_on_are_taken_together_as_they_are_one_by_one(
+def test_a_run_of_numbers_is_accepted_as_it_is_one_by_one(
     span: int, begin: int, before: list[int], gap: int, count: int, after: list[int], in_order: bool
 ) -> None:
     health, plain = DecoderHealth(), DecoderHealth()
@@ -137,7 +137,7 @@ def test_numbers_that_go_on_are_taken_together_as_they_are_one_by_one(
     assert health == plain
 
 
-def test_nothing_goes_on_from_nothing_nor_over_the_wrap() -> None:
+def test_a_run_needs_a_newest_number_and_does_not_cross_the_wrap() -> None:
     numbering = SequenceTracker(256, DecoderHealth())
     assert not numbering.accept_run(0, 1)
     assert numbering.accept(250)
@@ -147,7 +147,7 @@ def test_nothing_goes_on_from_nothing_nor_over_the_wrap() -> None:
     assert numbering.accept(0)
 
 
-def test_an_old_number_is_forgotten_with_those_that_go_on() -> None:
+def test_a_run_forgets_an_old_number() -> None:
     numbering = SequenceTracker(256, DecoderHealth(), in_order=True)
     assert [numbering.accept(number) for number in (5, 3)] == [True, False]
     assert numbering.accept_run(6, 2)

@@ -18,7 +18,7 @@ def begun(steps: list[Step] = STEPS) -> StartupSequence:
     return talk
 
 
-def test_it_walks_from_request_to_request_and_runs_when_a_reading_comes() -> None:
+def test_requests_are_sent_in_order_and_a_reading_makes_it_run() -> None:
     talk = begun()
     assert (talk.state, talk.due_ns, talk.awaited) == ("waiting", 0, "")
     assert talk.on_time(0) == b"h"
@@ -34,7 +34,7 @@ def test_it_walks_from_request_to_request_and_runs_when_a_reading_comes() -> Non
     assert (talk.state, talk.due_ns) == ("running", 50 + SILENCE_NS)
 
 
-def test_a_closed_one_says_and_wants_nothing() -> None:
+def test_a_closed_sequence_sends_nothing_and_has_no_deadline() -> None:
     talk = StartupSequence(STEPS)
     talk.reading_received(5)
     assert (talk.state, talk.due_ns, talk.on_time(10**12)) == ("closed", None, b"")
@@ -45,7 +45,7 @@ def test_a_closed_one_says_and_wants_nothing() -> None:
     assert (talk.state, talk.due_ns, talk.awaited, talk.on_time(10**12)) == ("closed", None, "", b"")
 
 
-def test_what_may_stay_unanswered_is_asked_three_times_and_passed_over() -> None:
+def test_an_optional_request_is_sent_three_times_and_skipped() -> None:
     talk = begun()
     now_ns, written = 0, []
     while len(written) < 5:
@@ -54,7 +54,7 @@ def test_what_may_stay_unanswered_is_asked_three_times_and_passed_over() -> None
     assert written == [b"h", b"n", b"n", b"n", b"r"]
 
 
-def test_what_must_be_answered_is_named_and_everything_begins_anew() -> None:
+def test_an_unanswered_required_request_is_named_and_the_sequence_restarts() -> None:
     talk = begun(STEPS[2:])
     for attempt in range(3):
         assert talk.on_time(attempt * ANSWER_NS) == b"r"
@@ -73,7 +73,7 @@ def test_a_refusal_is_named_and_the_request_repeated_after_a_pause() -> None:
     assert talk.on_time(7 + RETRY_PAUSE_NS) == b"r"
 
 
-def test_after_a_repeated_request_the_second_answer_is_let_pass() -> None:
+def test_after_a_repeated_request_a_second_answer_is_ignored() -> None:
     talk = begun(STEPS[2:])
     talk.on_time(0)
     talk.on_time(ANSWER_NS)
@@ -81,14 +81,14 @@ def test_after_a_repeated_request_the_second_answer_is_let_pass() -> None:
     assert (talk.awaited, talk.due_ns) == ("", 2 * ANSWER_NS + 5)
 
 
-def test_a_request_may_have_a_patience_of_its_own_and_an_unanswered_sequence_begin_anew_at_once() -> None:
+def test_a_request_may_have_its_own_timeout_and_a_sequence_may_restart_at_once() -> None:
     talk = StartupSequence([Step("boot", b"b", pause_ns=30, attempts=2)], rest_ns=0)
     talk.start(0)
     assert [talk.on_time(now_ns) for now_ns in (0, 29, 30, 59, 60)] == [b"b", b"", b"b", b"", b"b"]
     assert (talk.state, talk.due_ns) == ("no answer to boot", 90)
 
 
-def test_a_device_that_began_anew_is_taken_on_from_the_request_that_it_needs() -> None:
+def test_after_a_reset_of_the_device_the_sequence_resumes_at_a_given_request() -> None:
     talk = begun(STEPS[2:])
     talk.on_time(0)
     talk.handle_answer(1)
@@ -97,7 +97,7 @@ def test_a_device_that_began_anew_is_taken_on_from_the_request_that_it_needs() -
     assert [talk.on_time(now_ns) for now_ns in (1, 69, 70)] == [b"", b"", b"r"]
 
 
-def test_how_long_a_device_may_be_silent_is_its_own() -> None:
+def test_the_silence_limit_depends_on_the_device() -> None:
     talk = StartupSequence(STEPS[3:], silence_ns=40)
     talk.start(0)
     talk.on_time(0)
@@ -106,14 +106,14 @@ def test_how_long_a_device_may_be_silent_is_its_own() -> None:
     assert talk.due_ns == 47
 
 
-def test_an_answer_may_make_the_next_request_needless() -> None:
+def test_an_answer_may_make_the_next_request_unnecessary() -> None:
     talk = begun(STEPS[1:])
     talk.on_time(0)
     talk.handle_answer(1, skip=1)
     assert talk.on_time(1) == b"g"
 
 
-def test_silence_after_the_last_request_begins_anew_and_is_named_when_nothing_ever_came() -> None:
+def test_silence_after_the_last_request_restarts_the_sequence_and_is_named_if_nothing_was_received() -> None:
     talk = begun(STEPS[3:])
     assert talk.on_time(0) == b"g"
     assert talk.on_time(SILENCE_NS - 1) == b""

@@ -52,11 +52,11 @@ def test_the_checksum_of_a_long_packet_equals_its_definition() -> None:
 
 
 @given(st.binary(max_size=80))
-def test_data_followed_by_its_checksum_leave_nothing(data: bytes) -> None:
+def test_data_followed_by_its_checksum_have_checksum_0(data: bytes) -> None:
     assert weiss.checksum(data + weiss.checksum(data).to_bytes(2, "little")) == 0
 
 
-def test_a_packet_whose_sum_only_leaves_a_residue_of_0_is_none() -> None:
+def test_a_packet_with_a_residue_of_0_but_a_wrong_checksum_is_rejected() -> None:
     whole = weiss.encode(3, b"abc", SEED_WITH_PREAMBLE)
     body, right = whole[len(weiss.PREAMBLE) : -2], int.from_bytes(whole[-2:], "little")
     sums = [n for n in range(1 << 16) if weiss.checksum(body + n.to_bytes(2, "little"), SEED_WITH_PREAMBLE) == 0]
@@ -67,7 +67,7 @@ def test_a_packet_whose_sum_only_leaves_a_residue_of_0_is_none() -> None:
         assert len(found) == (n == right)
 
 
-def test_all_damage_within_one_byte_is_found_and_like_damage_13_bytes_on_is_not() -> None:
+def test_damage_within_one_byte_is_detected_and_equal_damage_13_bytes_apart_is_not() -> None:
     data = bytearray(random.Random(2).randbytes(60))
     right = weiss.checksum(data)
     for at in range(60):
@@ -112,7 +112,7 @@ def test_a_bare_packet_has_no_checksum() -> None:
     assert packets(SEED_AFTER_PREAMBLE, bare=True).packets(stream) == [(1, b""), (2, b"\x12"), (1, b"")]
 
 
-def test_the_two_coverages_of_the_checksum_do_not_understand_each_other() -> None:
+def test_packets_of_the_two_checksum_coverages_reject_each_other() -> None:
     for seed, other in (SEEDS, SEEDS[::-1]):
         assert packets(seed).packets(weiss.encode(1, b"abc", other)) == []
 
@@ -134,7 +134,7 @@ def test_L3_a_length_beyond_the_longest_packet_is_not_waited_for(size: int) -> N
     assert reader.packets(weiss.PREAMBLE + b"\x01" + size.to_bytes(2, "little") + good) == [(1, b"abc")]
 
 
-def test_L3_a_false_length_within_bounds_costs_no_packet_behind_it() -> None:
+def test_L3_a_false_length_within_bounds_costs_no_packet_after_it() -> None:
     reader = packets()
     seen = reader.packets(weiss.PREAMBLE + b"\x01\x28\x00" + weiss.encode(2, b"abc", SEED_WITH_PREAMBLE))
     assert seen == []

@@ -107,7 +107,7 @@ WTS_ASKED = [
     ("make", "asked", "identity", "rate_hz"),
     [(dsacon_bench, DSACON_ASKED, "S/N 1234", 60), (wts_bench, WTS_ASKED, "S/N 4711", 100)],
 )
-def test_the_device_is_asked_what_it_is_and_started(
+def test_the_device_is_queried_and_started(
     make: Callable[[], Bench], asked: list[bytes], identity: str, rate_hz: int
 ) -> None:
     bench = make()
@@ -121,7 +121,7 @@ def test_the_device_is_asked_what_it_is_and_started(
     assert bench.session.health.bad_bytes == 0
 
 
-def test_the_matrices_that_are_learned_split_the_images() -> None:
+def test_the_reported_matrices_split_the_images() -> None:
     bench = dsacon_bench()
     bench.start()
     bench.run(0.2)
@@ -170,7 +170,7 @@ def test_an_interval_that_cannot_be_sent_is_refused(interval_ms: int) -> None:
         wts.Session(interval_ms=interval_ms)
 
 
-def test_D1_a_controller_that_boots_deaf_is_waited_for_without_complaint() -> None:
+def test_D1_a_booting_controller_is_awaited_without_an_error() -> None:
     bench = dsacon_bench()
     assert isinstance(bench.device, Dsacon32)
     bench.device.power_up(0)
@@ -184,7 +184,7 @@ def test_D1_a_controller_that_boots_deaf_is_waited_for_without_complaint() -> No
 
 
 @both
-def test_a_device_that_never_answers_is_named_and_asked_for_ever(make: Callable[[], Bench]) -> None:
+def test_a_device_that_never_answers_is_reported_and_retried_forever(make: Callable[[], Bench]) -> None:
     bench = make()
     bench.mend = lambda _: b""
     bench.start()
@@ -199,7 +199,7 @@ def test_a_device_that_never_answers_is_named_and_asked_for_ever(make: Callable[
 
 
 @both
-def test_a_later_question_without_answer_is_repeated_and_then_the_talk_begins_anew(make: Callable[[], Bench]) -> None:
+def test_an_unanswered_later_query_is_repeated_and_then_the_sequence_restarts(make: Callable[[], Bench]) -> None:
     bench = make()
     bench.mend = lambda answer: b"" if bench.written[1:2] == bench.written[-1:] else answer
     bench.start()
@@ -216,7 +216,7 @@ def test_a_later_question_without_answer_is_repeated_and_then_the_talk_begins_an
 
 
 @both
-def test_an_answer_that_comes_twice_is_not_taken_for_the_next_one(make: Callable[[], Bench]) -> None:
+def test_a_repeated_answer_is_not_mistaken_for_the_next_one(make: Callable[[], Bench]) -> None:
     bench = make()
     bench.start()
     bench.mend = lambda answer: b""
@@ -229,7 +229,7 @@ def test_an_answer_that_comes_twice_is_not_taken_for_the_next_one(make: Callable
     assert len(set(bench.written)) == len(DSACON_ASKED if make is dsacon_bench else WTS_ASKED)
 
 
-def test_a_late_second_answer_about_a_matrix_is_not_taken_for_the_next_matrix() -> None:
+def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix() -> None:
     bench = dsacon_bench()
     late = messages.encode_matrix(4, 2)
     bench.mend = lambda answer: b"" if bench.written.count(DSACON_ASKED[2]) == 1 and answer[3] == 0x0B else answer
@@ -254,7 +254,7 @@ def test_a_late_second_answer_about_a_matrix_is_not_taken_for_the_next_matrix() 
         (wts_bench, 0x21, wts.encode_status(0x21, 12), "refused start: no parameter expected"),
     ],
 )
-def test_a_refusal_is_told_in_words_and_asked_again(
+def test_a_refusal_is_reported_in_words_and_the_query_repeated(
     make: Callable[[], Bench], packet_id: int, wrong: bytes, state: str
 ) -> None:
     bench = make()
@@ -286,7 +286,7 @@ def test_a_refusal_is_told_in_words_and_asked_again(
         (messages.encode_matrix(100, 100), "the matrices must have at most 2048 cells, got 10000"),
     ],
 )
-def test_D2_a_controller_that_cannot_be_read_is_told_and_not_started(wrong: bytes, state: str) -> None:
+def test_D2_a_controller_that_cannot_be_read_is_reported_and_not_started(wrong: bytes, state: str) -> None:
     bench = dsacon_bench()
     bench.mend = of(wrong[3], wrong)
     bench.start()
@@ -300,7 +300,7 @@ def test_D2_a_controller_that_cannot_be_read_is_told_and_not_started(wrong: byte
 
 
 @pytest.mark.parametrize("matrix", [wts.Matrix(0, 8), wts.Matrix(100, 100), wts.Matrix(4, 8, 0)])
-def test_D2_a_module_whose_matrix_makes_no_sense_is_told_and_not_started(matrix: wts.Matrix) -> None:
+def test_D2_a_module_whose_matrix_makes_no_sense_is_reported_and_not_started(matrix: wts.Matrix) -> None:
     bench = wts_bench()
     bench.mend = of(wts.MATRIX, wts.encode_matrix(matrix))
     bench.start()
@@ -313,7 +313,7 @@ def test_D2_a_module_whose_matrix_makes_no_sense_is_told_and_not_started(matrix:
     ("make", "wrong"),
     [(dsacon_bench, messages.encode_error(messages.ACQUIRE, 4)), (wts_bench, wts.encode_status(wts.START, 4))],
 )
-def test_a_device_that_runs_already_has_obeyed(make: Callable[[], Bench], wrong: bytes) -> None:
+def test_a_device_that_already_runs_is_accepted(make: Callable[[], Bench], wrong: bytes) -> None:
     bench = make()
     bench.mend = of(wrong[3], wrong)
     bench.start()
@@ -322,7 +322,7 @@ def test_a_device_that_runs_already_has_obeyed(make: Callable[[], Bench], wrong:
 
 
 @both
-def test_images_of_a_device_that_runs_already_are_handed_on_while_it_is_asked(make: Callable[[], Bench]) -> None:
+def test_images_of_a_device_that_already_runs_are_returned_during_the_queries(make: Callable[[], Bench]) -> None:
     before = make()
     before.start()
     before.run(0.5)
@@ -337,7 +337,7 @@ def test_images_of_a_device_that_runs_already_are_handed_on_while_it_is_asked(ma
 
 
 @both
-def test_silence_while_running_shows_after_a_second_and_the_talk_begins_anew(make: Callable[[], Bench]) -> None:
+def test_silence_while_running_is_reported_after_a_second_and_the_sequence_restarts(make: Callable[[], Bench]) -> None:
     bench = make()
     bench.start()
     bench.run(0.5)
@@ -364,7 +364,7 @@ def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer() -> None:
 
 
 @both
-def test_what_the_former_link_left_half_is_dropped_and_so_is_who_was_there(make: Callable[[], Bench]) -> None:
+def test_a_partial_image_and_the_identity_of_the_previous_link_are_dropped(make: Callable[[], Bench]) -> None:
     bench = make()
     bench.start()
     bench.run(0.5)
@@ -386,7 +386,7 @@ def test_another_controller_on_the_line_has_its_own_matrices() -> None:
     assert {(sample.source, len(sample.values)) for sample in bench.samples} == {("0", 9)}
 
 
-def test_a_long_interval_is_no_silence() -> None:
+def test_a_long_interval_is_not_silence() -> None:
     bench = Bench(wts.Session(interval_ms=2000), wts_bench().device)
     bench.start()
     bench.run(7)
@@ -398,7 +398,7 @@ def test_a_long_interval_is_no_silence() -> None:
     ("make", "wrong"),
     [(dsacon_bench, messages.encode_error(messages.ACQUIRE, 17)), (wts_bench, wts.encode_status(wts.STOP, 18))],
 )
-def test_a_device_that_has_nothing_to_stop_is_started_all_the_same(make: Callable[[], Bench], wrong: bytes) -> None:
+def test_a_device_that_has_nothing_to_stop_is_started_nevertheless(make: Callable[[], Bench], wrong: bytes) -> None:
     bench = make()
     stop = bench.session.stop()
     bench.mend = lambda answer: wrong if bench.written[-1] == stop else answer
@@ -425,7 +425,7 @@ def test_stop_ends_the_images_and_the_deadlines(make: Callable[[], Bench]) -> No
     assert bench.session.state == "closed"
 
 
-def test_nothing_is_asked_before_it_is_due() -> None:
+def test_no_query_is_sent_before_it_is_due() -> None:
     session = wts.Session()
     assert session.start(5) == wts.encode_query(wts.SYSTEM)
     assert session.next_deadline() == 5 + ANSWER_NS

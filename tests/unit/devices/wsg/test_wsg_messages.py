@@ -85,7 +85,7 @@ def test_every_status_has_a_word_and_comes_without_data(status: int) -> None:
         assert size == 0 or read(wire.encode_reply(reply_id, status, bytes(size))) == []
 
 
-def test_every_bit_of_the_state_is_told_by_its_word_alone() -> None:
+def test_every_state_bit_has_one_word() -> None:
     assert sorted(wire.STATE_BITS) == [*range(10), *range(12, 21)]
     for bit, word in wire.STATE_BITS.items():
         assert wire.parse_state((1 << bit).to_bytes(4, "little")) == {word}
@@ -114,7 +114,7 @@ def test_every_bit_of_the_state_is_told_by_its_word_alone() -> None:
         weiss.encode(wire.HOME, bytes(2), weiss.SEED_AFTER_PREAMBLE),
     ],
 )
-def test_what_no_gripper_says_is_no_reply(packet: bytes) -> None:
+def test_an_implausible_reply_is_rejected(packet: bytes) -> None:
     replies = ReplyScanner(DecoderHealth())
     assert replies.replies(packet) == []
     assert replies.replies(wire.encode_reply(wire.HOME)) == [Reply(wire.HOME, wire.OK, b"")]
@@ -128,7 +128,7 @@ def test_L3_noise_yields_no_reply() -> None:
 
 
 @given(st.floats(0.0, 1000.0))
-def test_a_number_on_the_wire_is_never_above_the_one_meant(number: float) -> None:
+def test_a_number_on_the_wire_never_exceeds_the_intended_one(number: float) -> None:
     sent = wire.at_most(number)
     assert struct.unpack("<f", struct.pack("<f", sent))[0] == sent
     assert sent <= number <= sent * (1 + 1.3e-7) + 1.5e-45

@@ -99,7 +99,7 @@ def holding(bench: Bench) -> Bench:
     return bench
 
 
-def test_starting_asks_and_never_moves_anything() -> None:
+def test_starting_sends_queries_and_moves_nothing() -> None:
     bench = Bench().start().run(1.0)
     assert [packet.id for packet in bench.sent] == [wire.SYSTEM, wire.LIMITS, *wire.UPDATES]
     assert bench.session.identity == "S/N 4711"
@@ -107,7 +107,7 @@ def test_starting_asks_and_never_moves_anything() -> None:
     assert (bench.session.state, bench.session.next_deadline(), bench.session.identity) == ("closed", None, "")
 
 
-def test_updates_come_at_the_period_and_in_whole_rounds(bench: Bench) -> None:
+def test_updates_arrive_at_the_period_in_complete_rounds(bench: Bench) -> None:
     bench.samples.clear()
     bench.run(1.0)
     assert len(bench.samples) == 50
@@ -125,7 +125,7 @@ def test_the_ranges_are_those_of_the_gripper_on_one_pad(bench: Bench) -> None:
     assert (told.width_range_m, told.speed_range_mps, told.force_range_n) == ((0.0, math.inf), None, (0.0, math.inf))
 
 
-def test_the_force_on_one_pad_is_half_of_what_the_gripper_is_told_and_tells(holding: Bench) -> None:
+def test_the_force_on_one_pad_is_half_of_what_the_gripper_receives_and_sends(holding: Bench) -> None:
     assert holding.gripper.limit == 20.0
     assert holding.last.force_n == 10.0
     assert set_force(holding.session, 15.0) == 15.0
@@ -143,7 +143,7 @@ def test_a_move_sets_the_force_before_it_goes_and_reads_it_back(bench: Bench) ->
 
 
 @pytest.mark.parametrize(("asked", "told"), [(0.1, 2.5), (39.0, 39.0), (60.0, 40.0), (7.1, wire.at_most(14.2) / 2)])
-def test_no_more_is_told_than_was_asked_but_for_the_least(bench: Bench, asked: float, told: float) -> None:
+def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, asked: float, told: float) -> None:
     assert move(bench.session, 0.02, None, asked) == told
     bench.run(0.1)
     assert bench.gripper.limit == 2 * told
@@ -176,7 +176,7 @@ def test_a_force_while_nothing_is_held_and_no_goal_is_known_moves_nothing(bench:
 
 @pytest.mark.parametrize("blocked", ["blocked_plus", "blocked_minus"])
 @pytest.mark.parametrize("width_m", [None, 0.1])
-def test_a_force_never_opens_nor_goes_on_behind_a_stop(bench: Bench, blocked: str, width_m: float | None) -> None:
+def test_a_force_never_opens_or_resumes_after_a_stop(bench: Bench, blocked: str, width_m: float | None) -> None:
     if width_m is not None:  # something blocks the way out
         move(bench.session, width_m, 0.05, 10.0)
         bench.run(0.1)
@@ -195,7 +195,7 @@ def test_a_force_never_opens_nor_goes_on_behind_a_stop(bench: Bench, blocked: st
     assert (bench.last.width_m, bench.gripper.limit) == (stood_m, 24.0)
 
 
-def test_a_force_behind_a_move_that_was_lost_does_not_begin_it(bench: Bench) -> None:
+def test_a_force_after_a_move_that_was_lost_does_not_begin_it(bench: Bench) -> None:
     bench.swallow = lambda packet: packet.id == wire.SET_FORCE
     move(bench.session, 0.0, None, 10.0)
     bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
@@ -206,7 +206,7 @@ def test_a_force_behind_a_move_that_was_lost_does_not_begin_it(bench: Bench) -> 
     assert (bench.last.width_m, bench.session.command_lost) == (0.06, False)
 
 
-def test_a_force_behind_a_move_that_waits_goes_with_the_move(bench: Bench) -> None:
+def test_a_force_after_a_waiting_move_is_sent_with_the_move(bench: Bench) -> None:
     move(bench.session, 0.1, None, 40.0)
     set_force(bench.session, 5.0)
     bench.run(0.5)
@@ -215,7 +215,7 @@ def test_a_force_behind_a_move_that_waits_goes_with_the_move(bench: Bench) -> No
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
-def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding: Bench, how: str) -> None:
+def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(holding: Bench, how: str) -> None:
     assert holding.session.force_sent_n == 10.0
     set_force(holding.session, 12.0)
     holding.write(holding.session.on_time(holding.now_ns))
@@ -228,7 +228,7 @@ def test_the_force_told_is_the_one_in_force_once_what_waits_is_forgotten(holding
     assert holding.session.drop() is False
 
 
-def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: Bench) -> None:
+def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(bench: Bench) -> None:
     bench.swallow = lambda _: True
     move(bench.session, 0.0, None, 10.0)
     bench.run(0.001)
@@ -237,7 +237,7 @@ def test_what_was_dropped_is_not_sent_and_what_was_sent_is_not_repeated(bench: B
     assert (bench.commands(), bench.session.state) == ([wire.SET_FORCE], "command lost: no answer to force limit")
 
 
-def test_a_move_that_was_dropped_is_not_taken_up_by_a_later_force(bench: Bench) -> None:
+def test_a_dropped_move_is_not_resumed_by_a_later_force(bench: Bench) -> None:
     move(bench.session, 0.0, None, 10.0)
     assert bench.session.drop()
     set_force(bench.session, 12.0)
@@ -255,7 +255,7 @@ def test_a_stop_is_not_dropped(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("how", ["halt", "drop"])
-def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str) -> None:
+def test_an_unsent_activation_is_cancelled(bench: Bench, how: str) -> None:
     set_force(bench.session, 10.0)
     bench.run(0.1)
     activate(bench.session, bench.now_ns)
@@ -268,7 +268,7 @@ def test_an_activation_that_was_not_sent_is_taken_back(bench: Bench, how: str) -
     assert (bench.session.state, bench.session.force_sent_n) == ("active", None)
 
 
-def test_nothing_is_taken_before_the_first_reading() -> None:
+def test_nothing_is_accepted_before_the_first_reading() -> None:
     session = Session()
     for _ in range(2):
         assert (activate(session), halt(session), session.drop(), session.activating) == (False, False, False, False)
@@ -278,13 +278,13 @@ def test_nothing_is_taken_before_the_first_reading() -> None:
     assert not session.command_lost
 
 
-def test_a_gripper_that_is_not_referenced_any_more_was_told_no_force(holding: Bench) -> None:
+def test_a_gripper_that_is_not_referenced_any_more_has_no_force(holding: Bench) -> None:
     holding.gripper.words.clear()
     holding.run(0.1)
     assert holding.session.force_sent_n is None
 
 
-def test_stop_goes_before_all_else_and_nothing_resumes_behind_it(bench: Bench) -> None:
+def test_a_stop_is_sent_before_all_else_and_nothing_resumes_after_it(bench: Bench) -> None:
     move(bench.session, 0.0, 0.1, 10.0)
     bench.run(0.1)
     set_force(bench.session, 20.0)
@@ -313,7 +313,7 @@ def test_stop_does_not_wait_for_an_answer(bench: Bench) -> None:
     assert bench.commands() == [wire.SET_FORCE, wire.STOP]
 
 
-def test_activation_homes_and_is_over_when_the_gripper_says_so() -> None:
+def test_activation_homes_and_is_over_when_the_gripper_reports_it() -> None:
     bench = Bench()
     bench.gripper.words.clear()
     bench.start()
@@ -359,7 +359,7 @@ def test_D4_a_fault_is_named_and_nothing_is_tried_against_it(holding: Bench, fau
     assert set_force(holding.session, 12.0)
 
 
-def test_D4_a_goal_from_before_a_fault_is_not_taken_up_again(bench: Bench) -> None:
+def test_D4_a_goal_from_before_a_fault_is_not_resumed(bench: Bench) -> None:
     move(bench.session, 0.1, 0.05, 5.0)
     bench.run(0.1)
     bench.gripper.receive(wire.encode(wire.STOP), bench.now_ns)
@@ -392,7 +392,7 @@ def test_activation_acknowledges_a_fault_first(bench: Bench) -> None:
     assert bench.session.state == "active"
 
 
-def test_where_there_is_no_fault_nothing_is_acknowledged(bench: Bench) -> None:
+def test_without_a_fault_nothing_is_acknowledged(bench: Bench) -> None:
     bench.session.acknowledge()
     bench.run(0.1)
     assert bench.commands() == []
@@ -403,7 +403,7 @@ def test_a_connection_that_broke_is_a_fault_of_the_gripper(holding: Bench) -> No
     assert (holding.last.fault, move(holding.session, 0.0, None, 5.0)) == ("fast_stop", None)
 
 
-def test_D5_a_force_limit_that_reads_back_otherwise_shows_while_it_lasts(bench: Bench) -> None:
+def test_D5_a_force_limit_that_is_read_back_differently_is_reported_while_it_lasts(bench: Bench) -> None:
     set_force(bench.session, 10.0)
     bench.run(0.1)
     assert bench.last.echo_ok is True
@@ -418,7 +418,7 @@ def test_D5_a_force_limit_that_reads_back_otherwise_shows_while_it_lasts(bench: 
     assert bench.last.echo_ok is True
 
 
-def test_D5_a_limit_read_back_while_a_newer_one_waits_is_judged_by_its_own(bench: Bench) -> None:
+def test_D5_a_limit_read_back_while_a_newer_one_waits_is_compared_with_its_own(bench: Bench) -> None:
     bench.swallow = lambda packet: packet.id == wire.GET_FORCE
     set_force(bench.session, 10.0)
     bench.run(0.01)
@@ -429,7 +429,7 @@ def test_D5_a_limit_read_back_while_a_newer_one_waits_is_judged_by_its_own(bench
 
 
 @pytest.mark.parametrize("lost", GO)
-def test_A6_an_unanswered_command_is_repeated_twice_and_then_given_up(bench: Bench, lost: int) -> None:
+def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(bench: Bench, lost: int) -> None:
     bench.swallow = lambda packet: packet.id == lost
     move(bench.session, 0.02, None, 10.0)
     bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
@@ -457,7 +457,7 @@ def test_A6_a_command_that_a_newer_one_replaced_is_not_repeated(bench: Bench) ->
 
 @pytest.mark.parametrize("status", [*range(1, 26), *range(27, 31)])
 @pytest.mark.parametrize("refused", GO)
-def test_A6_every_refusal_is_told_by_its_word_and_not_repeated(bench: Bench, refused: int, status: int) -> None:
+def test_A6_every_refusal_is_reported_by_its_word_and_not_repeated(bench: Bench, refused: int, status: int) -> None:
     bench.forge = lambda asked: status if asked == refused else None
     move(bench.session, 0.02, None, 10.0)
     bench.run(0.1)
@@ -473,13 +473,13 @@ def test_the_end_of_a_motion_may_come_at_any_time(bench: Bench, status: int, los
     assert bench.session.command_lost is lost
 
 
-def test_answers_that_nobody_asked_for_change_nothing(bench: Bench) -> None:
+def test_unrequested_answers_change_nothing(bench: Bench) -> None:
     bench.hear([wire.encode_reply(reply_id) for reply_id in (wire.STOP, wire.SET_FORCE, wire.ACKNOWLEDGE)])
     bench.hear([wire.encode_number(wire.GET_FORCE, 3.0), wire.encode_limits(LIMITS._replace(nominal_force=90.0))])
     assert (bench.session.state, bench.session.force_range_n[1]) == ("active", 40.0)
 
 
-def test_the_abort_of_an_older_motion_is_no_answer_to_the_newer(bench: Bench) -> None:
+def test_the_abort_of_an_older_motion_does_not_answer_the_newer(bench: Bench) -> None:
     move(bench.session, 0.0, 0.01, 10.0)
     bench.run(0.1)
     move(bench.session, 0.05, 0.1, 10.0)
@@ -488,7 +488,7 @@ def test_the_abort_of_an_older_motion_is_no_answer_to_the_newer(bench: Bench) ->
     assert (bench.last.width_m, bench.session.state) == (pytest.approx(0.05), "active")
 
 
-def test_a_gripper_that_falls_silent_is_asked_anew_and_forgets_what_was_asked_of_it(bench: Bench) -> None:
+def test_a_silent_gripper_is_configured_again_and_its_commands_are_dropped(bench: Bench) -> None:
     bench.mute = True
     bench.run(0.9)
     activate(bench.session, bench.now_ns)
@@ -502,7 +502,7 @@ def test_a_gripper_that_falls_silent_is_asked_anew_and_forgets_what_was_asked_of
     assert move(bench.session, 0.02, None, 5.0) == 5.0
 
 
-def test_a_gripper_that_refuses_a_question_is_asked_again() -> None:
+def test_a_refused_query_is_repeated() -> None:
     bench = Bench(forge=lambda asked: 10 if asked == wire.LIMITS else None).start()
     assert bench.session.state == "refused limits: insufficient resources"
     assert move(bench.session, 0.0, None, 5.0) is None
@@ -511,7 +511,7 @@ def test_a_gripper_that_refuses_a_question_is_asked_again() -> None:
     assert bench.session.state == "active"
 
 
-def test_warnings_of_the_gripper_stand_behind_its_state(bench: Bench) -> None:
+def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
     bench.gripper.words |= {"temperature_warning", "script_running"}
     bench.run(0.1)
     assert bench.session.state == "active (temperature_warning, script_running)"
@@ -519,7 +519,7 @@ def test_warnings_of_the_gripper_stand_behind_its_state(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_N2_a_force_that_is_no_number_is_refused(bench: Bench, value: float) -> None:
+def test_N2_a_force_that_is_not_finite_is_refused(bench: Bench, value: float) -> None:
     for ask in (lambda: move(bench.session, 0.0, None, value), lambda: set_force(bench.session, value)):
         with pytest.raises(ValueError, match="must be finite"):
             ask()
@@ -567,7 +567,7 @@ def test_updates_of_two_periods_are_not_mixed() -> None:
     assert [sample.width_m for sample in samples] == [pytest.approx(0.042)]
 
 
-def test_D4_the_words_of_the_state_make_the_sample() -> None:
+def test_D4_the_state_bits_determine_the_sample() -> None:
     def read(*words: str, grasping: str = "idle") -> GripperSample:
         parts = updates(words=words)
         parts[2] = wire.encode_grasping(grasping)
@@ -582,7 +582,7 @@ def test_D4_the_words_of_the_state_make_the_sample() -> None:
     assert (read().force_n, read().width_m, read().t_ns, read().echo_ok) == (10.0, pytest.approx(0.04), 5, None)
 
 
-def test_L5_a_round_that_a_closed_line_tore_is_not_completed_by_the_next() -> None:
+def test_L5_a_round_cut_by_a_closed_line_is_not_completed_by_the_next() -> None:
     decoder = Decoder()
     parts = updates()
     decoder.receive(b"".join(parts[:3]), 0)
@@ -590,11 +590,11 @@ def test_L5_a_round_that_a_closed_line_tore_is_not_completed_by_the_next() -> No
     assert decoder.receive(parts[3], 0) == []
 
 
-def test_a_force_is_told_as_it_is_asked_for() -> None:
+def test_a_force_is_sent_as_requested() -> None:
     assert Session().applied_n(12.34) == 12.34
 
 
-def test_an_activation_behind_an_unanswered_force_outlasts_the_next_readings(bench: Bench) -> None:
+def test_an_activation_after_an_unanswered_force_outlasts_the_next_readings(bench: Bench) -> None:
     bench.swallow = lambda packet: packet.id == wire.SET_FORCE
     set_force(bench.session, 10.0)
     bench.run(0.001)
@@ -607,7 +607,7 @@ def test_an_activation_behind_an_unanswered_force_outlasts_the_next_readings(ben
 
 
 @pytest.mark.parametrize("status", [None, 7])
-def test_an_activation_that_was_lost_before_it_was_sent_holds_up_nothing(bench: Bench, status: int | None) -> None:
+def test_an_activation_that_was_lost_before_it_was_sent_blocks_nothing(bench: Bench, status: int | None) -> None:
     bench.gripper.words.add("fast_stop")
     bench.run(0.1)
     bench.swallow = lambda packet: status is None and packet.id == wire.ACKNOWLEDGE
@@ -622,7 +622,7 @@ def test_an_activation_that_was_lost_before_it_was_sent_holds_up_nothing(bench: 
     assert move(bench.session, 0.02, None, 5.0) == 5.0
 
 
-def test_a_second_activation_that_is_dropped_leaves_the_first_under_way(bench: Bench) -> None:
+def test_a_second_activation_that_is_dropped_leaves_the_first_in_progress(bench: Bench) -> None:
     activate(bench.session, bench.now_ns)
     bench.run(0.1)
     activate(bench.session, bench.now_ns)
