@@ -1,13 +1,13 @@
-"""Text that a device or peer sent, made fit for a log line or a message."""
+"""Make text from a device or peer safe for a log line or a message."""
 
 from __future__ import annotations
 
 LONGEST = 500
-"""Characters that are shown."""
+"""Most characters that are shown."""
 
 
 def one_line(text: str) -> str:
-    """Return the text on one line: control characters escaped, and cut where it is longer than `LONGEST`."""
+    """Return the text on one line, with control characters escaped, cut to `LONGEST` characters."""
     shown = text[:LONGEST]
     if not shown.isprintable():
         shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in shown)[:LONGEST]

@@ -1,12 +1,12 @@
-"""Every exception slipd raises on purpose.
+"""The exceptions that slipd raises.
 
     SlipdError
-    ├── ConfigError      a config that cannot be run; carries every fault with its place
+    ├── ConfigError      a config that cannot be run; lists every fault with its line
     ├── LinkError        a port, socket or server that cannot be opened
     └── RecordingError   a recording that cannot be written or read
 
-Bad data from a sensor is never an exception: it is counted, and it is a status in the result.
-A bad call (wrong shapes, an impossible argument) raises ValueError.
+Invalid data of a sensor is never an exception: it is counted and reported as a status.
+An invalid call (wrong shape, impossible argument) raises ValueError.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 
 class SlipdError(Exception):
-    """Base of all; its text says what was wrong, where, and what would be right."""
+    """Base of all; the text states where the fault is, what was found, and the rule."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +24,8 @@ class ConfigFault:
 
     Attributes:
         path: Dotted key path, e.g. ``finger.left.pad.rows``.
-        line: Line in the file, 1-based; None where the key stands nowhere.
-        message: What is wrong and what would be right.
+        line: Line in the file, 1-based; None if the key is not in the file.
+        message: The rule, and what was found.
     """
 
     path: str
@@ -38,7 +38,7 @@ class ConfigError(SlipdError):
 
     Args:
         file: Name of the file.
-        faults: Every fault found, not only the first.
+        faults: All faults.
     """
 
     def __init__(self, file: str, faults: list[ConfigFault]) -> None:

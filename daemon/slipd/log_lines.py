@@ -1,4 +1,4 @@
-"""The one gate of the log: lines that devices and peers cause are escaped, cut, and limited in number."""
+"""The filter of the log: lines are escaped, cut, and limited in number, because devices and peers can cause them."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from dataclasses import dataclass
 from slipd.device_text import one_line
 
 BURST = 10
-"""Lines of one kind that may pass at once."""
+"""Lines of one kind that pass at once."""
 
 EVERY_S = 5.0
-"""Interval at which one more may pass after them, s."""
+"""Interval after which one more line passes, s."""
 
 KINDS = 256
-"""Kinds of lines that are counted apart; beyond that number all counts begin again."""
+"""Kinds of lines that are counted separately; beyond this number all counts are reset."""
 
 
 @dataclass(slots=True)
 class _Kind:
     allowed: float
     at_s: float
-    left_out: int = 0
+    dropped: int = 0
 
 
 class LogGate(logging.Filter):
-    """Lets a line pass, or leaves it out; lines left out are counted in the next one of their kind.
+    """Pass or drop each line; the next line of a kind states how many were dropped.
 
-    Lines are of one kind when they come from one logger with one message and one first argument, such as a link's name.
+    Lines are of one kind if logger, message and first argument, such as the name of a link, are the same.
 
     Args:
         now: Monotonic clock, s.
@@ -41,23 +41,23 @@ class LogGate(logging.Filter):
         self._kinds: dict[tuple[str, str, str], _Kind] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a line may pass; rewrite it on the way."""
+        """Return whether a line passes, after making its text safe."""
         try:
             line = one_line(record.getMessage())
-        except (TypeError, ValueError, KeyError):  # its arguments do not fit: the handler reports where
+        except (TypeError, ValueError, KeyError):  # its arguments do not fit, which the handler reports
             return True
         kind = self._kind(record)
         if kind.allowed < 1.0:
-            kind.left_out += 1
+            kind.dropped += 1
             return False
         kind.allowed -= 1.0
-        record.msg = f"{line} ({kind.left_out} such lines were left out)" if kind.left_out else line
+        record.msg = f"{line} ({kind.dropped} similar lines were dropped)" if kind.dropped else line
         record.args = ()
-        kind.left_out = 0
+        kind.dropped = 0
         return True
 
     def _kind(self, record: logging.LogRecord) -> _Kind:
-        """Return the kind of a line, with its present allowance."""
+        """Return the kind of a line, with its allowance updated."""
         first = record.args[0] if isinstance(record.args, tuple) and record.args else ""
         key = record.name, str(record.msg), str(first)
         now_s = self._now()
@@ -72,7 +72,7 @@ class LogGate(logging.Filter):
 
 
 def open_log() -> None:
-    """Send the log to standard error, through the gate."""
+    """Send the log to standard error, through the filter."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     handler.addFilter(LogGate())

@@ -20,7 +20,7 @@ class Permit:
         kind: "activate" (the gripper may open and close fully), "move" (to ``width_m`` with ``force_n``), "set_force"
             (to ``force_n`` at the width last sent) or "halt" (the fingers stop where they are).
         width_m: Width between the pads to move to, m; None unless ``kind`` is "move".
-        speed_mps: Speed of the move, m/s; None: the session's own.
+        speed_mps: Speed of the move, m/s; None: the default speed of the session.
         force_n: Force on one pad, N; None for "activate" and "halt".
     """
 

@@ -1,4 +1,4 @@
-"""Why a request is not carried out; a leaf, so that every room can refuse."""
+"""Why a request is refused; a leaf module, so that every room can refuse."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a request is not carried out.
+    """Why a request is refused.
 
     Attributes:
         code: Error code of the message API.
-        message: What is wrong and what would be right.
-        field: Field of the request; "" where no field is at fault.
+        message: The rule, and what was found.
+        field: Field of the request at fault; "" if none is.
     """
 
     code: str

@@ -1,6 +1,6 @@
-"""What a decoder hands on: one reading of one sensor, in SI units.
+"""The output of a decoder: one reading of one sensor, in SI units.
 
-A leaf module, so that devices, signals and pipeline share the words without importing each other.
+A leaf module, so that the rooms share these types without importing each other.
 """
 
 from __future__ import annotations
@@ -14,29 +14,30 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
-"""Status words that make a reading's value untrustworthy."""
+"""Status words of a reading whose value cannot be trusted."""
 
 
 _NO_TORQUE = (0.0, 0.0, 0.0)
 
 
 class WrenchSample:
-    """One reading of a force/torque sensor, in the sensor's own frame and sign.
+    """One reading of a force/torque sensor, in frame and sign of the sensor.
 
     Args:
         t_ns: CLOCK_MONOTONIC when the last byte of the reading was received.
-        device_time_ns: The device's own clock, unwrapped by nobody yet; None where it has none.
+        device_time_ns: Clock of the device, not yet unwrapped; None if it has none.
         force_n: Force, shape (3,), N.
-        torque_nm: Torque about the sensor's origin, shape (3,), N·m; None where the device has none.
-        status: Conditions the device reported with this reading, e.g. ``("overload",)``; empty when well.
-        source: Which sensor of a port that carries several; "" where there is one.
+        torque_nm: Torque about the origin of the sensor, shape (3,), N·m; None if the device does not measure it.
+        status: Conditions that the device reported with the reading, such as ``("overload",)``; empty if there are
+            none.
+        source: Name of the sensor on a port that carries several; "" if there is one.
 
     Attributes:
-        numbers: Force and torque; the torque is zero where the device has none.
-        has_torque: The device measures the torque.
+        numbers: Force and torque; the torque is zero if the device does not measure it.
+        has_torque: Whether the device measures the torque.
     """
 
-    __slots__ = ("t_ns", "device_time_ns", "numbers", "has_torque", "status", "source")  # noqa: RUF023 - as of others
+    __slots__ = ("t_ns", "device_time_ns", "numbers", "has_torque", "status", "source")  # noqa: RUF023 - in the order of the arguments
 
     def __init__(
         self,
@@ -61,7 +62,7 @@ class WrenchSample:
 
     @property
     def torque_nm(self) -> Array | None:
-        """Torque about the sensor's origin, shape (3,), N·m; None where the device has none."""
+        """Torque about the origin of the sensor, shape (3,), N·m; None if the device does not measure it."""
         return np.array(self.numbers[3:]) if self.has_torque else None
 
     def __repr__(self) -> str:
@@ -74,15 +75,15 @@ class WrenchSample:
 
 @dataclass(slots=True, eq=False)
 class TactileSample:
-    """One image of a tactile pad, in the device's own units and scan order.
+    """One image of a tactile pad, in units and scan order of the device.
 
     Attributes:
         t_ns: CLOCK_MONOTONIC when the last byte of the image was received.
-        device_time_ns: The device's own clock at the start of the scan; None where it has none.
+        device_time_ns: Clock of the device at the start of the scan; None if it has none.
         values: Shape (taxels,) for normal-only pads, (taxels, 3) for three-axis taxels.
-        status: Conditions the device reported with this image; empty when well.
-        source: Which pad of a port that carries several; "" where there is one.
-        dwell_ns: Time from one taxel of the scan to the next; 0 when all are sampled at once.
+        status: Conditions that the device reported with the image; empty if there are none.
+        source: Name of the pad on a port that carries several; "" if there is one.
+        dwell_ns: Time from one taxel of the scan to the next, ns; 0 if all are sampled at once.
     """
 
     t_ns: int
@@ -99,15 +100,15 @@ class GripperSample:
 
     Attributes:
         t_ns: CLOCK_MONOTONIC when the reply was received.
-        device_time_ns: Always None for the grippers known so far.
-        active: The gripper is activated and takes commands.
-        width_m: Width between the pads, m; None where it is not known.
-        moving: The fingers are moving.
+        device_time_ns: Always None for the present grippers.
+        active: Whether the gripper is activated and accepts commands.
+        width_m: Width between the pads, m; None if unknown.
+        moving: Whether the fingers move.
         object: "moving", "contact_opening", "contact_closing" or "none" (at the requested position, or lost).
-        fault: Name of the fault the gripper reports, "" when none.
-        echo_ok: The gripper repeats what was last requested; None before the first command.
-        current_a: Motor current, A; None where the gripper does not measure it.
-        force_n: Force on one pad that the gripper measures, N; None where it does not.
+        fault: Name of the fault that the gripper reports; "" if there is none.
+        echo_ok: Whether the gripper repeats the last command; None before the first one.
+        current_a: Motor current, A; None if the gripper does not measure it.
+        force_n: Measured force on one pad, N; None if the gripper does not measure it.
         source: Always "".
     """
 

@@ -65,7 +65,7 @@ def test_a_real_drop_is_warned_of_a_second_before(recording: Path, capsys: pytes
     assert after, "the end of the trial is told stale"
 
 
-def test_replayed_messages_are_one_a_line_and_whole(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replayed_messages_are_complete_and_one_per_line(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bodies = replayed(recording, capsys)
     numbers: dict[str, list[int]] = {}
     for body in bodies:
@@ -89,7 +89,7 @@ def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytes
     assert not re.search(r"\d N\b", shown)
 
 
-def test_without_json_a_replay_tells_people_the_changes(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_json_a_replay_prints_the_changes_of_level(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", str(recording), "--speed", "max"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.endswith("left: caution → warning (translation)") for line in lines)
@@ -97,7 +97,7 @@ def test_without_json_a_replay_tells_people_the_changes(recording: Path, capsys:
     assert "(stale)" in lines[-1]
 
 
-def test_a_replay_is_published_for_whoever_listens(
+def test_a_replay_is_published_to_subscribers(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path / "run"))
@@ -121,7 +121,7 @@ def test_a_replay_is_published_for_whoever_listens(
     assert capsys.readouterr().out.startswith(f"publish: ipc://{tmp_path}/run/publish\n")
 
 
-def test_a_recording_that_is_cut_short_is_shown_and_told(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_incomplete_recording_is_shown_and_reported(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recording.write_bytes(recording.read_bytes()[:-600])
     assert main(["replay", str(recording), "--speed", "max"]) == 1
     captured = capsys.readouterr()
@@ -130,7 +130,7 @@ def test_a_recording_that_is_cut_short_is_shown_and_told(recording: Path, capsys
 
 
 @pytest.mark.parametrize("path", sorted(CONFIG.glob("*.toml")), ids=lambda path: path.name)
-def test_check_tells_what_a_shipped_config_reads(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_lists_the_streams_of_a_shipped_config(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(path)]) == 0
     rig = config.load(path)
     lines = capsys.readouterr().out.splitlines()
@@ -138,7 +138,7 @@ def test_check_tells_what_a_shipped_config_reads(path: Path, capsys: pytest.Capt
     assert lines[-1] == f"{path}: valid, config_id {rig.config_id}"
 
 
-def test_check_warns_of_what_is_good_but_weak(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_warns_of_weak_but_valid_configs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(
         '[finger.left.wrench]\ndevice = "bota"\nport = "/dev/a"\nrate_hz = 800\n'
@@ -202,7 +202,7 @@ def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path:
 
 
 @pytest.mark.parametrize(("budget", "gain_n"), [("", 16), ("budget_n = 10.0", 10), ("budget_n = 20.0", 16)])
-def test_check_tells_how_far_the_reflex_gets_within_the_budget(
+def test_check_prints_the_reach_of_the_reflex_within_the_budget(
     budget: str, gain_n: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = tmp_path / "rig.toml"
@@ -232,7 +232,7 @@ def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
     )
 
 
-def test_check_tells_every_fault_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_reports_every_fault_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = tmp_path / "rig.toml"
     text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
     rig.write_text(text.replace("pitch_m", "pich_m").replace("mu = 0.32", "mu = -1"), encoding="utf-8")
@@ -252,7 +252,7 @@ def test_an_import_never_overwrites(recording: Path, capsys: pytest.CaptureFixtu
     assert recording.read_bytes() == data
 
 
-def test_an_import_may_have_a_config_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_import_may_use_another_config(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = tmp_path / "rig.toml"
     text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
     rig.write_text(text.replace("finger.left", "finger.thumb"), encoding="utf-8")
@@ -279,7 +279,7 @@ def test_an_import_may_have_a_config_of_its_own(tmp_path: Path, capsys: pytest.C
         (["import", "grips", str(TRIAL), "out.mcap", "--config", "none.toml"], 2, "none.toml: cannot be read"),
     ],
 )
-def test_a_file_that_is_missing_or_foreign_is_told(
+def test_a_missing_or_foreign_file_is_reported(
     call: list[str],
     ends: int,
     told: str,
@@ -317,7 +317,7 @@ def test_a_file_that_is_missing_or_foreign_is_told(
     ],
     ids=" ".join,
 )
-def test_a_wrong_call_is_told_how_to_call(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_arguments_print_the_usage(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(call)
     assert ended.value.code == 2
@@ -333,7 +333,7 @@ def test_help_and_version_are_no_faults(capsys: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.process
-def test_a_reader_that_has_seen_enough_is_no_fault(recording: Path) -> None:
+def test_a_closed_output_pipe_is_not_an_error(recording: Path) -> None:
     """``slipd replay FILE --json | head -1``."""
     with subprocess.Popen(
         [SLIPD, "replay", str(recording), "--speed", "max", "--json"],
@@ -350,7 +350,7 @@ def test_a_reader_that_has_seen_enough_is_no_fault(recording: Path) -> None:
 
 
 @pytest.mark.process
-def test_the_installed_command_ends_with_the_codes_it_says() -> None:
+def test_the_installed_command_returns_the_documented_exit_codes() -> None:
     for call, ends in ((["--version"], 0), (["replay", "/nowhere.mcap"], 1), (["fly"], 2)):
         done = subprocess.run([SLIPD, *call], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == ends

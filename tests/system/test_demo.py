@@ -52,7 +52,7 @@ def test_the_grip_request_is_granted_and_visible_in_the_measured_force(demo: tup
 
 
 @pytest.mark.process
-def test_the_slip_is_told_when_it_happens(demo: tuple[str, Path]) -> None:
+def test_the_slip_is_reported_when_it_happens(demo: tuple[str, Path]) -> None:
     began = times(demo[0], "truth    slide_begins")
     told = times(demo[0], r"slipd    \w+: slipping \(slip_detected")
     assert began, demo[0]
@@ -87,7 +87,7 @@ def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: tuple[
 
 @pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_demo_that_is_told_to_end_leaves_neither_processes_nor_an_open_recording(
+def test_a_demo_ended_by_a_signal_leaves_neither_processes_nor_an_open_recording(
     number: signal.Signals, tmp_path: Path
 ) -> None:
     command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(tmp_path / "demo.mcap")]

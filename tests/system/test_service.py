@@ -132,7 +132,7 @@ async def test_a_reading_on_the_port_is_a_message_on_the_bus(rig: Rig) -> None:
         await until(lambda: client.hear("tactile.left"), rig.send)
 
 
-async def test_a_port_that_is_missing_is_told_and_the_others_are_read(rig: Rig) -> None:
+async def test_a_port_that_is_missing_is_reported_and_the_others_are_read(rig: Rig) -> None:
     rig.pad.unplug()
     async with serving(rig.config) as client:
         await until(lambda: client.hear("wrench.left"), rig.wrench.send_wrench)
@@ -351,7 +351,7 @@ async def test_a_disk_that_is_too_full_is_left_alone(rig: Rig, tmp_path: Path, m
 
 async def test_two_daemons_do_not_share_a_runtime_directory(rig: Rig, runtime: Path) -> None:
     async with serving(rig.config):
-        with pytest.raises(LinkError, match=rf"{runtime}: slipd runs here already \(process {os.getpid()}\)"):
+        with pytest.raises(LinkError, match=rf"{runtime}: another slipd uses this directory \(process {os.getpid()}\)"):
             await service.serve(rig.config)
     async with serving(rig.config):
         pass  # once the first has ended, there is room for another
@@ -365,7 +365,7 @@ async def test_endpoints_of_the_config_need_no_runtime_directory(rig: Rig, runti
     assert left_in(runtime) is None
 
 
-async def test_over_tcp_each_key_does_what_its_list_says(rig: Rig, tmp_path: Path) -> None:
+async def test_over_tcp_each_key_may_do_what_its_list_permits(rig: Rig, tmp_path: Path) -> None:
     keys = tmp_path / "keys"
     for name in ("daemon", "reader", "requester"):
         create(name, keys)
@@ -401,7 +401,7 @@ requesters = "{tmp_path}/requesters"
         assert not keyless.hear("status")
 
 
-async def test_P1_a_failure_of_the_engine_ends_the_run_and_is_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_P1_a_failure_of_the_engine_ends_the_run_and_is_raised(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     handle = Engine.handle
     calls = 0
 
@@ -578,7 +578,7 @@ async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on
 
 
 @pytest.mark.process
-def test_K1_a_disk_that_is_full_from_the_start_is_told_at_once(rig: Rig) -> None:
+def test_K1_a_disk_that_is_full_from_the_start_is_reported_at_once(rig: Rig) -> None:
     with start(rig.file, "--record", "/dev/full") as process:
         out, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out) == (1, "")
@@ -596,13 +596,13 @@ async def test_a_second_process_is_refused_in_words(rig: Rig, runtime: Path) -> 
         out, err = await asyncio.wait_for(process.communicate(), PATIENCE_S)
         assert process.returncode == 1
         assert out == b""
-        assert f"slipd: {runtime}: slipd runs here already (process {os.getpid()})" in err.decode()
+        assert f"slipd: {runtime}: another slipd uses this directory (process {os.getpid()})" in err.decode()
         assert b"Traceback" not in err
         await until(lambda: client.hear("wrench.left"), rig.send)  # the first one serves on
 
 
 @pytest.mark.process
-def test_a_process_with_a_bad_config_says_where(rig: Rig) -> None:
+def test_a_process_with_a_bad_config_reports_the_line(rig: Rig) -> None:
     text = rig.file.read_text(encoding="utf-8").replace("rows = 4", "rows = 4.5")
     rig.file.write_text(text, encoding="utf-8")
     line = text.splitlines().index("rows = 4.5") + 1

@@ -1,4 +1,4 @@
-"""The gate of the log: what a device says is escaped, cut and limited, and nothing is left out unsaid."""
+"""The filter of the log: lines are escaped, cut and limited, and dropped lines are counted."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def test_a_line_whose_arguments_do_not_fit_harms_only_itself(capsys: pytest.Capt
     assert "Logging error" in capsys.readouterr().err
 
 
-def test_a_line_passes_as_it_would_be_written() -> None:
+def test_a_passed_line_is_escaped() -> None:
     record = line("%s: %s", "left.pad", "closed: bye\nERROR forged")
     assert LogGate(lambda: 0.0).filter(record)
     assert record.getMessage() == "left.pad: closed: bye\\nERROR forged"
 
 
-def test_lines_of_one_kind_are_limited_and_those_left_out_are_counted() -> None:
+def test_lines_of_one_kind_are_limited_and_dropped_lines_are_counted() -> None:
     now_s = [50.0]
     gate = LogGate(lambda: now_s[0])
     passed = [gate.filter(line("%s: %s", "left.pad", f"reason {n}")) for n in range(100)]
@@ -45,7 +45,7 @@ def test_lines_of_one_kind_are_limited_and_those_left_out_are_counted() -> None:
     now_s[0] += EVERY_S
     late = line("%s: %s", "left.pad", "reason 100")
     assert gate.filter(late)
-    assert late.getMessage() == "left.pad: reason 100 (90 such lines were left out)"
+    assert late.getMessage() == "left.pad: reason 100 (90 similar lines were dropped)"
     assert not gate.filter(line("%s: %s", "left.pad", "reason 101"))
     now_s[0] += 100 * EVERY_S
     assert sum(gate.filter(line("%s: %s", "left.pad", f"reason {n}")) for n in range(100)) == BURST

@@ -9,7 +9,7 @@ from slipd.samples import WrenchSample
 
 
 @pytest.mark.parametrize("kind", [tuple, list, np.array])
-def test_a_reading_tells_its_force_and_torque_as_arrays(kind: type) -> None:
+def test_a_reading_returns_force_and_torque_as_arrays(kind: type) -> None:
     sample = WrenchSample(1, 2, kind((1.0, 2.0, 3.0)), kind((4.0, 5.0, 6.0)), ("skipped",), "a")
     assert sample.numbers == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     assert sample.force_n.tolist() == [1.0, 2.0, 3.0]

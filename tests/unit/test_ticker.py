@@ -45,7 +45,7 @@ async def until(condition: Callable[[], bool]) -> None:
             await asyncio.sleep(0.001)
 
 
-async def test_C4_the_first_tick_that_vouches_for_the_lines_comes_after_all_that_waited_was_read() -> None:
+async def test_C4_after_a_stall_lines_count_as_read_only_when_all_waiting_bytes_were_read() -> None:
     line = Line()
     ticker = asyncio.create_task(Ticker(line.tick, lambda: line.taken).run())
     await until(lambda: len(line.ticks) >= 3)
@@ -62,7 +62,7 @@ async def test_C4_the_first_tick_that_vouches_for_the_lines_comes_after_all_that
     assert vouched == WAITING
 
 
-async def test_C4_P3_a_line_that_is_never_empty_is_never_vouched_for() -> None:
+async def test_C4_P3_a_line_that_is_never_empty_never_counts_as_read() -> None:
     line = Line()
     taken = iter(range(10**9))  # something enters in every turn
     ticker = asyncio.create_task(Ticker(line.tick, lambda: next(taken)).run())

@@ -1,1 +1,1 @@
-"""ZeroMQ: the publisher and the request server."""
+"""The ZeroMQ side of the daemon: publisher, request server, access lists and runtime directory."""

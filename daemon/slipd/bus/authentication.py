@@ -1,4 +1,4 @@
-"""Decide which keys may connect to which endpoint; on any error nobody unknown is admitted."""
+"""Decide which keys may connect to which endpoint; any error refuses the client."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from slipd.zmtp.endpoint import Access
 from slipd.zmtp.mechanisms import decode_key
 from slipd_client.keys import KeyFileError, load_allowed, load_secret
 
-TELL_EVERY_S = 10.0
-"""How often refusals are logged: often enough to be seen, too seldom for a stranger to fill the disk."""
+LOG_PERIOD_S = 10.0
+"""Shortest time between two log lines about refusals, s: often enough to be seen, too rare to fill the disk."""
 
 _log = logging.getLogger(__name__)
 
@@ -22,17 +22,17 @@ _log = logging.getLogger(__name__)
 class AllowList:
     """The keys that may connect to one endpoint.
 
-    Whatever is raised while it judges refuses that one client and is logged.
+    Any exception during the decision refuses that client and is logged.
 
     Args:
         endpoint: Name of the endpoint, for the log.
-        keys: The keys, 40 letters of Z85.
+        keys: The keys, 40 letters of Z85 each.
 
     Attributes:
         keys: As above.
-        admitted: Connections let in.
-        refused: Connections refused.
-        faults: Those among them that were refused because judging them failed.
+        admitted: Number of admitted connections.
+        refused: Number of refused connections.
+        faults: Number of connections refused because the decision failed.
     """
 
     def __init__(self, endpoint: str, keys: Container[bytes]) -> None:
@@ -41,30 +41,30 @@ class AllowList:
         self.refused = 0
         self.faults = 0
         self._endpoint = endpoint
-        self._told_s = float("-inf")
+        self._logged_s = float("-inf")
 
     def admits(self, key: bytes) -> bool:
-        """Return whether a key may connect; counts it."""
+        """Return whether a key may connect, and count the decision."""
         try:
             allowed = key in self.keys
         except Exception:
             self.faults += 1
             allowed = False
-            if self._may_tell():
-                _log.exception("authentication failed, and the client was refused (%d so far)", self.faults)
+            if self._may_log():
+                _log.exception("authentication failed and the client was refused (%d so far)", self.faults)
         if allowed:
             self.admitted += 1
             return True
         self.refused += 1
-        if self._may_tell():
+        if self._may_log():
             _log.warning("%s: key %s is not allowed and was refused", self._endpoint, key.decode())
         return False
 
-    def _may_tell(self) -> bool:
+    def _may_log(self) -> bool:
         now_s = time.monotonic()
-        if now_s - self._told_s < TELL_EVERY_S:
+        if now_s - self._logged_s < LOG_PERIOD_S:
             return False
-        self._told_s = now_s
+        self._logged_s = now_s
         return True
 
 
@@ -75,7 +75,7 @@ class Guard:
     Attributes:
         publish: Who may connect to the publish endpoint.
         requests: Who may connect to the request endpoint.
-        requesters: The keys that may request; None: every connected client may.
+        requesters: The keys that may send requests; None: every connected client may.
     """
 
     publish: Access
@@ -86,7 +86,7 @@ class Guard:
 def guard(bus: Bus) -> Guard:
     """Read the keys that the config names.
 
-    A reader's key connects to the endpoint of the requests too, where it is told that it may not request.
+    The key of a reader may connect to the request endpoint too, where its requests get an error.
 
     Raises:
         LinkError: A key file cannot be used; the text says why.

@@ -1,8 +1,8 @@
-"""Takes requests and sends replies, whatever else a client may send, and however much of it.
+"""Receive requests and send replies, whatever clients send and however much.
 
-A client chooses the name under which it is known, and may choose that of another. So the daemon knows a client by what
-it cannot choose as well: its key, or the process at the other end of an ipc connection. Who asks too often is told so,
-and who does not heed it is disconnected; to connect again brings no new allowance.
+A client chooses its own name, and could choose that of another client. So the daemon identifies it also by what it
+cannot choose: its key, or its process on an ipc connection. A client that sends too many requests gets an error, and
+one that continues is disconnected; a new connection brings no new allowance.
 """
 
 from __future__ import annotations
@@ -19,55 +19,56 @@ from slipd.refusal import Refusal
 from slipd.requests.idempotency import URGENT_OPS
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
-from slipd.zmtp.peer import Peer, PeerRules
+from slipd.zmtp.peer import Peer
+from slipd.zmtp.peer_rules import PeerRules
 from slipd.zmtp.time_accounts import SHARE
 from slipd.zmtp.wire import ProtocolError
 from slipd_client.messages import REQUEST_LIMITS, MessageError, decode, encode
 
 MOST_QUEUED = 100
-"""Replies kept for one client that does not read them; the rest are dropped."""
+"""Replies queued for a client that does not read them; the rest are dropped."""
 
 PER_SECOND = 50.0
-"""Requests that one client may send a second: a lease renewed, gravity told for two fingers, and room for steering."""
+"""Requests per second of one client: renewals of a lease, gravity of two fingers, and room for grip commands."""
 
 REQUEST_S = 100e-6
-"""Upper estimate of the loop's time for one request, s."""
+"""Upper estimate of the loop time for one request, s."""
 
 MOST_SHARE = 0.5
-"""Largest share of the loop's time for one client, however many requests the config allows it."""
+"""Largest share of the loop time for one client, for any number of requests that the config allows."""
 
 _BETWEEN = b"\0"
-"""Stands between what a client cannot choose and its route; the first holds none."""
+"""Separates what a client cannot choose from its route; the former contains no such byte."""
 
 _RULES = PeerRules(
     kind=b"ROUTER",
     serves=frozenset({b"DEALER", b"REQ", b"ROUTER"}),
-    max_bytes=REQUEST_LIMITS.data_bytes,  # who sends more is disconnected
-    max_frames=2,  # of a REQ
+    max_bytes=REQUEST_LIMITS.data_bytes,  # a client that sends more is disconnected
+    max_frames=2,  # from a REQ socket
     most_queued=MOST_QUEUED,
 )
 
 
 class RequestServer:
-    """Hands on well-formed requests and refuses everything else by itself.
+    """Pass on well-formed requests, and refuse everything else.
 
-    Serves from ``with`` to its end, on the running loop. Nothing that a client sends raises.
+    Serves on the running loop, for the duration of ``with``. No input of a client raises.
 
     Args:
-        endpoint: As for `slipd.zmtp.endpoint.bind`, which is called on entry and refuses a wrong one.
-        on_request: Called with the client, to reply to, and the request's map. A client is one connection: its key
-            (where keys are asked for) or else the address of its process, and the route that it chose.
-        access: How clients are let in.
-        requesters: Keys that may request, among those that are let in; None: all may.
-        per_second: Requests that one client may send a second: a key, or a connection where no keys are asked for. A
-            connection that takes the place of another of the same process goes on with what that one left.
+        endpoint: See `slipd.zmtp.endpoint.bind`, which is called on entry and raises LinkError.
+        on_request: Called with the client, for the reply, and the map of the request. A client is one connection: its
+            key or, without keys, the address of its process, and the route that it chose.
+        access: Which clients may connect.
+        requesters: Keys that may send requests, among those that may connect; None: all may.
+        per_second: Requests per second of one client: of a key or, without keys, of a connection. A connection that
+            replaces another of the same process inherits its allowance.
 
     Attributes:
-        endpoint: As clients reach it, once served.
-        malformed: Requests refused here because of what they are.
-        busy: Requests refused because they were too many.
-        unanswered: Those of them without any answer; each ended its client's connection.
-        undelivered: Replies to clients that were gone or did not read.
+        endpoint: Endpoint for clients, once served.
+        malformed: Number of malformed requests.
+        busy: Number of requests beyond the rate limit.
+        unanswered: Number of those without an answer; each ended the connection of its client.
+        undelivered: Number of replies to clients that were gone or did not read.
     """
 
     def __init__(
@@ -90,7 +91,7 @@ class RequestServer:
         self._names: dict[Peer, bytes] = {}
         self._unnamed = itertools.count(1)
         self._limit = RateLimit(per_second)
-        self._urgent = RateLimit(per_second)  # for what must pass where the other is used up
+        self._urgent = RateLimit(per_second)  # for urgent requests when the other is used up
         self._refusals = RateLimit(per_second)
         self._listener = Listener(
             endpoint,
@@ -113,13 +114,13 @@ class RequestServer:
         self._listener.__exit__(kind, error, trace)
 
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
-        """Send a reply; that the client is gone or does not read is counted, no error."""
+        """Send a reply; a client that is gone or does not read is counted, not an error."""
         peer = self._clients.get(client)
         if peer is None or not peer.send((*_envelope(peer), encode(body))):
             self.undelivered += 1
 
     def _on_ready(self, peer: Peer) -> None:
-        """Name a client; of two connections with the same name only the first is served."""
+        """Identify a client; of two connections with the same identity only the first is served."""
         route = peer.route or b"\0" + next(self._unnamed).to_bytes(4, "big")
         client = (peer.key or peer.address) + _BETWEEN + route
         known = self._clients.get(client)
@@ -136,23 +137,23 @@ class RequestServer:
         try:
             body = _decode(frames, _envelope(peer))
         except MessageError as error:
-            if self._in_time(peer, None):
+            if self._is_within_rate(peer, None):
                 self.malformed += 1
             self._reply_error(client, None, error)
             return
-        if not self._in_time(peer, body.get("op")):
-            self._reply_error(client, body.get("id"), MessageError("busy", "too many requests; ask more slowly"))
+        if not self._is_within_rate(peer, body.get("op")):
+            self._reply_error(client, body.get("id"), MessageError("busy", "too many requests; send fewer per second"))
         elif self._requesters is not None and peer.key not in self._requesters:
-            reason = "this key may read; ask with one that the daemon's bus.requesters holds"
+            reason = "this key may only read; use a key from bus.requesters of the daemon"
             self._reply_error(client, body.get("id"), MessageError("read_only", reason))
         else:
             self._on_request(client, body)
 
-    def _in_time(self, peer: Peer, op: object) -> bool:
-        """Return whether a client may ask this now.
+    def _is_within_rate(self, peer: Peer, op: object) -> bool:
+        """Return whether a client may send this request now.
 
         Raises:
-            ProtocolError: It was told often enough that it asks too often.
+            ProtocolError: It exceeded the rate too often.
         """
         account = peer.key or b"%b#%d" % (peer.account.name, peer.slot)
         now_ns = time.monotonic_ns()
@@ -163,7 +164,7 @@ class RequestServer:
         self.busy += 1
         if not self._refusals.allows(account, now_ns):
             self.unanswered += 1
-            raise ProtocolError("it asks too often, and goes on after it was told so")
+            raise ProtocolError("it keeps sending too many requests after the error")
         return False
 
     def _reply_error(self, client: bytes, number: object, error: MessageError) -> None:
@@ -171,11 +172,11 @@ class RequestServer:
 
 
 def _envelope(peer: Peer) -> tuple[bytes, ...]:
-    """Return the frames that stand before a request and its reply: a REQ puts an empty one there, and expects it."""
+    """Return the frames before a request and its reply: a REQ socket sends and expects an empty one."""
     return (b"",) if peer.kind == b"REQ" else ()
 
 
 def _decode(frames: list[bytes], envelope: tuple[bytes, ...]) -> dict[str, Any]:
     if not frames or tuple(frames[:-1]) != envelope:
-        raise MessageError("malformed", "a request is one frame, as a DEALER sends it")
+        raise MessageError("malformed", "a request must be one frame, as a DEALER socket sends it")
     return decode(frames[-1])

@@ -1,6 +1,6 @@
-"""The directory of the daemon's sockets: for its user, or for one group as well, and one daemon's at a time.
+"""The directory of the sockets: for the user of the daemon, optionally for one group, and for one daemon at a time.
 
-A second bind on the path of an ipc socket steals it from the first daemon without a word, so a lock comes before it.
+A second bind to the path of an ipc socket would silently take it from the first daemon, so a lock comes first.
 """
 
 from __future__ import annotations
@@ -15,26 +15,28 @@ from types import TracebackType
 from slipd.errors import LinkError
 
 MAX_PID_BYTES = 20
-"""Digits of a process id, generously."""
+"""Most digits of a process id, with a margin."""
 
 LOCK_NAME = "lock"
 
 GROUP = "slipd"
-"""Its members may read and request; where the machine has no such group, or the daemon is none, only its user may."""
+"""Members of this group may connect; if the machine has no such group or the daemon is not a member, only its user
+may."""
 
 
 class RuntimeDirectory:
-    """The daemon's own directory, held by one process from ``with`` to its end.
+    """The directory of the daemon, locked by one process for the duration of ``with``.
 
-    The lock is the kernel's: it ends with the process, however that dies.
+    The kernel releases the lock when the process ends, in any way.
 
     Args:
-        path: Made where it is missing: with mode 0750 for the group where the daemon is a member, else with 0700. One
-            that exists stays as it is.
+        path: The directory; created if missing, with mode 0750 if the daemon is a member of the group, else with 0700.
+            An existing directory keeps its mode.
         group: Name of the group that may enter.
 
     Raises:
-        LinkError: On entry: another process holds it, others may enter or change it, or it cannot be made.
+        LinkError: On entry: another process holds the lock, other users may enter or change the directory, or it cannot
+            be created.
     """
 
     def __init__(self, path: Path, group: str = GROUP) -> None:
@@ -47,7 +49,7 @@ class RuntimeDirectory:
         try:
             self._make()
             self._check_private()
-            self._lock = self._take_lock()
+            self._lock = self._lock_directory()
         except OSError as error:
             raise LinkError(f"{self.path}: cannot be used as the runtime directory: {error}") from error
         return self
@@ -58,10 +60,10 @@ class RuntimeDirectory:
         os.close(self._lock)
 
     def share(self, endpoint: str) -> None:
-        """Let the group use a socket that was bound within; where no group may enter, and elsewhere, nothing changes.
+        """Let the group use a socket of the directory; if no group may enter, or the socket is elsewhere, do nothing.
 
         Raises:
-            LinkError: Its group cannot be set.
+            LinkError: The group of the socket cannot be set.
         """
         socket = Path(endpoint.removeprefix("ipc://"))
         if socket.parent != self.path or not self.path.stat().st_mode & stat.S_IXGRP:
@@ -86,20 +88,20 @@ class RuntimeDirectory:
         found = self.path.lstat()
         mode = stat.S_IMODE(found.st_mode)
         if not stat.S_ISDIR(found.st_mode):
-            raise LinkError(f"{self.path}: is no directory of its own; name one that is, or remove it")
+            raise LinkError(f"{self.path}: must be a directory, not a link or file; name another, or remove it")
         if found.st_uid != os.geteuid():
-            raise LinkError(f"{self.path}: belongs to user {found.st_uid}; name a directory of user {os.geteuid()}")
+            raise LinkError(f"{self.path}: must belong to user {os.geteuid()}, got user {found.st_uid}; name another")
         if mode & 0o027:
             raise LinkError(
                 f"{self.path}: others may enter or change it (mode {mode:04o}); run chmod 700 on it, or name another"
             )
         if mode & 0o050 and found.st_gid != self._group:
             raise LinkError(
-                f"{self.path}: a group may enter it (mode {mode:04o}) that is not {self._group_name}, or that this user"
-                " is no member of; run chmod 700 on it, or name another"
+                f"{self.path}: no group may enter it (mode {mode:04o}) except {self._group_name} with this user as a"
+                " member; run chmod 700 on it, or name another"
             )
 
-    def _take_lock(self) -> int:
+    def _lock_directory(self) -> int:
         lock = os.open(self.path / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -107,7 +109,7 @@ class RuntimeDirectory:
             holder = os.read(lock, MAX_PID_BYTES).decode(errors="replace").strip() or "unknown"
             os.close(lock)
             raise LinkError(
-                f"{self.path}: slipd runs here already (process {holder}); stop it, or give this one another directory"
+                f"{self.path}: another slipd uses this directory (process {holder}); stop it, or name another directory"
             ) from None
         os.ftruncate(lock, 0)
         os.write(lock, f"{os.getpid()}\n".encode())
@@ -115,7 +117,7 @@ class RuntimeDirectory:
 
 
 def _group_id(name: str) -> int | None:
-    """The group's number, where it exists and this process may give files to it."""
+    """Return the id of the group; None if it does not exist or this process cannot give files to it."""
     try:
         number = grp.getgrnam(name).gr_gid
     except KeyError:

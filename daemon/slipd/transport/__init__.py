@@ -1,7 +1,7 @@
-"""Thin asyncio shells that move bytes between devices and the engine.
+"""Move bytes between devices and the engine, with asyncio.
 
-`Links` is the whole room from outside: the files below say how one link stays open (`link`) and what lies beneath it
-(`serial`, `tcp`, `udp`, `websocket`, `external`, `local`).
+`Links` is all that other rooms use. `link` keeps one link open; the transports are `serial_port`, `tcp`, `udp`,
+`websocket`, `push_socket` (other programs push readings) and `driver_socket` (another driver connects).
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from collections.abc import Callable, Iterable
 from types import TracebackType
 
 from slipd.events import Event, LinkSpec
-from slipd.transport.link import Link, Look, Opener
+from slipd.transport.link import Link, Opener, Probe
 
 __all__ = ["Links"]
 
 
 class Links:
-    """Every link of the daemon, each kept open by one task of the given group, from ``async with`` to its end.
+    """All links of the daemon, each kept open by a task of the given group, for the duration of ``async with``.
 
     Args:
-        tasks: Owner of the tasks. What ``on_event`` raises ends the link's task and so reaches the group.
+        tasks: Owner of the tasks. An exception of ``on_event`` ends the task of the link and so reaches the group.
         specs: The links.
-        on_event: Called with LinkUp, Bytes and LinkDown of every link, within the callback in which bytes were read.
+        on_event: Called with LinkUp, Bytes and LinkDown of every link, in the callback that read the bytes.
 
     Raises:
-        ValueError: Two links have one name, or a transport is unknown.
+        ValueError: Two links have the same name, or a transport is unknown.
     """
 
     def __init__(self, tasks: asyncio.TaskGroup, specs: Iterable[LinkSpec], on_event: Callable[[Event], None]) -> None:
@@ -33,7 +33,7 @@ class Links:
         self._links: dict[str, Link] = {}
         for spec in specs:
             if spec.name in self._links:
-                raise ValueError(f"two links are named {spec.name!r}; names must differ")
+                raise ValueError(f"link names must differ, got {spec.name!r} twice")
             self._links[spec.name] = _link(spec, on_event)
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -44,20 +44,20 @@ class Links:
 
     @property
     def overruns(self) -> dict[str, int]:
-        """Link name → datagrams that were lost before they could be read."""
+        """Link name → datagrams lost before they could be read."""
         return {name: link.overruns for name, link in self._links.items()}
 
     def write(self, link: str, data: bytes) -> bool:
-        """Send bytes on a link now or never; never blocks.
+        """Send bytes on a link at once, or drop them; never block.
 
         Returns:
-            Whether they were taken. Nothing is kept for a link that is down or a device that does not read.
+            Whether they were sent. Nothing is queued for a link that is down or a device that does not read.
 
         Raises:
             ValueError: There is no such link.
         """
         if link not in self._links:
-            raise ValueError(f"no link is named {link!r}; there are {', '.join(self._links) or 'none'}")
+            raise ValueError(f"link must be one of {', '.join(self._links) or 'none'}, got {link!r}")
         return self._links[link].write(data)
 
     async def __aenter__(self) -> Links:
@@ -75,17 +75,17 @@ class Links:
 
 
 def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
-    """A link over its transport, imported on demand: a rig without such devices does not wait for their library.
+    """Return a link over its transport, which is imported only if it is used.
 
     Raises:
         ValueError: The transport is unknown.
     """
-    look: Look | None = None
+    probe: Probe | None = None
     opener: Opener
     match spec.transport:
         case "serial":
-            from slipd.transport.serial_port import look
             from slipd.transport.serial_port import open_serial as opener
+            from slipd.transport.serial_port import probe
         case "tcp":
             from slipd.transport.tcp import open_tcp as opener
         case "udp":
@@ -98,6 +98,6 @@ def _link(spec: LinkSpec, on_event: Callable[[Event], None]) -> Link:
             from slipd.transport.driver_socket import open_driver_socket as opener
         case _:
             raise ValueError(
-                f"unknown transport {spec.transport!r}; there are serial, tcp, udp, websocket, external and local"
+                f"transport must be serial, tcp, udp, websocket, external or local, got {spec.transport!r}"
             )
-    return Link(spec, opener, on_event, look)
+    return Link(spec, opener, on_event, probe)

@@ -1,4 +1,4 @@
-"""Addresses of network devices: what they name, and sockets connected to it."""
+"""Addresses of network devices: parse them, and connect a socket."""
 
 from __future__ import annotations
 
@@ -11,22 +11,27 @@ from urllib.parse import urlsplit
 from slipd.errors import LinkError
 
 OPEN_TIMEOUT_S = 2.0
-"""A device stands beside the robot: one that takes longer to answer is off, or wedged."""
+"""Longest wait for an answer, s: a device on the local network that takes longer is off or stuck."""
 
 
 def host_and_port(address: str) -> tuple[str, int | None]:
-    """What an address such as ``udp://HOST:PORT`` names; a literal IPv6 host stands in brackets.
+    """Parse an address such as ``udp://HOST:PORT``; an IPv6 address as host is in brackets.
+
+    Returns:
+        Host, and port or None.
 
     Raises:
-        LinkError: It names no host, or no port that exists.
+        LinkError: The address has no host, or an impossible port.
     """
     try:
         parts = urlsplit(address)
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise LinkError(f"{address}: no address: {error}; one is {_scheme(address)}://192.168.1.1:49152") from error
+        raise LinkError(
+            f"{address}: not an address ({error}); a valid one is {_scheme(address)}://192.168.1.1:49152"
+        ) from error
     if not host:
-        raise LinkError(f"{address}: names no host; one with a host is {_scheme(address)}://192.168.1.1:49152")
+        raise LinkError(f"{address}: has no host; a valid address is {_scheme(address)}://192.168.1.1:49152")
     return host, port
 
 
@@ -35,14 +40,14 @@ def _scheme(address: str) -> str:
 
 
 async def connected(address: str, kind: socket.SocketKind) -> socket.socket:
-    """A non-blocking socket connected to what the address names, at the first of its addresses that takes it.
+    """Return a non-blocking socket connected to an address; of several IP addresses, the first that accepts.
 
     Raises:
-        LinkError: It names nothing, or nothing there answers; says what would be right.
+        LinkError: The address is invalid, or nothing answers there.
     """
     host, port = host_and_port(address)
     if port is None:
-        raise LinkError(f"{address}: names no port; one that does is {address.rstrip('/')}:49152")
+        raise LinkError(f"{address}: has no port; a valid address is {address.rstrip('/')}:49152")
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(OPEN_TIMEOUT_S):
@@ -50,15 +55,17 @@ async def connected(address: str, kind: socket.SocketKind) -> socket.socket:
             return await _first(found)
     except TimeoutError:
         raise LinkError(
-            f"{address}: nothing answers within {OPEN_TIMEOUT_S:g} s; switch the device on, or correct the address"
+            f"{address}: no answer within {OPEN_TIMEOUT_S:g} s; switch the device on, or correct the address"
         ) from None
-    except (OSError, UnicodeError) as error:  # a name with an empty or too long part cannot even be asked for
+    except (OSError, UnicodeError) as error:  # UnicodeError: a part of the host name is empty or too long
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        raise LinkError(f"{address}: not reached ({reason}); switch the device on, or correct the address") from error
+        raise LinkError(
+            f"{address}: cannot be reached ({reason}); switch the device on, or correct the address"
+        ) from error
 
 
 async def _first(found: Sequence[tuple[int, int, int, str, tuple[Any, ...]]]) -> socket.socket:
-    failure = OSError("the name has no address")
+    failure = OSError("the host name has no address")
     for family, kind, protocol, _, target in found:
         made = socket.socket(family, kind, protocol)
         try:
@@ -67,7 +74,7 @@ async def _first(found: Sequence[tuple[int, int, int, str, tuple[Any, ...]]]) ->
         except OSError as error:
             made.close()
             failure = error
-        except BaseException:  # given up meanwhile
+        except BaseException:  # cancelled
             made.close()
             raise
         else:

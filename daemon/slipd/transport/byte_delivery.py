@@ -1,4 +1,4 @@
-"""Hands bytes on until a connection ends, and knows why it ended: what connections share that callbacks read."""
+"""Deliver bytes to a consumer until the connection ends, and keep the reason: shared by all connections."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import asyncio
 from slipd.transport.link import OnBytes
 
 READ_BYTES = 1024
-"""Bytes handed on before the rest of the loop has its turn: some 30 readings of a force sensor, 1 to 2 ms of decisions.
-pyserial-asyncio reads as much at once."""
+"""Bytes delivered before other tasks of the loop run: about 30 readings of a force sensor, or 1 to 2 ms of processing.
+pyserial-asyncio reads as many at once."""
 
 
 class ByteDelivery:
-    """From a connection to its consumer.
+    """Deliver the bytes of one connection to its consumer.
 
     Args:
         on_bytes: The consumer.
@@ -24,13 +24,13 @@ class ByteDelivery:
 
     @property
     def ended(self) -> bool:
-        """Nothing is to be handed on or written any more."""
+        """Whether the connection has ended."""
         return self._lost.done()
 
     def deliver(self, data: bytes) -> bool:
-        """Give bytes to the consumer; False when that ended the connection.
+        """Pass bytes to the consumer; return False if the connection has ended, or ends with this.
 
-        What the consumer raises is kept for `until_lost`: out of a callback asyncio would only log it and go on.
+        An exception of the consumer is raised by `until_lost`: asyncio would only log it if this callback raised it.
         """
         if self._lost.done():
             return False
@@ -42,10 +42,10 @@ class ByteDelivery:
         return True
 
     def lose(self, reason: str) -> None:
-        """End, with a reason for people; only the first counts."""
+        """End the connection with a reason for people; only the first call counts."""
         if not self._lost.done():
             self._lost.set_result(reason)
 
     async def until_lost(self) -> str:
-        """Return the reason when the connection has ended, or raise what the consumer raised."""
-        return await asyncio.shield(self._lost)  # being cancelled is not being lost
+        """Wait for the end of the connection and return the reason, or raise the exception of the consumer."""
+        return await asyncio.shield(self._lost)  # cancelling the caller must not cancel the future

@@ -1,6 +1,6 @@
-"""A local socket at which one driver of another process is served: a raw stream, as of a serial line.
+"""A local socket for one driver in another process: a raw stream of bytes, as on a serial line.
 
-The link is open while a driver is connected. Whoever comes meanwhile is told so and turned away.
+The link is open while a driver is connected. A second driver gets a notice and is disconnected.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from slipd.transport.tcp import TcpConnection
 from slipd.zmtp.endpoint import check_directory
 
 MAX_PATH_BYTES = 107
-"""Longest path of a Unix socket (``sun_path`` less its closing zero)."""
+"""Longest path of a Unix socket (``sun_path`` without its final zero)."""
 
 WAITING = 8
-"""Connections that the kernel keeps until they are looked at."""
+"""Connections that the kernel queues until they are accepted."""
 
 BUSY = "another driver is connected"
 
 
 async def open_driver_socket(spec: LinkSpec, on_bytes: OnBytes) -> DriverConnection:
-    """Bind the socket, for this process's user alone, and wait for a driver.
+    """Bind the socket for this user only, and wait for a driver.
 
     Raises:
-        LinkError: The address is none, others could put a socket of theirs there, another program serves there, or it
-            cannot be bound.
+        LinkError: The address is invalid, other users could replace the socket, another program serves it, or it cannot
+            be bound.
     """
     path = spec.address.removeprefix("unix://")
     server = _bind(spec.address, path)
@@ -41,8 +41,8 @@ async def open_driver_socket(spec: LinkSpec, on_bytes: OnBytes) -> DriverConnect
         driver, _ = await asyncio.get_running_loop().sock_accept(server)
     except OSError as error:
         _close(server, path)
-        raise LinkError(f"{spec.address}: no driver can be served: {error}") from error
-    except BaseException:  # given up meanwhile
+        raise LinkError(f"{spec.address}: cannot accept a driver: {error}") from error
+    except BaseException:  # cancelled
         _close(server, path)
         raise
     driver.setblocking(False)
@@ -50,21 +50,21 @@ async def open_driver_socket(spec: LinkSpec, on_bytes: OnBytes) -> DriverConnect
 
 
 class DriverConnection(TcpConnection):
-    """A connected driver; see `slipd.transport.link.Connection` for what each method promises."""
+    """A connected driver; see `slipd.transport.link.Connection` for the contract of each method."""
 
     def __init__(self, address: str, driver: socket.socket, on_bytes: OnBytes, server: socket.socket) -> None:
         super().__init__(address, driver, on_bytes)
         self._server = server
-        self._loop.add_reader(server, self._turn_away)
+        self._loop.add_reader(server, self._refuse_driver)
 
     async def close(self) -> None:
-        """Close the socket, so that no driver connects to nobody, and then as a device's."""
+        """Close the listening socket, so that no other driver connects, and then the connection."""
         self._loop.remove_reader(self._server)
         _close(self._server, self.identity.removeprefix("unix://"))
         await super().close()
 
-    def _turn_away(self) -> None:
-        with contextlib.suppress(OSError):  # it left, or no descriptor is free for it
+    def _refuse_driver(self) -> None:
+        with contextlib.suppress(OSError):  # it has left, or no file descriptor is free
             visitor, _ = self._server.accept()
             with visitor:
                 visitor.setblocking(False)
@@ -75,15 +75,15 @@ def _bind(address: str, path: str) -> socket.socket:
     size = len(os.fsencode(path))
     if not path.startswith("/") or size > MAX_PATH_BYTES:
         raise LinkError(
-            f"{address}: no local socket; one is unix:///run/slipd/gripper, with at most {MAX_PATH_BYTES} bytes of path"
+            f"{address}: must be an absolute path of at most {MAX_PATH_BYTES} bytes, such as unix:///run/slipd/gripper"
         )
     if not Path(path).parent.is_dir():
-        raise LinkError(f"{address}: there is no directory {Path(path).parent}; make it, or name one that exists")
+        raise LinkError(f"{address}: there is no directory {Path(path).parent}; create it, or name another")
     check_directory(address, Path(path).parent)
     server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     umask = os.umask(0o177)
     try:
-        _clear(path)
+        _remove_stale(path)
         server.bind(path)
         server.listen(WAITING)
         server.setblocking(False)
@@ -95,16 +95,16 @@ def _bind(address: str, path: str) -> socket.socket:
     return server
 
 
-def _clear(path: str) -> None:
-    """Remove the socket that a dead process left.
+def _remove_stale(path: str) -> None:
+    """Remove the socket of a dead process.
 
     Raises:
-        OSError: Something else lies there, or somebody serves.
+        OSError: The file is not a socket, or a program serves it.
     """
     if not os.path.lexists(path):
         return
     if not stat.S_ISSOCK(os.lstat(path).st_mode):
-        raise FileExistsError("this file is no socket")
+        raise FileExistsError("this file is not a socket")
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as visitor:
         visitor.setblocking(False)
         try:
@@ -112,9 +112,9 @@ def _clear(path: str) -> None:
         except ConnectionRefusedError:
             Path(path).unlink()
             return
-        except BlockingIOError:  # its queue of visitors is full
+        except BlockingIOError:  # its backlog is full
             pass
-    raise FileExistsError("another program serves here")
+    raise FileExistsError("another program serves this socket")
 
 
 def _close(server: socket.socket, path: str) -> None:

@@ -1,4 +1,4 @@
-"""Writes to a port or stream now or never, and completes what was taken in part: the rest, or the next is garbled."""
+"""Write to a port or stream at once or not at all, but complete a partial write."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 
 class NonblockingWriter:
-    """Sends on a non-blocking file descriptor; nothing waits in a queue but the rest of one write.
+    """Write to a non-blocking file descriptor; only the rest of one write is ever queued.
 
     Args:
-        fd: Of the port or socket.
-        on_error: Called with what shows that it takes no more.
+        fd: Descriptor of the port or socket.
+        on_error: Called with the error that ends the connection.
     """
 
     def __init__(self, fd: int, on_error: Callable[[OSError], None]) -> None:
@@ -24,11 +24,11 @@ class NonblockingWriter:
 
     @property
     def under_way(self) -> bool:
-        """A write was taken in part; others are refused until its rest has gone."""
+        """Whether the rest of a partial write still waits; other writes are refused until it is sent."""
         return bool(self._rest)
 
     def write(self, data: bytes) -> bool:
-        """Send at once or not at all; False while the peer does not read."""
+        """Send at once or not at all; return False while the peer does not read."""
         if self._rest or self._stopped:
             return False
         sent = self._send(data)
@@ -38,7 +38,7 @@ class NonblockingWriter:
         return sent > 0 or not data
 
     def stop(self) -> None:
-        """Send no more; to be called before the descriptor is closed, for its number may soon be another's."""
+        """Stop writing; call this before the descriptor is closed, because its number may be reused."""
         if not self._stopped:
             self._stopped = True
             self._rest = b""

@@ -1,4 +1,4 @@
-"""A local socket to which other processes push readings as a connection: each message is handed on as one piece.
+"""A local socket to which other processes push readings: each message is delivered as one piece of bytes.
 
 For labs whose own driver holds the port of a sensor.
 """
@@ -12,16 +12,17 @@ from slipd.events import LinkSpec
 from slipd.transport.byte_delivery import ByteDelivery
 from slipd.transport.link import OnBytes
 from slipd.zmtp.listener import Listener
-from slipd.zmtp.peer import Peer, PeerRules
+from slipd.zmtp.peer import Peer
+from slipd.zmtp.peer_rules import PeerRules
 
 MAX_MESSAGE_BYTES = 64 * 1024
-"""Longest message taken: over ten times one image of 1024 three-axis taxels in float32."""
+"""Longest message accepted: five times one image of 1024 three-axis taxels in float32."""
 
 MESSAGES_PER_WAKE = 8
-"""Messages handed on before the rest of the loop has its turn: each is a reading, and so a decision."""
+"""Messages delivered before other tasks of the loop run: each is a reading, and so a verdict."""
 
 SHARE = 0.75
-"""Of the loop's time that one pusher gets for long: readings are the main work, and only its own user pushes them."""
+"""Largest long-term share of the loop time for one sender: readings are the main work, and only this user can push."""
 
 _RULES = PeerRules(
     kind=b"PULL", serves=frozenset({b"PUSH"}), max_bytes=MAX_MESSAGE_BYTES, messages_per_wake=MESSAGES_PER_WAKE
@@ -29,42 +30,42 @@ _RULES = PeerRules(
 
 
 async def open_push_socket(spec: LinkSpec, on_bytes: OnBytes) -> PushConnection:
-    """Bind the socket, for this process and its user alone.
+    """Bind the socket for this user only.
 
     Raises:
-        LinkError: Its directory does not exist, another program serves there, or it cannot be bound.
+        LinkError: Its directory does not exist, another program serves it, or it cannot be bound.
     """
     scheme, _, path = spec.address.partition("://")
     folder = Path(path).parent
     if scheme == "ipc" and not folder.is_dir():
-        raise LinkError(f"{spec.address}: there is no directory {folder}; make it, or name one that exists")
+        raise LinkError(f"{spec.address}: there is no directory {folder}; create it, or name another")
     return PushConnection(spec.address, on_bytes)
 
 
 class PushConnection:
-    """A bound socket; see `slipd.transport.link.Connection` for what each method promises. It is never lost."""
+    """A bound socket, which is never lost; see `slipd.transport.link.Connection` for the contract of each method."""
 
     overruns = 0
 
     def __init__(self, endpoint: str, on_bytes: OnBytes) -> None:
         self._delivery = ByteDelivery(on_bytes)
-        self._listener = Listener(endpoint, _RULES, self._take, share=SHARE)
+        self._listener = Listener(endpoint, _RULES, self._on_message, share=SHARE)
         self._listener.__enter__()
         self.identity = self._listener.endpoint
 
     async def until_lost(self) -> str:
-        """Raise what the consumer of the messages raised."""
+        """Wait for ever, or raise the exception of the consumer."""
         return await self._delivery.until_lost()
 
     def write(self, data: bytes) -> bool:
-        """Refuse: who pushes does not listen."""
+        """Refuse: programs that push do not receive."""
         del data
         return False
 
     async def close(self) -> None:
-        """Close the socket at once; what was not read is lost."""
+        """Close the socket at once; unread messages are lost."""
         self._listener.__exit__(None, None, None)
 
-    def _take(self, _: Peer, frames: list[bytes]) -> None:
-        for frame in frames:  # a message is one frame; of longer ones the first two are judged, each by itself
+    def _on_message(self, _: Peer, frames: list[bytes]) -> None:
+        for frame in frames:  # a message has one frame; of a longer one, the first two are treated as messages
             self._delivery.deliver(frame)

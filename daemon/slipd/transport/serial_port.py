@@ -1,7 +1,7 @@
-"""A serial port as a connection: bytes are handed on within the callback in which they were read.
+"""A serial port as a connection: bytes are delivered in the callback that read them.
 
-pyserial-asyncio reads and closes; writing is done here, because its writer raises an unplugged port as a fault of the
-whole loop, spins while a full port takes nothing, and queues commands that nobody wants late.
+pyserial-asyncio reads and closes. Writing is done here, because its writer reports an unplugged port as a fault of the
+whole loop, spins while the port is full, and queues commands, which would arrive late.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ from slipd.transport.link import OnBytes
 from slipd.transport.nonblocking_writer import NonblockingWriter
 
 DRAIN_TIMEOUT_S = 0.2
-"""How long closing waits for the last bytes to leave: 2 kB at 115200 baud, far more than any farewell."""
+"""Longest wait for unsent bytes when closing, s: enough for 2 kB at 115200 baud."""
 
 DRAIN_POLL_S = 0.005
-"""How often closing looks whether they have left: the kernel tells how many are unsent, not when none are."""
+"""Period of the checks for unsent bytes when closing, s: the kernel reports their number, but sends no event."""
 
 _REMEDIES = {
-    errno.ENOENT: "no such port; plug the device in, or correct the path (/dev/serial/by-id names what is there)",
+    errno.ENOENT: "no such port; plug the device in, or correct the path (/dev/serial/by-id lists the ports)",
     errno.EACCES: "this user may not open it; join the group that owns the port (usually dialout) and log in again",
     errno.EPERM: "this user may not open it; join the group that owns the port (usually dialout) and log in again",
     errno.EBUSY: "another program holds it; stop that program (often ModemManager or a terminal)",
     errno.EWOULDBLOCK: "another program holds it; stop that program (often ModemManager or a terminal)",
-    errno.EIO: "its driver does not reach the device; plug the device in again",
+    errno.EIO: "the driver cannot reach the device; plug it in again",
     errno.ENOTTY: "not a serial port; give the path of one, e.g. below /dev/serial/by-id",
     errno.EISDIR: "not a serial port; give the path of one, e.g. below /dev/serial/by-id",
 }
 
 _NUMBERED = re.compile(r"/dev/tty(USB|ACM)\d+")
-"""Paths that go to whichever device is plugged in first."""
+"""Paths that belong to whichever device is plugged in first."""
 
 _log = logging.getLogger(__name__)
 
 
 async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
-    """Open a port for this process alone and start to read it.
+    """Open a port exclusively and start to read it.
 
-    Opening runs in a thread: a driver that waits for a dead device would hold the loop for seconds.
+    Opening runs in a thread, because a driver that waits for a dead device blocks for seconds.
 
     Raises:
-        LinkError: It cannot be opened; says why and what would be right.
+        LinkError: The port cannot be opened; the text says why, and what to do.
     """
-    _advise(spec.address)
+    _warn_of_number(spec.address)
     opening = asyncio.get_running_loop().run_in_executor(None, _open_port, spec.address, spec.baud)
     try:
         port = await asyncio.shield(opening)
@@ -67,17 +67,17 @@ async def open_serial(spec: LinkSpec, on_bytes: OnBytes) -> SerialConnection:
         raise LinkError(why_not_opened(spec.address, error)) from error
     try:
         return SerialConnection(port, on_bytes)
-    except (OSError, termios.error) as error:  # its transport configures the port once more; unplugged meanwhile
+    except (OSError, termios.error) as error:  # the transport configures the port again, which may be unplugged by now
         port.close()
         raise LinkError(why_not_opened(spec.address, error)) from error
 
 
 def why_not_opened(path: str, error: Exception) -> str:
-    """Say what keeps a port from being opened, and what would be right.
+    """Return why a port cannot be opened, and what to do.
 
     Args:
-        path: Of the port.
-        error: What opening it raised; pyserial hides some causes in the context of its own error.
+        path: Path of the port.
+        error: The error of the attempt; pyserial hides some causes in the context of its own error.
     """
     for cause in (error, error.__context__):
         code = cause.args[0] if cause is not None and cause.args else None
@@ -86,10 +86,10 @@ def why_not_opened(path: str, error: Exception) -> str:
     return f"{path}: cannot be opened: {error}"
 
 
-def look(path: str) -> object:
-    """What is at a path: equal as long as it is the same port with the same access; None while there is nothing.
+def probe(path: str) -> object:
+    """Return a token of the port at a path: equal as long as port and access rights stay; None if there is none.
 
-    The time of change tells a pseudo-terminal, whose numbers are used again, and rights that udev sets late.
+    It contains the time of change, because numbers of pseudo-terminals are reused and udev sets access rights late.
     """
     try:
         found = os.stat(path)  # noqa: PTH116 - one call, 50 times a second
@@ -99,9 +99,9 @@ def look(path: str) -> object:
 
 
 class SerialConnection(asyncio.Protocol):
-    """An open port; see `slipd.transport.link.Connection` for what each method promises."""
+    """An open port; see `slipd.transport.link.Connection` for the contract of each method."""
 
-    overruns = 0  # drivers count them, and few of them right
+    overruns = 0  # drivers count them, but few of them correctly
 
     def __init__(self, port: _Port, on_bytes: OnBytes) -> None:
         self.identity = port.identity
@@ -113,15 +113,15 @@ class SerialConnection(asyncio.Protocol):
         self._transport = serial_asyncio.SerialTransport(self._loop, self, port)
 
     async def until_lost(self) -> str:
-        """Return why the port went away, or raise what the consumer of its bytes raised."""
+        """Wait until the port is gone and return the reason, or raise the exception of the consumer."""
         return await self._delivery.until_lost()
 
     def write(self, data: bytes) -> bool:
-        """Send now or never; False while the device does not read."""
+        """Send at once or not at all; return False while the device does not read."""
         return not self._delivery.ended and self._writer.write(data)
 
     async def close(self) -> None:
-        """Let the last bytes leave for at most DRAIN_TIMEOUT_S, then release the port."""
+        """Wait at most DRAIN_TIMEOUT_S for unsent bytes, then release the port."""
         self._transport.pause_reading()
         try:
             if not self._delivery.ended:
@@ -131,35 +131,35 @@ class SerialConnection(asyncio.Protocol):
         await self._closed.wait()
 
     def data_received(self, data: bytes) -> None:
-        """Hand on; called by the transport."""
+        """Deliver bytes; called by the transport."""
         if not self._delivery.deliver(data):
             self._transport.pause_reading()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End; called by the transport, which closes the port right after this returns."""
+        """End the connection; called by the transport, which closes the port after this returns."""
         self._lose(exc)
         self._closed.set()
 
     def _lose(self, error: Exception | None) -> None:
         self._writer.stop()
-        self._delivery.lose(f"{self._port.port}: went away ({error}); it is opened again when it is back")
+        self._delivery.lose(f"{self._port.port}: the port is gone ({error}); it is opened again when it is back")
 
     async def _drain(self) -> None:
         deadline_s = self._loop.time() + DRAIN_TIMEOUT_S
-        with contextlib.suppress(OSError):  # unplugged meanwhile
-            while (self._writer.under_way or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
+        with contextlib.suppress(OSError):  # unplugged by now
+            while (self._writer.under_way or self._port.out_waiting) and self._loop.time() < deadline_s:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(DRAIN_POLL_S)
 
 
 class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
-    """A port that never waits: its ``flush`` discards what is still unsent, its ``read`` takes what is there.
+    """A port that never blocks: ``flush`` discards unsent bytes, ``read`` returns the bytes that are there.
 
-    The transport flushes before it closes, on the loop, and pyserial's flush waits until the device has read
-    everything: behind a device that stopped reading it waits for ever. It reads when the loop says that there is
-    something, and pyserial would ask once more, for each read.
+    The transport flushes on the loop before it closes, and the flush of pyserial waits until the device has read
+    everything, which may be for ever. The transport reads when the loop reports bytes; pyserial would check again
+    before each read.
 
     Attributes:
-        identity: Its path, and the USB device that it belongs to.
+        identity: Path of the port, and the USB device that it belongs to.
     """
 
     identity: str
@@ -172,7 +172,7 @@ class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
         except OSError as error:
             raise serial.SerialException(f"read failed: {error}") from error
         if not data:
-            raise serial.SerialException("the device is gone: its port is ready and holds nothing")
+            raise serial.SerialException("the device is gone: its port is readable but empty")
         return data
 
     def flush(self) -> None:
@@ -183,21 +183,23 @@ class _Port(serial.Serial):  # type: ignore[misc]  # pyserial has no types
 
 def _open_port(path: str, baud: int) -> _Port:
     port = _Port(path, baud, exclusive=True)
-    with contextlib.suppress(ValueError, OSError, NotImplementedError):  # ptys and some drivers have no such mode
+    with contextlib.suppress(
+        ValueError, OSError, NotImplementedError
+    ):  # pseudo-terminals and some drivers have no such mode
         port.set_low_latency_mode(True)
-    with contextlib.suppress(OSError, termios.error):  # unplugged meanwhile: reading will tell
+    with contextlib.suppress(OSError, termios.error):  # unplugged by now, which reading will report
         attributes = termios.tcgetattr(port.fd)
-        attributes[2] &= ~termios.HUPCL  # closing must not reset the boards that take a falling DTR for that
+        attributes[2] &= ~termios.HUPCL  # closing must not reset boards that treat a falling DTR as a reset
         termios.tcsetattr(port.fd, termios.TCSANOW, attributes)
     port.identity = identity_of(path)
     return port
 
 
 def identity_of(path: str) -> str:
-    """A port's path, and where it belongs to a USB device, vendor, product and serial number of that."""
+    """Return the path of a port and, if it belongs to a USB device, vendor, product and serial number."""
     try:
         found = SysFS(path)
-    except (OSError, TypeError, ValueError):  # unplugged while it was looked at
+    except (OSError, TypeError, ValueError):  # unplugged by now
         return path
     if found.vid is None:
         return path
@@ -205,13 +207,13 @@ def identity_of(path: str) -> str:
 
 
 @functools.cache
-def _advise(path: str) -> None:
-    """Say once that a path may become another device's."""
+def _warn_of_number(path: str) -> None:
+    """Log once that a path may later belong to another device."""
     if _NUMBERED.fullmatch(path):
-        _log.warning("%s: goes to whichever device is plugged in first; /dev/serial/by-id has paths that stay", path)
+        _log.warning("%s: belongs to whichever device is plugged in first; use a path below /dev/serial/by-id", path)
 
 
 def _close_unclaimed(opening: asyncio.Future[_Port]) -> None:
-    """Close a port whose opening was given up while the driver was still at it."""
+    """Close a port whose opening was cancelled before the driver finished."""
     if not opening.cancelled() and opening.exception() is None:
         opening.result().close()

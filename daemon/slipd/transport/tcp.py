@@ -1,4 +1,4 @@
-"""A device behind a TCP port as a connection: a raw stream, as of a serial line."""
+"""A device with a TCP port as a connection: a raw stream of bytes, as on a serial line."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from slipd.transport.link import OnBytes
 from slipd.transport.nonblocking_writer import NonblockingWriter
 
 KEEPALIVE_S = 1
-"""A silent device is asked for a sign of life so often."""
+"""Silence after which the kernel probes the connection, and period of the probes, s."""
 
 KEEPALIVE_PROBES = 2
-"""Unanswered in a row they end the connection: a cut cable is noticed within 3 s."""
+"""Consecutive unanswered probes that end the connection: a cut cable is noticed within 3 s."""
 
 UNACKNOWLEDGED_MS = 3000
-"""What was written and is not acknowledged for so long ends it too; the kernel alone would try for a quarter hour."""
+"""Written bytes that stay unacknowledged this long end the connection too, ms; the kernel default is 15 minutes."""
 
 DRAIN_TIMEOUT_S = 0.2
-"""How long closing waits for the rest of a write to be taken."""
+"""Longest wait for the rest of a partial write when closing, s."""
 
 DRAIN_POLL_S = 0.005
 
@@ -30,7 +30,7 @@ async def open_tcp(spec: LinkSpec, on_bytes: OnBytes) -> TcpConnection:
     """Connect to a device.
 
     Raises:
-        LinkError: The address is none, or nothing there answers.
+        LinkError: The address is invalid, or nothing answers there.
     """
     opened = await connected(spec.address, socket.SOCK_STREAM)
     for level, option, value in (
@@ -46,7 +46,7 @@ async def open_tcp(spec: LinkSpec, on_bytes: OnBytes) -> TcpConnection:
 
 
 class TcpConnection:
-    """An open connection; see `slipd.transport.link.Connection` for what each method promises."""
+    """An open connection; see `slipd.transport.link.Connection` for the contract of each method."""
 
     overruns = 0
 
@@ -59,19 +59,19 @@ class TcpConnection:
         self._loop.add_reader(opened, self._read)
 
     async def until_lost(self) -> str:
-        """Return why the connection ended, or raise what the consumer of its bytes raised."""
+        """Wait for the end of the connection and return the reason, or raise the exception of the consumer."""
         return await self._delivery.until_lost()
 
     def write(self, data: bytes) -> bool:
-        """Send now or never; False while the device does not read."""
+        """Send at once or not at all; return False while the device does not read."""
         return not self._delivery.ended and self._writer.write(data)
 
     async def close(self) -> None:
-        """Let the rest of a write go for at most DRAIN_TIMEOUT_S, then close; the kernel sends what it has taken."""
+        """Wait at most DRAIN_TIMEOUT_S for the rest of a partial write, then close; the kernel sends what it has."""
         self._loop.remove_reader(self._socket)
         deadline_s = self._loop.time() + DRAIN_TIMEOUT_S
         try:
-            while self._writer.under_way and not self._delivery.ended and self._loop.time() < deadline_s:  # noqa: ASYNC110 - nothing tells
+            while self._writer.under_way and not self._delivery.ended and self._loop.time() < deadline_s:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(DRAIN_POLL_S)
         finally:
             self._writer.stop()
@@ -86,7 +86,7 @@ class TcpConnection:
             self._lose(error)
             return
         if not data:
-            self._lose(ConnectionError("it closed the connection"))
+            self._lose(ConnectionError("the other side closed it"))
         elif not self._delivery.deliver(data):
             self._loop.remove_reader(self._socket)
 

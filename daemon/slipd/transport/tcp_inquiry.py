@@ -1,4 +1,4 @@
-"""Asks the host of a link's address over TCP what its stream does not tell, such as a sensor's calibration."""
+"""Ask the host of a link over TCP for what its stream does not contain, such as the calibration of a sensor."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from slipd.errors import LinkError
 from slipd.transport.address import host_and_port
 
 TIMEOUT_S = 2.0
-"""For the whole of question and answer: a device that is well takes some milliseconds."""
+"""Longest duration of request and answer, s: a working device takes some milliseconds."""
 
 MAX_REPLY_BYTES = 65_536
-"""Longest answer without a given length: several times a sensor's page of settings."""
+"""Longest answer of unknown length: several times the settings page of a sensor."""
 
 
 async def inquire(address: str, inquiry: Inquiry) -> bytes:
-    """Put the question and return the whole answer.
+    """Send the request of an inquiry and return the whole answer.
 
     Raises:
-        LinkError: There is none within TIMEOUT_S, it is cut short or beyond all measure, or its check finds a fault.
+        LinkError: No answer within TIMEOUT_S, an answer that is cut off or too long, or one that fails its check.
     """
     host, _ = host_and_port(address)
     try:
@@ -29,14 +29,14 @@ async def inquire(address: str, inquiry: Inquiry) -> bytes:
     except TimeoutError:
         fault = f"no answer within {TIMEOUT_S:g} s"
     except asyncio.IncompleteReadError as error:
-        fault = f"{len(error.partial)} bytes of the {inquiry.reply_bytes} of an answer"
+        fault = f"the answer must have {inquiry.reply_bytes} bytes, got {len(error.partial)}"
     except (OSError, ValueError) as error:
         fault = str(error)
     if not fault:
         return answer
     raise LinkError(
-        f"{address}: asked on TCP port {inquiry.port} before it is read: {fault}; switch the device on, correct the"
-        " address, or give in the options of the device what it would answer"
+        f"{address}: inquiry on TCP port {inquiry.port} failed: {fault}; switch the device on, correct the address, or"
+        " state in the options what the device would answer"
     )
 
 
@@ -50,9 +50,9 @@ async def _ask(host: str, inquiry: Inquiry) -> bytes:
         while chunk := await reader.read(MAX_REPLY_BYTES):
             answer += chunk
             if len(answer) > MAX_REPLY_BYTES:
-                raise ValueError(f"an answer of more than {MAX_REPLY_BYTES} bytes")
+                raise ValueError(f"the answer has more than {MAX_REPLY_BYTES} bytes")
         if not answer:
-            raise ValueError("it hung up without an answer")
+            raise ValueError("the device closed the connection without an answer")
         return answer
     finally:
-        writer.transport.abort()  # nothing is left to be sent, and nobody waits
+        writer.transport.abort()  # nothing is left to send

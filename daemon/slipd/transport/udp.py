@@ -1,6 +1,7 @@
-"""A device that sends datagrams as a connection: each is handed on as one piece of bytes, as far as devices fill it.
+"""A device that sends datagrams as a connection: each datagram is delivered as one piece of bytes.
 
-The socket is connected: datagrams of others never reach it, and the host of a device that does not listen says so.
+The socket is connected, so datagrams of other senders never reach it, and the host of a device that does not listen
+reports so.
 """
 
 from __future__ import annotations
@@ -15,29 +16,29 @@ from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
 from slipd.transport.link import OnBytes
 
 RECEIVE_BUFFER_BYTES = 512 * 1024
-"""Asked of the kernel, which counts some 1 kB for each small datagram: it bears a stall of 100 ms at 4 kHz."""
+"""Requested receive buffer: the kernel counts about 1 kB for each small datagram, so it holds 100 ms at 4 kHz."""
 
 DATAGRAMS_PER_WAKE = 32
-"""Most datagrams read before the rest of the loop has its turn, were they empty; READ_BYTES bounds them otherwise."""
+"""Most datagrams read before other tasks of the loop run, even if they are empty; READ_BYTES is a limit too."""
 
 MAX_DATAGRAM_BYTES = 2048
-"""Most bytes taken of a datagram; the rest of a longer one is dropped. Devices send 1440 at the most, 40 records."""
+"""Most bytes read of a datagram; the rest is dropped. Devices send at most 1440 bytes, which are 40 records."""
 
 SO_MEMINFO, MEMINFO_WORDS, MEMINFO_DROPS = 55, 9, 8
-"""Linux <asm-generic/socket.h> and <linux/sock_diag.h>: what the kernel counts of a socket; it has the drops last."""
+"""Linux <asm-generic/socket.h> and <linux/sock_diag.h>: counters of a socket, of which the last is the drops."""
 
 
 async def open_udp(spec: LinkSpec, on_bytes: OnBytes) -> UdpConnection:
-    """Open a socket to the device; that it is there shows when it sends.
+    """Open a socket to the device; only its datagrams show that it is there.
 
     Raises:
-        LinkError: The address is none, or no way leads there.
+        LinkError: The address is invalid, or there is no route to it.
     """
     return UdpConnection(spec.address, await connected(spec.address, socket.SOCK_DGRAM), on_bytes)
 
 
 class UdpConnection:
-    """An open socket; see `slipd.transport.link.Connection` for what each method promises."""
+    """An open socket; see `slipd.transport.link.Connection` for the contract of each method."""
 
     def __init__(self, address: str, opened: socket.socket, on_bytes: OnBytes) -> None:
         self.identity = address
@@ -49,19 +50,19 @@ class UdpConnection:
 
     @property
     def overruns(self) -> int:
-        """Datagrams that the kernel dropped because the daemon was behind, or because they were damaged."""
+        """Datagrams that the kernel dropped because the daemon was late or they were damaged."""
         try:
-            told = self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 4 * MEMINFO_WORDS)
-        except OSError:  # a kernel that does not tell
+            counters = self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 4 * MEMINFO_WORDS)
+        except OSError:  # a kernel without these counters
             return 0
-        return array.array("I", told)[MEMINFO_DROPS] if len(told) == 4 * MEMINFO_WORDS else 0
+        return array.array("I", counters)[MEMINFO_DROPS] if len(counters) == 4 * MEMINFO_WORDS else 0
 
     async def until_lost(self) -> str:
-        """Return why the device takes no datagrams, or raise what the consumer of its own raised."""
+        """Wait for the end of the connection and return the reason, or raise the exception of the consumer."""
         return await self._delivery.until_lost()
 
     def write(self, data: bytes) -> bool:
-        """Send as one datagram, now or never."""
+        """Send one datagram at once or not at all."""
         if self._delivery.ended:
             return False
         try:
@@ -78,7 +79,7 @@ class UdpConnection:
         self._socket.close()
 
     def _read(self) -> None:
-        taken = 0
+        read_bytes = 0
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
                 data = self._socket.recv(MAX_DATAGRAM_BYTES)
@@ -90,11 +91,11 @@ class UdpConnection:
             if not self._delivery.deliver(data):
                 self._loop.remove_reader(self._socket)
                 return
-            taken += len(data)
-            if taken >= READ_BYTES:
+            read_bytes += len(data)
+            if read_bytes >= READ_BYTES:
                 return
 
     def _lose(self, error: OSError) -> None:
         self._loop.remove_reader(self._socket)
-        what = "the host says that nobody listens there" if isinstance(error, ConnectionRefusedError) else str(error)
+        what = "nothing listens on this port" if isinstance(error, ConnectionRefusedError) else str(error)
         self._delivery.lose(f"{self.identity}: {what}; switch the device on, or correct the address")

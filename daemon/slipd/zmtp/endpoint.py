@@ -1,4 +1,4 @@
-"""Bind the daemon's sockets so that only its user, or only clients with a key, can connect."""
+"""Bind the sockets of the daemon so that only its user, or only clients with a key, can connect."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from pathlib import Path
 from slipd.errors import LinkError
 
 MAX_IPC_PATH_BYTES = 107
-"""Longest path of a Unix socket (``sun_path`` less its closing zero)."""
+"""Longest path of a Unix socket (``sun_path`` without its final zero)."""
 
 BACKLOG = 64
-"""Connections that the kernel keeps until they are accepted."""
+"""Connections that the kernel queues until they are accepted."""
 
 _ANY_PORT = "*"
 
@@ -27,9 +27,9 @@ class Access:
     """Who may connect.
 
     Attributes:
-        secret: The daemon's secret key, 32 bytes; None: no keys are asked for, which is for ipc endpoints.
-        admits: Whether a key (40 letters of Z85) may connect.
-        local_tcp: A TCP port of this machine may be served without keys; all of its users reach it.
+        secret: Secret key of the daemon, 32 bytes; None: no key is needed, for ipc endpoints.
+        admits: Returns whether a key (40 letters of Z85) may connect.
+        local_tcp: Serve a TCP port of this machine without keys; all users of the machine can connect.
     """
 
     secret: bytes | None = field(default=None, repr=False)
@@ -42,7 +42,7 @@ USER_ALONE = Access()
 
 
 def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str]:
-    """Open a listening socket that does not block.
+    """Open a non-blocking, listening socket.
 
     Args:
         endpoint: ``ipc:///directory/name``, or ``tcp://address:port`` (``*`` as port: any free one).
@@ -52,7 +52,7 @@ def bind(endpoint: str, access: Access = USER_ALONE) -> tuple[socket.socket, str
         The socket, and the endpoint as clients reach it.
 
     Raises:
-        LinkError: The endpoint is malformed, in use, cannot be bound, or would admit anybody.
+        LinkError: The endpoint is invalid, in use, cannot be bound, or would admit anybody.
     """
     _check(endpoint, access)
     family = socket.AF_INET if is_tcp(endpoint) else socket.AF_UNIX
@@ -87,8 +87,8 @@ def _bind_tcp(server: socket.socket, endpoint: str) -> str:
 def _bind_ipc(server: socket.socket, endpoint: str) -> str:
     path = os.fsencode(endpoint.removeprefix("ipc://"))
     with contextlib.suppress(FileNotFoundError):
-        os.unlink(path)  # noqa: PTH108 - bytes; `_check` found that nobody serves there
-    umask = os.umask(0o077)  # the mode of a socket is 0777 less this
+        os.unlink(path)  # noqa: PTH108 - bytes; `_check` found no server there
+    umask = os.umask(0o077)  # the mode of a socket is 0777 without these bits
     try:
         server.bind(path)
     finally:
@@ -104,7 +104,7 @@ def release(server: socket.socket, endpoint: str) -> None:
 
 
 def check_free(endpoint: str, access: Access = USER_ALONE) -> None:
-    """Refuse an endpoint that cannot be served now, without serving it.
+    """Check that an endpoint can be served now, without serving it.
 
     Raises:
         LinkError: As for `bind`.
@@ -116,25 +116,28 @@ def check_free(endpoint: str, access: Access = USER_ALONE) -> None:
 
 
 def is_tcp(endpoint: str) -> bool:
-    """Whether this is an endpoint over TCP."""
+    """Return whether this is an endpoint over TCP."""
     return endpoint.startswith("tcp://")
 
 
 def check_directory(endpoint: str, directory: Path) -> None:
-    """Refuse a directory in which others could replace this socket by their own.
+    """Refuse a directory in which other users could replace this socket.
 
     Raises:
-        LinkError: It belongs to a user who is neither root nor oneself, or others may change it (but for a sticky one).
+        LinkError: The directory belongs to a user other than root and this one, or others may change it (unless it is
+            sticky).
     """
     try:
         found = directory.stat()
     except OSError:
-        return  # binding tells
+        return  # binding reports it
     if found.st_uid not in (0, os.geteuid()):
-        raise LinkError(f"{endpoint}: its directory belongs to user {found.st_uid}; name one of your own")
+        raise LinkError(
+            f"{endpoint}: its directory must belong to this user or root, got user {found.st_uid}; name another"
+        )
     if found.st_mode & 0o022 and not found.st_mode & stat.S_ISVTX:
         mode = stat.S_IMODE(found.st_mode)
-        raise LinkError(f"{endpoint}: others may change its directory (mode {mode:04o}); run chmod go-w on it")
+        raise LinkError(f"{endpoint}: other users may change its directory (mode {mode:04o}); run chmod go-w on it")
 
 
 def _check(endpoint: str, access: Access) -> None:
@@ -143,19 +146,23 @@ def _check(endpoint: str, access: Access) -> None:
     elif is_tcp(endpoint):
         _check_tcp(endpoint, endpoint.removeprefix("tcp://").rpartition(":")[0], access)
     else:
-        raise LinkError(f"{endpoint}: no endpoint; one is ipc:///run/slipd/publish or tcp://192.168.1.7:5555")
+        raise LinkError(
+            f"{endpoint}: not an endpoint; valid ones are ipc:///run/slipd/publish and tcp://192.168.1.7:5555"
+        )
 
 
 def _check_ipc(endpoint: str, path: bytes) -> None:
     if not path.startswith(b"/"):
-        raise LinkError(f"{endpoint}: an ipc endpoint is an absolute path, e.g. ipc:///run/slipd/publish")
+        raise LinkError(f"{endpoint}: the path of an ipc endpoint must be absolute, such as ipc:///run/slipd/publish")
     if len(path) > MAX_IPC_PATH_BYTES:
-        raise LinkError(f"{endpoint}: the path has {len(path)} bytes; a socket's path has {MAX_IPC_PATH_BYTES} at most")
+        raise LinkError(
+            f"{endpoint}: the path of a socket must have at most {MAX_IPC_PATH_BYTES} bytes, got {len(path)}"
+        )
     check_directory(endpoint, Path(os.fsdecode(path)).parent)
     if os.path.lexists(path) and not stat.S_ISSOCK(os.lstat(path).st_mode):
-        raise LinkError(f"{endpoint}: this file is no socket, and binding would delete it; name another path")
+        raise LinkError(f"{endpoint}: this file is not a socket, and binding would delete it; name another path")
     if _is_served(path):
-        raise LinkError(f"{endpoint}: another program serves here; stop it, or name another endpoint")
+        raise LinkError(f"{endpoint}: another program serves this endpoint; stop it, or name another")
 
 
 def _is_served(path: bytes) -> bool:
@@ -163,7 +170,7 @@ def _is_served(path: bytes) -> bool:
         visitor.setblocking(False)
         try:
             visitor.connect(path)
-        except BlockingIOError:  # its queue of visitors is full
+        except BlockingIOError:  # its backlog is full
             return True
         except OSError:
             return False
@@ -174,12 +181,14 @@ def _check_tcp(endpoint: str, host: str, access: Access) -> None:
     try:
         local = host == "localhost" or (host != "*" and ipaddress.IPv4Address(host).is_loopback)
     except ValueError:
-        raise LinkError(f"{endpoint}: {host!r} is no IPv4 address of this machine; * stands for all of them") from None
+        raise LinkError(
+            f"{endpoint}: the host must be an IPv4 address of this machine, or * for all of them, got {host!r}"
+        ) from None
     if access.secret is not None or (local and access.local_tcp):
         return
     who = "every user of this machine" if local else "other machines"
     raise LinkError(
-        f"{endpoint}: {who} would reach the gripper without encryption and without a list of allowed keys; set"
+        f"{endpoint}: {who} could reach the gripper without encryption and without a list of allowed keys; set"
         " bus.secret_key, bus.readers and bus.requesters, or use ipc:///path"
-        + (", or set bus.allow_local_tcp = true" if local else ", with an SSH tunnel from elsewhere")
+        + (", or set bus.allow_local_tcp = true" if local else ", with an SSH tunnel for remote clients")
     )

@@ -14,39 +14,40 @@ from types import TracebackType
 
 from slipd.zmtp.endpoint import USER_ALONE, Access, bind, release
 from slipd.zmtp.mechanisms import Curve, Mechanism, Null
-from slipd.zmtp.peer import Peer, PeerRules
+from slipd.zmtp.peer import Peer
+from slipd.zmtp.peer_rules import PeerRules
 from slipd.zmtp.time_accounts import SHARE, TimeAccount, TimeAccounts
 from slipd.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256
-"""Connections of one endpoint: several times what a cell has."""
+"""Most connections of one endpoint: several times the clients of a robot cell."""
 
 RESERVE = 64
-"""Descriptors that connections never get: the ports, files and sockets of the daemon itself, generously."""
+"""File descriptors reserved for the ports, files and sockets of the daemon itself, with a margin."""
 
 SHARE_OF_ONE = 0.5
-"""Of the connections of an endpoint, at most, that one account gets."""
+"""Largest share of the connections of an endpoint for one account."""
 
 ACCEPTED_PER_WAKE = 4
-"""Connections accepted before the rest of the loop has its turn."""
+"""Connections accepted before other tasks of the loop run."""
 
 HANDSHAKE_S = 2.0
-"""Longest handshake; then the connection is dropped, which frees its descriptor."""
+"""Longest handshake, s; then the connection is dropped, which frees its descriptor."""
 
 KEEPALIVE_S, KEEPALIVE_PROBES = 1, 2
-"""After so much silence the kernel asks the other machine for a sign of life, so often, as long each."""
+"""Silence after which the kernel probes the other machine, and period of the probes, s; number of probes."""
 
 UNANSWERED_MS = 3000
-"""The kernel ends a TCP connection whose peer acknowledges nothing, or reads nothing, for this long."""
+"""The kernel ends a TCP connection whose peer acknowledges or reads nothing for this long, ms."""
 
 LINGER_S = 0.2
-"""How long the last messages before a stop may take to leave; a stalled peer delays the exit by no more."""
+"""Longest wait for the last messages before a stop, s; a stalled peer delays the exit by no more."""
 
-TELL_EVERY_S = 10.0
-"""Shortest time between two log lines about ended connections, so that no peer can fill the disk."""
+LOG_PERIOD_S = 10.0
+"""Shortest time between two log lines about ended connections, s, so that no peer can fill the disk."""
 
-_TOO_SLOW = "it had not introduced itself when another needed its place"
-_TOO_MANY = "it has as many connections as one peer may have"
+_TOO_SLOW = "it had not completed its handshake when another connection needed its place"
+_TOO_MANY = "it has the most connections that one peer may have"
 _RETRY_S = 0.1
 _CREDENTIALS = struct.Struct("3i")
 
@@ -54,37 +55,37 @@ _log = logging.getLogger(__name__)
 
 
 def raise_descriptor_limit() -> None:
-    """Let this process open as many files as its hard limit says; the soft one is for programs that use select()."""
+    """Raise the limit of open files to the hard limit; the soft one is meant for programs that use select()."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft != hard:  # where it is the same, a service may be forbidden to ask
+    if soft != hard:  # if they are equal, a service may be forbidden to set them
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
 def most_connections() -> int:
-    """Return how many connections one endpoint may have under the limit of descriptors in force.
+    """Return how many connections one endpoint may have under the present limit of file descriptors.
 
-    A quarter of what the reserve leaves: there are two endpoints, and as much again is left for whatever else comes.
+    This is a quarter of the descriptors beyond the reserve: there are two endpoints, and half stays free.
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return max(1, min(MAX_CONNECTIONS, (limit - RESERVE) // 4))
 
 
 class Listener:
-    """Serves one endpoint from ``with`` to its end, on the running loop.
+    """Serve one endpoint on the running loop, for the duration of ``with``.
 
     Args:
-        endpoint: As for `slipd.zmtp.endpoint.bind`, which is called on entry and refuses a wrong one.
+        endpoint: See `slipd.zmtp.endpoint.bind`, which is called on entry and raises LinkError.
         rules: Limits for each peer.
         on_message: Called with each message and its peer.
         access: Who may connect.
-        on_ready: Called with a peer that introduced itself; a `ProtocolError` that it raises ends the connection.
-        on_close: Called with a peer that had introduced itself and is gone.
-        share: Of the loop's time that one account gets for long.
+        on_ready: Called with a peer after its handshake; a `ProtocolError` that it raises ends the connection.
+        on_close: Called with a peer that was ready and is gone.
+        share: Long-term share of the loop time for one account.
 
     Attributes:
-        endpoint: As clients reach it, once served.
-        peers: Those that introduced themselves.
-        refused: Connections ended by this side, for any reason.
+        endpoint: Endpoint for clients, once served.
+        peers: Peers that completed their handshake.
+        refused: Number of connections that this side ended, for any reason.
     """
 
     def __init__(
@@ -107,7 +108,7 @@ class Listener:
         self._pending: dict[Peer, asyncio.TimerHandle] = {}
         self._accepting = False
         self._pacing = TimeAccount(b"", share)
-        self._told_s = float("-inf")
+        self._logged_s = float("-inf")
 
     def __enter__(self) -> Listener:
         self._loop = asyncio.get_running_loop()
@@ -122,7 +123,7 @@ class Listener:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._over = True
-        self._deafen()
+        self._stop_listening()
         release(self._socket, self.endpoint)
         _flush(list(self.peers))
         for peer in [*self.peers, *self._pending]:
@@ -130,7 +131,7 @@ class Listener:
 
     @property
     def full(self) -> bool:
-        """Whether new connections are kept out: peers that introduced themselves have every place."""
+        """Whether new connections must wait, because peers that completed their handshake have all places."""
         return len(self.peers) >= self._most
 
     def _listen(self) -> None:
@@ -138,29 +139,29 @@ class Listener:
             self._accepting = True
             self._loop.add_reader(self._socket, self._accept)
 
-    def _deafen(self) -> None:
+    def _stop_listening(self) -> None:
         if self._accepting:
             self._accepting = False
             self._loop.remove_reader(self._socket)
 
     def _accept(self) -> None:
-        """Take some of those that wait, where there is a place for them, and a share of the time."""
+        """Accept some waiting connections, if there are places and time for them."""
         begin_s = time.monotonic()
         if not self._pacing.has_time(begin_s):
-            self._deafen()
+            self._stop_listening()
             self._pacing.wait(self._listen)
             return
         try:
             for _ in range(ACCEPTED_PER_WAKE):
                 if self.full:
-                    self._deafen()
+                    self._stop_listening()
                     return
                 connection, address = self._socket.accept()
                 self._welcome(connection, address)
         except (BlockingIOError, InterruptedError, ConnectionError):
             return
         except OSError:  # no descriptor is left
-            self._deafen()
+            self._stop_listening()
             self._loop.call_later(_RETRY_S, self._listen)
         finally:
             self._pacing.charge(time.monotonic() - begin_s)
@@ -178,7 +179,7 @@ class Listener:
         account = self._accounts.of(name)
         if not self._make_room(account):
             connection.close()
-            self._tell(name, _TOO_MANY)
+            self._log_end(name, _TOO_MANY)
             return
         peer = Peer(
             connection, name, account, self._mechanism(), self._rules, self._admit, self._on_message, self._forget
@@ -187,12 +188,12 @@ class Listener:
             self._pending[peer] = self._loop.call_later(HANDSHAKE_S, peer.close, "the handshake took too long")
 
     def _make_room(self, account: TimeAccount) -> bool:
-        """End the oldest connection that has not introduced itself where a new one needs its place.
+        """End the oldest connection without a complete handshake if a new one needs its place.
 
-        So whoever connects and never says a word keeps nobody out.
+        So connections that never send anything keep nobody out.
 
         Args:
-            account: Of the new connection; where it has all of its places, the oldest of its own ends.
+            account: Account of the new connection; if it has all of its places, the oldest of its own ends.
 
         Returns:
             Whether there is a place.
@@ -228,17 +229,17 @@ class Listener:
         if timer is not None:
             timer.cancel()
         if peer.reason:
-            self._tell(peer.key or peer.address, peer.reason)
+            self._log_end(peer.key or peer.address, peer.reason)
         if self.peers.pop(peer, peer) is None:
             self._on_close(peer)
         self._listen()
 
-    def _tell(self, name: bytes, reason: str) -> None:
+    def _log_end(self, name: bytes, reason: str) -> None:
         """Log why a connection was ended, at a limited rate."""
         self.refused += 1
         now_s = time.monotonic()
-        if now_s - self._told_s >= TELL_EVERY_S:
-            self._told_s = now_s
+        if now_s - self._logged_s >= LOG_PERIOD_S:
+            self._logged_s = now_s
             who = name.decode(errors="replace")
             _log.warning("%s: connection of %s ended: %s (%d so far)", self.endpoint, who, reason, self.refused)
 
@@ -256,7 +257,7 @@ def _set_tcp_options(connection: socket.socket) -> None:
 
 
 def _flush(peers: list[Peer]) -> None:
-    """Send the peers what waits for them, for a moment at the end."""
+    """Send queued messages to the peers, for at most LINGER_S."""
     until_s = time.monotonic() + LINGER_S
     while (waiting := {peer.fileno: peer for peer in peers if peer.waiting and not peer.closed}) and (
         left_s := until_s - time.monotonic()

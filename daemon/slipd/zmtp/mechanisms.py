@@ -1,7 +1,7 @@
 """The two security mechanisms of a connection: without keys (NULL), or with a proven key (CURVE).
 
-CURVE is ZeroMQ RFC 26. The primitives are libsodium's; this file implements their sequence. The server's cookie is
-only compared: one connection is one handshake here, so its state can be kept.
+CURVE is ZeroMQ RFC 26. libsodium provides the primitives; this file implements the sequence. The cookie of the server
+is only compared, because the state of a handshake is kept with its connection.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from slipd.zmtp.wire import (
 )
 
 SEAL_BYTES = 33
-"""By how much CURVE lengthens a frame: command name, nonce, authenticator and flags."""
+"""Bytes that CURVE adds to a frame: command name, nonce, authenticator and flags."""
 
 MAX_HANDSHAKE_BYTES = 1024
-"""Longest frame of a handshake; INITIATE with the longest identity has some 600 bytes."""
+"""Longest frame of a handshake; INITIATE with the longest identity has about 600 bytes."""
 
 _HELLO_BYTES, _COOKIE_BYTES = 200, 96
 _INITIATE_HEAD = 9 + _COOKIE_BYTES + 8
 _INITIATE_BYTES = 32 + 16 + 80
-"""Of its box, before the metadata: long-term key, nonce of the vouch, vouch."""
+"""Bytes in the box of INITIATE before the metadata: long-term key, nonce of the vouch, vouch."""
 
 _MESSAGE = b"\x07MESSAGE"
 _SEALED_MORE, _SEALED_COMMAND = 0x01, 0x02
 
 
 class KeyRefusedError(ProtocolError):
-    """A key that may not connect; `reply` tells the peer so."""
+    """A key may not connect; `reply` is the answer to the peer."""
 
     reply = encode_frame(encode_command(b"ERROR", b"\x03400"), COMMAND)
 
@@ -51,7 +51,7 @@ class Mechanism(Protocol):
     """Handshake of one connection, and the coding of its frames afterwards.
 
     Attributes:
-        name: As the greeting names it.
+        name: Name of the mechanism in the greeting.
         properties: Metadata of the peer; None until the handshake ends.
         key: Key that the peer proved, 40 letters of Z85; b"" without keys.
     """
@@ -64,25 +64,25 @@ class Mechanism(Protocol):
         """Handle one command of the handshake and return the answer.
 
         Raises:
-            ProtocolError: It is not the command that comes next, or is not well formed.
+            ProtocolError: It is not the next command of the handshake, or is malformed.
         """
 
     def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
-        """Return flags and body of a frame that arrived.
+        """Return flags and body of a received frame.
 
         Raises:
-            ProtocolError: It is not what the peer sealed.
+            ProtocolError: The peer did not seal this frame.
         """
 
     def seal(self, frames: tuple[bytes, ...], flags: int = 0) -> bytes:
-        """Return a message, or with ``COMMAND`` a command, as it goes on the wire."""
+        """Encode a message, or with ``COMMAND`` a command, for the wire."""
 
 
 class Null:
-    """No keys: whoever can reach the socket may connect.
+    """No keys: every client that reaches the socket may connect.
 
     Args:
-        socket_type: Of this end, as ZeroMQ names it.
+        socket_type: Socket type of this side, as ZeroMQ names it.
     """
 
     name = b"NULL"
@@ -110,12 +110,12 @@ class Null:
 
 
 class Curve:
-    """A key on each side, and everything encrypted.
+    """A key on each side, and all frames encrypted.
 
     Args:
-        socket_type: Of this end, as ZeroMQ names it.
-        secret: The daemon's secret key, 32 bytes.
-        admits: Whether a key (40 letters of Z85) may connect.
+        socket_type: Socket type of this side, as ZeroMQ names it.
+        secret: Secret key of the daemon, 32 bytes.
+        admits: Returns whether a key (40 letters of Z85) may connect.
     """
 
     name = b"CURVE"
@@ -126,24 +126,26 @@ class Curve:
         self._own = _own_properties(socket_type)
         self._secret, self._public = secret, sodium.crypto_scalarmult_base(secret)
         self._admits = admits
-        self._client = self._short_secret = b""  # short-term keys: the peer's public one, our secret one
+        self._client = self._short_secret = b""  # short-term keys: public of the peer, secret of this side
         self._cookie = b""
         self._shared = b""
-        self._received = 0  # the last nonce of the peer: they grow
+        self._received = 0  # last nonce of the peer; nonces must increase
         self._sent = 0
 
     def handshake(self, body: bytes) -> bytes:
-        """Answer HELLO with WELCOME, and INITIATE with READY where the key may connect."""
+        """Answer HELLO with WELCOME, and INITIATE with READY if the key may connect."""
         try:
             return self._initiate(body) if self._cookie else self._hello(body)
         except (CryptoError, RuntimeError) as error:
-            raise ProtocolError("a box of the handshake does not open: is the daemon's public key right?") from error
+            raise ProtocolError(
+                "a box of the handshake does not open: does the client have the right public key of the daemon?"
+            ) from error
 
     def open(self, flags: int, body: bytes) -> tuple[int, bytes]:
-        """Decrypt a frame, each only once and in order."""
+        """Decrypt a frame; accept each frame once and in order."""
         if body[:8] != _MESSAGE or len(body) < SEAL_BYTES:
             raise ProtocolError("a frame is not sealed")
-        self._count(body[8:16])
+        self._check_nonce(body[8:16])
         try:
             plain = sodium.crypto_box_open_afternm(body[16:], b"CurveZMQMESSAGEC" + body[8:16], self._shared)
         except CryptoError as error:
@@ -169,7 +171,7 @@ class Curve:
         if len(body) != _HELLO_BYTES or body[:8] != b"\x05HELLO\x01\x00":
             raise ProtocolError("the handshake does not begin with a HELLO of CURVE 1.0")
         self._client, nonce, box = body[80:112], body[112:120], body[120:]
-        self._count(nonce)
+        self._check_nonce(nonce)
         opening = sodium.crypto_box_beforenm(self._client, self._secret)
         sodium.crypto_box_open_afternm(box, b"CurveZMQHELLO---" + nonce, opening)
         public, self._short_secret = sodium.crypto_box_keypair()
@@ -181,12 +183,12 @@ class Curve:
 
     def _initiate(self, body: bytes) -> bytes:
         if body[:9] != b"\x08INITIATE" or not secrets.compare_digest(body[9 : 9 + _COOKIE_BYTES], self._cookie):
-            raise ProtocolError("the handshake does not go on with the INITIATE that belongs to it")
+            raise ProtocolError("the INITIATE of the handshake has another cookie")
         nonce = body[_INITIATE_HEAD - 8 : _INITIATE_HEAD]
-        self._count(nonce)
+        self._check_nonce(nonce)
         plain = sodium.crypto_box_open_afternm(body[_INITIATE_HEAD:], b"CurveZMQINITIATE" + nonce, self._shared)
         if len(plain) < _INITIATE_BYTES:
-            raise ProtocolError("the INITIATE of the handshake is cut short")
+            raise ProtocolError("the INITIATE of the handshake is truncated")
         client, vouch_nonce, vouch = plain[:32], plain[32:48], plain[48:_INITIATE_BYTES]
         vouched = sodium.crypto_box_open(vouch, b"VOUCH---" + vouch_nonce, client, self._short_secret)
         if vouched != self._client + self._public:
@@ -200,8 +202,8 @@ class Curve:
         ready = sodium.crypto_box_afternm(self._own, b"CurveZMQREADY---" + nonce, self._shared)
         return encode_frame(encode_command(b"READY", nonce + ready), COMMAND)
 
-    def _count(self, nonce: bytes) -> None:
-        """Refuse a nonce that is not above the last: the same frame again, or an older one."""
+    def _check_nonce(self, nonce: bytes) -> None:
+        """Refuse a nonce that is not above the last one: a repeated or older frame."""
         number = int.from_bytes(nonce, "big")
         if number <= self._received:
             raise ProtocolError("a nonce was used before")
@@ -213,7 +215,7 @@ class Curve:
 
 
 def decode_key(key: bytes) -> bytes:
-    """Return the 32 bytes of a key of 40 letters of Z85."""
+    """Decode a key of 40 letters of Z85 to its 32 bytes."""
     return z85.decode(key)
 
 

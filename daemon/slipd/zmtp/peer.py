@@ -1,7 +1,7 @@
-"""One connection of a peer, from the greeting to its end: what arrives becomes messages.
+"""One connection of a peer, from the greeting to its end: received bytes become messages.
 
-Of what a peer sends, only the bytes of one read, one frame, and the first frames of one message are kept; all work for
-it is charged to its account.
+Only the bytes of one read, one frame, and the first frames of one message are kept. All work for the peer is charged to
+its account.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import asyncio
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from slipd.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
 from slipd.zmtp.outbox import Message, Outbox
+from slipd.zmtp.peer_rules import PeerRules
 from slipd.zmtp.time_accounts import TimeAccount
 from slipd.zmtp.wire import (
     COMMAND,
@@ -28,65 +28,42 @@ from slipd.zmtp.wire import (
 )
 
 READ_BYTES = 32 * 1024
-"""Taken from the kernel at once."""
+"""Most bytes read from the kernel at once."""
 
 WAKE_S = 0.001
-"""Time after which the rest of the loop has its turn."""
+"""Time after which other tasks of the loop run, s."""
 
 MOST_FRAMES = 10_000
-"""Frames of one message; a peer that sends more is disconnected."""
+"""Most frames of one message; a peer that sends more is disconnected."""
 
 _MAX_PING_CONTEXT = 16
 _PING_HEAD = 2  # time to live
 _MAX_IDENTITY_BYTES = 255
 
 
-@dataclass(frozen=True, slots=True)
-class PeerRules:
-    """Limits that an endpoint sets each of its peers.
-
-    Attributes:
-        kind: Socket type of this end, as ZeroMQ names it.
-        serves: Socket types that may connect.
-        max_bytes: Longest frame.
-        max_frames: Frames kept of one message; of a longer one, ``max_frames + 1`` are handed on to show it.
-        most_queued: Messages kept for a peer that does not read.
-        drops_oldest: Beyond those the oldest is dropped, not the new one.
-        messages_per_wake: Messages handed on before the rest of the loop has its turn.
-    """
-
-    kind: bytes
-    serves: frozenset[bytes]
-    max_bytes: int
-    max_frames: int = 1
-    most_queued: int = 0
-    drops_oldest: bool = False
-    messages_per_wake: int = 16
-
-
 class Peer:
     """A connection from the greeting to its end.
 
     Args:
-        connection: Non-blocking; the peer owns it from here on.
-        address: What it cannot choose: its process ("user:group:process") or its address.
-        account: Charged until a key is proved.
-        mechanism: How it introduces itself.
-        rules: Its limits.
-        on_ready: Called once it introduced itself; what it raises as `ProtocolError` ends the connection.
+        connection: The non-blocking socket, which the peer owns from here on.
+        address: Identity that the peer cannot choose: its process (":user:group:process") or its IP address.
+        account: Account to charge until the peer proves a key.
+        mechanism: Security mechanism of the handshake.
+        rules: Limits.
+        on_ready: Called after the handshake; a `ProtocolError` that it raises ends the connection.
         on_message: Called with each message.
-        on_close: Called once, at the end.
+        on_close: Called once, when the connection ends.
 
     Attributes:
         address: As above.
-        route: Name that the peer chose, b"" where it chose none.
-        kind: Its socket type, once it introduced itself.
+        route: Name that the peer chose; b"" if it chose none.
+        kind: Socket type of the peer, after the handshake.
         fileno: Descriptor of the connection.
-        slot: Its place among the connections of its account.
-        send: Sends a message, or keeps it until the peer reads; False where it is dropped (`Outbox.send`).
-        ready: Whether it introduced itself.
+        slot: Number of the connection within its account.
+        send: Sends a message, or queues it until the peer reads; returns False if it is dropped (`Outbox.send`).
+        ready: Whether the handshake is complete.
         closed: Whether the connection has ended.
-        reason: Why this end ended it; "" where the peer did.
+        reason: Why this side ended the connection; "" if the peer did.
     """
 
     def __init__(
@@ -123,25 +100,25 @@ class Peer:
 
     @property
     def key(self) -> bytes:
-        """Key that it proved; b"" without keys."""
+        """Key that the peer proved; b"" without keys."""
         return self._mechanism.key
 
     @property
     def waiting(self) -> int:
-        """Messages that wait until it reads."""
+        """Number of messages queued until the peer reads."""
         return self._outbox.waiting
 
     def move(self, account: TimeAccount) -> None:
-        """Charge another account from here on, because the peer proved its identity."""
+        """Charge another account from now on, because the peer proved its identity."""
         self.account.leave(self.slot)
         self.account, self.slot = account, account.enter()
 
     def flush(self) -> None:
-        """Hand the kernel as much as it takes of what waits."""
+        """Pass as much of the queue to the kernel as it accepts."""
         self._outbox.flush()
 
     def is_gone(self) -> bool:
-        """Whether the peer has closed its end; one that did is closed here too."""
+        """Return whether the peer has closed its side; if so, close the connection."""
         if not self.closed:
             try:
                 gone = not self._connection.recv(1, socket.MSG_PEEK)
@@ -165,7 +142,7 @@ class Peer:
         self._on_close(self)
 
     def _run(self) -> None:
-        """Take what arrived, as long as the account has time; then the rest of the loop has its turn."""
+        """Handle received bytes while the account has time; then other tasks of the loop run."""
         if self.closed:
             return
         begin_s = time.monotonic()
@@ -185,9 +162,9 @@ class Peer:
         finally:
             account.charge(time.monotonic() - begin_s)
             if not self.closed:
-                self._go_on(done)
+                self._schedule(done)
 
-    def _go_on(self, done: bool) -> None:
+    def _schedule(self, done: bool) -> None:
         if done and self._behind:
             self._behind = False
             self._loop.add_reader(self.fileno, self._run)
@@ -224,15 +201,15 @@ class Peer:
             self.close()
 
     def _work(self, until_s: float) -> bool:
-        """Handle what is complete; return False if some of it is left for later."""
-        if not self._greeted and not self._greet():
+        """Handle complete frames; return False if some are left for later."""
+        if not self._greeted and not self._read_greeting():
             return True
         left = self._rules.messages_per_wake
         while not self.closed:
             frame = self._reader.next()
             if frame is None:
                 return True
-            if self._take(*frame):
+            if self._handle_frame(*frame):
                 left -= 1
                 if left <= 0:
                     return False
@@ -240,22 +217,22 @@ class Peer:
                 return False
         return True
 
-    def _greet(self) -> bool:
-        greeting = self._reader.take(GREETING_BYTES)
+    def _read_greeting(self) -> bool:
+        greeting = self._reader.read(GREETING_BYTES)
         if greeting is None:
             return False
         check_greeting(greeting, self._mechanism.name)
         self._greeted = True
         return True
 
-    def _take(self, flags: int, body: bytes) -> bool:
+    def _handle_frame(self, flags: int, body: bytes) -> bool:
         """Handle one frame; return whether it completed a message."""
         if not self.ready:
-            self._introduce(flags, body)
+            self._shake_hands(flags, body)
             return False
         flags, body = self._mechanism.open(flags, body)
         if flags & COMMAND:
-            return self._command(body)
+            return self._handle_command(body)
         self._count += 1
         if self._count > MOST_FRAMES:
             raise ProtocolError(f"a message has more than {MOST_FRAMES} frames")
@@ -267,29 +244,29 @@ class Peer:
         self._on_message(self, frames)
         return True
 
-    def _introduce(self, flags: int, body: bytes) -> None:
+    def _shake_hands(self, flags: int, body: bytes) -> None:
         if not flags & COMMAND:
-            raise ProtocolError("a message comes before the handshake has ended")
+            raise ProtocolError("a message came before the end of the handshake")
         self._outbox.send_now(self._mechanism.handshake(body))
         properties = self._mechanism.properties
         if properties is None or self.closed:
             return
         kind = properties.get(b"socket-type", b"")
         if kind not in self._rules.serves:
-            raise ProtocolError(f"a {kind.decode(errors='replace')!r:.20} socket has no business here")
+            raise ProtocolError(f"a {kind.decode(errors='replace')!r:.20} socket cannot connect here")
         self.kind, self.route = kind, properties.get(b"identity", b"")
         if len(self.route) > _MAX_IDENTITY_BYTES or self.route[:1] == b"\0":
-            raise ProtocolError("the name that the peer chose is too long or begins with a zero byte")
+            raise ProtocolError("the identity of the peer is too long or begins with a zero byte")
         sealing = SEAL_BYTES if self.key else 0
         self._reader.most_bytes = self._rules.max_bytes + sealing
         self._on_ready(self)
         self.ready = True
 
-    def _command(self, body: bytes) -> bool:
+    def _handle_command(self, body: bytes) -> bool:
         """Handle a command; return whether it counts as a message."""
         name, data = decode_command(body)
         if name == b"PING":
-            if not self.waiting:  # who does not read gets no answers that would pile up
+            if not self.waiting:  # answers must not pile up for a peer that does not read
                 pong = encode_command(b"PONG", data[_PING_HEAD : _PING_HEAD + _MAX_PING_CONTEXT])
                 self._outbox.send_now(self._mechanism.seal((pong,), COMMAND))
         elif name == b"SUBSCRIBE":

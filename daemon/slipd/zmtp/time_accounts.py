@@ -1,8 +1,8 @@
-"""Limit the loop's time that one peer gets, over all its connections and across reconnects.
+"""Limit the time of the event loop that one peer gets, over all its connections and across reconnects.
 
-An account is identified by what a peer cannot choose: its key, its process (ipc) or its address (TCP without keys). All
-work for the peer is charged to it. An account that used up its share waits, and its connections with it: what they send
-stays in the kernel, and the senders wait too.
+An account is identified by what a peer cannot choose: its key, its process (ipc) or its IP address (TCP without keys).
+All work for the peer is charged to its account. When an account has used up its share, its connections wait: their data
+stays in the kernel, so the senders wait too.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from collections import OrderedDict, deque
 from collections.abc import Callable
 
 SHARE = 0.1
-"""Long-term share of the loop's time for one account; a client with 50 requests per second needs a hundredth."""
+"""Long-term share of the loop time for one account; a client with 50 requests per second needs a hundredth."""
 
 BURST_S = 0.004
-"""Time that it may use at once, s: about fifty requests."""
+"""Time that an account may use at once, s: about fifty requests."""
 
 MOST_ACCOUNTS = 1024
-"""TimeAccounts remembered; the one away for longest is forgotten first, when its burst is full again."""
+"""Accounts remembered; the one disconnected for longest is forgotten first, when its burst is full again."""
 
 
 class TimeAccount:
-    """The time of one peer.
+    """The loop time of one peer.
 
     Args:
-        name: What the peer cannot choose.
-        share: Of the loop's time for long.
+        name: Identity that the peer cannot choose.
+        share: Long-term share of the loop time.
     """
 
     def __init__(self, name: bytes, share: float = SHARE) -> None:
@@ -45,28 +45,28 @@ class TimeAccount:
         return len(self._slots)
 
     def enter(self) -> int:
-        """Count a connection and return its place: a later connection gets that of one that is gone."""
+        """Add a connection and return its slot; slots of closed connections are reused."""
         slot = next(number for number in range(len(self._slots) + 1) if number not in self._slots)
         self._slots.add(slot)
         return slot
 
     def leave(self, slot: int) -> None:
-        """Stop counting a connection."""
+        """Remove a connection."""
         self._slots.discard(slot)
 
     def has_time(self, now_s: float) -> bool:
-        """Whether it has time left now."""
+        """Return whether the account has time left now."""
         self._left_s = min(BURST_S, self._left_s + (now_s - self._counted_s) * self._share)
         self._counted_s = now_s
         return self._left_s > 0.0
 
     def charge(self, took_s: float) -> None:
-        """Charge the time spent on it."""
+        """Charge time to the account, s."""
         self._left_s -= took_s
 
-    def wait(self, go_on: Callable[[], None]) -> None:
-        """Call ``go_on`` when there is time again; those that wait have their turns in order."""
-        self._waiting.append(go_on)
+    def wait(self, resume: Callable[[], None]) -> None:
+        """Call ``resume`` when the account has time again; waiting callbacks are called in order."""
+        self._waiting.append(resume)
         if self._timer is None:
             self._arm()
 
@@ -85,18 +85,18 @@ class TimeAccount:
 
 
 _TURN_S = 0.0005
-"""Shortest wait: the rest of the loop has its turn before."""
+"""Shortest wait, s, so that other tasks of the loop run first."""
 
 
 class TimeAccounts:
-    """The accounts of one endpoint by name."""
+    """The accounts of one endpoint, by name."""
 
     def __init__(self, share: float = SHARE) -> None:
         self._share = share
         self._accounts: OrderedDict[bytes, TimeAccount] = OrderedDict()
 
     def of(self, name: bytes) -> TimeAccount:
-        """Return the account of a peer; new ones begin with a whole burst."""
+        """Return the account of a peer; a new one starts with a full burst."""
         account = self._accounts.pop(name, None) or TimeAccount(name, self._share)
         self._accounts[name] = account
         if len(self._accounts) > MOST_ACCOUNTS:

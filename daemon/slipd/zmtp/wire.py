@@ -1,4 +1,4 @@
-"""Frames, commands and metadata of ZMTP 3.1 (ZeroMQ RFC 37): bytes in, frames out, and back. Pure."""
+"""Encode and decode frames, commands and metadata of ZMTP 3.1 (ZeroMQ RFC 37). Pure."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ GREETING_BYTES = 64
 _SHORT_HEAD, _LARGE_HEAD = 2, 9
 _LONGEST_SHORT = 255
 _SPENT_BYTES = 16 * 1024
-"""Bytes already read that are kept at most before the rest moves to the front."""
+"""Consumed bytes that are kept before the rest is moved to the front."""
 
 
 class ProtocolError(Exception):
-    """A peer sent what ZMTP or this endpoint does not allow; its connection ends."""
+    """A peer violated ZMTP or the limits of this endpoint; its connection ends."""
 
 
 def encode_frame(body: bytes, flags: int = 0) -> bytes:
@@ -39,10 +39,10 @@ def encode_command(name: bytes, body: bytes = b"") -> bytes:
 
 
 def decode_command(body: bytes) -> tuple[bytes, bytes]:
-    """Return the name of a command and what follows it.
+    """Return name and data of a command.
 
     Raises:
-        ProtocolError: The frame is shorter than the name it announces.
+        ProtocolError: The frame is shorter than the name in it.
     """
     end = 1 + body[0] if body else 1
     if len(body) < end:
@@ -51,7 +51,7 @@ def decode_command(body: bytes) -> tuple[bytes, bytes]:
 
 
 def encode_greeting(mechanism: bytes, *, as_server: bool) -> bytes:
-    """Return the 64 bytes with which each side begins."""
+    """Return the 64 bytes that each side sends first."""
     signature = b"\xff" + bytes(7) + b"\x01\x7f"
     return (signature + b"\x03\x01" + mechanism.ljust(20, b"\0") + bytes((as_server,))).ljust(GREETING_BYTES, b"\0")
 
@@ -60,7 +60,7 @@ def check_greeting(greeting: bytes, mechanism: bytes) -> None:
     """Refuse a peer with another protocol.
 
     Args:
-        greeting: What the peer sent, ``GREETING_BYTES`` of it.
+        greeting: First ``GREETING_BYTES`` bytes of the peer.
         mechanism: The security mechanism of this endpoint.
 
     Raises:
@@ -69,7 +69,7 @@ def check_greeting(greeting: bytes, mechanism: bytes) -> None:
     if greeting[0] != 0xFF or greeting[9] != 0x7F:
         raise ProtocolError("the peer does not speak ZMTP")
     if greeting[10] < 3:
-        raise ProtocolError("the peer speaks ZMTP before version 3.0; ZeroMQ 4.0 or later is needed")
+        raise ProtocolError("the peer must use ZMTP 3.0 or later, which ZeroMQ has since 4.0")
     if greeting[12:32].rstrip(b"\0") != mechanism:
         raise ProtocolError("the peer uses another security mechanism")
 
@@ -85,7 +85,7 @@ def decode_metadata(data: bytes) -> dict[bytes, bytes]:
     """Return the properties of a READY or INITIATE command, names in lower case.
 
     Raises:
-        ProtocolError: A name or value is longer than what is there.
+        ProtocolError: A name or value is longer than the data.
     """
     properties: dict[bytes, bytes] = {}
     at = 0
@@ -93,17 +93,17 @@ def decode_metadata(data: bytes) -> dict[bytes, bytes]:
         name_end = at + 1 + data[at]
         value_begin = name_end + 4
         if value_begin > len(data):
-            raise ProtocolError("the metadata of the handshake is cut short")
+            raise ProtocolError("the metadata of the handshake is truncated")
         value_end = value_begin + int.from_bytes(data[name_end:value_begin], "big")
         if value_end > len(data):
-            raise ProtocolError("the metadata of the handshake is cut short")
+            raise ProtocolError("the metadata of the handshake is truncated")
         properties[data[at + 1 : name_end].lower()] = data[value_begin:value_end]
         at = value_end
     return properties
 
 
 class FrameReader:
-    """Cuts a stream of bytes into frames, of which it holds one at most beyond what was fed at once.
+    """Cut a stream of bytes into frames; it holds at most one frame more than the last bytes fed.
 
     Args:
         most_bytes: Longest frame; a longer one is refused by its header, before its body arrives.
@@ -115,7 +115,7 @@ class FrameReader:
         self._at = 0
 
     def feed(self, data: bytes) -> None:
-        """Take bytes as they arrived."""
+        """Append received bytes."""
         if self._at == len(self._data):
             self._data[:] = data
             self._at = 0
@@ -125,8 +125,8 @@ class FrameReader:
             self._at = 0
         self._data += data
 
-    def take(self, size: int) -> bytes | None:
-        """Return the next ``size`` bytes, None while they are not complete."""
+    def read(self, size: int) -> bytes | None:
+        """Return the next ``size`` bytes; None until they have arrived."""
         end = self._at + size
         if end > len(self._data):
             return None
@@ -135,7 +135,7 @@ class FrameReader:
         return found
 
     def next(self) -> tuple[int, bytes] | None:
-        """Return flags and body of the next frame, None while it is not complete.
+        """Return flags and body of the next frame; None until it is complete.
 
         Raises:
             ProtocolError: Reserved flags, or a frame longer than ``most_bytes``.

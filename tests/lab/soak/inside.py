@@ -27,7 +27,7 @@ class Told(logging.Handler):
 
     Attributes:
         opened_ns: Of the last "open"; 0 before.
-        lost_ns: Of the last "went away"; 0 before.
+        lost_ns: Of the last "the port is gone"; 0 before.
     """
 
     opened_ns: int = 0
@@ -43,7 +43,7 @@ class Told(logging.Handler):
         if ": open (" in text:
             self.opened_ns = time.monotonic_ns()
             self.changed.set()
-        elif "went away" in text:
+        elif "the port is gone" in text:
             self.lost_ns = time.monotonic_ns()
             self.changed.set()
 

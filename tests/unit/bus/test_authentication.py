@@ -121,7 +121,7 @@ async def hears(publisher: Publisher, socket: zmq.Socket[bytes], seconds: float)
     return True
 
 
-async def test_each_key_opens_what_its_list_says_and_nothing_else(cell: Cell, connect: Connect) -> None:
+async def test_each_key_is_admitted_only_where_it_is_listed(cell: Cell, connect: Connect) -> None:
     both, reader, requester = (
         cell.client("both", "readers", "requesters"),
         cell.client("reader", "readers"),
@@ -182,7 +182,7 @@ class Raising(frozenset[bytes]):
         return super().__contains__(key)
 
 
-def test_a_list_that_fails_a_thousand_times_admits_nobody_then_and_the_right_ones_after(
+def test_a_failing_list_admits_no_key_and_recovers(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Raising, "left", 1000)
@@ -197,7 +197,7 @@ def test_a_list_that_fails_a_thousand_times_admits_nobody_then_and_the_right_one
     assert "what nobody thought of" in caplog.text
 
 
-async def test_after_failures_over_real_connections_a_valid_client_is_let_in_and_an_unknown_one_is_not(
+async def test_after_failures_on_real_connections_only_listed_keys_are_admitted(
     cell: Cell, connect: Connect, monkeypatch: pytest.MonkeyPatch, eventually: Eventually
 ) -> None:
     monkeypatch.setattr(Raising, "left", 5)
@@ -219,7 +219,7 @@ async def test_after_failures_over_real_connections_a_valid_client_is_let_in_and
         await eventually(lambda: allowed.admitted == 1)
 
 
-async def test_a_secret_without_a_list_lets_nobody_in(cell: Cell, connect: Connect) -> None:
+async def test_a_secret_key_without_a_list_admits_nobody(cell: Cell, connect: Connect) -> None:
     keys = cell.client("robot", "requesters")
     assert cell.bus.requests is not None
     with RequestServer(cell.bus.requests, lambda *_: None, Access(guard(cell.bus).requests.secret)) as server:
@@ -240,7 +240,7 @@ def test_without_keys_in_the_config_none_are_asked_for() -> None:
     assert (may.publish.secret, may.requests.secret, may.requesters) == (None, None, None)
 
 
-def test_one_endpoint_may_ask_for_keys_and_the_other_not(cell: Cell) -> None:
+def test_one_endpoint_may_need_keys_and_the_other_not(cell: Cell) -> None:
     keys = cell.client("reader", "readers")
     may = guard(cell.bus.model_copy(update={"requesters": None}))
     assert may.publish.secret is not None

@@ -111,7 +111,7 @@ async def test_a_subscription_without_a_last_message_keeps_nothing_from_the_othe
     assert [frames[1] for frames in early.got] == [b"%d" % number for number in range(20)]
 
 
-async def test_a_latecomer_that_is_gone_already_brings_nobody_a_message_twice(
+async def test_a_latecomer_that_has_left_causes_no_duplicate_messages(
     endpoint: str, subscribe: Subscribe, eventually: Eventually
 ) -> None:
     with Publisher(endpoint) as publisher:
@@ -189,7 +189,7 @@ async def test_a_stalled_subscriber_does_not_keep_the_daemon_from_ending(
 
 
 @pytest.mark.parametrize("garbage", [b"", b"\x07hello", b"\x01" + bytes(300), b"\xff" * 1_000_000])
-async def test_what_a_subscriber_should_not_send_harms_nobody(
+async def test_invalid_messages_of_a_subscriber_harm_nobody(
     garbage: bytes,
     endpoint: str,
     subscribe: Subscribe,
@@ -205,14 +205,14 @@ async def test_what_a_subscriber_should_not_send_harms_nobody(
         await hear(publisher, early, "slip.left", eventually)
 
 
-async def test_a_subscriber_that_sends_no_subscription_but_a_heap_is_disconnected(
+async def test_a_subscriber_that_sends_a_huge_message_is_disconnected(
     endpoint: str, peer: Callable[..., Peer], eventually: Eventually
 ) -> None:
     with Publisher(endpoint):
         rude = peer(zmq.XSUB, endpoint, RECONNECT_IVL=-1)
         monitor = rude.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
-        rude.socket.send(bytes(publisher_module.MAX_BEGINNING_BYTES + 1))
-        rude.socket.send(b"\x07" * (publisher_module.MAX_BEGINNING_BYTES + 2))
+        rude.socket.send(bytes(publisher_module.MAX_PREFIX_BYTES + 1))
+        rude.socket.send(b"\x07" * (publisher_module.MAX_PREFIX_BYTES + 2))
         await eventually(lambda: monitor.poll(0))
         rude.socket.disable_monitor()
         monitor.close()
@@ -228,7 +228,7 @@ async def test_a_subscriber_that_sends_no_subscription_but_a_heap_is_disconnecte
     ],
     ids=["different", "same", "back and forth", "none"],
 )
-async def test_who_floods_with_subscriptions_is_disconnected_and_nobody_else(
+async def test_a_client_that_floods_subscriptions_is_disconnected_and_no_other(
     flood: list[bytes],
     endpoint: str,
     subscribe: Subscribe,
@@ -254,7 +254,7 @@ async def test_who_floods_with_subscriptions_is_disconnected_and_nobody_else(
         gone.close()
 
 
-async def test_as_many_subscriptions_as_one_may_have_are_served_to_each_of_many(
+async def test_many_clients_may_each_have_the_most_subscriptions(
     endpoint: str, subscribe: Subscribe, eventually: Eventually
 ) -> None:
     most = publisher_module.MOST_SUBSCRIPTIONS
@@ -276,7 +276,7 @@ async def test_the_longest_subscription_is_served_and_a_longer_one_ends_the_conn
     endpoint: str, subscribe: Subscribe, eventually: Eventually
 ) -> None:
     """A stock client sends it as a command of ZMTP 3.1, which is longer than the message of ZMTP 3.0."""
-    longest = "x" * publisher_module.MAX_BEGINNING_BYTES
+    longest = "x" * publisher_module.MAX_PREFIX_BYTES
     with Publisher(endpoint) as publisher:
         await hear(publisher, subscribe(longest.encode(), RECONNECT_IVL=-1), longest, eventually)
         beyond = subscribe(f"{longest}y".encode())
@@ -286,7 +286,7 @@ async def test_the_longest_subscription_is_served_and_a_longer_one_ends_the_conn
         monitor.close()
 
 
-async def test_who_subscribes_and_unsubscribes_has_nobody_elses_subscriptions_looked_through(
+async def test_a_new_subscription_checks_only_its_own_client(
     endpoint: str, subscribe: Subscribe, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looked: list[bytes] = []

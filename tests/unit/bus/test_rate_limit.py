@@ -8,13 +8,13 @@ from slipd.bus.rate_limit import MAX_CLIENTS, RateLimit
 SECOND = 1_000_000_000
 
 
-def test_a_seconds_worth_may_come_at_once_and_then_one_each_period() -> None:
+def test_a_burst_of_one_second_passes_and_then_one_request_per_period() -> None:
     limit = RateLimit(50.0)
     assert [limit.allows(b"a", 0) for _ in range(51)] == [True] * 50 + [False]
     assert [limit.allows(b"a", t_ns) for t_ns in (SECOND // 50, SECOND // 50, SECOND // 50 * 2)] == [True, False, True]
 
 
-def test_one_client_takes_nothing_from_another() -> None:
+def test_clients_have_separate_allowances() -> None:
     limit = RateLimit(2.0)
     assert [limit.allows(client, 0) for client in (b"a", b"a", b"a", b"b", b"b", b"b")] == [True, True, False] * 2
 
@@ -26,7 +26,7 @@ def test_silence_saves_up_no_more_than_a_second() -> None:
 
 
 @given(st.lists(st.integers(0, SECOND // 10), max_size=300))
-def test_no_pattern_gets_more_through_than_the_rate_and_one_seconds_worth(gaps: list[int]) -> None:
+def test_no_pattern_passes_more_than_the_rate_and_one_burst(gaps: list[int]) -> None:
     limit = RateLimit(50.0)
     t_ns, passed = 0, 0
     for gap in gaps:
@@ -35,7 +35,7 @@ def test_no_pattern_gets_more_through_than_the_rate_and_one_seconds_worth(gaps: 
         assert passed <= 50 + t_ns / SECOND * 50 + 1e-6
 
 
-def test_clients_without_end_take_no_memory_without_end() -> None:
+def test_the_number_of_remembered_clients_is_bounded() -> None:
     limit = RateLimit(1.0)
     assert limit.allows(b"a", 0)
     for number in range(MAX_CLIENTS * 3):

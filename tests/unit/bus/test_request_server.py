@@ -56,7 +56,7 @@ async def expect_service(client: Peer, eventually: Eventually) -> None:
     await eventually(lambda: any(reply["id"] == "still there?" for reply in replies(client)))
 
 
-async def test_a_request_is_handed_on_and_its_reply_comes_back(
+async def test_a_request_is_delivered_and_its_reply_comes_back(
     answering: Answering, dealer: Callable[..., Peer], eventually: Eventually
 ) -> None:
     with answering.server:
@@ -143,7 +143,7 @@ async def test_a_request_of_several_frames_is_refused_once(
     assert len(answering.requests) == 1
 
 
-async def test_a_REQ_gets_its_replies_refusals_too(
+async def test_a_REQ_socket_gets_replies_and_refusals(
     answering: Answering, peer: Callable[..., Peer], endpoint: str, eventually: Eventually
 ) -> None:
     with answering.server:
@@ -182,7 +182,7 @@ async def test_a_reply_to_a_client_that_is_gone_is_counted(
         await expect_service(dealer(), eventually)
 
 
-async def test_a_client_that_never_reads_its_replies_holds_up_nobody(
+async def test_a_client_that_never_reads_its_replies_delays_nobody(
     answering: Answering, dealer: Callable[..., Peer], eventually: Eventually
 ) -> None:
     with answering.server as server:
@@ -224,7 +224,7 @@ async def test_a_flood_does_not_keep_another_client_from_being_served(
             thread.join()
 
 
-async def test_who_asks_too_often_is_told_so_and_others_are_served(
+async def test_a_client_that_sends_too_many_requests_is_refused_and_others_are_served(
     endpoint: str, dealer: Callable[..., Peer], eventually: Eventually
 ) -> None:
     answering = Answering(endpoint, per_second=5.0)
@@ -277,7 +277,7 @@ async def test_to_connect_again_brings_no_new_allowance(
 @pytest.mark.parametrize(
     ("op", "passes"), [("lease.renew", True), ("gripper.stop", True), ("grip.hold", True), ("grip.set", False)]
 )
-async def test_what_is_urgent_passes_where_the_allowance_is_used_up(
+async def test_urgent_requests_pass_when_the_allowance_is_used_up(
     op: str, passes: bool, endpoint: str, dealer: Callable[..., Peer], eventually: Eventually
 ) -> None:
     answering = Answering(endpoint, per_second=SELDOM)

@@ -114,7 +114,7 @@ def test_arbitrary_bytes_raise_only_a_recording_error(data: bytes) -> None:
         (sealed(b"\xdf\xff\xff\xff\xff"), "not msgpack"),
     ],
 )
-def test_a_map_with_a_good_checksum_but_other_contents_is_refused(payload: bytes, reason: str) -> None:
+def test_a_map_with_a_valid_checksum_but_invalid_contents_is_refused(payload: bytes, reason: str) -> None:
     with pytest.raises(RecordingError, match=reason):
         decode_event(payload)
 

@@ -41,7 +41,7 @@ def spoil(path: Path, line: int, column: int, cell: str) -> None:
     path.write_text("\n".join(map(",".join, rows)))
 
 
-def test_a_trial_becomes_what_a_live_run_would_have_seen(tmp_path: Path, two_pads: str) -> None:
+def test_a_trial_becomes_the_events_of_a_live_run(tmp_path: Path, two_pads: str) -> None:
     import_trial(TRIAL, tmp_path / "out.mcap", two_pads)
     recording = open_recording(tmp_path / "out.mcap")
     events = list(recording.events())

@@ -164,7 +164,7 @@ def test_a_pose_that_was_not_still_or_not_trusted_does_not_count(save: Save) -> 
     assert found.mass_kg == pytest.approx(0.060, abs=0.001)
 
 
-def test_what_others_ask_for_and_what_is_no_gravity_is_passed_over(save: Save) -> None:
+def test_other_requests_and_invalid_gravity_are_ignored(save: Save) -> None:
     session = Session()
     for pose in POSES:
         session.identification_text(list(pose))
@@ -182,14 +182,14 @@ def test_what_others_ask_for_and_what_is_no_gravity_is_passed_over(save: Save) -
     assert identify_recording(save(session), "left").mass_kg == pytest.approx(0.060, abs=0.001)
 
 
-def test_a_finger_that_was_touched_is_told(save: Save) -> None:
+def test_a_touched_finger_is_reported(save: Save) -> None:
     session = four_poses()
     session.hold((-G, 0.0, 0.0), load=np.array((0.0, 0.0, -0.5, 0.0, 0.0, 0.0)))
     text = identification_text(identify_recording(save(session), "left"), "left")
     assert "was the finger touched, or is pad_from_sensor or an orientation wrong?" in text
 
 
-def test_too_few_poses_are_told_with_the_file_and_what_was_wrong_with_the_rest(save: Save) -> None:
+def test_too_few_poses_are_reported_with_the_file_and_the_unused_poses(save: Save) -> None:
     session = Session()
     session.hold(POSES[0])
     session.hold(POSES[1], scale=20.0)
@@ -201,7 +201,7 @@ def test_too_few_poses_are_told_with_the_file_and_what_was_wrong_with_the_rest(s
         identify_recording(path, "left")
 
 
-def test_a_recording_without_gravity_tells_nothing(save: Save) -> None:
+def test_a_recording_without_gravity_is_refused(save: Save) -> None:
     session = Session()
     for _ in range(100):
         session.read(POSES[0])

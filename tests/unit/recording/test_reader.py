@@ -37,7 +37,7 @@ def test_a_recording_reads_as_events_as_messages_or_as_both(tmp_path: Path, writ
     assert recording.complete
 
 
-def test_K2_a_recording_cut_off_anywhere_yields_a_beginning_and_says_so(tmp_path: Path, write, entries) -> None:
+def test_K2_a_recording_cut_off_anywhere_yields_its_beginning_and_reports_it(tmp_path: Path, write, entries) -> None:
     write(tmp_path / "whole.mcap", entries(60), 20)
     data = (tmp_path / "whole.mcap").read_bytes()
     whole, everything = contents(tmp_path / "whole.mcap")
@@ -83,7 +83,7 @@ def test_a_flipped_bit_is_noticed_or_harmless(tmp_path: Path, write, entries) ->
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
 @given(place=st.floats(0, 1), noise=st.binary(min_size=1, max_size=40), cut=st.integers(0, 40))
-def test_K4_noise_in_a_recording_raises_nothing_but_a_recording_error(
+def test_K4_noise_in_a_recording_raises_only_recording_errors(
     tmp_path: Path, write, entries, place: float, noise: bytes, cut: int
 ) -> None:
     path = tmp_path / "whole.mcap"
@@ -109,7 +109,7 @@ def test_K4_noise_in_a_recording_raises_nothing_but_a_recording_error(
         (b"\x89MCAP0\r\n", "an MCAP file, but not a recording of slipd"),
     ],
 )
-def test_what_is_no_recording_is_refused_with_a_reason(tmp_path: Path, data: bytes, text: str) -> None:
+def test_a_file_that_is_not_a_recording_is_refused_with_a_reason(tmp_path: Path, data: bytes, text: str) -> None:
     path = tmp_path / "some.mcap"
     path.write_bytes(data)
     with pytest.raises(RecordingError, match=text) as caught:
@@ -165,7 +165,7 @@ def test_a_recording_of_another_format_is_refused_by_name(tmp_path: Path) -> Non
         Forge(tmp_path / "forged.mcap", format="2").read()
 
 
-def test_a_start_that_is_no_number_is_refused(tmp_path: Path) -> None:
+def test_a_start_that_is_not_a_number_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="start is damaged"):
         Forge(tmp_path / "forged.mcap", wall_minus_monotonic_ns="noon").read()
 
@@ -202,7 +202,7 @@ def test_a_channel_in_another_encoding_stops_the_reading(forge: Forge) -> None:
     assert "not msgpack" in str(recording.fault)
 
 
-def test_a_message_on_a_channel_nobody_announced_stops_the_reading(forge: Forge) -> None:
+def test_a_message_on_an_unknown_channel_stops_the_reading(forge: Forge) -> None:
     forge.writer.add_message(77, 0, b"", 0, 0)
     recording, found = forge.read()
     assert not found
@@ -231,7 +231,7 @@ def test_a_record_that_claims_a_huge_length_is_not_read(forge: Forge) -> None:
     assert "a record of 4611686018427387904 bytes" in str(recording.fault)
 
 
-def test_an_end_that_tells_no_number_is_noticed(forge: Forge) -> None:
+def test_an_end_record_without_a_number_is_reported(forge: Forge) -> None:
     forge.writer.add_metadata("slipd/end", {"entries": "many"})
     recording, _ = forge.read()
     assert "end is damaged" in str(recording.fault)

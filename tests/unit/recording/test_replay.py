@@ -146,7 +146,7 @@ def test_pace_lets_recorded_time_pass_at_its_speed(speed: float, waits_s: list[f
     assert clock.waits_s == pytest.approx(waits_s)
 
 
-def test_pace_makes_up_for_time_that_was_spent_elsewhere() -> None:
+def test_pace_makes_up_for_time_spent_elsewhere() -> None:
     clock = Clock()
     pace = Pace(1.0, clock.sleep, clock.now)
     pace.wait_until(0)
@@ -162,7 +162,7 @@ def test_a_speed_that_is_none_is_a_bad_call(trial: Recording, speed: float) -> N
         replay(trial, speed=speed)
 
 
-def test_a_recorded_config_with_faults_is_told(tmp_path: Path) -> None:
+def test_a_recorded_config_with_faults_is_reported(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "run.mcap", config_text="muh = 1", boot="b", wall_minus_monotonic_ns=0)
     recorder.close()
     with pytest.raises(ConfigError, match=r"run\.mcap: config:1: muh"):

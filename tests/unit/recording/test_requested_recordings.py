@@ -88,7 +88,7 @@ def test_K3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecor
         assert recording.complete
 
 
-def test_a_file_that_stands_there_is_not_overwritten_and_not_followed(
+def test_an_existing_file_is_neither_overwritten_nor_followed(
     recordings: RequestedRecordings, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     private_directory(tmp_path / "state" / "slipd")
@@ -106,7 +106,7 @@ def test_a_file_that_stands_there_is_not_overwritten_and_not_followed(
     assert [record.message for record in caplog.records] == [failed.reason]
 
 
-def test_K1_a_disk_that_fails_is_told_and_nothing_else(
+def test_K1_a_disk_that_fails_is_reported_and_nothing_else(
     recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
 ) -> None:
     recordings.handle(Record("full.mcap"), 0)
@@ -123,7 +123,7 @@ def test_K1_a_disk_that_fails_is_told_and_nothing_else(
     assert open_recording(state / "next.mcap").complete
 
 
-def test_a_disk_that_fails_at_the_very_end_is_told_too(
+def test_a_disk_that_fails_at_the_end_is_reported(
     recordings: RequestedRecordings, state: Path, small_disk: Callable[[int], AbstractContextManager[None]]
 ) -> None:
     recordings.handle(Record("full.mcap"), 0)

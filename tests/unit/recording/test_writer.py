@@ -77,7 +77,7 @@ def record(recorder: Recorder, entries) -> None:
             recorder.published(item.topic, item.payload, item.t_ns)
 
 
-def test_events_and_messages_come_back_in_the_one_order_in_which_they_went_in(
+def test_events_and_messages_are_read_in_the_order_in_which_they_were_written(
     tmp_path: Path, about_run, entries
 ) -> None:
     recorder = Recorder(tmp_path / "run.mcap", **about_run)
@@ -109,7 +109,7 @@ def test_other_tools_find_msgpack_with_wall_clock_times_and_a_schema_on_every_ch
     assert {channel.topic for _, channel, _ in found} == {"slipd/event", "slip.left", "wrench.left"}
 
 
-def test_K2_a_killed_writer_leaves_a_readable_file_with_all_but_the_last_moments(tmp_path: Path) -> None:
+def test_K2_a_killed_writer_leaves_a_readable_file(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     process = subprocess.Popen([sys.executable, "-c", WRITE_UNTIL_KILLED, path], stdin=subprocess.PIPE)
     assert process.stdin is not None
@@ -132,7 +132,7 @@ def test_K2_a_killed_writer_leaves_a_readable_file_with_all_but_the_last_moments
 
 
 @pytest.mark.parametrize("size", [0, 1, 100])
-def test_a_disk_that_cannot_take_the_start_is_told_at_once_and_keeps_no_file(
+def test_a_disk_that_fails_at_the_start_is_reported_at_once_and_keeps_no_file(
     tmp_path: Path, about_run, small_disk, size: int
 ) -> None:
     with small_disk(size), pytest.raises(RecordingError, match=r"run\.mcap: cannot be written: File too large"):
@@ -295,12 +295,12 @@ def test_K3_an_existing_file_is_never_overwritten(tmp_path: Path, about_run) -> 
     assert (tmp_path / "run.mcap").read_text() == "precious"
 
 
-def test_a_file_that_cannot_be_created_is_told_at_once(tmp_path: Path, about_run) -> None:
+def test_a_file_that_cannot_be_created_is_reported_at_once(tmp_path: Path, about_run) -> None:
     with pytest.raises(RecordingError, match=r"nowhere/run\.mcap: cannot be created: there is no folder"):
         Recorder(tmp_path / "nowhere" / "run.mcap", **about_run)
 
 
-def test_a_closed_recorder_takes_no_more(tmp_path: Path, about_run) -> None:
+def test_a_closed_recorder_refuses_entries(tmp_path: Path, about_run) -> None:
     recorder = Recorder(tmp_path / "run.mcap", **about_run)
     recorder.close()
     recorder.close()

@@ -42,7 +42,7 @@ async def until(condition: Callable[[], object]) -> None:
             await asyncio.sleep(0.001)
 
 
-async def test_a_pseudo_terminal_is_made_and_taken_away(tmp_path: Path) -> None:
+async def test_a_pseudo_terminal_is_created_and_removed(tmp_path: Path) -> None:
     path = tmp_path / "gauges"
     async with open_line(str(path)) as line:
         assert line.listen() == (False, [])
@@ -56,7 +56,7 @@ async def test_a_pseudo_terminal_is_made_and_taken_away(tmp_path: Path) -> None:
     assert not path.is_symlink()
 
 
-async def test_a_datagram_socket_answers_to_whoever_spoke_last(unused_udp_port: int) -> None:
+async def test_a_datagram_socket_answers_the_last_sender(unused_udp_port: int) -> None:
     async with open_line(f"udp://127.0.0.1:{unused_udp_port}") as line:
         line.send([b"to nobody"])
         for _ in range(2):
@@ -90,7 +90,7 @@ async def test_a_stream_socket_serves_the_last_who_came(unused_tcp_port: int) ->
         line.send([b"to one who hung up"])
 
 
-async def test_a_websocket_server_sends_to_all_and_hears_them(unused_tcp_port: int) -> None:
+async def test_a_websocket_server_sends_to_all_clients_and_receives_from_them(unused_tcp_port: int) -> None:
     address = f"ws://127.0.0.1:{unused_tcp_port}"
     async with open_line(address) as line:
         line.send([b"to nobody"])
@@ -129,13 +129,13 @@ async def test_a_pusher_drops_what_a_daemon_does_not_read(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("address", ["udp://127.0.0.1", "tcp://:5000", "carrier://pigeon:1"])
-async def test_what_is_no_line_is_refused(address: str) -> None:
+async def test_an_invalid_address_is_refused(address: str) -> None:
     with pytest.raises(ValueError, match="give"):
         async with open_line(address):
             pass
 
 
-async def test_a_place_that_is_taken_is_told(unused_tcp_port: int) -> None:
+async def test_an_address_in_use_is_reported(unused_tcp_port: int) -> None:
     address = f"tcp://127.0.0.1:{unused_tcp_port}"
     async with open_line(address):
         with pytest.raises(OSError, match="in use"):

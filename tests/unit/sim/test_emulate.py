@@ -70,7 +70,7 @@ def read_some(path: Path, count: int) -> bytes:
 
 
 @pytest.mark.process
-def test_a_device_runs_on_a_pseudo_terminal_until_it_is_told_to_end(tmp_path: Path, children: ExitStack) -> None:
+def test_a_device_runs_on_a_pseudo_terminal_until_its_process_is_ended(tmp_path: Path, children: ExitStack) -> None:
     path = tmp_path / "gauges"
     told = start(children, "gauges", "--at", str(path))
     closed = start(children, "gauges", "--at", f"{path}2")
@@ -99,7 +99,7 @@ def test_a_device_runs_on_a_pseudo_terminal_until_it_is_told_to_end(tmp_path: Pa
         ("gauges", "/nowhere/at/all", "No such file"),
     ],
 )
-def test_a_wrong_call_says_what_would_be_right(
+def test_wrong_arguments_are_refused_with_a_reason(
     device: str, address: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert emulate.main([device, "--at", address]) == 2

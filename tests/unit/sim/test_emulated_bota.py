@@ -77,7 +77,7 @@ def test_the_daemons_session_brings_it_to_the_wanted_rate():
     assert session.health.bad == 0
 
 
-def test_configuring_silences_it_until_it_is_told_to_run():
+def test_configuring_silences_it_until_the_run_command():
     made = sensor()
     listen(made, 0, BOOT_NS + 10 * MS)
     assert bota_text.find_ack(made.receive(b"C", BOOT_NS + 10 * MS), "C") == 0
@@ -102,7 +102,7 @@ def test_what_it_cannot_do_is_refused(command):
     assert bota_text.find_ack(made.receive(command, BOOT_NS), command[:1].decode()) == 1
 
 
-def test_settings_are_not_taken_while_it_runs():
+def test_settings_are_refused_while_it_runs():
     made = sensor()
     made.advance(BOOT_NS)
     assert made.receive(b"f,512,0,0,1", BOOT_NS) == b""

@@ -20,7 +20,7 @@ def images(made, begin_ns, end_ns, step_ns=MS):
     return dsacon32.Decoder().receive(said, 0)
 
 
-def test_it_pushes_what_presses_on_it_at_the_rate_it_is_told_by_its_own_clock():
+def test_it_pushes_images_at_the_requested_rate_of_its_own_clock():
     made = controller(noise_counts=0.0, clock_ppm=1000.0)
     made.press(np.arange(12) * 500)
     assert made.advance(S) == []
@@ -41,7 +41,7 @@ def test_images_come_plain_or_run_length_encoded_as_asked(rle):
     assert (said[10], len(said)) == ((1, 15) if rle else (0, 37))
 
 
-def test_it_is_no_faster_than_30_hz():
+def test_its_rate_is_at_most_30_hz():
     made = controller()
     made.receive(messages.acquire(1000, rle=True), 0)
     assert len(images(made, 0, S + MS)) == 30

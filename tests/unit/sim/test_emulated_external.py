@@ -10,7 +10,7 @@ from slipd.sim.emulated_external import PAD, PAD_EVERY, RATE_HZ, WRENCH, make
 S = 1_000_000_000
 
 
-def test_both_streams_carry_what_acts_and_when_it_was_taken() -> None:
+def test_both_streams_carry_values_and_times() -> None:
     emulator = make(1)
     emulator.began_ns = 7 * S
     emulator.feel(np.array((1.0, -2.0, 30.0)), np.array((0.1, 0.2, -0.3)))
@@ -31,7 +31,7 @@ def test_both_streams_carry_what_acts_and_when_it_was_taken() -> None:
     assert (decoder.health.bad, decoder.health.lost, decoder.health.duplicates) == (0, 0, 0)
 
 
-def test_it_pushes_whoever_listens() -> None:
+def test_it_pushes_without_a_listener() -> None:
     emulator = make(1)
     first = emulator.advance(S // 10)
     emulator.opened(S // 10)

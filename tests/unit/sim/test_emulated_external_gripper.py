@@ -62,7 +62,7 @@ def test_what_comes_twice_is_done_once_and_answered_twice() -> None:
     assert driver.receive(encode_setpoint(2, "stop"), MS) == []
 
 
-def test_it_survives_garbage_and_registers_again_when_it_is_told_to() -> None:
+def test_it_survives_garbage_and_registers_again_on_request() -> None:
     driver = Driver()
     driver.advance(0)
     for garbage in (b"\xc1", b"\x81\xa1\xff\x00", b"\x05", encode_setpoint(1, "move"), b"\x81\xa2op\x01"):
@@ -86,9 +86,7 @@ def process(address: str) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.mark.process
-async def test_a_driver_in_a_process_of_its_own_is_told_what_to_do(
-    process: subprocess.Popen[str], address: str
-) -> None:
+async def test_a_driver_in_its_own_process_obeys(process: subprocess.Popen[str], address: str) -> None:
     session, samples = Session(), list[GripperSample]()
 
     def hear(data: bytes) -> None:
@@ -115,6 +113,6 @@ async def test_a_driver_in_a_process_of_its_own_is_told_what_to_do(
         assert (samples[-1].width_m, samples[-1].echo_ok, session.command_lost) == (0.04, True, False)
         process.terminate()
         async with asyncio.timeout(PATIENCE_S):
-            assert "it closed the connection" in await line.until_lost()
+            assert "the other side closed it" in await line.until_lost()
     finally:
         await line.close()

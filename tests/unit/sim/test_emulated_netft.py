@@ -40,7 +40,7 @@ def test_the_daemons_session_calibrates_and_gets_4000_readings_a_second(calibrat
     assert session.health.lost == session.health.bad == 0
 
 
-def test_unbuffered_records_come_one_a_datagram() -> None:
+def test_unbuffered_records_come_one_per_datagram() -> None:
     emulator = NetftSensor(2, rate_hz=1000.0)
     emulator.receive(rdt.encode_request(rdt.START), 0)
     assert [len(datagram) for datagram in emulator.advance(5 * MS)] == [36] * 5

@@ -35,7 +35,7 @@ def test_both_sensors_feel_what_acts_on_each_pillar(layout: str, force_at: int) 
     assert np.mean([sample.values for sample in samples], axis=0) == pytest.approx(forces_n, abs=0.002)
 
 
-def test_unloaded_pads_say_nothing_of_their_layout_and_give_no_readings() -> None:
+def test_unloaded_pads_do_not_reveal_their_layout_and_give_no_readings() -> None:
     emulator = make(1)
     emulator.press(np.zeros((9, 3)))
     session = papillarray.Session()

@@ -63,7 +63,7 @@ def test_position_and_speed_bytes_span_the_stroke():
     assert gripper.command(ACTIVATION_NS) == GripCommand(0.0, 0.150, 30.0)
 
 
-def test_nothing_moves_before_it_is_active_and_the_fault_says_why():
+def test_nothing_moves_before_it_is_active_and_the_fault_states_why():
     gripper = Gripper2F()
     write(gripper, (0x0800, 255, 0), 0)
     assert gripper.command(0).width_m == 0.085
@@ -73,7 +73,7 @@ def test_nothing_moves_before_it_is_active_and_the_fault_says_why():
     assert gripper.command(MS).width_m == 0.085
 
 
-def test_the_status_tells_what_the_scene_did():
+def test_the_status_reports_the_scene():
     gripper = active()
     write(gripper, (0x0900, 255, 0), ACTIVATION_NS)
     moving = status(observed(gripper, width_m=0.07, moving=True), ACTIVATION_NS)
@@ -93,7 +93,7 @@ def test_the_force_alone_is_rewritten_while_holding():
     assert gripper.command(ACTIVATION_NS).width_m == 0.0
 
 
-def test_told_to_stop_it_stays_where_it_is_and_holds_what_it_holds():
+def test_a_stop_keeps_position_and_grip():
     gripper = active()
     write(gripper, (0x0900, 255, 0x803C), ACTIVATION_NS)
     gripper.command(ACTIVATION_NS)

@@ -109,7 +109,7 @@ def test_updates_come_at_their_periods_until_the_line_is_opened_anew(gripper: Gr
     assert gripper.advance(200 * MS) == []
 
 
-def test_it_tells_which_it_is_and_what_it_can_do_and_nothing_of_what_it_does_not_know(gripper: Gripper) -> None:
+def test_it_reports_identity_and_settings_and_ignores_unknown_commands(gripper: Gripper) -> None:
     limits, system = read(gripper.receive(wire.encode(wire.LIMITS) + wire.encode(wire.SYSTEM), 0))
     assert wire.parse_limits(limits.data) == LIMITS
     assert wire.parse_serial(system.data) == 4711

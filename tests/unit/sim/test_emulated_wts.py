@@ -18,7 +18,7 @@ def images(made, end_ns):
 
 
 @pytest.mark.parametrize(("asked_ms", "interval_ms"), [(25, 25), (0, FASTEST_MS), (1, FASTEST_MS)])
-def test_it_pushes_what_presses_on_it_at_the_interval_it_is_told(asked_ms, interval_ms):
+def test_it_pushes_images_at_the_requested_interval(asked_ms, interval_ms):
     made = module(noise_counts=0.0, clock_ppm=0.0)
     made.press(np.array([0, 1, 2, 300, 5000, -3]))
     assert made.receive(wts.encode_start(asked_ms), 0) == [wts.encode_status(wts.START)]
@@ -30,7 +30,7 @@ def test_it_pushes_what_presses_on_it_at_the_interval_it_is_told(asked_ms, inter
     assert made.advance(2 * S) == []
 
 
-def test_it_says_what_it_is():
+def test_it_reports_its_identity():
     made = module(serial=8)
     asked = b"?" + wts.encode_query(wts.SYSTEM) + wts.encode_query(0x46) + wts.encode_query(wts.MATRIX)
     assert made.receive(asked, 0) == [wts.encode_system(8), wts.encode_matrix(wts.Matrix(2, 3))]

@@ -25,7 +25,7 @@ def test_two_pads_come_at_the_rate_with_the_servers_time(calibrated: bool, expec
     assert (decoder.health.bad, decoder.health.bad_bytes, decoder.health.lost) == (0, 0, 0)
 
 
-def test_each_client_is_welcomed_and_none_is_heard() -> None:
+def test_each_client_is_welcomed_and_its_messages_are_ignored() -> None:
     emulator = make(1)
     assert b"Welcome" not in b"".join(emulator.advance(S // 10))
     emulator.opened(S // 10)

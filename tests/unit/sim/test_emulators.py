@@ -13,7 +13,7 @@ from slipd.sim.emulators import make_emulator
 MS = 1_000_000
 
 
-def test_a_bota_sensor_measures_what_it_feels_in_its_own_frame() -> None:
+def test_a_bota_sensor_measures_in_its_own_frame() -> None:
     emulator = make_emulator("bota", 3)
     emulator.opened(0)
     emulator.feel(np.array((1.0, -2.0, 30.0)), np.array((0.1, 0.2, -0.3)))
@@ -24,7 +24,7 @@ def test_a_bota_sensor_measures_what_it_feels_in_its_own_frame() -> None:
     assert len(samples) > emulator.rate_hz
 
 
-def test_a_pvdf_pad_reads_the_charges_that_are_told() -> None:
+def test_a_pvdf_pad_sends_the_given_charges() -> None:
     emulator = make_emulator("pvdf", 3)
     charges = np.arange(128) * 10.0
     emulator.press(charges)

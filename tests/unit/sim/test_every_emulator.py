@@ -58,7 +58,7 @@ def play(
 
 
 @devices
-def test_its_traffic_is_taken_without_a_bad_byte_at_its_rate(device: Device) -> None:
+def test_its_traffic_decodes_without_a_bad_byte_at_its_rate(device: Device) -> None:
     emulator = make_emulator(device.name, 4)
     samples, health = play(device, emulator, whole)
     assert (health.bad, health.bad_bytes, health.lost, health.duplicates, health.restarts) == (0, 0, 0, 0, 0)
@@ -78,7 +78,7 @@ def test_L1_its_traffic_reads_the_same_in_any_split(device: Device, split: Calla
 
 
 @devices
-def test_the_same_seed_says_the_same_and_another_something_else(device: Device) -> None:
+def test_equal_seeds_give_equal_bytes_and_others_do_not(device: Device) -> None:
     first, second, other = (
         [plain(sample) for sample in play(device, make_emulator(device.name, seed), whole, 1.0)[0]]
         for seed in (1, 1, 2)

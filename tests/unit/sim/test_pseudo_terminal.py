@@ -46,7 +46,7 @@ def test_it_notices_being_opened_and_left(port):
         assert not port.open
 
 
-def test_what_is_said_to_nobody_is_not_kept_for_who_comes_later(port):
+def test_bytes_sent_to_nobody_are_lost(port):
     note(port)
     port.write(b"old news")
     fd = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -56,7 +56,7 @@ def test_what_is_said_to_nobody_is_not_kept_for_who_comes_later(port):
     assert port.dropped == 0
 
 
-def test_a_reader_that_sleeps_loses_bytes_and_blocks_nobody(port, other):
+def test_a_slow_reader_loses_bytes_and_blocks_nobody(port, other):
     note(port)
     written = 0
     while not port.dropped:

@@ -166,7 +166,7 @@ def test_it_never_asks_for_more_than_its_own_limit(daemon):
     assert [body["force_n"] for body in daemon.requests("grip.set")] == [20.0]
 
 
-def test_where_no_grip_is_known_to_hold_it_asks_for_all_it_may(daemon):
+def test_without_a_force_that_holds_it_requests_its_limit(daemon):
     daemon.on["gripper.close"] = [slip("left"), warning(reasons=["unsupportable", "rotation"])]
     work(daemon)
     assert [body["force_n"] for body in daemon.requests("grip.set")] == [20.0]
@@ -246,7 +246,7 @@ def test_a_refused_grip_ends_it_and_the_lease_is_given_back(daemon):
     assert daemon.ops()[-1] == "lease.release"
 
 
-def test_told_to_end_it_opens_nothing(daemon):
+def test_an_early_end_does_not_open_the_gripper(daemon):
     program = RobotProgram(*daemon.endpoints, Plan(tare_s=0.01, close_s=0.0))
     program.start()
     deadline = time.monotonic() + 30.0
@@ -258,7 +258,7 @@ def test_told_to_end_it_opens_nothing(daemon):
     assert daemon.ops()[-2:] == ["gripper.close", "lease.release"]
 
 
-def test_without_a_daemon_it_says_so():
+def test_a_missing_daemon_is_reported():
     program = RobotProgram("ipc:///nowhere/publish", "ipc:///nowhere/requests")
     program.run()
     assert "nobody takes requests" in program.report.error

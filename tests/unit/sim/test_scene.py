@@ -141,7 +141,7 @@ def test_a_gripper_that_closes_too_late_leaves_the_box_behind():
     assert scene.utilisation == 0.0
 
 
-def test_long_steps_are_cut_so_that_the_story_stays_the_same():
+def test_long_steps_are_divided_and_give_the_same_result():
     fine, coarse = (play(Scene(), raised(8.8, 14.0), step_s=step)[0] for step in (0.001, 0.02))
     assert [t.event for t in fine.truth] == [t.event for t in coarse.truth]
     assert np.array([t.t_s for t in fine.truth]) == pytest.approx(np.array([t.t_s for t in coarse.truth]), abs=0.03)

@@ -137,7 +137,7 @@ def test_the_shipped_demo_config_reads_every_stream_at_its_rate(heeded):
     assert all(s["bad"] == s["lost"] == s["bad_bytes"] == 0 for s in status["streams"].values())
 
 
-def test_what_is_told_of_the_contact_is_what_is_true(heeded):
+def test_the_reported_contact_is_the_true_contact(heeded):
     scene = heeded.rig.scene
     for finger, side in (("left", 1), ("right", -1)):
         seen = [
@@ -161,7 +161,7 @@ def test_rotation_is_warned_of_well_before_it_would_begin(unheeded):
     assert unheeded.told("caution", "rotation") < warned
 
 
-def test_an_unheeded_warning_ends_in_a_slip_that_is_told_and_a_dropped_box(unheeded):
+def test_an_ignored_warning_ends_in_a_reported_slip_and_a_dropped_box(unheeded):
     begins = unheeded.truth("slide_begins")
     assert begins <= unheeded.told("slipping", "slip_detected") < begins + 0.05
     assert unheeded.truth("dropped") is not None
@@ -174,13 +174,13 @@ def test_a_heeded_warning_saves_the_box(heeded):
     assert heeded.rig.scene.width_m == heeded.rig.scene.open_width_m
 
 
-def test_the_tug_is_told_as_a_translation_and_its_slip_at_once(heeded):
+def test_the_tug_is_reported_as_a_translation_and_its_slip_at_once(heeded):
     begins = heeded.truth("slide_begins")
     assert 13.0 < heeded.told("warning", "translation") < begins
     assert begins <= heeded.told("slipping", "slip_detected") < begins + 0.05
 
 
-def test_nothing_is_told_without_a_cause(heeded):
+def test_nothing_is_reported_without_a_cause(heeded):
     alarms = [(t, body["level"]) for t, body in heeded.changes if t > 0 and body["level"] in ("caution", *ALARMING)]
     assert [alarm for alarm in alarms if not (7.0 < alarm[0] < 12.5 or 13.0 < alarm[0] < 14.9)] == []
     assert {body["level"] for t, body in heeded.changes if 2.1 < t < 16.0} <= {

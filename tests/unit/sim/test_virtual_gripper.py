@@ -73,7 +73,7 @@ def read_for(ports, seconds):
     return heard
 
 
-def test_it_says_where_its_ports_are_and_takes_them_away(process):
+def test_it_prints_its_ports_and_removes_them(process):
     assert process.ready["event"] == "ready"
     assert sorted(process.ready["ports"]) == ["gripper", "left-pad", "left-wrench", "right-pad", "right-wrench"]
     assert names(process.directory) == set(process.ready["ports"])

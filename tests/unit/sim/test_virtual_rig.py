@@ -48,7 +48,7 @@ def contact(samples, mount, t_s):
     return contact_from_wrench(wrench[:3], wrench[3:])
 
 
-def test_the_scene_begins_when_the_gripper_is_told_to_activate(played):
+def test_the_scene_begins_when_the_gripper_is_activated(played):
     rig, _ = played
     assert rig.began_ns == 400 * TICK_NS
     assert rig.scene.t_s == pytest.approx(9.5 - 0.5, abs=0.01)
@@ -68,7 +68,7 @@ def test_both_fingers_see_the_load_in_their_own_frames(played):
     assert left.spin_nm > 0.02
 
 
-def test_the_images_are_pressed_where_the_wrench_says(played):
+def test_the_images_match_the_contact_of_the_wrench(played):
     _, samples = played
     for line, side in (("left-pad", 1), ("right-pad", -1)):
         rest = np.mean([s.values for s in samples[line][:300]], axis=0)
@@ -80,7 +80,7 @@ def test_the_images_are_pressed_where_the_wrench_says(played):
         assert (x * 0.0032, y * 0.0032) == pytest.approx((0.002, -0.001 * side), abs=5e-4)
 
 
-def test_the_same_seed_says_the_same_bytes():
+def test_equal_seeds_give_equal_bytes():
     first, second, other = (VirtualRig(Scene(), seed) for seed in (1, 1, 2))
     said = [[rig.advance(t * TICK_NS) for t in range(1, 400)] for rig in (first, second, other)]
     assert said[0] == said[1]
@@ -118,7 +118,7 @@ def test_commands_reach_the_sensor_they_are_written_to():
     assert said["right-wrench"] != b""
 
 
-def test_news_are_told_once(played):
+def test_each_event_of_the_scene_is_returned_once(played):
     rig, _ = played
     assert [truth.event for truth in rig.news()] == ["contact", "lift", "pour", "forecast"]
     assert rig.news() == []

@@ -69,7 +69,7 @@ async def test_the_link_is_open_while_a_driver_is_connected(
                 driver.send(b"gone")
                 await eventually(lambda: received(events) == b"gone")
             await eventually(lambda: type(events[-1]) is LinkDown)
-            assert "it closed the connection" in events[-1].reason, round_
+            assert "the other side closed it" in events[-1].reason, round_
             events.clear()
     assert not lies_there(path)
 
@@ -111,7 +111,7 @@ async def test_a_driver_is_waited_for_without_an_event_and_without_end(
     assert not lies_there(path)
 
 
-async def test_the_socket_of_a_dead_daemon_is_taken_over(
+async def test_the_socket_of_a_dead_daemon_is_replaced(
     spec: LinkSpec, path: Path, serving: Serving, eventually: Eventually
 ) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
@@ -121,19 +121,19 @@ async def test_the_socket_of_a_dead_daemon_is_taken_over(
         await eventually(lambda: events)
 
 
-def test_a_file_that_is_no_socket_is_left_alone(spec: LinkSpec, path: Path) -> None:
+def test_a_file_that_is_not_a_socket_is_left_alone(spec: LinkSpec, path: Path) -> None:
     path.write_bytes(b"precious")
-    with pytest.raises(LinkError, match="this file is no socket"):
+    with pytest.raises(LinkError, match="this file is not a socket"):
         asyncio.run(open_driver_socket(spec, bytes))
     assert path.read_bytes() == b"precious"
 
 
-async def test_what_others_serve_is_left_alone(spec: LinkSpec, path: Path) -> None:
+async def test_a_socket_that_another_program_serves_is_left_alone(spec: LinkSpec, path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
         other.bind(str(path))
         other.listen(0)
         for _ in range(3):  # its queue fills up
-            with pytest.raises(LinkError, match="another program serves here"):
+            with pytest.raises(LinkError, match="another program serves this socket"):
                 await open_driver_socket(spec, bytes)
     assert lies_there(path)
 
@@ -145,7 +145,7 @@ def open_to_all(tmp_path: Path) -> Path:
 
 
 async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(open_to_all: Path) -> None:
-    with pytest.raises(LinkError, match="others may change its directory"):
+    with pytest.raises(LinkError, match="other users may change its directory"):
         await open_driver_socket(LinkSpec("gripper", "local", f"unix://{open_to_all}/gripper"), bytes)
     assert not lies_there(open_to_all / "gripper")
 
@@ -153,12 +153,12 @@ async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(open_
 @pytest.mark.parametrize(
     ("address", "words"),
     [
-        ("unix://relative", "no local socket; one is unix:///run/slipd/gripper"),
+        ("unix://relative", "must be an absolute path of at most 107 bytes, such as unix:///run/slipd/gripper"),
         ("unix:///" + "x" * MAX_PATH_BYTES, "107 bytes"),
         ("unix:///nowhere/at/all", "there is no directory /nowhere/at"),
     ],
 )
-async def test_an_address_that_cannot_be_served_says_what_would_be_right(address: str, words: str) -> None:
+async def test_an_address_that_cannot_be_served_is_refused_with_an_example(address: str, words: str) -> None:
     with pytest.raises(LinkError, match=words):
         await open_driver_socket(LinkSpec("gripper", "local", address), bytes)
 

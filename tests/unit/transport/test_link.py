@@ -76,20 +76,20 @@ def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 @pytest.mark.usefixtures("pauses")
-async def test_a_reason_is_told_again_only_after_another() -> None:
+async def test_a_reason_is_reported_again_only_after_another() -> None:
     events = await play(["absent", "absent", "held", "held", "absent"])
     assert events == [LinkDown("left.wrench", reason) for reason in ("absent", "held", "absent")]
 
 
 @pytest.mark.usefixtures("pauses")
-async def test_a_reason_is_told_again_after_the_link_was_up() -> None:
+async def test_a_reason_is_reported_again_after_the_link_was_up() -> None:
     events = await play([b"1", b"2"])
     once = [LinkUp("left.wrench", "what was opened"), LinkDown("left.wrench", "pulled")]
     assert [event for event in events if not isinstance(event, Bytes)] == 2 * once
 
 
 @pytest.mark.usefixtures("pauses")
-async def test_the_log_hears_of_a_link_that_opens_and_dies_once_until_bytes_came(
+async def test_a_link_that_opens_and_dies_is_logged_once_until_bytes_arrive(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """A UDP device that is off: its socket opens, and the first request is refused."""
@@ -133,7 +133,7 @@ async def test_a_port_that_opens_and_dies_at_once_is_not_opened_ever_faster(paus
 
 
 @pytest.mark.usefixtures("pauses")
-async def test_whatever_opening_and_closing_raise_is_a_reason_and_no_end() -> None:
+async def test_any_exception_of_opening_or_closing_is_a_reason_and_does_not_end_the_link() -> None:
     class Stuck(Connection):
         async def close(self) -> None:
             raise OSError("does not let go")
@@ -212,7 +212,7 @@ def long_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a reason to try early a test would time out."""
     monkeypatch.setattr("slipd.transport.link.FIRST_DELAY_S", 1000.0)
     monkeypatch.setattr("slipd.transport.link.MAX_DELAY_S", 1000.0)
-    monkeypatch.setattr("slipd.transport.link.LOOK_S", 0.001)
+    monkeypatch.setattr("slipd.transport.link.PROBE_S", 0.001)
 
 
 @pytest.mark.usefixtures("long_pauses")
@@ -231,7 +231,7 @@ async def test_L6_the_same_device_plugged_in_again_is_told_from_one_that_stayed(
 
 
 async def test_L6_a_device_that_appears_brings_the_first_pause_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("slipd.transport.link.LOOK_S", 0.001)
+    monkeypatch.setattr("slipd.transport.link.PROBE_S", 0.001)
     places = Places(None, None, "port")
     link = Link(SPEC, places.open, print, places.look)
     link._delay_s = MAX_DELAY_S
@@ -240,7 +240,7 @@ async def test_L6_a_device_that_appears_brings_the_first_pause_back(monkeypatch:
     assert link._delay_s == 2 * FIRST_DELAY_S
 
 
-async def test_a_link_error_of_the_consumer_is_not_taken_for_one_of_the_link() -> None:
+async def test_a_link_error_of_the_consumer_ends_the_group() -> None:
     def fail(event: Event) -> None:
         if isinstance(event, LinkUp):
             raise LinkError("a fault of the consumer")

@@ -19,19 +19,19 @@ PORT = LinkSpec("left.wrench", "serial", "/nowhere/at/all", 115200)
 
 async def test_an_unknown_transport_is_refused_before_anything_opens() -> None:
     async with asyncio.TaskGroup() as tasks:
-        with pytest.raises(ValueError, match="'carrier pigeon'; there are serial, tcp, udp"):
+        with pytest.raises(ValueError, match=r"transport must be serial, tcp, udp, .* got 'carrier pigeon'"):
             Links(tasks, [PORT, LinkSpec("right.wrench", "carrier pigeon", "roof")], print)
 
 
-async def test_two_links_of_one_name_are_refused() -> None:
+async def test_two_links_with_the_same_name_are_refused() -> None:
     async with asyncio.TaskGroup() as tasks:
-        with pytest.raises(ValueError, match=r"two links are named 'left.wrench'"):
+        with pytest.raises(ValueError, match=r"link names must differ, got 'left.wrench' twice"):
             Links(tasks, [PORT, PORT], print)
 
 
-async def test_a_write_to_an_unknown_link_names_those_there_are(serving: Serving) -> None:
+async def test_a_write_to_an_unknown_link_is_refused_with_the_known_names(serving: Serving) -> None:
     async with serving(PORT) as (links, _):
-        with pytest.raises(ValueError, match=r"no link is named 'left'; there are left.wrench"):
+        with pytest.raises(ValueError, match=r"link must be one of left.wrench, got 'left'"):
             links.write("left", b"x")
 
 

@@ -43,7 +43,7 @@ def received(events: list[Event]) -> list[bytes]:
     return [event.data for event in events if isinstance(event, Bytes)]
 
 
-async def test_each_message_is_handed_on_as_one_piece(
+async def test_each_message_is_delivered_as_one_piece(
     spec: LinkSpec, pusher: Pusher, serving: Serving, eventually: Eventually
 ) -> None:
     sent = [bytes([n % 256]) * n for n in range(500)]
@@ -69,7 +69,7 @@ async def test_a_pusher_that_waits_for_the_daemon_is_read_when_it_comes(
         pusher().send(b"between two runs")
 
 
-async def test_a_message_beyond_all_measure_is_not_taken_and_others_are(
+async def test_a_message_that_is_too_long_is_refused_and_others_are_delivered(
     spec: LinkSpec, pusher: Pusher, serving: Serving, eventually: Eventually
 ) -> None:
     async with serving(spec) as (_, events):
@@ -100,7 +100,7 @@ async def test_a_second_binder_is_refused_and_the_first_is_not_disturbed(
         async with serving(spec) as (_, others):
             await eventually(lambda: others)
             assert isinstance(others[0], LinkDown)
-            assert "another program serves here" in others[0].reason
+            assert "another program serves this endpoint" in others[0].reason
         pusher().send(b"to the first")
         await eventually(lambda: received(events) == [b"to the first"])
 
@@ -112,7 +112,7 @@ async def test_the_end_of_a_link_frees_its_place(spec: LinkSpec, serving: Servin
             assert isinstance(events[0], LinkUp)
 
 
-async def test_a_missing_directory_is_told(serving: Serving, eventually: Eventually, tmp_path: Path) -> None:
+async def test_a_missing_directory_is_reported(serving: Serving, eventually: Eventually, tmp_path: Path) -> None:
     spec = LinkSpec("left.wrench", "external", f"ipc://{tmp_path}/none/readings")
     async with serving(spec) as (_, events):
         await eventually(lambda: events)
@@ -143,7 +143,7 @@ async def test_a_write_is_refused_and_counted(spec: LinkSpec, serving: Serving, 
         assert links.refused_writes == {"left.wrench": 1}
 
 
-async def test_what_the_consumer_raises_ends_the_group(
+async def test_an_exception_of_the_consumer_ends_the_group(
     spec: LinkSpec, pusher: Pusher, serving: Serving, eventually: Eventually
 ) -> None:
     def fail(event: Event) -> None:

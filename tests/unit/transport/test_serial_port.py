@@ -39,7 +39,7 @@ def open_files() -> int:
     return len(list(Path("/proc/self/fd").iterdir()))
 
 
-async def test_opening_is_told_with_the_path_before_any_bytes(
+async def test_opening_is_reported_with_the_path_before_any_bytes(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     device.plug()
@@ -96,7 +96,7 @@ async def test_L5_unplugging_in_the_middle_of_a_frame_is_told_after_the_last_byt
     assert received(events) == b"half a fr"
 
 
-async def test_L5_unplugging_an_idle_device_is_told(
+async def test_L5_unplugging_an_idle_device_is_reported(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     device.plug()
@@ -104,7 +104,7 @@ async def test_L5_unplugging_an_idle_device_is_told(
         await eventually(lambda: events)
         device.unplug()
         await eventually(lambda: len(events) == 2)
-    assert "went away" in downs(events)[0]
+    assert "the port is gone" in downs(events)[0]
 
 
 async def test_L6_a_link_that_names_the_device_finds_it_on_another_path(
@@ -142,21 +142,21 @@ async def test_L6_a_device_that_was_long_away_is_opened_without_waiting_for_the_
 
 def test_L6_what_is_at_a_path_is_told_apart(device: Device, tmp_path: Path) -> None:
     path = str(device.path)
-    assert serial_port.look(path) is None
+    assert serial_port.probe(path) is None
     device.plug()
-    first = serial_port.look(path)
+    first = serial_port.probe(path)
     assert first is not None
-    assert serial_port.look(path) == first
+    assert serial_port.probe(path) == first
     device.unplug()
-    assert serial_port.look(path) is None
+    assert serial_port.probe(path) is None
     time.sleep(0.02)  # the kernel stamps files by a clock that ticks every few milliseconds
     device.plug()
-    assert serial_port.look(path) != first, "the kernel gives its number again"
+    assert serial_port.probe(path) != first, "the kernel gives its number again"
     file = tmp_path / "rights"
     file.touch(mode=0o600)
-    before = serial_port.look(str(file))
+    before = serial_port.probe(str(file))
     file.chmod(0o660)
-    assert serial_port.look(str(file)) != before, "udev sets the group after the port has appeared"
+    assert serial_port.probe(str(file)) != before, "udev sets the group after the port has appeared"
 
 
 class UsbPort:
@@ -188,15 +188,15 @@ def test_L6_the_identity_of_a_port_names_its_usb_device(
 async def test_L6_a_path_that_may_become_another_devices_is_warned_of_once(
     serving: Serving, eventually: Eventually, caplog: pytest.LogCaptureFixture, quick: None
 ) -> None:
-    serial_port._advise.cache_clear()
+    serial_port._warn_of_number.cache_clear()
     numbered = LinkSpec("a", "serial", "/dev/ttyUSB4711", 115200)
     stable = LinkSpec("b", "serial", "/dev/serial/by-id/none", 115200)
     async with serving(numbered, stable) as (_, events):
         await eventually(lambda: len(events) == 2)
         await asyncio.sleep(0.05)
-    warned = [record.message for record in caplog.records if "goes to" in record.message]
+    warned = [record.message for record in caplog.records if "belongs to" in record.message]
     assert warned == [
-        "/dev/ttyUSB4711: goes to whichever device is plugged in first; /dev/serial/by-id has paths that stay"
+        "/dev/ttyUSB4711: belongs to whichever device is plugged in first; use a path below /dev/serial/by-id"
     ]
 
 
@@ -214,7 +214,7 @@ async def test_L6_another_pty_under_the_same_path_is_opened(
         await eventually(lambda: received(events) == b"again")
 
 
-async def test_L7_a_missing_port_is_told_once_and_opened_when_it_comes(
+async def test_L7_a_missing_port_is_reported_once_and_opened_when_it_comes(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, quick: None
 ) -> None:
     async with serving(spec) as (_, events):
@@ -242,7 +242,7 @@ async def test_L7_L8_a_port_that_another_program_holds_is_left_alone_until_it_is
             pyserial.Serial(str(device.path), exclusive=True)
 
 
-async def test_L7_a_file_that_is_no_port_is_refused_by_name(
+async def test_L7_a_file_that_is_not_a_port_is_refused_by_name(
     tmp_path: Path, serving: Serving, eventually: Eventually
 ) -> None:
     file = tmp_path / "notes.txt"
@@ -260,7 +260,7 @@ async def test_L7_a_file_that_is_no_port_is_refused_by_name(
     [
         (errno.EACCES, "dialout"),
         (errno.EBUSY, "another program"),
-        (errno.EIO, "plug the device in again"),
+        (errno.EIO, "plug it in again"),
         (errno.ENOENT, "by-id"),
         (errno.ENXIO, "No such device"),
     ],
@@ -334,7 +334,7 @@ async def test_a_dropped_command_is_logged_once_a_spell(
     assert [record.message for record in warned] == [told] * 2
 
 
-async def test_a_link_that_is_down_takes_no_bytes(
+async def test_a_link_that_is_down_refuses_writes(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually
 ) -> None:
     async with serving(spec) as (links, events):
@@ -439,7 +439,7 @@ async def test_closing_does_not_wait_for_a_device_that_never_reads(
         await eventually(lambda: received(events) == b"next run")
 
 
-async def test_a_write_taken_in_part_is_completed_before_the_end(
+async def test_a_partial_write_is_completed_before_closing(
     device: Device, spec: LinkSpec, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(serial_port, "DRAIN_TIMEOUT_S", 60.0)
@@ -463,7 +463,7 @@ async def test_a_port_can_be_opened_as_soon_as_it_is_closed(device: Device, spec
     pyserial.Serial(str(device.path), exclusive=True).close()
 
 
-async def test_a_port_that_takes_no_more_bytes_is_lost_although_it_still_reads(device: Device, spec: LinkSpec) -> None:
+async def test_a_port_that_fails_to_write_is_lost_although_it_can_be_read(device: Device, spec: LinkSpec) -> None:
     device.plug()
     connection = await serial_port.open_serial(spec, print)
     readable, writable = os.pipe()
@@ -527,7 +527,7 @@ async def test_a_port_unplugged_while_it_is_opened_is_an_ordinary_loss(
     files = open_files()
     async with serving(spec) as (_, events):
         await eventually(lambda: events)
-    assert "plug the device in again" in downs(events)[0]
+    assert "plug it in again" in downs(events)[0]
     await eventually(lambda: open_files() <= files)
 
 

@@ -90,14 +90,16 @@ async def test_commands_leave_at_once_and_a_cut_cable_is_noticed(eventually: Eve
         await connection.close()
 
 
-async def test_a_device_that_hangs_up_is_told_and_opened_again(serving: Serving, eventually: Eventually) -> None:
+async def test_a_device_that_closes_the_connection_is_reported_and_opened_again(
+    serving: Serving, eventually: Eventually
+) -> None:
     async with controller() as device, serving(device.spec) as (links, events):
         await eventually(lambda: device.clients)
         device.clients[0][1].write(b"half a fr")
         await eventually(lambda: received(events))
         device.clients[0][1].close()
         await eventually(lambda: LinkDown in kinds(events))
-        assert "it closed the connection" in events[2].reason
+        assert "the other side closed it" in events[2].reason
         await eventually(lambda: len(device.clients) == 2 and kinds(events)[-1] is LinkUp)
         assert links.write("left.pad", b"again")
         assert await device.clients[1][0].readexactly(5) == b"again"
@@ -115,7 +117,7 @@ async def test_a_reset_is_an_ordinary_loss(serving: Serving, eventually: Eventua
     assert "reset" in events[2].reason
 
 
-async def test_a_device_that_is_not_there_is_told_once_and_found_later(
+async def test_a_device_that_is_not_there_is_reported_once_and_found_later(
     serving: Serving, eventually: Eventually, quick: None, unused_tcp_port: int
 ) -> None:
     spec = LinkSpec("left.pad", "tcp", f"tcp://127.0.0.1:{unused_tcp_port}")
@@ -128,7 +130,7 @@ async def test_a_device_that_is_not_there_is_told_once_and_found_later(
             await eventually(lambda: kinds(events)[-1] is LinkUp and device.clients)
 
 
-async def test_a_device_that_does_not_answer_is_given_up(
+async def test_a_device_that_does_not_answer_is_reported(
     serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(address, "OPEN_TIMEOUT_S", 0.05)
@@ -143,7 +145,7 @@ async def test_a_device_that_does_not_answer_is_given_up(
         async with serving(spec) as (_, events):
             await eventually(lambda: events)
         queued_too.close()
-    assert "nothing answers within" in events[0].reason
+    assert "no answer within" in events[0].reason
 
 
 async def test_L10_a_device_that_never_reads_refuses_commands_and_is_still_read(
@@ -161,7 +163,7 @@ async def test_L10_a_device_that_never_reads_refuses_commands_and_is_still_read(
         await eventually(lambda: received(events) == b"still here")
 
 
-async def test_a_write_taken_in_part_is_completed(serving: Serving, eventually: Eventually) -> None:
+async def test_a_partial_write_is_completed(serving: Serving, eventually: Eventually) -> None:
     async with controller() as device, serving(device.spec) as (links, events):
         await eventually(lambda: device.clients and events)
         reader, _ = device.clients[0]
@@ -190,7 +192,7 @@ async def test_closing_waits_for_the_rest_of_a_write_but_not_for_ever(
         await connection.close()
 
 
-async def test_what_the_consumer_raises_ends_the_group(serving: Serving, eventually: Eventually) -> None:
+async def test_an_exception_of_the_consumer_ends_the_group(serving: Serving, eventually: Eventually) -> None:
     def fail(event: Event) -> None:
         if type(event) is Bytes:
             raise ArithmeticError("a fault of ours")

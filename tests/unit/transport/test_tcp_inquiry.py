@@ -61,12 +61,12 @@ async def why_not(port: int, reply_bytes: int) -> str:
     return str(raised.value)
 
 
-async def test_an_answer_cut_short_is_none() -> None:
+async def test_a_truncated_answer_is_refused() -> None:
     async with host(b"one") as port:
-        assert "3 bytes of the 11 of an answer" in await why_not(port, 11)
+        assert "the answer must have 11 bytes, got 3" in await why_not(port, 11)
 
 
-async def test_hanging_up_without_a_word_is_no_answer() -> None:
+async def test_an_empty_answer_is_refused() -> None:
     async with host() as port:
         assert "without an answer" in await why_not(port, 0)
 
@@ -78,8 +78,8 @@ async def test_an_answer_beyond_all_measure_is_refused() -> None:
         assert "more than" in await why_not(port, 0)
 
 
-async def test_nobody_on_the_port_is_told(unused_tcp_port: int) -> None:
-    assert "asked on TCP port" in await why_not(unused_tcp_port, 11)
+async def test_a_closed_port_is_reported(unused_tcp_port: int) -> None:
+    assert "inquiry on TCP port" in await why_not(unused_tcp_port, 11)
 
 
 async def test_a_host_that_never_answers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,7 +54,7 @@ def kinds(events: list[Event]) -> list[type]:
     return [type(event) for event in events]
 
 
-async def test_each_datagram_is_handed_on_as_one_piece_in_order(
+async def test_each_datagram_is_delivered_as_one_piece_in_order(
     sensor: Sensor, serving: Serving, eventually: Eventually
 ) -> None:
     sent = [b"", b"x", *(bytes([n % 256]) * n for n in range(1, 300)), bytes(udp.MAX_DATAGRAM_BYTES)]
@@ -69,7 +69,7 @@ async def test_each_datagram_is_handed_on_as_one_piece_in_order(
     assert received(events) == sent
 
 
-async def test_of_a_datagram_longer_than_any_devices_only_the_begin_is_taken(
+async def test_only_the_beginning_of_a_very_long_datagram_is_delivered(
     sensor: Sensor, serving: Serving, eventually: Eventually
 ) -> None:
     async with serving(sensor.spec) as (links, events):
@@ -105,7 +105,7 @@ async def test_a_device_with_an_ipv6_address_is_read(serving: Serving, eventuall
     sensor.socket.close()
 
 
-async def test_datagrams_of_others_are_not_taken(sensor: Sensor, serving: Serving, eventually: Eventually) -> None:
+async def test_datagrams_of_other_senders_are_ignored(sensor: Sensor, serving: Serving, eventually: Eventually) -> None:
     stranger = Sensor("127.0.0.1")
     async with serving(sensor.spec) as (links, events):
         await eventually(lambda: events)
@@ -119,7 +119,7 @@ async def test_datagrams_of_others_are_not_taken(sensor: Sensor, serving: Servin
     stranger.socket.close()
 
 
-async def test_a_host_where_nobody_listens_is_told_and_tried_again(
+async def test_a_host_without_a_listener_is_reported_and_tried_again(
     sensor: Sensor, serving: Serving, eventually: Eventually
 ) -> None:
     port = sensor.socket.getsockname()[1]
@@ -131,7 +131,7 @@ async def test_a_host_where_nobody_listens_is_told_and_tried_again(
 
     async with serving(sensor.spec, on_event=greet) as (links, events):
         await eventually(lambda: LinkDown in kinds(events))
-        assert "nobody listens there" in events[1].reason
+        assert "nothing listens on this port" in events[1].reason
         back = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         back.bind(("127.0.0.1", port))
         await eventually(lambda: kinds(events).count(LinkUp) > 1)
@@ -150,7 +150,7 @@ async def test_a_refused_write_is_an_ordinary_loss(sensor: Sensor, serving: Serv
         assert not links.write("left.wrench", b"down")
 
 
-async def test_a_write_beyond_a_datagram_is_a_loss_that_says_so(
+async def test_a_write_longer_than_a_datagram_ends_the_connection_with_the_reason(
     sensor: Sensor, serving: Serving, eventually: Eventually
 ) -> None:
     async with serving(sensor.spec) as (links, events):
@@ -163,16 +163,16 @@ async def test_a_write_beyond_a_datagram_is_a_loss_that_says_so(
 @pytest.mark.parametrize(
     ("address", "words"),
     [
-        ("udp://", "names no host"),
-        ("udp://127.0.0.1", "names no port; one that does is udp://127.0.0.1:49152"),
-        ("udp://127.0.0.1:70000", "no address"),
-        ("udp://[::1:80", "no address"),
-        ("udp://no-such-host.invalid:49152", "not reached"),
-        ("udp://a..b:49152", "not reached"),
-        (f"udp://{64 * 'a'}:49152", "not reached"),
+        ("udp://", "has no host"),
+        ("udp://127.0.0.1", "has no port; a valid address is udp://127.0.0.1:49152"),
+        ("udp://127.0.0.1:70000", "not an address"),
+        ("udp://[::1:80", "not an address"),
+        ("udp://no-such-host.invalid:49152", "cannot be reached"),
+        ("udp://a..b:49152", "cannot be reached"),
+        (f"udp://{64 * 'a'}:49152", "cannot be reached"),
     ],
 )
-async def test_an_address_that_leads_nowhere_is_told(
+async def test_an_address_that_cannot_be_reached_is_reported(
     address: str, words: str, serving: Serving, eventually: Eventually
 ) -> None:
     async with serving(LinkSpec("left.wrench", "udp", address)) as (_, events):
@@ -216,7 +216,7 @@ async def test_L9_a_flood_leaves_the_loop_its_turn(sensor: Sensor, serving: Serv
             assert most <= min(udp.DATAGRAMS_PER_WAKE, -(-udp.READ_BYTES // max(size, 1)))
 
 
-async def test_what_the_consumer_raises_ends_the_group(
+async def test_an_exception_of_the_consumer_ends_the_group(
     sensor: Sensor, serving: Serving, eventually: Eventually
 ) -> None:
     def fail(event: Event) -> None:

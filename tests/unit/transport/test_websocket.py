@@ -98,7 +98,7 @@ def raw_server(answer: bytes) -> AbstractAsyncContextManager[int]:
     return run()
 
 
-async def test_messages_are_handed_on_as_one_stream_in_order(serving: Serving, eventually: Eventually) -> None:
+async def test_messages_are_delivered_as_one_stream_in_order(serving: Serving, eventually: Eventually) -> None:
     messages = ['{"message": "Welcome"}', "µ-strain", "", *(f'{{"message": {n}}}' for n in range(500)), "x" * 30_000]
     content = "".join(messages).encode()
     async with sensor_server(*messages) as port, serving(link_to(port)) as (_, events):
@@ -116,7 +116,9 @@ async def test_a_message_in_fragments_is_handed_on(serving: Serving, eventually:
         await eventually(lambda: b"".join(received(events)) == b"{}xy")
 
 
-async def test_a_server_that_stops_and_starts_again_is_told_and_found(serving: Serving, eventually: Eventually) -> None:
+async def test_a_server_that_stops_and_starts_again_is_reported_and_found(
+    serving: Serving, eventually: Eventually
+) -> None:
     async with sensor_server("first") as port:
         link = serving(link_to(port))
         _, events = await link.__aenter__()
@@ -129,20 +131,22 @@ async def test_a_server_that_stops_and_starts_again_is_told_and_found(serving: S
     assert kinds(events)[-2:] == [LinkUp, Bytes]
 
 
-async def test_a_server_that_is_not_there_is_told_once_and_found_later(
+async def test_a_server_that_is_not_there_is_reported_once_and_found_later(
     serving: Serving, eventually: Eventually, quick: None, unused_tcp_port: int
 ) -> None:
     async with serving(link_to(unused_tcp_port)) as (_, events):
         await eventually(lambda: events)
         await asyncio.sleep(0.05)
         assert kinds(events) == [LinkDown]
-        assert "start the sensor's server" in events[0].reason
+        assert "start the server of the sensor" in events[0].reason
         async with sensor_server("at last", port=unused_tcp_port):
             await eventually(lambda: received(events) == [b"at last"])
 
 
 @pytest.mark.parametrize("answer", [b"", b"SSH-2.0-OpenSSH_9\r\n", b"HTTP/1.1 404 Not Found\r\n\r\n", bytes(5000)])
-async def test_something_else_on_the_port_is_told(answer: bytes, serving: Serving, eventually: Eventually) -> None:
+async def test_another_protocol_on_the_port_is_reported(
+    answer: bytes, serving: Serving, eventually: Eventually
+) -> None:
     async with raw_server(answer) as port, serving(link_to(port)) as (_, events):
         await eventually(lambda: events)
     assert kinds(events) == [LinkDown]
@@ -150,7 +154,7 @@ async def test_something_else_on_the_port_is_told(answer: bytes, serving: Servin
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:5000", "http://127.0.0.1", "ws://", "ws://[::1", "ws://host:port"])
-async def test_an_address_that_is_none_is_told(address: str, serving: Serving, eventually: Eventually) -> None:
+async def test_an_invalid_address_is_reported(address: str, serving: Serving, eventually: Eventually) -> None:
     async with serving(LinkSpec("left.pad", "websocket", address)) as (_, events):
         await eventually(lambda: events)
     assert "one is ws://host:5000" in events[0].reason
@@ -196,14 +200,14 @@ async def test_a_flood_leaves_the_loop_its_turns_and_keeps_nothing(
 @pytest.mark.parametrize(
     ("frames", "words"),
     [
-        (b"\x88\x06\x03\xe8\nINF", "the server says: 1000"),
-        (b"\x88\x00", "the server says: 1005"),
-        (b"\xff\x00", "breaks the protocol"),
-        (b"\x82\xff" + bytes(12), "breaks the protocol"),
-        (b"\x80\x00", "breaks the protocol"),
+        (b"\x88\x06\x03\xe8\nINF", "the server closed it: 1000"),
+        (b"\x88\x00", "the server closed it: 1005"),
+        (b"\xff\x00", "violates the protocol"),
+        (b"\x82\xff" + bytes(12), "violates the protocol"),
+        (b"\x80\x00", "violates the protocol"),
     ],
 )
-async def test_how_a_server_ended_the_connection_is_told(
+async def test_the_reason_why_a_server_closed_the_connection_is_reported(
     frames: bytes, words: str, serving: Serving, eventually: Eventually
 ) -> None:
     async with websocket_server(frames) as port, serving(link_to(port)) as (_, events):
@@ -212,7 +216,7 @@ async def test_how_a_server_ended_the_connection_is_told(
 
 
 @pytest.mark.parametrize("silent", [True, False])
-async def test_a_server_that_gives_no_sign_of_life_is_given_up(
+async def test_a_server_that_does_not_answer_pings_is_lost(
     silent: bool, serving: Serving, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("slipd.transport.websocket.PING_INTERVAL_S", 0.02)
@@ -221,22 +225,22 @@ async def test_a_server_that_gives_no_sign_of_life_is_given_up(
     async with server as port, serving(link_to(port)) as (_, events):
         if silent:
             await eventually(lambda: LinkDown in kinds(events))
-            assert "no sign of life" in next(event.reason for event in events if isinstance(event, LinkDown))
+            assert "no answer for" in next(event.reason for event in events if isinstance(event, LinkDown))
         else:
             await asyncio.sleep(0.3)
             assert kinds(events) == [LinkUp]
 
 
-async def test_an_answer_without_end_is_no_servers(serving: Serving, eventually: Eventually) -> None:
+async def test_an_endless_answer_to_the_handshake_is_refused(serving: Serving, eventually: Eventually) -> None:
     async with (
         raw_server(b"HTTP/1.1 404 No\r\n\r\n" + bytes(MAX_HANDSHAKE_BYTES)) as port,
         serving(link_to(port)) as (_, events),
     ):
         await eventually(lambda: events)
-    assert "an answer of more than 65536 bytes" in events[0].reason
+    assert "the answer has more than 65536 bytes" in events[0].reason
 
 
-async def test_what_the_consumer_raises_ends_the_group(serving: Serving) -> None:
+async def test_an_exception_of_the_consumer_ends_the_group(serving: Serving) -> None:
     def fail(event: Event) -> None:
         if type(event) is Bytes:
             raise ArithmeticError("a fault of ours")
@@ -306,10 +310,10 @@ async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: 
         connection = await open_websocket(link_to(port), lambda _: None)
         await eventually(lambda: connection._reading)
         connection._socket.shutdown(socket.SHUT_WR)
-        connection._heard_s -= PING_INTERVAL_S
-        connection._look()
+        connection._received_s -= PING_INTERVAL_S
+        connection._check_alive()
         assert "connection ended" in await connection.until_lost()
-        assert connection._next_look.cancelled()
+        assert connection._next_check.cancelled()
         with socket.socket() as heir:
             descriptor = connection._socket.detach()
             os.close(descriptor)

@@ -26,7 +26,7 @@ from slipd.zmtp.listener import (
     most_connections,
     raise_descriptor_limit,
 )
-from slipd.zmtp.peer import PeerRules
+from slipd.zmtp.peer_rules import PeerRules
 
 if TYPE_CHECKING:
     from zeromq_peers import Context, Eventually
@@ -93,7 +93,7 @@ async def test_as_many_connect_as_there_may_be_and_others_when_those_are_gone(
 
 @pytest.mark.usefixtures("few")
 @pytest.mark.parametrize("kind", ["tcp", "ipc"])
-async def test_those_who_never_introduce_themselves_keep_nobody_out(
+async def test_connections_without_a_handshake_keep_nobody_out(
     kind: str,
     strangers: Strangers,
     peer: Clients,

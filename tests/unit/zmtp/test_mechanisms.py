@@ -114,7 +114,7 @@ def test_a_key_that_is_proved_is_known_and_both_sides_understand_each_other(serv
     assert len({body[8:16] for _, body in [*sealed, *bodies(server.seal((b"again",)))]}) == 3
 
 
-def test_a_key_that_is_not_allowed_is_refused_and_told_so(server: Curve, client: Client) -> None:
+def test_a_key_that_is_not_allowed_is_refused_with_an_error(server: Curve, client: Client) -> None:
     with pytest.raises(KeyRefusedError, match="not allowed") as raised:
         server.handshake(client.initiate(key=OTHER, claimed=OTHER[0]))
     assert raised.value.reply == b"\x04\x0a\x05ERROR\x03400"
@@ -141,17 +141,17 @@ def test_who_does_not_prove_the_key_is_refused(wrong: dict[str, object], server:
 
 def test_the_cookie_of_another_connection_is_refused(server: Curve, client: Client) -> None:
     client.cookie = bytes(96)
-    with pytest.raises(ProtocolError, match="belongs to it"):
+    with pytest.raises(ProtocolError, match="another cookie"):
         server.handshake(client.initiate())
 
 
-def test_who_takes_another_daemon_for_this_one_is_refused(server: Curve) -> None:
+def test_a_client_with_the_key_of_another_daemon_is_refused(server: Curve) -> None:
     with pytest.raises(ProtocolError, match="does not open"):
         server.handshake(Client(OTHER[0]).hello())
 
 
 @pytest.mark.parametrize("body", [b"", b"\x05HELLO", b"\x05READY", b"\x05HELLO\x02\x00".ljust(200, b"\0"), bytes(200)])
-def test_what_is_no_hello_is_refused(body: bytes, server: Curve) -> None:
+def test_an_invalid_hello_is_refused(body: bytes, server: Curve) -> None:
     with pytest.raises(ProtocolError):
         server.handshake(body)
 
@@ -174,7 +174,7 @@ def test_a_frame_that_came_before_or_was_touched_or_is_not_sealed_is_refused(ser
     assert server.open(0, client.seal(7, b"")) == (0, b"")
 
 
-def test_without_keys_a_peer_says_what_it_is() -> None:
+def test_without_keys_a_peer_states_its_socket_type() -> None:
     null = Null(b"PULL")
     reply = null.handshake(encode_command(b"READY", METADATA))
     assert null.properties == {b"socket-type": b"SUB"}

@@ -75,7 +75,7 @@ def received(connection: socket.socket) -> bytes:
         return b""
 
 
-async def test_bytes_may_come_one_by_one(endpoint: str, raw: Raw, eventually: Eventually) -> None:
+async def test_bytes_may_arrive_one_by_one(endpoint: str, raw: Raw, eventually: Eventually) -> None:
     server = Server(endpoint)
     with server.listener:
         connection = raw(b"")
@@ -185,7 +185,7 @@ async def test_what_a_peer_does_not_read_is_bounded_and_pings_add_nothing(
         assert numbers == list(range(len(numbers)))
 
 
-async def test_a_flood_waits_where_it_comes_from_and_others_have_their_turns(
+async def test_a_flood_waits_at_its_sender_and_others_have_their_turns(
     endpoint: str, raw: Raw, peer: Callable[..., Client], eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With next to no share of the time: what is not read stays in the kernel, however long the sender goes on."""

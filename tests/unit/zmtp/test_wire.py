@@ -42,7 +42,7 @@ def test_the_greeting_is_that_of_the_rfc() -> None:
     ("greeting", "reason"),
     [
         (b"GET / HTTP/1.1\r\n".ljust(64), "does not speak ZMTP"),
-        (b"\xff" + bytes(8) + b"\x7f\x02".ljust(55, b"\0"), "before version 3.0"),
+        (b"\xff" + bytes(8) + b"\x7f\x02".ljust(55, b"\0"), "must use ZMTP 3.0 or later"),
         (NULL_GREETING[:12] + b"PLAIN".ljust(52, b"\0"), "another security mechanism"),
         (NULL_GREETING[:12] + b"CURVE".ljust(52, b"\0"), "another security mechanism"),
     ],
@@ -108,9 +108,9 @@ def test_metadata_comes_back(properties: dict[bytes, bytes]) -> None:
 
 
 @pytest.mark.parametrize("cut", range(1, 22))
-def test_metadata_that_is_cut_short_is_refused(cut: int) -> None:
+def test_truncated_metadata_is_refused(cut: int) -> None:
     data = encode_metadata({b"Socket-Type": b"DEALER"})
-    with pytest.raises(ProtocolError, match="cut short"):
+    with pytest.raises(ProtocolError, match="truncated"):
         decode_metadata(data[:cut])
 
 
