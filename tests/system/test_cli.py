@@ -33,7 +33,7 @@ def recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     """The trial in which the object is dropped, imported with the shipped config."""
     out = tmp_path / "trial.mcap"
     assert main(["import", "grips", str(TRIAL), str(out)]) == 0
-    assert capsys.readouterr().out == f"{out}: written; slipd replay {out} --speed max\n"
+    assert capsys.readouterr().out == f"{out}: written; replay it with: slipd replay {out} --speed max\n"
     return out
 
 

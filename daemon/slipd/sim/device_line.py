@@ -1,6 +1,6 @@
-"""The device's end of a real line: a pseudo-terminal, a socket or a server, looked at when it suits the device.
+"""The device side of a real line: a pseudo-terminal, a socket or a server.
 
-Nothing here waits: what nobody takes is lost, as on a line.
+No method waits: bytes that nobody reads are lost, as on a real line.
 """
 
 from __future__ import annotations
@@ -21,46 +21,46 @@ from slipd.sim.pseudo_terminal import PseudoTerminal
 
 READ_BYTES = 65_536
 PIECES_PER_LOOK = 64
-"""Most pieces taken at once from a host that floods."""
+"""Most pieces read at once from a host that floods the line."""
 
 SEND_AHEAD = 64
-"""Messages kept for a daemon that does not read."""
+"""Messages queued for a daemon that does not read."""
 
 
 class Line(Protocol):
-    """The device's end; see `open_line` for the kinds."""
+    """The device side of a line; see `open_line` for the kinds."""
 
     def listen(self) -> tuple[bool, list[bytes]]:
-        """Return whether somebody has just opened the line, and what was written to it."""
+        """Return whether the line has just been opened, and the pieces written to it."""
         ...
 
     def send(self, pieces: Sequence[bytes]) -> None:
-        """Send pieces: frames, messages or datagrams; without waiting, and to nobody where nobody listens."""
+        """Send pieces (frames, messages or datagrams) without waiting; without a listener they are lost."""
         ...
 
 
 @contextlib.asynccontextmanager
 async def open_line(address: str) -> AsyncIterator[Line]:
-    """The device's end of the line that a daemon opens by ``address``, until the end of the ``with`` block.
+    """Open the device side of the line that a daemon opens by ``address``, for the duration of ``with``.
 
     Args:
-        address: Path of a pseudo-terminal to be made, ``udp://``, ``tcp://`` or ``ws://`` with ``HOST:PORT`` to serve
-            at, or the ``ipc://`` endpoint to push to, or the ``unix://`` path to connect to.
+        address: Path of a new pseudo-terminal; ``udp://``, ``tcp://`` or ``ws://`` with ``HOST:PORT`` to serve; the
+            ``ipc://`` endpoint to push to; or the ``unix://`` path to connect to.
 
     Raises:
-        OSError: It cannot be served there.
-        ValueError: The address is none.
+        OSError: The address cannot be served.
+        ValueError: The address is invalid.
     """
     scheme = address.partition("://")[0] if "://" in address else ""
     if scheme == "ws":
-        async with _websocket_line(*_place(address)) as line:
+        async with _websocket_line(*_host_and_port(address)) as line:
             yield line
         return
     with contextlib.ExitStack() as stack:
         if scheme == "udp":
-            yield stack.enter_context(_closing(_UdpLine(*_place(address))))
+            yield stack.enter_context(_closing(_UdpLine(*_host_and_port(address))))
         elif scheme == "tcp":
-            yield stack.enter_context(_closing(_TcpLine(*_place(address))))
+            yield stack.enter_context(_closing(_TcpLine(*_host_and_port(address))))
         elif scheme == "ipc":
             yield stack.enter_context(_closing(_PushLine(address)))
         elif scheme == "unix":
@@ -69,14 +69,14 @@ async def open_line(address: str) -> AsyncIterator[Line]:
             yield stack.enter_context(_closing(_PtyLine(Path(address))))
         else:
             raise ValueError(
-                f"{address}: no line; give a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
+                f"{address}: must be a path, udp://, tcp:// or ws:// with HOST:PORT, ipc:///PATH or unix:///PATH"
             )
 
 
-def _place(address: str) -> tuple[str, int]:
+def _host_and_port(address: str) -> tuple[str, int]:
     parts = urlsplit(address)
     if not parts.hostname or not parts.port:
-        raise ValueError(f"{address}: give host and port, e.g. {parts.scheme}://127.0.0.1:5000")
+        raise ValueError(f"{address}: must have host and port, such as {parts.scheme}://127.0.0.1:5000")
     return parts.hostname, parts.port
 
 
@@ -93,7 +93,7 @@ def _closing(line: _Closable) -> Iterator[Line]:
 
 
 def _bound(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
-    """A non-blocking socket at an address."""
+    """Return a non-blocking socket bound to an address."""
     family, kind, protocol, _, place = socket.getaddrinfo(host, port, type=kind)[0]
     made = socket.socket(family, kind, protocol)
     try:
@@ -114,7 +114,7 @@ class _PtyLine:
 
     def listen(self) -> tuple[bool, list[bytes]]:
         events = dict(self._poll.poll(0)).get(self._port.fd, 0)
-        opened = self._port.note(events)
+        opened = self._port.update(events)
         data = self._port.read() if events & select.POLLIN else b""
         return opened, [data] if data else []
 
@@ -126,20 +126,20 @@ class _PtyLine:
 
 
 class _UdpLine:
-    """Answers to whoever spoke last, as such sensors do."""
+    """Answer the last sender, as such sensors do."""
 
     def __init__(self, host: str, port: int) -> None:
         self._socket = _bound(socket.SOCK_DGRAM, host, port)
         self._peer: tuple[str, int] | None = None
 
     def listen(self) -> tuple[bool, list[bytes]]:
-        heard: list[bytes] = []
+        received: list[bytes] = []
         before = self._peer
-        with contextlib.suppress(OSError):  # nothing more; or the peer hung up, which is told here
-            while len(heard) < PIECES_PER_LOOK:
+        with contextlib.suppress(OSError):  # nothing more to read, or the peer has closed its socket
+            while len(received) < PIECES_PER_LOOK:
                 data, self._peer = self._socket.recvfrom(READ_BYTES)
-                heard.append(data)
-        return self._peer != before, heard
+                received.append(data)
+        return self._peer != before, received
 
     def send(self, pieces: Sequence[bytes]) -> None:
         if self._peer is not None:
@@ -152,7 +152,7 @@ class _UdpLine:
 
 
 class _TcpLine:
-    """Serves one host at a time; the next takes its place."""
+    """Serve one host at a time; a new one replaces it."""
 
     def __init__(self, host: str, port: int) -> None:
         self._server = _bound(socket.SOCK_STREAM, host, port)
@@ -162,7 +162,7 @@ class _TcpLine:
     def listen(self) -> tuple[bool, list[bytes]]:
         with contextlib.suppress(BlockingIOError):
             client, _ = self._server.accept()
-            self._leave()
+            self._disconnect()
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._client = client
@@ -176,7 +176,7 @@ class _TcpLine:
                 self._client.send(data)
 
     def close(self) -> None:
-        self._leave()
+        self._disconnect()
         self._server.close()
 
     def _read(self) -> list[bytes]:
@@ -190,17 +190,17 @@ class _TcpLine:
             data = b""
         if data:
             return [data]
-        self._leave()
+        self._disconnect()
         return []
 
-    def _leave(self) -> None:
+    def _disconnect(self) -> None:
         if self._client is not None:
             self._client.close()
             self._client = None
 
 
 class _PushLine:
-    """Pushes to a daemon, once one is there."""
+    """Push to a daemon once it serves."""
 
     def __init__(self, endpoint: str) -> None:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -225,7 +225,7 @@ class _PushLine:
 
 
 class _DriverLine:
-    """Connects to a daemon, once one is there, and again when it has left."""
+    """Connect to a daemon once it serves, and again after it was gone."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -270,23 +270,23 @@ class _WebsocketLine:
     def __init__(self) -> None:
         self._clients: set[ServerConnection] = set()
         self._opened = False
-        self._heard: list[bytes] = []
+        self._received: list[bytes] = []
 
-    async def meet(self, client: ServerConnection) -> None:
+    async def serve_client(self, client: ServerConnection) -> None:
         self._clients.add(client)
         self._opened = True
         try:
             while True:
                 data = await client.recv(decode=False)
-                if len(self._heard) < PIECES_PER_LOOK:
-                    self._heard.append(data)
+                if len(self._received) < PIECES_PER_LOOK:
+                    self._received.append(data)
         except ConnectionClosed:
             self._clients.discard(client)
 
     def listen(self) -> tuple[bool, list[bytes]]:
-        told = self._opened, self._heard
-        self._opened, self._heard = False, []
-        return told
+        result = self._opened, self._received
+        self._opened, self._received = False, []
+        return result
 
     def send(self, pieces: Sequence[bytes]) -> None:
         for piece in pieces:
@@ -296,5 +296,5 @@ class _WebsocketLine:
 @contextlib.asynccontextmanager
 async def _websocket_line(host: str, port: int) -> AsyncIterator[Line]:
     line = _WebsocketLine()
-    async with serve(line.meet, host, port, compression=None):
+    async with serve(line.serve_client, host, port, compression=None):
         yield line

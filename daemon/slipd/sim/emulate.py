@@ -1,6 +1,6 @@
-"""Emulated devices on real lines, in real time: ``python -m slipd.sim.emulate DEVICE --at ADDRESS``.
+"""Run emulated devices on real lines, in real time: ``python -m slipd.sim.emulate DEVICE --at ADDRESS``.
 
-A config that names the same address reads them as it would the device.
+A daemon whose config has the same address reads them like the device.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from slipd.sim.device_line import Line, open_line
 from slipd.sim.emulators import Emulator, make_emulator
 
 TICK_NS = 1_000_000
-"""How often lines are looked at and devices go on: a device answers within a millisecond."""
+"""Period at which lines are read and devices advance, ns: a device answers within a millisecond."""
 
 LONGEST_LAG_NS = 250_000_000
-"""After a longer pause (a suspended machine) a device goes on where it stood instead of catching up."""
+"""After a longer pause, ns, such as a suspended machine, a device continues where it was instead of catching up."""
 
 ANSWER_BYTES = 4096
-"""Longest question of an inquiry."""
+"""Longest request of an inquiry."""
 
 QUESTION_S = 1.0
-"""How long it may take to arrive."""
+"""Longest wait for that request, s."""
 
 HARDWARE_NICENESS = -10
-"""Hardware is not late because the machine is busy: where this process may, it goes before others."""
+"""Niceness of this process if permitted, because hardware is not late on a busy machine."""
 
 STDIN = 0
 
@@ -44,60 +44,60 @@ class Inquired(Protocol):
     """An emulator that also answers inquiries."""
 
     def inquire(self, request: bytes) -> bytes:
-        """Return the answer; empty for none."""
+        """Return the answer; empty if there is none."""
         ...
 
 
 class Emulation:
-    """Devices on their lines.
+    """Emulated devices on their lines.
 
     Args:
-        devices: Each device, and its end of its line.
+        devices: Each device with its line.
     """
 
     def __init__(self, devices: Sequence[tuple[Emulator, Line]]) -> None:
         self._devices = devices
 
     async def run(self) -> None:
-        """Go on for ever, in real time."""
+        """Run for ever, in real time."""
         start_ns = now_ns = time.monotonic_ns()
-        self._tell_begin(start_ns)
+        self._set_start(start_ns)
         while True:
             await asyncio.sleep(max(TICK_NS - (time.monotonic_ns() - now_ns), 0) * 1e-9)
             before_ns, now_ns = now_ns, time.monotonic_ns()
             if now_ns - before_ns > LONGEST_LAG_NS:
                 start_ns += now_ns - before_ns
-                self._tell_begin(start_ns)
+                self._set_start(start_ns)
             for device, line in self._devices:
-                _go_on(device, line, now_ns - start_ns)
+                _advance(device, line, now_ns - start_ns)
 
-    def _tell_begin(self, start_ns: int) -> None:
-        """Tell those whose readings carry this host's time."""
+    def _set_start(self, start_ns: int) -> None:
+        """Set the start time of devices whose readings carry the time of this host."""
         for device, _ in self._devices:
             if hasattr(device, "began_ns"):
                 device.began_ns = start_ns
 
 
-def _go_on(device: Emulator, line: Line, t_ns: int) -> None:
-    opened, heard = line.listen()
+def _advance(device: Emulator, line: Line, t_ns: int) -> None:
+    opened, received = line.listen()
     if opened:
         device.opened(t_ns)
-    said = [answer for data in heard for answer in device.receive(data, t_ns)]
-    said += device.advance(t_ns)
-    if said:
-        line.send(said)
+    output = [answer for data in received for answer in device.receive(data, t_ns)]
+    output += device.advance(t_ns)
+    if output:
+        line.send(output)
 
 
 @contextlib.asynccontextmanager
 async def emulated(devices: Sequence[tuple[str, Emulator, str]]) -> AsyncIterator[Emulation]:
-    """Opens the lines of devices, and whatever else they serve.
+    """Open the lines of devices, and the servers of their inquiries.
 
     Args:
         devices: Name of each device in the list of devices, its emulator, and the address of its line.
 
     Raises:
         OSError: A line cannot be served at its address.
-        ValueError: An address is none.
+        ValueError: An address is invalid.
     """
     async with AsyncExitStack() as stack:
         lines = []
@@ -127,36 +127,40 @@ async def _serve_inquiries(device: Inquired, host: str | None, port: int) -> asy
 
 
 def emulator_for(device: str, address: str, seed: int = 0) -> Emulator:
-    """The emulator of a device on the kind of line that an address names.
+    """Return the emulator of a device for the kind of line in an address.
 
     Raises:
-        ValueError: The device is not known, or is not read at such an address.
+        ValueError: The device is unknown, or does not have such a line.
     """
     if device not in DEVICES:
-        raise ValueError(f"{device!r} is no device; known: {', '.join(sorted(DEVICES))}")
+        raise ValueError(f"DEVICE must be one of {', '.join(sorted(DEVICES))}, got {device!r}")
     kinds = {"udp": "udp", "tcp": "tcp", "ws": "websocket", "ipc": "external", "unix": "local"}
     transport = kinds.get(address.partition("://")[0], "serial") if "://" in address else "serial"
     if transport not in DEVICES[device].transports:
-        raise ValueError(f"{device} is not read at {address}: it has {', '.join(DEVICES[device].transports)}")
+        raise ValueError(
+            f"the address of {device} must be of kind {' or '.join(DEVICES[device].transports)}, got {address}"
+        )
     return make_emulator(device, seed, **({"wiring": transport} if DEVICES[device].needs_wiring else {}))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one device until SIGTERM, SIGINT, or until standard input closes; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m slipd.sim.emulate", description="Run an emulated device.")
+    """Run one device until SIGTERM, SIGINT, or the end of standard input; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m slipd.sim.emulate", description="Run an emulated device until Ctrl-C."
+    )
     parser.add_argument("device", metavar="DEVICE", help=", ".join(sorted(DEVICES)))
     parser.add_argument(
         "--at",
         required=True,
         metavar="ADDRESS",
-        help="path of a pseudo-terminal to make, udp://HOST:PORT, tcp://HOST:PORT, ws://HOST:PORT, ipc:///PATH or unix:///PATH",
+        help="path of a new pseudo-terminal, udp://HOST:PORT, tcp://HOST:PORT, ws://HOST:PORT, ipc:///PATH or unix:///PATH",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all noise (default 0)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
     options = parser.parse_args(argv)
     try:
         device = emulator_for(options.device, options.at, options.seed)
         prepare_process()
-        asyncio.run(serve_until_told([(options.device, device, options.at)]))
+        asyncio.run(serve_until_ended([(options.device, device, options.at)]))
     except (OSError, ValueError) as error:
         print(f"emulate: {error}", file=sys.stderr)
         return 2
@@ -164,30 +168,30 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def prepare_process() -> None:
-    """Make this process as prompt as hardware, once its devices are made."""
+    """Make this process as prompt as hardware; call it once its devices exist."""
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, HARDWARE_NICENESS)
     gc.collect()
-    gc.freeze()  # a collection is a pause that no device makes
+    gc.freeze()  # no device pauses for a garbage collection
 
 
-async def serve_until_told(devices: Sequence[tuple[str, Emulator, str]]) -> None:
-    """Serve devices, printing the address of each once all serve, until a signal or the end of standard input.
+async def serve_until_ended(devices: Sequence[tuple[str, Emulator, str]]) -> None:
+    """Serve devices until a signal or the end of standard input; print their addresses once all are served.
 
     Raises:
         OSError: A line cannot be served at its address.
-        ValueError: An address is none.
+        ValueError: An address is invalid.
     """
     loop, stop = asyncio.get_running_loop(), asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
 
-    def hear() -> None:
+    def read_stdin() -> None:
         if not os.read(STDIN, ANSWER_BYTES):
             stop.set()
 
-    with contextlib.suppress(PermissionError):  # a file, or nothing: it does not close
-        loop.add_reader(STDIN, hear)
+    with contextlib.suppress(PermissionError):  # a file or nothing, which does not close
+        loop.add_reader(STDIN, read_stdin)
     async with emulated(devices) as emulation:
         for _, _, address in devices:
             print(address, flush=True)

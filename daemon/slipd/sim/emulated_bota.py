@@ -1,6 +1,6 @@
-"""A Bota force/torque sensor behind a pad, seen from its line: banner, commands and acknowledgements, frames.
+"""A Bota force/torque sensor behind a pad, as seen from its line: banner, commands and acknowledgements, frames.
 
-Left out: the text data format, the calibration matrix, and everything that saved settings would change.
+Not emulated: the text data format, the calibration matrix, and saved settings.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from slipd.devices.bota import bota_text
 from slipd.samples import Array
 
 BOOT_NS = 200_000_000
-"""From power on to the first frame; the banner comes in the middle of it."""
+"""Time from power-on to the first frame, ns; the banner comes in the middle."""
 
 TEMPERATURE_C = 31.5
 
 RATE_HZ = 800.0
-"""Of frames, while no command has set another filter length."""
+"""Rate of frames until a command sets another filter length, Hz."""
 
 _INTERNAL_RATE_HZ = 51_200
 _IN_RUN_MODE = "CRI#"
@@ -33,17 +33,17 @@ _NOISE_BLOCK = 1024
 
 @dataclass(frozen=True)
 class BotaMount:
-    """How the sensor sits behind its pad, and its faults.
+    """Pose of the sensor behind its pad, and its imperfections.
 
     Attributes:
-        xyz_m: The sensor's origin in the pad frame (``pad_from_sensor`` of a config).
-        quat_xyzw: Rotation from sensor to pad coordinates (likewise).
-        bias: What it reads unloaded: force (3) in N and torque (3) in N·m, in its own frame; includes the weight
-            of the finger, which does not move in this scene.
+        xyz_m: Origin of the sensor in the pad frame, m (``pad_from_sensor`` of a config).
+        quat_xyzw: Rotation from sensor to pad coordinates, likewise.
+        bias: Reading without load: force (3) in N and torque (3) in N·m, in the frame of the sensor; includes the
+            weight of the finger, which does not move in this scene.
         noise_n: Standard deviation of each force component.
         noise_nm: Standard deviation of each torque component.
-        sinc_length: Of its filter, until a command sets another: a frame comes every sinc_length / 51200 s.
-        clock_ppm: How much too fast its clock runs.
+        sinc_length: Filter length until a command sets another; a frame comes every sinc_length / 51200 s.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     xyz_m: tuple[float, float, float] = (0.004, -0.002, -0.025)
@@ -56,10 +56,10 @@ class BotaMount:
 
 
 class BotaSensor:
-    """The sensor's end of its line; time is told to it.
+    """The sensor on its line; its caller passes the time.
 
     Args:
-        mount: How it sits behind its pad, and its faults.
+        mount: Pose behind its pad, and imperfections.
         rng: Source of its noise.
     """
 
@@ -78,19 +78,19 @@ class BotaSensor:
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
-        """Boot, as at power on and whenever its port is opened."""
+        """Boot, as at power-on and whenever the port is opened."""
         self.mode: Literal["boot", "config", "run"] = "boot"
         self._booted_ns = t_ns
         self._next_ns = t_ns + BOOT_NS
-        self._heard, self._text = b"", bota_text.encode_banner("MiniONE")
+        self._received, self._text = b"", bota_text.encode_banner("MiniONE")
 
     def receive(self, data: bytes, t_ns: int) -> bytes:
-        """Take what the host had written by ``t_ns``; return the acknowledgements."""
-        commands, self._heard = bota_text.parse_commands(self._heard + data)
+        """Handle bytes that the host wrote by ``t_ns``; return the acknowledgements."""
+        commands, self._received = bota_text.parse_commands(self._received + data)
         return b"".join(self._obey(command, t_ns) for command in commands)
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the finger from now on.
+        """Set the load on the finger from now on.
 
         Args:
             force_n: Force on the finger in the pad frame, shape (3,), N.
@@ -99,17 +99,17 @@ class BotaSensor:
         self._ideal = (self._from_pad @ np.concatenate((force_n, torque_nm)) + self._bias).tolist()
 
     def advance(self, t_ns: int) -> bytes:
-        """Go on to ``t_ns`` and return the bytes due until then."""
-        said = b""
+        """Advance to ``t_ns`` and return the bytes due by then."""
+        output = b""
         if self.mode == "boot":
             if self._text and t_ns - self._booted_ns >= BOOT_NS // 2:
-                said, self._text = self._text, b""
+                output, self._text = self._text, b""
             if t_ns >= self._next_ns:
                 self.mode = "run"
         while self.mode == "run" and t_ns >= self._next_ns:
-            said += self._frame(self._next_ns - self._booted_ns)
+            output += self._frame(self._next_ns - self._booted_ns)
             self._next_ns += self._period_ns
-        return said
+        return output
 
     def _frame(self, elapsed_ns: int) -> bytes:
         if not self._noise:
@@ -142,10 +142,10 @@ def _period_ns(sinc_length: int) -> int:
 
 
 class BotaLine:
-    """A `BotaSensor` that measures in its own frame, on a line of its own (see `slipd.sim.emulators.Emulator`).
+    """A `BotaSensor` that measures in its own frame, as an emulator (see `slipd.sim.emulators.Emulator`).
 
     Args:
-        seed: Of its noise.
+        seed: Seed of its noise.
     """
 
     def __init__(self, seed: int) -> None:
@@ -156,20 +156,20 @@ class BotaLine:
         self.feel = self._sensor.feel
 
     def opened(self, t_ns: int) -> None:
-        """Boot, as at power on and whenever its port is opened."""
+        """Boot, as at power-on and whenever the port is opened."""
         self._sensor.restart(t_ns)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote; return the acknowledgements."""
-        said = self._sensor.receive(data, t_ns)
-        return [said] if said else []
+        """Handle bytes from the host; return the acknowledgements."""
+        output = self._sensor.receive(data, t_ns)
+        return [output] if output else []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return what is due until then; several frames together after a longer step."""
-        said = self._sensor.advance(t_ns)
-        return [said] if said else []
+        """Advance to ``t_ns`` and return the bytes due by then; after a longer step, several frames together."""
+        output = self._sensor.advance(t_ns)
+        return [output] if output else []
 
 
 def make(seed: int) -> BotaLine:
-    """Make a sensor with its noise seeded."""
+    """Return the emulator with seeded noise."""
     return BotaLine(seed)

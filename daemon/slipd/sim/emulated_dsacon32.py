@@ -1,6 +1,6 @@
-"""A Weiss DSACON32m seen from its line: it boots deaf, answers, and pushes images of all its matrices.
+"""A Weiss DSACON32m as seen from its line: deaf while it boots, then it answers and pushes images.
 
-Left out: single images, masks, sensitivities, thresholds and descriptions.
+Not emulated: single images, masks, sensitivities, thresholds and descriptions.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner
 from slipd.sim.weiss_controller import WeissController
 
-DEAF_NS = 8_000_000_000
-"""From power-up until it hears."""
+BOOT_NS = 8_000_000_000
+"""Time from power-up until it accepts commands, ns."""
 
 TEXT_NS = (7_000_000_000, 7_400_000_000, 7_800_000_000)
-"""From power-up to each piece of its boot text."""
+"""Time from power-up to each piece of its boot text, ns."""
 
 FINGER = ((6, 14), (6, 13))
 """The proximal and the distal matrix of an SDH finger, columns and rows."""
@@ -32,14 +32,14 @@ _REQUEST_BYTES = 9
 
 
 class Dsacon32(WeissController):
-    """The controller's end of its line, powered long before time 0; time is told to it.
+    """The controller on its line, powered long before time 0; its caller passes the time.
 
     Args:
         matrices: Columns and rows of each matrix; `press` takes the cells of all, in this order.
         rng: Source of its noise.
-        info: What it says of itself.
+        info: What it reports about itself.
         noise_counts: Standard deviation of each reading.
-        clock_ppm: How much too fast its clock runs.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     rate_hz = 30.0
@@ -59,21 +59,21 @@ class Dsacon32(WeissController):
         self._matrices = matrices
         self._rle = False
         self._text_ns: list[int] = []
-        self._deaf_until_ns = 0
+        self._ready_ns = 0
 
     def power_up(self, t_ns: int) -> None:
-        """Boot, as after the power was cut: images cease, and for 8 s nothing is heard."""
+        """Boot as after a power cut: images stop, and commands are ignored for 8 s."""
         self._push(None, t_ns)
         self._powered_ns = t_ns
-        self._deaf_until_ns = t_ns + DEAF_NS
+        self._ready_ns = t_ns + BOOT_NS
         self._text_ns = [t_ns + delay for delay in TEXT_NS]
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote by ``t_ns``; return the answers."""
-        return super().receive(data, t_ns) if t_ns >= self._deaf_until_ns else []
+        """Handle bytes that the host wrote by ``t_ns``; return the answers."""
+        return super().receive(data, t_ns) if t_ns >= self._ready_ns else []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return what is said until then."""
+        """Advance to ``t_ns`` and return the bytes due by then."""
         due = sum(text_ns <= t_ns for text_ns in self._text_ns)
         del self._text_ns[:due]
         return [BOOT_TEXT] * due + super().advance(t_ns)
@@ -97,7 +97,7 @@ class Dsacon32(WeissController):
 
 
 def make(seed: int = 0) -> Dsacon32:
-    """Make the controller of one SDH finger."""
+    """Return the controller of one SDH finger."""
     return Dsacon32(FINGER, np.random.default_rng(seed))
 
 

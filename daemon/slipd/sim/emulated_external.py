@@ -10,23 +10,23 @@ from slipd.sim.tactile_stream import TactileStream
 from slipd.sim.wrench_stream import WrenchStream
 
 WRENCH, PAD = "left.wrench", "left.pad"
-"""The names of the streams."""
+"""Names of the streams."""
 
 RATE_HZ = 500.0
 PAD_EVERY = 5
-"""Wrenches to an image."""
+"""Wrench readings per image."""
 
 TAXELS = 16
 
 
 class Pusher:
-    """The program's end of the socket; time is told to it.
+    """The program that pushes; its caller passes the time.
 
     Args:
-        seed: Of the noise.
+        seed: Seed of the noise.
 
     Attributes:
-        began_ns: CLOCK_MONOTONIC when it was made: the time of its readings counts from there.
+        began_ns: CLOCK_MONOTONIC of the start; the times of its readings count from it.
     """
 
     def __init__(self, seed: int) -> None:
@@ -40,22 +40,22 @@ class Pusher:
         self._sent = {WRENCH: 0, PAD: 0}
 
     def opened(self, t_ns: int) -> None:
-        """Take note of nothing: it pushes all the time."""
+        """Do nothing: the program pushes all the time."""
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
         self._wrenches.feel(force_n, torque_nm)
 
     def press(self, values: Array) -> None:
-        """Take what presses on each taxel from now on, shape (16,)."""
+        """Set the load on each taxel from now on, shape (16,)."""
         self._images.press(values)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Hear nothing."""
+        """Ignore all bytes."""
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the messages due by then, in the order of their times."""
+        """Advance to ``t_ns`` and return the messages due by then, in the order of their times."""
         wrenches = [(t, WRENCH, values) for t, values in self._wrenches.due(t_ns)]
         images = [(t, PAD, self._images.image()) for t in self._images.due(t_ns)]
         return [self._message(*reading) for reading in sorted(wrenches + images, key=lambda reading: reading[0])]
@@ -70,5 +70,5 @@ class Pusher:
 
 
 def make(seed: int) -> Pusher:
-    """Return the emulator with its noise seeded."""
+    """Return the emulator with seeded noise."""
     return Pusher(seed)

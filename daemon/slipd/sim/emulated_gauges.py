@@ -1,4 +1,4 @@
-"""Six strain gauges on a beam seen from their amplifier's line; it speaks unasked and never listens."""
+"""Six strain gauges on a beam as seen from the line of their amplifier; it sends unasked and never reads."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 
 FULL_SCALE = (1 << 23) - 1
-"""Counts of a converter of 24 bits."""
+"""Largest count of a 24-bit converter."""
 
 COUNTS_PER_UNIT = np.array(
     (
@@ -23,17 +23,17 @@ COUNTS_PER_UNIT = np.array(
         (-180.0, 140.0, 4200.0, -2200.0, 1900.0, -150_000.0),
     )
 )
-"""What each channel reads of each component, counts per N and N·m; a made-up beam that bends more than it stretches."""
+"""Counts per N and N·m of each channel for each component, of an invented beam that bends more than it stretches."""
 OFFSET = np.array((1200.0, -800.0, 450.0, -2300.0, 90.0, 3100.0))
 
 
 class GaugeAmplifier:
-    """The amplifier's end of its line; time is told to it.
+    """The amplifier on its line; its caller passes the time.
 
     Args:
-        seed: Of its noise.
-        rate_hz: Frames a second.
-        clock_ppm: How much too fast its clock runs.
+        seed: Seed of its noise.
+        rate_hz: Frames per second.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     def __init__(self, seed: int, rate_hz: float = 1000.0, clock_ppm: float = 30.0) -> None:
@@ -46,28 +46,28 @@ class GaugeAmplifier:
         self._sequence = 0
 
     def opened(self, t_ns: int) -> None:
-        """Take note of nothing: it sends from power on."""
+        """Do nothing: the amplifier sends from power-on."""
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
         self._stream.feel(force_n, torque_nm)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Hear nothing."""
+        """Ignore all bytes."""
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the frames due by then."""
-        said: list[bytes] = []
+        """Advance to ``t_ns`` and return the frames due by then."""
+        output: list[bytes] = []
         for taken_ns, values in self._stream.due(t_ns):
             counts = whole(COUNTS_PER_UNIT @ values + OFFSET, 24)
             saturated = sum(1 << channel for channel, count in enumerate(counts) if abs(count) >= FULL_SCALE)
             device_us = round(taken_ns * self._clock_us_per_ns)
-            said.append(gauges.encode_frame(counts, self._sequence, device_us, saturated))
+            output.append(gauges.encode_frame(counts, self._sequence, device_us, saturated))
             self._sequence += 1
-        return said
+        return output
 
 
 def make(seed: int) -> GaugeAmplifier:
-    """Return the emulator with its noise seeded."""
+    """Return the emulator with seeded noise."""
     return GaugeAmplifier(seed)

@@ -1,6 +1,6 @@
-"""An ATI Ethernet Axia seen from its network: RDT records over UDP, and its calibration over TCP and HTTP.
+"""An ATI Ethernet Axia as seen from its network: RDT records over UDP, and its calibration over TCP and HTTP.
 
-Left out: everything that its web pages and console would change.
+Not emulated: everything that its web pages and console can change.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ SERIAL = "FT27462"
 
 
 class NetftSensor:
-    """The sensor's end; time is told to it.
+    """The sensor; its caller passes the time.
 
     Args:
-        seed: Of its noise.
-        rate_hz: Records a second.
-        block: Records a datagram when they are buffered.
+        seed: Seed of its noise.
+        rate_hz: Records per second.
+        block: Records per datagram when they are buffered.
     """
 
     def __init__(self, seed: int, rate_hz: float = 4000.0, block: int = 10) -> None:
         self.options: dict[str, Any] = {"counts_per_force": COUNTS_PER_N, "counts_per_torque": COUNTS_PER_NM}
         self.rate_hz = rate_hz
         self.status = 0
-        """The status word of the records from now on."""
+        """Status word of the records from now on."""
         self._stream = WrenchStream(seed, rate_hz)
         self._counts_per_unit = np.repeat((COUNTS_PER_N, COUNTS_PER_NM), 3)
         self._block, self._per_datagram = block, 1
@@ -40,14 +40,14 @@ class NetftSensor:
         self._waiting: list[bytes] = []
 
     def opened(self, t_ns: int) -> None:
-        """Take note of nothing: a network device does not see who listens."""
+        """Do nothing: a network device does not notice listeners."""
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
         self._stream.feel(force_n, torque_nm)
 
     def inquire(self, request: bytes) -> bytes:
-        """Return the answer to an inquiry over TCP or HTTP; none to anything else."""
+        """Return the answer to an inquiry over TCP or HTTP; empty for anything else."""
         if request == netft_calibration.TCP_INQUIRY.request:
             return netft_calibration.encode_tcp(COUNTS_PER_N, COUNTS_PER_NM)
         if request == netft_calibration.XML_INQUIRY.request:
@@ -56,7 +56,7 @@ class NetftSensor:
         return b""
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take a datagram; nothing is answered but by records."""
+        """Handle a datagram; the only answers are records."""
         command, _ = rdt.parse_request(data) or (None, 0)
         if command in (rdt.START, rdt.START_BUFFERED):
             self._per_datagram = self._block if command == rdt.START_BUFFERED else 1
@@ -67,19 +67,19 @@ class NetftSensor:
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the datagrams complete by then."""
-        said: list[bytes] = []
+        """Advance to ``t_ns`` and return the datagrams complete by then."""
+        output: list[bytes] = []
         for taken_ns, values in self._stream.due(t_ns):
             self._sequence += 1
             counts = whole(values * self._counts_per_unit, 32)
             ticks = taken_ns * INTERNAL_HZ // 1_000_000_000
             self._waiting.append(rdt.encode_record(counts, self._sequence, ticks, self.status))
             if len(self._waiting) == self._per_datagram:
-                said.append(b"".join(self._waiting))
+                output.append(b"".join(self._waiting))
                 self._waiting = []
-        return said
+        return output
 
 
 def make(seed: int) -> NetftSensor:
-    """Return the emulator with its noise seeded."""
+    """Return the emulator with seeded noise."""
     return NetftSensor(seed)

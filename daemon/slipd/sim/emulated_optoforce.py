@@ -1,6 +1,6 @@
-"""OptoForce sensors seen from their line: a six-axis DAQ on a serial port, and the Ethernet converter.
+"""OptoForce sensors as seen from their line: a six-axis DAQ on a serial port, and the Ethernet converter.
 
-Left out: what a DAQ does about a tare, which the daemon never asks for.
+Not emulated: the tare of a DAQ, which the daemon never requests.
 """
 
 from __future__ import annotations
@@ -25,44 +25,44 @@ _MS = 1_000_000
 
 
 class OptoforceDaq:
-    """The serial DAQ's end of its line; time is told to it. It sends from power on, at 100 Hz until configured.
+    """The serial DAQ on its line; its caller passes the time. It sends from power-on, at 100 Hz until configured.
 
     Args:
-        seed: Of its noise.
-        rate_hz: Readings a second that its session is to ask for.
+        seed: Seed of its noise.
+        rate_hz: Readings per second that its session must request.
     """
 
     def __init__(self, seed: int, rate_hz: float = 1000.0) -> None:
         self.options: dict[str, Any] = {"counts_per_n": COUNTS_PER_N, "counts_per_nm": COUNTS_PER_NM}
         self.rate_hz = rate_hz
         self.status = 0
-        """The status word of the readings from now on."""
+        """Status word of the readings from now on."""
         self._stream = WrenchStream(seed, POWER_ON_HZ)
         self._stream.start(0)
         self._counts_per_unit = np.array(COUNTS_PER_N + COUNTS_PER_NM)
-        self._heard = b""
+        self._received = b""
         self._counter = 0
 
     def opened(self, t_ns: int) -> None:
-        """Forget the bytes of whoever had the line before."""
-        self._heard = b""
+        """Drop the bytes of the previous user of the line."""
+        self._received = b""
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
         self._stream.feel(force_n, torque_nm)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote; return the answers."""
-        asked, self._heard = frames.parse_requests(self._heard + data)
-        return [self._answer(request, t_ns) for request in asked]
+        """Handle bytes from the host; return the answers."""
+        requests, self._received = frames.parse_requests(self._received + data)
+        return [self._answer(request, t_ns) for request in requests]
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the frames due by then."""
-        said: list[bytes] = []
+        """Advance to ``t_ns`` and return the frames due by then."""
+        output: list[bytes] = []
         for _, values in self._stream.due(t_ns):
-            said.append(frames.encode_reading(whole(values * self._counts_per_unit, 16), self._counter, self.status))
+            output.append(frames.encode_reading(whole(values * self._counts_per_unit, 16), self._counter, self.status))
             self._counter += 1
-        return said
+        return output
 
     def _answer(self, request: frames.Configuration | None, t_ns: int) -> bytes:
         if request is None:
@@ -75,30 +75,30 @@ class OptoforceDaq:
 
 
 class OptoforceConverter:
-    """The Ethernet converter's end; time is told to it. It sends when told to, at 100 Hz until told another rate.
+    """The Ethernet converter; its caller passes the time. It sends on command, at 100 Hz until another rate is set.
 
     Args:
-        seed: Of its noise.
-        rate_hz: Records a second that its session is to ask for.
+        seed: Seed of its noise.
+        rate_hz: Records per second that its session must request.
     """
 
     def __init__(self, seed: int, rate_hz: float = 1000.0) -> None:
         self.options: dict[str, Any] = {"wiring": "udp"}
         self.rate_hz = rate_hz
         self.status = 0
-        """The status word of the records from now on."""
+        """Status word of the records from now on."""
         self._stream = WrenchStream(seed, POWER_ON_HZ)
         self._sequence = 0
 
     def opened(self, t_ns: int) -> None:
-        """Take note of nothing: a network device does not see who listens."""
+        """Do nothing: a network device does not notice listeners."""
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
         self._stream.feel(force_n, torque_nm)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take a datagram; nothing is answered but by records."""
+        """Handle a datagram; the only answers are records."""
         command, value = rdt.parse_request(data) or (None, 0)
         if command == UDP_PERIOD and value:
             self._stream.rate_hz = 1000.0 / value
@@ -110,15 +110,15 @@ class OptoforceConverter:
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the records due by then."""
-        said: list[bytes] = []
+        """Advance to ``t_ns`` and return the records due by then."""
+        output: list[bytes] = []
         for taken_ns, values in self._stream.due(t_ns):
             self._sequence += 1
             counts = whole(values * _UDP_COUNTS_PER_UNIT, 32)
-            said.append(rdt.encode_record(counts, self._sequence, taken_ns // _MS, self.status))
-        return said
+            output.append(rdt.encode_record(counts, self._sequence, taken_ns // _MS, self.status))
+        return output
 
 
 def make(seed: int, wiring: str = "serial") -> OptoforceDaq | OptoforceConverter:
-    """Return the emulator of the serial DAQ, or with ``udp`` of the Ethernet converter, with its noise seeded."""
+    """Return the emulator of the serial DAQ, or with ``udp`` of the Ethernet converter, with seeded noise."""
     return OptoforceConverter(seed) if wiring == "udp" else OptoforceDaq(seed)

@@ -1,7 +1,7 @@
-"""A Contactile PTS controller with two PapillArray pads seen from its line: it streams unasked and knows its rates.
+"""A Contactile PTS controller with two PapillArray pads as seen from its line: it streams unasked.
 
-It speaks PTSCOM 2.0, or the layout of a public parser that contradicts it. Left out: the zeroing of the sensors, and a
-slip detection that is switched on.
+It uses PTSCOM 2.0, or the layout of a public parser that contradicts it. Not emulated: the zeroing of the sensors, and
+their slip detection.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ POWER_ON_HZ = 1000.0
 NOISE_N = 0.005
 STIFFNESS_N_PER_MM = np.array([4.0, 4.0, 6.0])
 RESTING_N = (0.0, 0.0, 0.1)
-"""What presses on each pillar until something else does: a load, which shows the layout."""
+"""Load on each pillar until another is set; a load reveals the layout."""
 LAYOUTS = {"displacement_first": DISPLACEMENT_FIRST, "force_first": FORCE_FIRST}
 
 _COMMAND = re.compile(rb"f(\d{1,4})\n")
@@ -29,12 +29,12 @@ _LONGEST_COMMAND = 6
 
 
 class Controller:
-    """The controller's end of its line; time is told to it.
+    """The controller on its line; its caller passes the time.
 
     Args:
-        seed: Of the noise.
-        clock_ppm: How much too fast its clock runs.
-        layout: "displacement_first", as PTSCOM 2.0 says, or "force_first", as a public parser reads it.
+        seed: Seed of the noise.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
+        layout: "displacement_first" as in PTSCOM 2.0, or "force_first" as in a public parser.
     """
 
     def __init__(self, seed: int, clock_ppm: float = 20.0, layout: str = "displacement_first") -> None:
@@ -46,27 +46,27 @@ class Controller:
         self._stream.start(0)
         self._clock_us_per_ns = 1e-3 + clock_ppm * 1e-9
         self._counter = 0
-        self._heard = b""
+        self._received = b""
 
     def opened(self, t_ns: int) -> None:
-        """Forget the bytes of whoever had the line before."""
-        self._heard = b""
+        """Drop the bytes of the previous user of the line."""
+        self._received = b""
 
     def press(self, values: Array) -> None:
-        """Take what acts on each pillar of either sensor from now on, N, shape (9, 3)."""
+        """Set the load on each pillar of both sensors from now on, N, shape (9, 3)."""
         self._stream.press(values)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote; there is no answer."""
-        self._heard += data
-        for command in _COMMAND.finditer(self._heard):
+        """Handle bytes from the host; there is no answer."""
+        self._received += data
+        for command in _COMMAND.finditer(self._received):
             if int(command[1]) in RATES_HZ:
                 self._stream.start(t_ns, int(command[1]))
-        self._heard = self._heard[self._heard.rfind(b"\n") + 1 :][-_LONGEST_COMMAND:]
+        self._received = self._received[self._received.rfind(b"\n") + 1 :][-_LONGEST_COMMAND:]
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the frames due by then."""
+        """Advance to ``t_ns`` and return the frames due by then."""
         return [self._frame(taken_ns) for taken_ns in self._stream.due(t_ns)]
 
     def _frame(self, taken_ns: int) -> bytes:
@@ -91,5 +91,5 @@ def _entries(forces_n: Array, layout: int) -> Array:
 
 
 def make(seed: int, layout: str = "displacement_first") -> Controller:
-    """Return the emulator with its noise seeded; for the layout see `Controller`."""
+    """Return the emulator with seeded noise; for ``layout`` see `Controller`."""
     return Controller(seed, layout=layout)

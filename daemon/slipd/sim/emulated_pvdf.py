@@ -1,4 +1,4 @@
-"""A multiplexed PVDF pad seen from its line: taxels that leak their charge, scanned one after another."""
+"""A multiplexed PVDF pad as seen from its line: taxels whose charge leaks, scanned one after another."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class PvdfElectronics:
 
     Attributes:
         tau_s: Leak time constant of the charge amplifier: y' = f' − y/τ.
-        gain_counts_per_n: Counts per newton on a taxel's cell.
-        gain_spread: Standard deviation of the taxels' own gains, relative.
-        offset_counts: Standard deviation of the taxels' own constant offsets.
+        gain_counts_per_n: Counts per newton on the cell of a taxel.
+        gain_spread: Relative standard deviation of the gains of the taxels.
+        offset_counts: Standard deviation of the constant offsets of the taxels.
         noise_counts: Standard deviation of each reading.
         rate_hz: Scans per second.
         dwell_ns: Time from one taxel of a scan to the next.
-        clock_ppm: How much too fast its clock runs.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     tau_s: float = 2.0
@@ -41,13 +41,13 @@ class PvdfElectronics:
 
 
 class PvdfPad:
-    """The pad's end of its line; time is told to it. It speaks unasked and never listens.
+    """The pad on its line; its caller passes the time. It sends unasked and never reads.
 
-    The pressure keeps its shape, so the charge of the whole force tells that of each taxel.
+    The pressure keeps its shape, so the charge of the whole force determines that of each taxel.
 
     Args:
-        shares: What each taxel reads per newton on the pad, shape (rows, cols).
-        electronics: What is behind the taxels.
+        shares: Reading of each taxel per newton on the pad, shape (rows, cols).
+        electronics: Amplifier, converter and multiplexer.
         rng: Source of noise, gains and offsets.
 
     Raises:
@@ -59,7 +59,7 @@ class PvdfPad:
         self._delay_ns = (np.arange(shares.size) * electronics.dwell_ns).reshape(shares.shape)
         self._scan_takes_ns = int(self._delay_ns[-1, -1])
         if self._scan_takes_ns >= self._period_ns:
-            raise ValueError(f"a scan of {self._scan_takes_ns} ns does not fit in {self._period_ns} ns")
+            raise ValueError(f"a scan must take less than {self._period_ns} ns, got {self._scan_takes_ns}")
         self._electronics = electronics
         self._rng = rng
         gain = electronics.gain_counts_per_n * (1.0 + electronics.gain_spread * rng.normal(size=shares.shape))
@@ -70,12 +70,12 @@ class PvdfPad:
         self._scan = 0
 
     def advance(self, t_ns: int, normal_n: float) -> bytes:
-        """Go on to ``t_ns`` and return the scans complete by then.
+        """Advance to ``t_ns`` and return the scans complete by then.
 
         Args:
-            t_ns: Now.
-            normal_n: Normal force on the pad now, N; it changes linearly since the last call, for which the leak is
-                exact.
+            t_ns: Time, ns.
+            normal_n: Normal force on the pad at ``t_ns``, N. It changes linearly since the last call, and for that the
+                leak is exact.
         """
         before_ns, charge_n = self._past[-1]
         if t_ns <= before_ns:
@@ -85,13 +85,13 @@ class PvdfPad:
         charge_n += (normal_n - self._normal_n) * gone * tau_s / span_s - charge_n * gone
         self._past.append((t_ns, charge_n))
         self._normal_n = normal_n
-        said = b""
+        output = b""
         while (scan_ns := self._scan * self._period_ns) + self._scan_takes_ns <= t_ns:
-            said += self._send(scan_ns)
-        return said
+            output += self._send(scan_ns)
+        return output
 
     def _send(self, scan_ns: int) -> bytes:
-        """The scan that began at ``scan_ns``; forgets what lies before it."""
+        """Return the scan that began at ``scan_ns``, and drop the charges before it."""
         times_ns, charges_n = np.array(self._past).T
         charge_n = np.interp(scan_ns + self._delay_ns, times_ns, charges_n)
         noise = self._electronics.noise_counts * self._rng.standard_normal(charge_n.shape)
@@ -107,10 +107,10 @@ class PvdfPad:
 
 
 class PvdfLine:
-    """A pad whose charges are told to it, without leak, on a line of its own (see `slipd.sim.emulators.Emulator`).
+    """A pad with given charges and without leak, as an emulator (see `slipd.sim.emulators.Emulator`).
 
     Args:
-        seed: Of its noise.
+        seed: Seed of its noise.
         electronics: Its rate, dwell, noise and clock; leak, gain and offsets are left out.
     """
 
@@ -123,29 +123,29 @@ class PvdfLine:
         self._scan = 0
 
     def press(self, values: Array) -> None:
-        """Take the charges from now on, shape (taxels,), counts."""
+        """Set the charges from now on, shape (taxels,), counts."""
         self._counts = np.asarray(values, dtype=np.float64).reshape(ROWS, COLS)
 
     def opened(self, t_ns: int) -> None:
-        """Take note of nothing: it speaks from power on."""
+        """Do nothing: the pad sends from power-on."""
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Hear nothing."""
+        """Ignore all bytes."""
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the scans complete by then."""
+        """Advance to ``t_ns`` and return the scans complete by then."""
         behind = self._electronics
         dwell_us, us_per_ns = behind.dwell_ns * 1e-3, 1e-3 + behind.clock_ppm * 1e-9
-        said: list[bytes] = []
+        output: list[bytes] = []
         while (begun_ns := round(self._scan * 1e9 / self.rate_hz)) + ROWS * COLS * behind.dwell_ns <= t_ns:
             noisy = np.rint(self._counts + behind.noise_counts * self._rng.standard_normal(self._counts.shape))
             counts = np.clip(noisy, -FULL_SCALE, FULL_SCALE).astype(np.int64)
-            said.append(pvdf.encode_scan(counts, self._scan, begun_ns * us_per_ns, dwell_us))
+            output.append(pvdf.encode_scan(counts, self._scan, begun_ns * us_per_ns, dwell_us))
             self._scan += 1
-        return said
+        return output
 
 
 def make(seed: int) -> PvdfLine:
-    """Make a pad of 8 x 16 taxels with its noise seeded."""
+    """Return a pad of 8 x 16 taxels with seeded noise."""
     return PvdfLine(seed)

@@ -1,6 +1,6 @@
-"""A Robotiq 2F gripper seen from its line: Modbus registers in front of a drive that the scene moves.
+"""A Robotiq 2F gripper as seen from its line: Modbus registers in front of a drive that the scene moves.
 
-Left out: emergency release, faults of the gripper itself, and the full stroke that a real one makes to activate.
+Not emulated: emergency release, faults of the gripper itself, and the full stroke of a real activation.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from slipd.devices.shared import modbus
 from slipd.sim.scene import GripCommand, Scene
 
 FORCE_TABLE = ((0, 3.0), (60, 7.5), (120, 13.0), (180, 19.5), (255, 30.0))
-"""Force byte and normal force per pad, N; the maker gives no curve, so this one is ours and bent on purpose."""
+"""Force byte and normal force on one pad, N. The maker publishes no curve, so this one is invented, and not linear."""
 
 SPEED_MPS = (0.020, 0.150)
-"""Speed of the fingers at speed bytes 0 and 255."""
+"""Speed of the fingers at speed bytes 0 and 255, m/s."""
 
 POLL_HZ = 50.0
-"""So often its session asks for the state."""
+"""Polling rate of its session, Hz."""
 
 ACTIVATION_NS = 500_000_000
 
 FRAME_GAP_NS = 5_000_000
-"""Older bytes belong to no request: a frame's bytes follow at once, and a host leaves 5 ms between two frames."""
+"""Longest gap within a request, ns: the bytes of a frame follow at once, and a host leaves 5 ms between frames."""
 
 _INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
 _FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
@@ -35,13 +35,13 @@ _FORCE_BYTES, _FORCES_N = zip(*FORCE_TABLE, strict=True)
 
 
 class Gripper2F:
-    """The gripper's end of its line, and the drive's command to the scene.
+    """The gripper on its line, and the drive's command to the scene.
 
     Args:
         open_width_m: Width between the pads at position 0; at 255 it is zero.
 
     Attributes:
-        activated_ns: When it was first told to activate; None before.
+        activated_ns: When it was first activated, ns; None before.
     """
 
     def __init__(self, open_width_m: float = 0.085) -> None:
@@ -49,33 +49,33 @@ class Gripper2F:
         self._open_width_m = open_width_m
         self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
         self._output = robotiq_registers.parse_output(self._registers)
-        self._heard, self._heard_ns = b"", 0
+        self._received, self._received_ns = b"", 0
         self._ready_ns = 0
         self._goal = self._command = GripCommand(open_width_m, SPEED_MPS[0], _FORCES_N[0])
         self._width_m, self._normal_n = open_width_m, 0.0
         self._moving, self._holding = False, False
 
     def receive(self, data: bytes, t_ns: int) -> bytes:
-        """Take what the host had written by ``t_ns``; return the answers."""
-        if t_ns - self._heard_ns > FRAME_GAP_NS:
-            self._heard = b""
-        self._heard_ns = t_ns
-        requests, self._heard = modbus.parse_requests(self._heard + data, robotiq_registers.UNIT)
+        """Handle bytes that the host wrote by ``t_ns``; return the answers."""
+        if t_ns - self._received_ns > FRAME_GAP_NS:
+            self._received = b""
+        self._received_ns = t_ns
+        requests, self._received = modbus.parse_requests(self._received + data, robotiq_registers.UNIT)
         return b"".join(self._answer(request, t_ns) for request in requests)
 
     def command(self, t_ns: int) -> GripCommand:
-        """What the drive does now."""
+        """Return the present command to the drive."""
         stage = self._stage(t_ns)
         if stage == _ACTIVATING:
             self._command = GripCommand(self._open_width_m, SPEED_MPS[1], _FORCES_N[0])
         elif stage == _ACTIVE and self._output.go:
             self._command = self._goal
-        elif not self._holding:  # told to stop; what is held stays held
+        elif not self._holding:  # stopped; a held object stays held
             self._command = GripCommand(self._width_m, self._command.speed_mps, self._command.force_n)
         return self._command
 
     def observe(self, scene: Scene) -> None:
-        """See what became of the command."""
+        """Read the state of the scene after the command."""
         self._width_m, self._normal_n = scene.width_m, scene.normal_n
         self._moving, self._holding = scene.moving, scene.in_contact
 
@@ -85,21 +85,21 @@ class Gripper2F:
         written = robotiq_registers.write_output(self._registers, request) if request.registers else self._registers
         if written is None or (request.read_count and not reads_well):
             return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
-        self._tell(written, t_ns)
+        self._write_output(written, t_ns)
         if not request.read_count:
             return modbus.encode_reply(request)
         return modbus.encode_reply(request, self._status(t_ns)[first : first + request.read_count])
 
-    def _tell(self, registers: tuple[int, ...], t_ns: int) -> None:
-        was_active, told = self._output.activate, robotiq_registers.parse_output(registers)
+    def _write_output(self, registers: tuple[int, ...], t_ns: int) -> None:
+        was_active, written = self._output.activate, robotiq_registers.parse_output(registers)
         slow, fast = SPEED_MPS
-        self._registers, self._output = registers, told
+        self._registers, self._output = registers, written
         self._goal = GripCommand(
-            width_m=self._open_width_m * (1.0 - told.position / 255),
-            speed_mps=slow + (fast - slow) * told.speed / 255,
-            force_n=float(np.interp(told.force, _FORCE_BYTES, _FORCES_N)),
+            width_m=self._open_width_m * (1.0 - written.position / 255),
+            speed_mps=slow + (fast - slow) * written.speed / 255,
+            force_n=float(np.interp(written.force, _FORCE_BYTES, _FORCES_N)),
         )
-        if told.activate and not was_active:
+        if written.activate and not was_active:
             self._ready_ns = t_ns + ACTIVATION_NS
             self.activated_ns = t_ns if self.activated_ns is None else self.activated_ns
 
@@ -123,7 +123,7 @@ class Gripper2F:
 
 
 class GripperLine:
-    """A `Gripper2F` between whose pads nothing lies, on a line of its own (see `slipd.sim.emulators.Emulator`)."""
+    """A `Gripper2F` with nothing between its pads, as an emulator (see `slipd.sim.emulators.Emulator`)."""
 
     def __init__(self) -> None:
         self.options: dict[str, Any] = {}
@@ -131,19 +131,19 @@ class GripperLine:
         self._gripper = Gripper2F()
 
     def opened(self, t_ns: int) -> None:
-        """Take note of nothing: it waits to be asked."""
+        """Do nothing: the gripper only answers."""
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote; return the answers."""
-        said = self._gripper.receive(data, t_ns)
-        return [said] if said else []
+        """Handle bytes from the host; return the answers."""
+        output = self._gripper.receive(data, t_ns)
+        return [output] if output else []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Say nothing unasked."""
+        """Send nothing unasked."""
         return []
 
 
 def make(seed: int) -> GripperLine:
-    """Make a gripper; it has no noise that ``seed`` could tell apart."""
+    """Return a gripper; it has no noise, so ``seed`` is unused."""
     del seed
     return GripperLine()

@@ -1,6 +1,6 @@
-"""A Robotous RFT force/torque sensor seen from its line.
+"""A Robotous RFT force/torque sensor as seen from its line.
 
-Left out: bias, baud rate and overload counters, which the daemon never asks for.
+Not emulated: bias, baud rate and overload counters, which the daemon never requests.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _OBEYED = b"\x01\x00"
 
 
 class RobotousSensor:
-    """The sensor's end of its line; time is told to it.
+    """The sensor on its line; its caller passes the time.
 
     Args:
-        seed: Of its noise.
+        seed: Seed of its noise.
 
     Attributes:
-        writes: How often a setting was written to its EEPROM.
-        overload: The overload bits of the readings from now on.
+        writes: Number of settings written to its EEPROM.
+        overload: Overload bits of the readings from now on.
     """
 
     def __init__(self, seed: int) -> None:
@@ -41,23 +41,23 @@ class RobotousSensor:
         self.overload = 0
         self._stream = WrenchStream(seed, RATES_HZ[0])
         self._settings = {packets.GET_RATE: b"\x00", packets.GET_FILTER: b"\x00\x00"}
-        self._heard = b""
+        self._received = b""
 
     def opened(self, t_ns: int) -> None:
-        """Forget the bytes of whoever had the line before."""
-        self._heard = b""
+        """Drop the bytes of the previous user of the line."""
+        self._received = b""
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
         self._stream.feel(force_n, torque_nm)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote; return the answers."""
-        commands, self._heard = packets.parse_commands(self._heard + data)
-        return [said for number, arguments in commands for said in self._obey(number, arguments, t_ns)]
+        """Handle bytes from the host; return the answers."""
+        commands, self._received = packets.parse_commands(self._received + data)
+        return [output for number, arguments in commands for output in self._obey(number, arguments, t_ns)]
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the readings due by then."""
+        """Advance to ``t_ns`` and return the readings due by then."""
         return [
             packets.encode_reading(whole(values * _COUNTS_PER_UNIT, 16), self.overload)
             for _, values in self._stream.due(t_ns)
@@ -90,5 +90,5 @@ class RobotousSensor:
 
 
 def make(seed: int) -> RobotousSensor:
-    """Return the emulator with its noise seeded."""
+    """Return the emulator with seeded noise."""
     return RobotousSensor(seed)

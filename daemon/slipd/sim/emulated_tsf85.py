@@ -1,6 +1,6 @@
-"""Robotiq TSF-85 fingertips seen from their line: packets at a period, the array in some sixty of them a second.
+"""Robotiq TSF-85 fingertips as seen from their line: packets at a period, the array in about 60 per second.
 
-Left out: the asynchronous stream, single readings, and what the inertial sensors would feel.
+Not emulated: the asynchronous stream, single readings, and signals of the inertial sensors.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ FIRMWARE = b"1.1.8"
 REFRESH_HZ = 60.0
 NOISE_COUNTS = 2.0
 REST_COUNTS = 30
-"""What a taxel reads unloaded."""
+"""Reading of a taxel without load."""
 
 _HEAD_LENGTH = 4
 _LONGEST = _HEAD_LENGTH + 255
@@ -26,10 +26,10 @@ _FULL_SCALE = (1 << 16) - 1
 
 
 class Fingertips:
-    """The sensors' end of their line; time is told to them.
+    """The sensors on their line; their caller passes the time.
 
     Args:
-        seed: Of the noise.
+        seed: Seed of the noise.
     """
 
     def __init__(self, seed: int) -> None:
@@ -37,31 +37,31 @@ class Fingertips:
         self.rate_hz = REFRESH_HZ
         self._packets = TactileStream(seed, 1000.0, (tsf85.TAXELS,), NOISE_COUNTS)
         self._refresh = -1
-        self._heard = b""
+        self._received = b""
 
     def opened(self, t_ns: int) -> None:
-        """Forget the bytes of whoever had the line before."""
-        self._heard = b""
+        """Drop the bytes of the previous user of the line."""
+        self._received = b""
 
     def press(self, values: Array) -> None:
-        """Take what presses on each taxel of either finger from now on, counts above rest, shape (28,)."""
+        """Set the load on each taxel of both fingers from now on, counts above rest, shape (28,)."""
         self._packets.press(values)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote; return the answers."""
-        self._heard += data
-        said: list[bytes] = []
-        while (at := self._heard.find(b"\x9a")) >= 0:
-            packet = self._heard[at:]
+        """Handle bytes from the host; return the answers."""
+        self._received += data
+        output: list[bytes] = []
+        while (at := self._received.find(b"\x9a")) >= 0:
+            packet = self._received[at:]
             if len(packet) < _HEAD_LENGTH or len(packet) < (length := _HEAD_LENGTH + packet[3]):
                 break
-            said += self._obey(packet[2], packet[_HEAD_LENGTH:length], t_ns)
-            self._heard = packet[length:]
-        self._heard = self._heard[-_LONGEST:]
-        return said
+            output += self._obey(packet[2], packet[_HEAD_LENGTH:length], t_ns)
+            self._received = packet[length:]
+        self._received = self._received[-_LONGEST:]
+        return output
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the packets due by then."""
+        """Advance to ``t_ns`` and return the packets due by then."""
         return [self._packet(taken_ns) for taken_ns in self._packets.due(t_ns)]
 
     def _obey(self, command: int, content: bytes, t_ns: int) -> list[bytes]:
@@ -89,5 +89,5 @@ class Fingertips:
 
 
 def make(seed: int) -> Fingertips:
-    """Return the emulator with its noise seeded."""
+    """Return the emulator with seeded noise."""
     return Fingertips(seed)

@@ -1,6 +1,6 @@
-"""A WSG gripper seen from its line: two jaws that move, and hold what blocks their way with the force limit.
+"""A WSG gripper as seen from its line: two jaws that move, and hold a part with the force limit.
 
-Left out: grasp, release, soft limits, scripts and whatever the daemon never asks for; what is held does not give.
+Not emulated: grasp, release, soft limits, scripts, and other commands that the daemon never sends; a part is rigid.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ _TYPICAL_BYTES = 12
 
 
 class Gripper:
-    """The gripper's end of its line; time is told to it.
+    """The gripper on its line; its caller passes the time.
 
     Attributes:
-        part_mm: Width of what lies between the jaws; 0 for nothing.
-        words: Conditions of the system state that are not made by motion: "referenced" and faults, set by tests too.
-        width_mm: Where the jaws are.
+        part_mm: Width of the part between the jaws, mm; 0: no part.
+        words: Conditions of the system state that do not come from motion: "referenced" and faults, which tests set
+            too.
+        width_mm: Width between the jaws, mm.
         limit: Force limit, N of both fingers.
     """
 
@@ -39,42 +40,42 @@ class Gripper:
         self.width_mm = STARTS_AT_MM
         self.limit = LIMITS.nominal_force
         self._requests = PacketScanner(SEED_WITH_PREAMBLE, _is_request, _TYPICAL_BYTES, DecoderHealth())
-        self._greeted = False  # a host came and has not said goodbye
+        self._connected = False  # a host is connected, or left without a disconnect command
         self._now_ns = 0
         self._goal: tuple[int, float, float] | None = None  # command, mm, mm/s
         self._blocked = ""
         self._updates: dict[int, tuple[int, int]] = {}  # id: period and when the next is due, ns
 
     def opened(self, t_ns: int) -> None:
-        """Somebody connected; who went before without a word makes it stop fast."""
-        if self._greeted:
+        """Handle a connection; if the previous host left without a disconnect command, make a fast stop."""
+        if self._connected:
             self.words.add("fast_stop")
             self._goal = None
-        self._greeted = True
+        self._connected = True
         self._updates.clear()
         self._requests.forget()
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote by ``t_ns``; return the answers."""
-        said = self._go_on(t_ns)
+        """Handle bytes that the host wrote by ``t_ns``; return the answers."""
+        output = self._move(t_ns)
         for request in self._requests.packets(data):
-            said += self._obey(request)
-        return said
+            output += self._obey(request)
+        return output
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the ends of motions and the updates due until then."""
-        said = self._go_on(t_ns)
+        """Advance to ``t_ns`` and return the ends of motions and the updates due by then."""
+        output = self._move(t_ns)
         for update, (period_ns, due_ns) in sorted(self._updates.items()):
             while due_ns <= t_ns:
-                said.append(self._told(update))
+                output.append(self._update(update))
                 due_ns += period_ns
             self._updates[update] = period_ns, due_ns
-        return said
+        return output
 
     def _obey(self, request: Packet) -> list[bytes]:
         match request.id:
             case wire.DISCONNECT:
-                self._greeted = False
+                self._connected = False
                 self._updates.clear()
             case wire.ACKNOWLEDGE:
                 self.words -= set(wire.FAULTS)
@@ -97,7 +98,7 @@ class Gripper:
                 period_ns = wire.parse_update(request.payload) * 1_000_000
                 if period_ns:
                     self._updates[request.id] = period_ns, self._now_ns + period_ns
-                return [self._told(request.id)]
+                return [self._update(request.id)]
         return [wire.encode_reply(request.id)]
 
     def _set_force(self, newtons: float) -> int:
@@ -110,10 +111,10 @@ class Gripper:
         ready = "referenced" in self.words or command == wire.HOME
         if not ready or self.words & set(wire.FAULTS):
             return [wire.encode_reply(command, wire.NOT_INITIALISED)]
-        said = self._abort()
+        output = self._abort()
         self._goal = command, width_mm, speed_mmps
         self._blocked = ""
-        return [*said, wire.encode_reply(command, wire.PENDING)]
+        return [*output, wire.encode_reply(command, wire.PENDING)]
 
     def _abort(self) -> list[bytes]:
         if self._goal is None:
@@ -121,8 +122,8 @@ class Gripper:
         command, self._goal = self._goal[0], None
         return [wire.encode_reply(command, wire.ABORTED)]
 
-    def _go_on(self, t_ns: int) -> list[bytes]:
-        """Move the jaws until ``t_ns``; return the end of the motion, where it ended."""
+    def _move(self, t_ns: int) -> list[bytes]:
+        """Move the jaws until ``t_ns``; return the reply at the end of the motion, if it ended."""
         step_s, self._now_ns = max(t_ns - self._now_ns, 0) * 1e-9, max(t_ns, self._now_ns)
         if self._goal is None:
             return []
@@ -140,7 +141,7 @@ class Gripper:
             self.words.add("referenced")
         return [wire.encode_reply(command)]
 
-    def _told(self, update: int) -> bytes:
+    def _update(self, update: int) -> bytes:
         if update == wire.WIDTH:
             return wire.encode_number(update, self.width_mm)
         if update == wire.FORCE:
@@ -155,7 +156,7 @@ def _is_request(request_id: int, size: int, _: bytes) -> bool:
 
 
 def make(seed: int) -> Gripper:
-    """Make a gripper that is referenced, as one that was switched on before; ``seed`` tells none apart."""
+    """Return a referenced gripper; it has no noise, so ``seed`` is unused."""
     del seed
     gripper = Gripper()
     gripper.words.add("referenced")

@@ -1,6 +1,6 @@
-"""A Weiss WTS-FT tactile module seen from its line: it answers, and pushes plain images.
+"""A Weiss WTS-FT tactile module as seen from its line: it answers, and pushes plain images.
 
-Left out: single and run-length encoded images, tare, masks, thresholds, gain, temperature and device tag.
+Not emulated: single and run-length encoded images, tare, masks, thresholds, gain, temperature and device tag.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, Packe
 from slipd.sim.weiss_controller import WeissController
 
 FASTEST_MS = 4
-"""What it makes of an interval of 0 or less than it can."""
+"""Shortest interval; it replaces 0 and shorter ones, ms."""
 
 _REQUEST_BYTES = 8
 
 
 class WtsModule(WeissController):
-    """The module's end of its line; time is told to it.
+    """The module on its line; its caller passes the time.
 
     Args:
-        matrix: Its form.
+        matrix: Rows and columns of its cells.
         rng: Source of its noise.
         serial: Its serial number.
         noise_counts: Standard deviation of each reading.
-        clock_ppm: How much too fast its clock runs.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     rate_hz = 100.0
@@ -60,7 +60,7 @@ class WtsModule(WeissController):
 
 
 def make(seed: int = 0) -> WtsModule:
-    """Make a WTS-FT module of 4 x 8 cells."""
+    """Return a WTS-FT module of 4 x 8 cells."""
     return WtsModule(wts.Matrix(), np.random.default_rng(seed))
 
 

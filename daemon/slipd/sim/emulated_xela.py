@@ -1,4 +1,4 @@
-"""The vendor's server of two XELA uSkin pads seen from its WebSocket: a welcome, then messages with both images."""
+"""The vendor's server of two XELA uSkin pads as seen from its WebSocket: a welcome, then messages with both images."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ TAXELS = 16
 RATE_HZ = 100.0
 NOISE_COUNTS = 3.0
 REST_COUNTS = 1 << 15
-"""What an axis of a taxel reads unloaded."""
+"""Reading of an axis of a taxel without load."""
 
 N_PER_COUNT = 1e-3
 BEGAN_S = 1_700_000_000.0
-"""The server's Unix time when it was made."""
+"""Unix time of the server at its start, s."""
 
 _FULL_SCALE = (1 << 16) - 1
 
 
 class Server:
-    """The server's end of the connection; time is told to it.
+    """The server on its connection; its caller passes the time.
 
     Args:
-        seed: Of the noise.
+        seed: Seed of the noise.
     """
 
     def __init__(self, seed: int) -> None:
@@ -41,21 +41,21 @@ class Server:
         self._welcome: list[bytes] = []
 
     def opened(self, t_ns: int) -> None:
-        """Welcome who connects."""
+        """Send a welcome to the new client."""
         self._welcome = [json.dumps({"message": "Welcome"}).encode()]
 
     def press(self, values: Array) -> None:
-        """Take what acts on each taxel of either pad from now on, counts beside rest, shape (16, 3)."""
+        """Set the load on each taxel of both pads from now on, counts relative to rest, shape (16, 3)."""
         self._stream.press(values)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Hear nothing."""
+        """Ignore all bytes."""
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the messages due by then."""
-        said, self._welcome = self._welcome, []
-        return said + [self._message(taken_ns) for taken_ns in self._stream.due(t_ns)]
+        """Advance to ``t_ns`` and return the messages due by then."""
+        output, self._welcome = self._welcome, []
+        return output + [self._message(taken_ns) for taken_ns in self._stream.due(t_ns)]
 
     def _message(self, taken_ns: int) -> bytes:
         self._number += 1
@@ -66,5 +66,5 @@ class Server:
 
 
 def make(seed: int) -> Server:
-    """Return the emulator with its noise seeded."""
+    """Return the emulator with seeded noise."""
     return Server(seed)

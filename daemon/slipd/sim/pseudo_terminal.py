@@ -1,4 +1,4 @@
-"""A pseudo-terminal that stands in for a device's serial port, under a name that does not change."""
+"""A pseudo-terminal in place of the serial port of a device, under a fixed name."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ READ_BYTES = 4096
 
 
 class PseudoTerminal:
-    """The device's end of a raw pseudo-terminal; its other end is opened by ``path``.
+    """The device side of a raw pseudo-terminal; the host opens the other side by ``path``.
 
     Args:
-        path: Symbolic link to be made to the other end; one that stands there already is replaced.
+        path: New symbolic link to the other side; an existing link is replaced.
 
     Attributes:
         path: That link.
-        fd: To poll for what the other end does; never read or written but by this class.
-        open: Somebody has the other end open.
-        dropped: Bytes that were lost because the other end did not read.
+        fd: Descriptor to poll; only this class reads or writes it.
+        open: Whether the other side is open.
+        dropped: Bytes that were lost because the other side did not read.
 
     Raises:
-        OSError: No pseudo-terminal is to be had, or the link cannot be made.
+        OSError: No pseudo-terminal is available, or the link cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,7 +33,7 @@ class PseudoTerminal:
         self.dropped = 0
         self.fd, other = os.openpty()
         try:
-            tty.setraw(other)  # the mode outlives this closing: the pair keeps it while our end is open
+            tty.setraw(other)  # the mode stays while this side is open
             self._target = os.ttyname(other)
             os.set_blocking(self.fd, False)
             if path.is_symlink():
@@ -45,20 +45,20 @@ class PseudoTerminal:
         finally:
             os.close(other)
 
-    def note(self, events: int) -> bool:
-        """Take the result of a poll; True when the other end has just been opened."""
+    def update(self, events: int) -> bool:
+        """Handle the result of a poll; return whether the other side has just been opened."""
         was_open, self.open = self.open, not events & select.POLLHUP
         return self.open and not was_open
 
     def read(self) -> bytes:
-        """What the other end has written; empty when nothing, or when it is gone."""
+        """Return the bytes that the other side wrote; empty if there are none, or if it is gone."""
         try:
             return os.read(self.fd, READ_BYTES)
         except OSError:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Write without waiting; what does not fit is lost, as on a line without flow control."""
+        """Write without waiting; bytes that do not fit are lost, as on a line without flow control."""
         if not (data and self.open):
             return
         written = 0
@@ -67,7 +67,7 @@ class PseudoTerminal:
         self.dropped += len(data) - written
 
     def close(self) -> None:
-        """Close, and take the link away unless it is another's by now."""
+        """Close the pseudo-terminal, and remove the link unless it has been replaced."""
         os.close(self.fd)
         with contextlib.suppress(OSError):
             if str(self.path.readlink()) == self._target:

@@ -1,8 +1,8 @@
-"""The demo's story: what pulls at the object, and when. A function of time, but for the hand, which is a spring.
+"""The script of the demo: the loads on the object over time, including a hand that pulls like a spring.
 
-Loads are told in the left pad's frame (x towards the fingertips, which point down: weight is along +x), as what
-the world does to the object; friction hands it on to the fingers. The spin torque is about the contact's centre,
-under which the object's own weight hangs.
+Loads act on the object and are in the frame of the left pad: x points towards the fingertips, which point down, so
+weight is along +x. Friction transmits them to the fingers. The spin torque is about the centre of the contact, below
+which the weight of the object acts.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ class Script:
     """When each phase begins, in s from the start, and how much it loads the object.
 
     Attributes:
-        lift_s: The object leaves the table; its weight comes on over ``ramp_s``.
-        ramp_s: How long weight takes to come on, or to go to the table again.
-        pour_s: Something is poured into the object's far end until ``pour_until_s``; its weight grows, and with it
-            the torque about the pads' normal.
-        pour_until_s: End of that growth; what was poured stays.
-        drain_s: It begins to run out again, within ``drain_takes_s``.
+        lift_s: The object is lifted from the table; its weight increases over ``ramp_s``.
+        ramp_s: How long the weight takes to move to the gripper, or back to the table.
+        pour_s: Something is poured into the far end of the object until ``pour_until_s``; its weight grows, and with it
+            the torque about the normal of the pads.
+        pour_until_s: End of that growth; the poured weight stays.
+        drain_s: The poured weight starts to drain, within ``drain_takes_s``.
         drain_takes_s: How long that takes; a load that vanishes faster looks like a slip.
         pour_n_per_s: Growth of the poured weight.
-        lever_m: Its horizontal distance from the contact's centre.
-        tug_s: A hand begins to draw the object along +y of the left pad.
+        lever_m: Horizontal distance of the poured weight from the centre of the contact.
+        tug_s: A hand starts to pull the object along +y of the left pad.
         tug_speed_mps: Speed of the hand.
-        tug_stiffness_n_per_m: Its stiffness: the pull grows by stiffness times speed until the object slips.
-        tug_damping_ns_per_m: Its damping, so that the object follows without bouncing.
-        tug_slip_s: The hand lets go when the object has slipped this long.
-        set_down_s: The table takes the load over within ``ramp_s``; a hand still there lets go.
+        tug_stiffness_n_per_m: Stiffness of the hand: the pull grows by stiffness times speed until the object slips.
+        tug_damping_ns_per_m: Damping of the hand, so that the object follows without bouncing.
+        tug_slip_s: The hand lets go when the object has slipped for this long.
+        set_down_s: The table takes over the load within ``ramp_s``; the hand lets go.
     """
 
     lift_s: float = 4.0
@@ -52,23 +52,23 @@ class Script:
     set_down_s: float = 15.0
 
     def carried(self, t_s: float) -> float:
-        """Share of the weight that hangs in the gripper and does not stand on the table, 0 to 1."""
+        """Return the share of the weight that the gripper carries, not the table, 0 to 1."""
         return _ramp(t_s, self.lift_s, self.ramp_s) - _ramp(t_s, self.set_down_s, self.ramp_s)
 
     def weight(self, t_s: float, mass_kg: float) -> Load:
-        """Load of the object's own weight and of what was poured into it."""
+        """Return the load of the weight of the object and of what was poured into it."""
         poured_s = max(min(t_s, self.pour_until_s) - self.pour_s, 0.0)
         poured_n = self.pour_n_per_s * poured_s * (1.0 - _ramp(t_s, self.drain_s, self.drain_takes_s))
         carried = self.carried(t_s)
         return carried * (mass_kg * GRAVITY_MPS2 + poured_n), 0.0, carried * poured_n * self.lever_m
 
     def tug_n(self, pulled_s: float, moved_m: float, speed_mps: float) -> float:
-        """Pull of the hand ``pulled_s`` after it took hold of an object that has since moved so far."""
+        """Return the pull of the hand, N, ``pulled_s`` after it gripped an object that has moved by ``moved_m``."""
         stretch_m = self.tug_speed_mps * pulled_s - moved_m
         return max(self.tug_stiffness_n_per_m * stretch_m - self.tug_damping_ns_per_m * speed_mps, 0.0)
 
     def phase(self, t_s: float) -> str:
-        """Name of the phase at a time."""
+        """Return the name of the phase at a time."""
         name = "approach"
         for begins_s, phase in (
             (self.lift_s, "lift"),

@@ -1,7 +1,7 @@
-"""The virtual gripper as a process: five pseudo-terminals that speak device bytes in real time, and the truth.
+"""The virtual gripper as a process: five pseudo-terminals with the bytes of real devices, and the true state.
 
-One loop, no threads: 800 times a second it moves the scene on and writes what the devices have to say. A late
-wake-up makes up for all it missed at once, so that the rates never drift.
+One loop without threads advances the scene 800 times per second and writes the bytes of the devices. A late wake-up
+catches up at once, so that the rates never drift.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from slipd.sim.scene import Scene
 from slipd.sim.virtual_rig import LINES, VirtualRig
 
 TICK_NS = 1_250_000
-"""The force sensors' period at their shortest filter."""
+"""Period of the force sensors with their shortest filter, ns."""
 
 LONGEST_LAG_NS = 500_000_000
-"""After a longer pause (a suspended machine) the scene goes on where it stood instead of catching up."""
+"""After a longer pause, ns, such as a suspended machine, the scene continues where it was instead of catching up."""
 
 STDIN = 0
 
 HARDWARE_NICENESS = -10
-"""Hardware is not late because the machine is busy: where this process may, it goes before others."""
+"""Niceness of this process if permitted, because hardware is not late on a busy machine."""
 
 
 class VirtualGripper:
-    """Runs a rig on its ports.
+    """Run a virtual rig on its lines.
 
     Args:
         rig: The scene and its devices.
-        ports: The device's end of each line.
-        tell: Called with each event: a map with ``t_s`` (scene), ``t_ns`` (CLOCK_MONOTONIC) and ``event``.
+        ports: Pseudo-terminal of each line.
+        report: Called with each event: a map with ``t_s`` (scene), ``t_ns`` (CLOCK_MONOTONIC) and ``event``.
     """
 
     def __init__(
-        self, rig: VirtualRig, ports: dict[str, PseudoTerminal], tell: Callable[[dict[str, Any]], None]
+        self, rig: VirtualRig, ports: dict[str, PseudoTerminal], report: Callable[[dict[str, Any]], None]
     ) -> None:
-        self._rig, self._ports, self._tell = rig, ports, tell
+        self._rig, self._ports, self._report = rig, ports, report
         self._poll = select.poll()
         self._poll.register(STDIN, select.POLLIN)
         self._by_fd = {port.fd: (line, port) for line, port in ports.items()}
@@ -57,7 +57,7 @@ class VirtualGripper:
         self._begun = False
 
     def stop(self) -> None:
-        """End at the next tick; safe in a signal handler."""
+        """Stop at the next tick; safe in a signal handler."""
         self._stopped = True
 
     def run(self, seconds: float | None = None) -> None:
@@ -69,47 +69,49 @@ class VirtualGripper:
             lag_ns = time.monotonic_ns() - next_ns
             if lag_ns > LONGEST_LAG_NS:
                 start_ns, lag_ns = start_ns + lag_ns, 0
-            said = self._listen(ticks * TICK_NS)
+            output = self._listen(ticks * TICK_NS)
             for _ in range(1 + lag_ns // TICK_NS):
                 ticks += 1
                 for line, data in self._rig.advance(ticks * TICK_NS).items():
-                    said[line] += data
-                self._tell_news(start_ns)
-            for line, data in said.items():
+                    output[line] += data
+                self._report_news(start_ns)
+            for line, data in output.items():
                 self._ports[line].write(data)
 
     def _listen(self, t_ns: int) -> dict[str, bytes]:
-        """Hear every line; return the answers."""
-        said = dict.fromkeys(LINES, b"")
-        heard = dict(self._poll.poll(0))
-        if STDIN in heard and not os.read(STDIN, 4096):
+        """Read every line; return the answers."""
+        output = dict.fromkeys(LINES, b"")
+        received = dict(self._poll.poll(0))
+        if STDIN in received and not os.read(STDIN, 4096):
             self._stopped = True
         for fd, (line, port) in self._by_fd.items():
-            events = heard.get(fd, 0)
-            if port.note(events):
+            events = received.get(fd, 0)
+            if port.update(events):
                 self._rig.opened(line, t_ns)
             if events & select.POLLIN and (data := port.read()):
-                said[line] = self._rig.receive(line, data, t_ns)
-        return said
+                output[line] = self._rig.receive(line, data, t_ns)
+        return output
 
-    def _tell_news(self, start_ns: int) -> None:
+    def _report_news(self, start_ns: int) -> None:
         began_ns = self._rig.began_ns
         if began_ns is None:
             return
         if not self._begun:
             self._begun = True
-            self._tell({"t_s": 0.0, "t_ns": start_ns + began_ns, "event": "begin"})
+            self._report({"t_s": 0.0, "t_ns": start_ns + began_ns, "event": "begin"})
         for truth in self._rig.news():
             t_ns = start_ns + began_ns + round(truth.t_s * 1e9)
-            self._tell({"t_s": round(truth.t_s, 4), "t_ns": t_ns, "event": truth.event, **truth.values})
+            self._report({"t_s": round(truth.t_s, 4), "t_ns": t_ns, "event": truth.event, **truth.values})
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the virtual gripper until SIGTERM, SIGINT, or the end of standard input."""
     parser = argparse.ArgumentParser(prog="python -m slipd.sim.virtual_gripper", description=main.__doc__)
-    parser.add_argument("--dir", type=Path, required=True, help="where to put the ports: " + ", ".join(LINES))
-    parser.add_argument("--seed", type=int, default=0, help="of all noise (default 0)")
-    parser.add_argument("--seconds", type=float, help="end after this long (default: never)")
+    parser.add_argument(
+        "--dir", type=Path, required=True, help="directory of the pseudo-terminals: " + ", ".join(LINES)
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the noise (default 0)")
+    parser.add_argument("--seconds", type=float, help="end after this time, s (default: never)")
     options = parser.parse_args(argv)
     options.dir.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
@@ -132,7 +134,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             dropped = {line: port.dropped for line, port in ports.items()}
             _print({"t_s": rig.scene.t_s, "t_ns": time.monotonic_ns(), "event": "end", "dropped_bytes": dropped})
         except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads: end without a complaint
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader is gone: end without an error
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The whole virtual gripper without its lines: a scene and the five devices that look at it. Time is told to it."""
+"""The virtual gripper without its lines: a scene and the five devices in it. The caller passes the time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, -3.1, -0.012, 0.024, -0.018),
 
 
 class _Finger:
-    """One finger's sensors and its view of the scene."""
+    """The sensors of one finger, and its view of the scene."""
 
     def __init__(self, scene: Scene, mount: BotaMount, rng: np.random.Generator, *, right: bool) -> None:
         self._scene, self._right = scene, right
@@ -40,14 +40,14 @@ class _Finger:
 
 
 class VirtualRig:
-    """Two fingers and a gripper in a scene. The scene's clock begins when the gripper is first told to activate.
+    """Two fingers and a gripper in a scene. The clock of the scene starts when the gripper is first activated.
 
     Args:
         scene: The scene, at its start.
-        seed: Of all noise.
+        seed: Seed of the noise.
 
     Attributes:
-        scene: As it is now; its truth so far.
+        scene: The scene in its present state.
     """
 
     def __init__(self, scene: Scene, seed: int = 0) -> None:
@@ -56,22 +56,22 @@ class VirtualRig:
         self._left = _Finger(scene, LEFT_MOUNT, left, right=False)
         self._right = _Finger(scene, RIGHT_MOUNT, right, right=True)
         self._gripper = Gripper2F(scene.open_width_m)
-        self._told = 0
+        self._returned = 0
 
     @property
     def began_ns(self) -> int | None:
-        """When the scene's clock began; None before."""
+        """When the clock of the scene started, ns; None before."""
         return self._gripper.activated_ns
 
     def opened(self, line: str, t_ns: int) -> None:
-        """Somebody opened a line: a force sensor boots anew."""
+        """Handle the opening of a line: a force sensor boots."""
         if line == "left-wrench":
             self._left.wrench.restart(t_ns)
         elif line == "right-wrench":
             self._right.wrench.restart(t_ns)
 
     def receive(self, line: str, data: bytes, t_ns: int) -> bytes:
-        """Take what was written to a line; return the answer."""
+        """Handle bytes written to a line; return the answer."""
         if line == "gripper":
             return self._gripper.receive(data, t_ns)
         if line == "left-wrench":
@@ -81,7 +81,7 @@ class VirtualRig:
         return b""
 
     def advance(self, t_ns: int) -> dict[str, bytes]:
-        """Go on to ``t_ns``, ns since the start, in steps of about 1 ms; return what each line says unasked."""
+        """Advance to ``t_ns``, ns since the start, in steps of about 1 ms; return what each line sends unasked."""
         if self.began_ns is not None:
             self.scene.step((t_ns - self.began_ns) * 1e-9, self._gripper.command(t_ns))
             self._gripper.observe(self.scene)
@@ -90,7 +90,7 @@ class VirtualRig:
         return dict(zip(LINES, (left_wrench, left_pad, right_wrench, right_pad, b""), strict=True))
 
     def news(self) -> list[Truth]:
-        """Every change in the scene since the last call."""
-        news = self.scene.truth[self._told :]
-        self._told = len(self.scene.truth)
+        """Return every event of the scene since the last call."""
+        news = self.scene.truth[self._returned :]
+        self._returned = len(self.scene.truth)
         return news

@@ -1,4 +1,4 @@
-"""What the emulated Weiss tactile controllers share: a clock, cells with noise, images pushed at a period."""
+"""Base of the emulated Weiss tactile controllers: a clock, cells with noise, images pushed at a period."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from slipd.samples import Array
 
 
 class WeissController(ABC):
-    """A controller's end of its line; time is told to it.
+    """A controller on its line; its caller passes the time.
 
     Args:
-        cells: How many cells it reads.
-        requests: Finds what the host asks.
+        cells: Number of its cells.
+        requests: Parser of the requests of the host.
         rng: Source of its noise.
         noise_counts: Standard deviation of each reading.
-        clock_ppm: How much too fast its clock runs.
+        clock_ppm: Rate error of its clock, parts per million; positive is fast.
     """
 
     rate_hz: float
@@ -34,41 +34,41 @@ class WeissController(ABC):
         self._requests = requests
         self._rng = rng
         self._noise_counts = noise_counts
-        self._clock = (1.0 + clock_ppm * 1e-6) * 1e-6  # its ms in an ns
+        self._clock = (1.0 + clock_ppm * 1e-6) * 1e-6  # its ms per ns
         self._powered_ns = 0
         self._period_ns: int | None = None
         self._next_ns = 0
 
     def opened(self, t_ns: int) -> None:
-        """Drop a request that the line's former user left unfinished."""
+        """Drop an incomplete request of the previous user of the line."""
         self._requests.forget()
 
     def press(self, values: Array) -> None:
-        """Take what the cells read from now on, shape (cells,), counts.
+        """Set the load on the cells from now on, shape (cells,), counts.
 
         Raises:
-            ValueError: There are more or fewer values than cells.
+            ValueError: The number of values is not the number of cells.
         """
         if np.shape(values) != self._ideal.shape:
-            raise ValueError(f"values of shape {np.shape(values)}: there are {self._ideal.size} cells")
+            raise ValueError(f"values must have shape {self._ideal.shape}, got {np.shape(values)}")
         self._ideal = np.asarray(values, dtype=np.float64)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Take what the host wrote by ``t_ns``; return the answers."""
+        """Handle bytes that the host wrote by ``t_ns``; return the answers."""
         return [self._obey(request, t_ns) for request in self._requests.packets(data)]
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Go on to ``t_ns`` and return the images due until then."""
-        said = []
+        """Advance to ``t_ns`` and return the images due until then."""
+        output = []
         while self._period_ns is not None and self._next_ns <= t_ns:
             noisy = self._ideal + self._noise_counts * self._rng.standard_normal(self._ideal.size)
             cells = np.clip(np.rint(noisy), 0, FULL_SCALE).astype(np.uint16)
-            said.append(self._frame(cells, round((self._next_ns - self._powered_ns) * self._clock)))
+            output.append(self._frame(cells, round((self._next_ns - self._powered_ns) * self._clock)))
             self._next_ns += self._period_ns
-        return said
+        return output
 
     def _push(self, period_ns: int | None, t_ns: int) -> None:
-        """Send an image every ``period_ns`` from now on; None for no more."""
+        """Send an image every ``period_ns`` from now on; None: send no more."""
         self._period_ns = period_ns
         self._next_ns = t_ns + (period_ns or 0)
 

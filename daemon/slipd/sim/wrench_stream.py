@@ -1,4 +1,4 @@
-"""What an emulated force/torque sensor measures, and when it sends it."""
+"""Readings of an emulated force/torque sensor, and their times."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from slipd.samples import Array
 
 
 class WrenchStream:
-    """Readings at a rate: what acts on the sensor, and noise.
+    """Readings at a rate: the load on the sensor with noise.
 
     Args:
-        seed: Of the noise.
-        rate_hz: Readings a second.
-        noise_n: Standard deviation of each force component.
-        noise_nm: Standard deviation of each torque component.
+        seed: Seed of the noise.
+        rate_hz: Readings per second.
+        noise_n: Standard deviation of each force component, N.
+        noise_nm: Standard deviation of each torque component, N·m.
     """
 
     def __init__(self, seed: int, rate_hz: float, noise_n: float = 0.02, noise_nm: float = 0.0005) -> None:
@@ -28,20 +28,20 @@ class WrenchStream:
         self._sent = 0
 
     def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Take what acts on the sensor from now on, in its own frame, N and N·m."""
+        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
         self._ideal = np.concatenate((force_n, torque_nm))
 
     def start(self, t_ns: int, rate_hz: float | None = None) -> None:
-        """Send readings from ``t_ns`` on, the first after one period; at another rate where one is given."""
+        """Send readings from ``t_ns`` on, the first after one period, optionally at another rate."""
         self.rate_hz = rate_hz or self.rate_hz
         self._begun_ns, self._sent = t_ns, 0
 
     def stop(self) -> None:
-        """Send none from now on."""
+        """Send no more readings."""
         self._begun_ns = None
 
     def due(self, t_ns: int) -> Iterator[tuple[int, Array]]:
-        """Yield when each reading due by ``t_ns`` was taken, and its force and torque, shape (6,)."""
+        """Yield the time of each reading due by ``t_ns``, and its force and torque, shape (6,)."""
         while self._begun_ns is not None:
             next_ns = self._begun_ns + round((self._sent + 1) * 1e9 / self.rate_hz)
             if next_ns > t_ns:
@@ -51,6 +51,6 @@ class WrenchStream:
 
 
 def whole(values: Array, bits: int) -> list[int]:
-    """Return values as whole counts that fit signed integers of so many bits."""
+    """Round values to counts, clipped to signed integers of ``bits`` bits."""
     most = (1 << bits - 1) - 1
     return [int(count) for count in np.clip(np.rint(values), -most - 1, most)]

@@ -179,7 +179,7 @@ class WsgJaws:
         return self._gripper.limit / 2 if holds else 0.0
 
     def opened(self, t_ns: int) -> None:
-        self._gripper._greeted = False  # who went before said goodbye
+        self._gripper._connected = False  # who went before said goodbye
         self._gripper.opened(t_ns)
 
     def put(self, part_m: float) -> None:

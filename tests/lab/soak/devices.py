@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.sim.emulate import prepare_process, serve_until_told
+from slipd.sim.emulate import prepare_process, serve_until_ended
 from slipd.sim.emulated_netft import NetftSensor
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfLine
 from slipd.sim.emulators import Emulator
@@ -47,4 +47,4 @@ def make(plan: Plan) -> list[tuple[str, Emulator, str]]:
 if __name__ == "__main__":
     made = make(Plan(json.loads(sys.argv[1])))
     prepare_process()
-    asyncio.run(serve_until_told(made))
+    asyncio.run(serve_until_ended(made))

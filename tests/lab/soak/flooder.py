@@ -39,7 +39,7 @@ def main() -> None:
         events = dict(poll.poll(0))
         if 0 in events and not os.read(0, 100):
             break
-        port.note(events.get(port.fd, 0))
+        port.update(events.get(port.fd, 0))
         port.read()
         due = round((time.monotonic_ns() - begin_ns) * 1e-9 * rate_hz) if rate_hz else sent + CHUNK
         count, whole = min(due - sent, CHUNK), False

@@ -130,7 +130,7 @@ async def test_a_pusher_drops_what_a_daemon_does_not_read(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("address", ["udp://127.0.0.1", "tcp://:5000", "carrier://pigeon:1"])
 async def test_an_invalid_address_is_refused(address: str) -> None:
-    with pytest.raises(ValueError, match="give"):
+    with pytest.raises(ValueError, match="must"):
         async with open_line(address):
             pass
 

@@ -93,9 +93,9 @@ def test_a_device_runs_on_a_pseudo_terminal_until_its_process_is_ended(tmp_path:
 @pytest.mark.parametrize(
     ("device", "address", "words"),
     [
-        ("gauge", "/tmp/x", "'gauge' is no device; known: bota, "),
-        ("gauges", "udp://127.0.0.1:5", "gauges is not read at udp://127.0.0.1:5: it has serial"),
-        ("netft", "udp://127.0.0.1", "give host and port"),
+        ("gauge", "/tmp/x", "DEVICE must be one of bota, "),
+        ("gauges", "udp://127.0.0.1:5", "the address of gauges must be of kind serial, got udp://127.0.0.1:5"),
+        ("netft", "udp://127.0.0.1", "must have host and port"),
         ("gauges", "/nowhere/at/all", "No such file"),
     ],
 )
@@ -151,5 +151,5 @@ async def test_a_device_that_fails_ends_the_run_with_its_fault(
     echo = Echo()
     echo.fails = True
     with pytest.raises(ArithmeticError, match="of the emulator"):
-        await emulate.serve_until_told([("gauges", echo, str(tmp_path / "echo"))])
+        await emulate.serve_until_ended([("gauges", echo, str(tmp_path / "echo"))])
     assert capsys.readouterr().out == f"{tmp_path}/echo\n"

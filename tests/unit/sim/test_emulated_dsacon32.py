@@ -4,7 +4,7 @@ import pytest
 from slipd.devices import dsacon32
 from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
-from slipd.sim.emulated_dsacon32 import DEAF_NS, Dsacon32
+from slipd.sim.emulated_dsacon32 import BOOT_NS, Dsacon32
 from slipd.sim.emulators import make_emulator
 
 MS = 1_000_000
@@ -65,7 +65,7 @@ def test_D1_it_boots_deaf_with_its_text_and_a_clock_that_begins_anew():
     made = controller()
     made.receive(messages.acquire(30, rle=True), 0)
     made.power_up(10 * S)
-    assert made.receive(messages.encode_query(messages.CONTROLLER), 10 * S + DEAF_NS - 1) == []
+    assert made.receive(messages.encode_query(messages.CONTROLLER), 10 * S + BOOT_NS - 1) == []
     said = [(t, made.advance(t)) for t in range(10 * S, 19 * S, 100 * MS)]
     assert [t - 10 * S for t, pieces in said if pieces] == [7_000 * MS, 7_400 * MS, 7_800 * MS]
     assert {piece for _, pieces in said for piece in pieces} == {BOOT_TEXT}
@@ -90,7 +90,7 @@ def test_requests_may_come_one_byte_at_a_time_and_a_new_user_of_the_line_starts_
 
 
 def test_values_of_another_size_are_refused():
-    with pytest.raises(ValueError, match="there are 12 cells"):
+    with pytest.raises(ValueError, match=r"must have shape \(12,\), got \(11,\)"):
         controller().press(np.zeros(11))
 
 

@@ -57,7 +57,7 @@ def test_what_comes_twice_is_done_once_and_answered_twice() -> None:
     driver = Driver()
     force = encode_setpoint(1, "force", force_n=9.0)
     assert [len(driver.receive(force, t_ns)) for t_ns in (0, MS)] == [1, 1]
-    assert len(driver.told) == 1
+    assert len(driver.obeyed) == 1
     driver.mute = True
     assert driver.receive(encode_setpoint(2, "stop"), MS) == []
 

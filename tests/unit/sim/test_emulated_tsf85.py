@@ -54,5 +54,5 @@ def test_half_a_command_is_forgotten_when_the_line_is_opened_anew() -> None:
 
 
 def test_an_image_of_another_shape_is_refused() -> None:
-    with pytest.raises(ValueError, match="this sensor has"):
+    with pytest.raises(ValueError, match="an image must have shape"):
         make(1).press(np.zeros(27))

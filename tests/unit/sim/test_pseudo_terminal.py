@@ -16,7 +16,7 @@ def port(tmp_path):
 def note(port):
     poll = select.poll()
     poll.register(port.fd, select.POLLIN)
-    return port.note(dict(poll.poll(0)).get(port.fd, 0))
+    return port.update(dict(poll.poll(0)).get(port.fd, 0))
 
 
 @pytest.fixture
