@@ -13,7 +13,7 @@ from slipd.samples import TactileSample, WrenchSample
 
 
 class TestIsPressed:
-    """Whether something presses is known or not; what is not known is not free."""
+    """Whether something presses: unknown is not free."""
 
     def tared(self, finger: Finger, wrench: Wrench, *, t_ns: int = T0 - 100 * MS) -> None:
         finger.begin_tare(t_ns, 0.01, "someone")
@@ -111,7 +111,7 @@ def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
     assert noisy.finger.is_pressed() is False
     force.gravity.forget()
     noisy.read(normal_n)
-    assert noisy.verdict == ("unknown", ("weight_unknown",)), "the host slept"
+    assert noisy.verdict == ("unknown", ("weight_unknown",)), "after the host slept, the orientation is unknown"
 
 
 def test_held_load_that_the_pad_does_not_show_is_not_drift(make_noisy: Callable[..., NoisyFinger]) -> None:

@@ -67,7 +67,7 @@ class TestTareOfPad:
         got = run.ask("tare.get", finger="left", stream="pad")["result"]
         assert (got["stream"], got["tare_id"], got["busy"], got["by"]) == ("pad", 1, False, "ann")
         assert got["offset"] == pytest.approx([4.0] * 16)
-        assert run.ask("tare.get", finger="left")["result"]["stream"] == "wrench", "the other is as it was"
+        assert run.ask("tare.get", finger="left")["result"]["stream"] == "wrench", "the other tare is unchanged"
         assert run.ask("tare.get", finger="left")["result"]["tare_id"] == 1
         status = run.ask("status")["result"]
         assert (status["streams"]["left.pad"]["tare_id"], status["fingers"]["left"]["tare_id"]) == (1, 1)
@@ -93,11 +93,11 @@ class TestTareOfPad:
             run.image(self.offset(300))
         for stream, offset in (("wrench", [0.0, 0.0, -0.2, 0.0, 0.0, 0.0]), ("pad", [300.0] * 16)):
             got = run.ask("tare.get", finger="left", stream=stream)["result"]
-            assert (got["tare_id"], got["busy"]) == (1, False), "neither witness was believed on the other's zero"
+            assert (got["tare_id"], got["busy"]) == (1, False), "neither sensor vouches for the zero of the other"
             assert got["offset"] == pytest.approx(offset, abs=1e-6)
         run.image(self.offset(300))
         again = run.ask("tare", finger="left", stream="all", seconds=0.1)["result"]
-        assert again["verified"] is True, "now each is a witness"
+        assert again["verified"] is True, "now each shows that the finger is free"
 
     def test_tare_of_a_charge_pad_keeps_its_loads(self, make_run: Callable[[str], Run], left: str) -> None:
         loads = []
@@ -119,7 +119,7 @@ class TestTareOfPad:
 
     def test_image_of_a_tared_pad_refuses_a_tare_in_contact(self, run: Run) -> None:
         self.test_stream_all_tares_both(run)
-        for stream in ("wrench", "pad", "wrench"):  # the ones that are being measured, and the one that was taken
+        for stream in ("wrench", "pad", "wrench"):  # the two in progress, and the one before
             assert run.refusal("tare.undo", finger="left", stream=stream) is None
         run.wrench(0.2)
         run.image(self.offset(300, press=100))
@@ -217,7 +217,7 @@ class TestTareOfPad:
 
 
 class TestNeverTared:
-    """Raw counts begin anywhere: without a tare they are no load, and nothing is concluded from them."""
+    """Raw counts have any offset: without a tare they give no load, and no verdict."""
 
     UNLOADED = np.array([[16456, 16671, 37526], [16310, 16789, 37346], [16149, 16718, 37182], [15712, 16733, 37971]])
 
@@ -242,7 +242,7 @@ class TestNeverTared:
         run = self.untared(make_run, right)
         for _ in range(3):
             self.skin(run)
-        assert run.level("right") == ("unknown", ["not_tared"]), "150 N that nobody presses"
+        assert run.level("right") == ("unknown", ["not_tared"]), "150 N without a load"
         body = run.published("slip.right")[-1]
         assert (body["normal_n"], body["utilisation"]) == (None, None)
         health, message = self.message(run, "right.pad")
@@ -277,7 +277,7 @@ class TestNeverTared:
         for k, counts in enumerate((0, 5000, 9000)):
             run.wait(10)
             run.feed(Bytes("right.pad", xela.encode_message(k, {"2": np.full((4, 3), (0, 0, counts))}, 1.7e9)))
-        assert run.level("right")[0] == "stable", "36 N that grew from nothing are a load"
+        assert run.level("right")[0] == "stable", "36 N that grew from zero are a load"
 
     def test_load_at_the_start_counts_once_the_pad_was_free(self, make_run: Callable[[str], Run], right: str) -> None:
         run = self.untared(make_run, right)
@@ -289,7 +289,7 @@ class TestNeverTared:
         assert levels == [*[("unknown", ["not_tared"])] * 2, ("no_contact", []), ("stable", [])]
 
     def go_on(self, run: Run, times: int, counts: int) -> None:
-        """Both sensors of the left finger for so many times 10 ms, with nothing on it."""
+        """Feed both sensors of the left finger every 10 ms, without a load."""
         for _ in range(times):
             run.wait(5)
             run.tick()
@@ -299,7 +299,7 @@ class TestNeverTared:
     def test_images_beside_a_force_sensor_are_not_used(self, run: Run) -> None:
         run.bring_up()
         self.go_on(run, 30, 300)
-        assert run.level() == ("no_contact", []), "the force sensor says so"
+        assert run.level() == ("no_contact", []), "by the force sensor"
         assert self.message(run, "left.pad")[0] == Health.ERROR
         run.wrench(8.0)
         assert run.level() == ("unknown", ["not_tared", "rotation_unobserved"])

@@ -48,7 +48,7 @@ def test_F3_force_that_a_calibrated_image_does_not_show_is_a_disagreement(
     assert noisy.verdict == ("unknown", ("disagreement", "disagreement_force"))
     noisy.finger.disconnect_image()
     noisy.read(8.0)
-    assert noisy.verdict == ("unknown", ("rotation_unobserved",)), "what was compared is gone"
+    assert noisy.verdict == ("unknown", ("rotation_unobserved",)), "the comparison starts anew"
 
 
 def test_force_without_torque_has_no_centroid_to_compare(noisy: NoisyFinger) -> None:

@@ -31,7 +31,7 @@ def test_reading_that_waited_came_within_stale_ns_of_its_acquisition(arrival: Ar
     assert freshness.silent_ns(T0) == T0 - came_ns, "its line is empty"
     assert not freshness.is_stale(came_ns + STALE_NS)
     assert freshness.is_stale(came_ns + STALE_NS + 1)
-    for unread_ns in (0, 300 * MS):  # what comes next is not late before it is read
+    for unread_ns in (0, 300 * MS):  # readings that wait are not late before they are read
         assert freshness.silent_ns(T0 + unread_ns, unread_ns) == 0
         assert not freshness.is_stale(T0 + unread_ns + STALE_NS, unread_ns)
         assert freshness.is_stale(T0 + unread_ns + STALE_NS + 1, unread_ns)

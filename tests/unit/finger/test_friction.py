@@ -51,7 +51,7 @@ def test_request_sets_mu_where_config_has_none(left: str, parse: Parse, wrench: 
         (None, [False, True, False]),  # as the config has it: 0.12
         (0.45, [True, True, False]),  # a tenth, of which half must be seen
         (0.2, [False, False, False]),  # three fifths: no fall of 0.15 is a slip
-        (0.499, [True, True, False]),  # less than noise may bring is never asked for
+        (0.499, [True, True, False]),  # never below what noise may cause
     ],
 )
 def test_fall_that_counts_as_slip_follows_dynamic_friction(

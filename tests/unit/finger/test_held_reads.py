@@ -116,7 +116,7 @@ def test_C4_reading_older_than_its_wait_explains_is_stale(
     arrival = Arrival(100 * MS, 100 * MS)
     for acquired_ns, level in ((T0 - STALE_NS, "stable"), (T0 - STALE_NS - 1, "unknown"), (T0, "unknown")):
         (batch,) = finger.decide([wrench(T0 + 100 * MS, 10.0)], [acquired_ns], arrival)
-        assert batch[0].verdict.level == level, "one that is stale is believed again with its first prompt reading"
+        assert batch[0].verdict.level == level, "a stale stream recovers with its first prompt reading"
     assert read_force(finger, wrench(T0 + 101 * MS, 10.0)).contact is not None
     assert np.isfinite(finger.age_s(T0 + 101 * MS) or 0.0)
 
@@ -139,7 +139,7 @@ def test_C4_stall_of_the_daemon_is_no_gap_of_a_stream_without_clock(
 def test_C4_stream_without_clock_recovers_before_the_lines_are_empty(
     left: str, parse: Callable[[str], Config], wrench: Wrench, image: Image
 ) -> None:
-    """Nothing shows that it was late itself, and an overloaded daemon may not see its lines empty for long."""
+    """Nothing shows that the stream was late itself, and an overloaded daemon may not see its lines empty for long."""
     finger = make_finger(left, parse)
     undated = Arrival(100 * MS, 0, dated=False)
     finger.update_image(image(T0), T0 - 100 * MS, undated)

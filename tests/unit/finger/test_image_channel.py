@@ -18,14 +18,14 @@ from slipd.samples import TactileSample
 
 
 class TestChargePad:
-    """Images of a pad whose charge leaks away, beside a force sensor that says when there is contact."""
+    """A pad whose charge leaks away, beside a force sensor that shows when there is contact."""
 
     @pytest.fixture
     def finger(self, left: str, parse: Parse) -> Finger:
         return make_finger(left.replace("threshold = 0.05", "threshold = 0.05\ncharge_tau_s = 2.0"), parse)
 
     def hold(self, press: Press, seconds: float) -> FingerState:
-        """A press held, touched lightly first: the amplifiers' output dies away with 2 s."""
+        """Hold a press after a light touch; the output of the amplifiers decays with 2 s."""
         for _ in range(20):
             press(0.0, counts=EMPTY)
         state = press(0.6, counts=EMPTY)
@@ -84,10 +84,10 @@ def test_calibrated_charge_pad_is_anchored_to_the_force_sensor(make_noisy: Calla
     for k in range(200):
         noisy.t_ns += 9 * MS
         noisy.read(8.0 + 2.0 * math.sin(0.5 * k))
-        noisy.look(8.0 + 2.0 * math.sin(0.5 * k))  # a charge that does not leak: its integral runs away
+        noisy.look(8.0 + 2.0 * math.sin(0.5 * k))  # without leakage, the integral of the charge would run away
     assert noisy.finger.image is not None
     free_running = 10.0 + 8.0 * 2.0 / 2.0
-    assert noisy.finger.image.pressure.sum() < free_running, "the force sensor holds it back"
+    assert noisy.finger.image.pressure.sum() < free_running, "the force sensor limits it"
 
 
 RAMP = np.arange(16.0).reshape(4, 4) * 10.0

@@ -135,7 +135,7 @@ def test_wrong_mounting_shows_at_the_first_contact(make_run: Make, left: str) ->
 
 
 def test_taxels_pressed_during_a_pull_are_not_masked_as_hot(run: Run) -> None:
-    """The force sensor has the wrong sign: what it calls a pull presses the pad, first lightly and then hard."""
+    """The force sensor has the wrong sign: its pull presses the pad, first lightly and then hard."""
     run.bring_up()
     rng = np.random.default_rng(2)
     for k in range(400):
@@ -147,7 +147,7 @@ def test_taxels_pressed_during_a_pull_are_not_masked_as_hot(run: Run) -> None:
     reported = run.ask("status")["result"]["streams"]["left.pad"]
     assert reported["masked"] == []
     assert run.level() == ("unknown", ["pulled"])
-    assert run.refusal("tare", finger="left") == ("in_contact", "finger"), "the pad knows better"
+    assert run.refusal("tare", finger="left") == ("in_contact", "finger"), "the pad shows the contact"
 
 
 def test_three_axis_pad_with_wrong_sign_is_pulled(make_run: Make, right: str) -> None:

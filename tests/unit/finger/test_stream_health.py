@@ -74,7 +74,7 @@ def test_T1_dead_taxel_is_masked_and_reported_within_a_second(noisy: NoisyFinger
     noisy.hold(1.0, kill)
     assert noisy.finger.image is not None
     assert taxel_faults(noisy.finger) == {"dead": [5]}
-    assert noisy.finger.image.pressure[5] > 0.3, "its neighbours speak for it"
+    assert noisy.finger.image.pressure[5] > 0.3, "replaced by its neighbours"
     assert (Health.WARN, "taxels that are not believed: dead 5") in noisy.conditions("pad")
     assert noisy.verdict == ("stable", ())
 

@@ -45,7 +45,7 @@ Image = Callable[..., TactileSample]
 
 
 class Hand:
-    """Two alike fingers and the view of both; ``press`` gives each a reading on a fresh image."""
+    """Two equal fingers and the view of both; ``press`` gives one of them a reading on a fresh image."""
 
     def __init__(self, rig: Config, wrench: Wrench, image: Image) -> None:
         self.fingers = {name: Finger(name, finger, Levels()) for name, finger in rig.finger.items()}
@@ -65,7 +65,7 @@ class Hand:
 
     def body(self, t_ns: int = T0, width_m: float | None = WIDTH_M) -> dict[str, Any]:
         body = grasp_body(self.view, t_ns, width_m)
-        assert decode(encode(body), MESSAGE_LIMITS) == body, "plain values, all finite"
+        assert decode(encode(body), MESSAGE_LIMITS) == body, "plain finite values"
         return body
 
     def nil(self, **more: Any) -> set[str]:
@@ -77,7 +77,7 @@ MakeHand = Callable[..., Hand]
 
 @pytest.fixture
 def make_hand(left: str, parse: Parse, wrench: Wrench, image: Image) -> MakeHand:
-    """Makes a hand; ``changes`` are made to the text of the left finger, or of both."""
+    """Return a hand; ``changes`` replace text in the config of the left finger, or of both."""
 
     def make(*changes: tuple[str, str], both: bool = False) -> Hand:
         changed = left
@@ -207,7 +207,7 @@ def test_grasp_is_unknown_where_one_finger_is(hand: Hand, name: str, what: str) 
 
 
 def test_finger_in_disagreement_is_unknown(make_hand: MakeHand) -> None:
-    """Its numbers are there, but nobody knows which of both is right."""
+    """Its numbers are known, but not which of its sensors is right."""
     hand = make_hand(("threshold = 0.05", "threshold = 0.05\ngain_error = 0.1"))
     for ms in range(0, 2000, 10):
         hand.press("left", 10.0, (1.2, 0.0), t_ns=T0 + ms * MS, counts=4 * FULL)
@@ -263,11 +263,11 @@ def test_level_and_reasons_are_those_of_the_worse_finger(hand: Hand) -> None:
         return body["level"], body["reasons"]
 
     hand.press("left", 10.0, (3.7, 0.0))
-    assert level_and_reasons() == ("caution", ["translation"]), "more alarming than a finger of which nothing is known"
+    assert level_and_reasons() == ("caution", ["translation"]), "more severe than an unknown finger"
     hand.press("right", 10.0)
     assert level_and_reasons() == ("caution", ["translation"])
     hand.press("right", 10.0, (0.0, 0.0), 0.028)
-    assert level_and_reasons() == ("warning", ["rotation"]), "the finger at caution adds none"
+    assert level_and_reasons() == ("warning", ["rotation"]), "the finger at caution adds no reason"
     hand.press("left", 10.0, (4.6, 0.0))
     assert level_and_reasons() == ("warning", ["translation", "rotation"])
 
