@@ -56,7 +56,7 @@ class Finger:
         self.image = ImageChannel(config.pad, config) if config.pad is not None else None
         self.image_in_newtons = config.pad is not None and in_newtons(config.pad)
         self.in_newtons = config.wrench is not None or self.image_in_newtons
-        self.tare = self._tared_channel(None).tare
+        self.tare = self._existing_channel(None).tare
         stream = cast("Stream", config.wrench or config.pad)
         self._freshness = Freshness(stale_after_ns(stream))
         self._held = HeldReads(self.image)
@@ -174,12 +174,13 @@ class Finger:
         return self.image is not None and self.image.is_fresh(t_ns, None)
 
     def conditions(self, stream: str, t_ns: int) -> list[Condition]:
-        """Return what people should know of the readings of the stream "wrench" or "pad" at ``t_ns``."""
-        channel, found = self.channel(stream), list[Condition]()
-        if isinstance(channel, ForceChannel):
-            found = force_conditions(channel, t_ns)
-        elif channel is not None:
-            found = image_conditions(channel)
+        """Return what people should know of the readings of the stream "wrench" or "pad" at ``t_ns``.
+
+        Raises:
+            ValueError: The finger has no such stream.
+        """
+        channel = self._existing_channel(stream)
+        found = force_conditions(channel, t_ns) if isinstance(channel, ForceChannel) else image_conditions(channel)
         state, presence = self.state, self._path.presence
         if state.verdict is PAD_PULLED and stream == self.main_stream:
             normal_n = math.nan if state.wrench is None else -state.wrench[2]
@@ -254,15 +255,15 @@ class Finger:
         Raises:
             ValueError: The finger has no such stream.
         """
-        channel = self._tared_channel(stream)
+        channel = self._existing_channel(stream)
         self._path.tares.unloaded = unloaded
         channel.begin_tare(t_ns, seconds, by)
 
     def undo_tare(self, stream: str | None = None) -> bool:
         """Restore the offset before the last tare of a stream, see `begin_tare`; return False where there is none."""
-        return self._tared_channel(stream).undo_tare()
+        return self._existing_channel(stream).undo_tare()
 
-    def _tared_channel(self, stream: str | None) -> ForceChannel | ImageChannel:
+    def _existing_channel(self, stream: str | None) -> ForceChannel | ImageChannel:
         channel = self.force or self.image if stream is None else self.channel(stream)
         if channel is None:
             raise ValueError(f"finger {self.name} has no {stream or 'stream'}")

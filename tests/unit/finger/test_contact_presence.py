@@ -139,3 +139,17 @@ def test_drift_is_learned_while_untouched_with_and_without_image(left: str, pars
         read_force(alone, WrenchSample(T0 + ms * MS, None, np.array((0.2, 0.0, 0.0)), np.zeros(3)))
     assert alone.force is not None
     assert alone.force.drift.value[0] == pytest.approx(0.2, abs=0.01)
+
+
+def test_contact_force_is_that_of_a_tared_and_trusted_sensor(finger: Finger, press: Press) -> None:
+    press(5.0)
+    assert finger.contact_force_n(press(5.1).t_ns) is None, "without a tare it may be bias"
+    press(0.0)
+    finger.begin_tare(T0, 0.05, "someone")
+    for k in range(10):
+        press(0.01 * k, counts=EMPTY)
+    assert finger.tare.current.id == 1
+    assert finger.contact_force_n(press(0.0, counts=EMPTY).t_ns) is None
+    t_ns = press(5.0).t_ns
+    assert finger.contact_force_n(t_ns) == pytest.approx(5.0, abs=0.1)
+    assert finger.contact_force_n(t_ns + 51 * MS) is None, "too old"

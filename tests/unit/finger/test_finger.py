@@ -101,13 +101,16 @@ def test_finger_refuses_streams_that_it_does_not_have(left: str, right: str, par
     bare = config.finger["left"].model_copy(update={"wrench": None, "pad": None})
     with pytest.raises(ValueError, match="has no stream"):
         Finger("left", bare, Levels())
-    seeing = Finger("right", config.finger["right"], Levels())
+    sensorless = Finger("right", config.finger["right"], Levels())
     with pytest.raises(ValueError, match="has no force sensor"):
-        read_force(seeing, WrenchSample(T0, None, np.zeros(3), np.zeros(3)))
-    feeling = Finger("left", config.finger["left"].model_copy(update={"pad": None}), Levels())
-    assert feeling.update_image(TactileSample(T0, None, np.zeros(16))) is None
-    feeling.disconnect_image()
-    assert feeling.channel("pad") is None
+        read_force(sensorless, WrenchSample(T0, None, np.zeros(3), np.zeros(3)))
+    padless = Finger("left", config.finger["left"].model_copy(update={"pad": None}), Levels())
+    assert padless.update_image(TactileSample(T0, None, np.zeros(16))) is None
+    padless.disconnect_image()
+    assert padless.channel("pad") is None
+    for refused in (lambda: padless.undo_tare("pad"), lambda: padless.conditions("pad", T0)):
+        with pytest.raises(ValueError, match="finger left has no pad"):
+            refused()
 
 
 def test_verdict_on_an_old_image_ends_before_the_next_force_reading(noisy: NoisyFinger) -> None:
