@@ -1,4 +1,4 @@
-"""The page on adding a device, followed to the letter in a copy of the project."""
+"""The page on adding a device, followed in a copy of the project."""
 
 from __future__ import annotations
 

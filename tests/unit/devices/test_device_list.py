@@ -1,4 +1,4 @@
-"""The list of devices: what it promises holds for every one."""
+"""The list of devices, and the contracts that every device must fulfil."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def listener_to(device: Device) -> Any:
 
 
 def new_link(device: Device, listener: Any) -> Iterator[tuple[bytes, int]]:
-    """Begin anew, and yield what the device sends, and when; whoever asks for more has taken what came."""
+    """Start again, and yield the data of the device with their times; the caller has processed all earlier data."""
     emulator: Any = make_emulator(device.name)
     emulator.opened(0)
     session = listener if device.session is not None else None
@@ -118,7 +118,7 @@ def new_link(device: Device, listener: Any) -> Iterator[tuple[bytes, int]]:
 
 
 def first_readings(device: Device, listener: Any) -> tuple[list[Any], int]:
-    """The first readings of a new link, and how many pieces it took."""
+    """Return the first readings of a new link, and the number of pieces they took."""
     readings: list[Any] = []
     for taken, (data, now_ns) in enumerate(new_link(device, listener)):
         for sample in listener.receive(data, now_ns):

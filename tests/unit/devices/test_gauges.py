@@ -1,4 +1,4 @@
-"""Raw strain gauges: the documented frame, the matrix, and matrices that cannot be meant."""
+"""Raw strain gauges: the documented frame, the matrix, and impossible matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The state machines of the gripper sessions: their tables, each permit in each state on the wire, and random walks."""
+"""State machines of the gripper sessions: the tables, each permit in each state on the wire, and random walks."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_every_state_is_reachable_from_an_open_link(device: str) -> None:
 
 
 class Talk:
-    """A session and its gripper on a line without fault; time stands until `run`."""
+    """A session and its gripper on a perfect line; time advances only in `run`."""
 
     def __init__(self, device: str) -> None:
         self.peer: Any = PEERS[device](Random(device))
@@ -85,7 +85,7 @@ class Talk:
                 self.session.receive(answer, self.now_ns)
 
     def write(self) -> None:
-        """Let the session write what is due now."""
+        """Exchange what is due now."""
         while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
             self.exchange(self.session.on_time(self.now_ns))
 
@@ -99,7 +99,7 @@ class Talk:
         return self
 
     def ask(self, kind: Any) -> bool:
-        """Hand over a permit; or "drop"."""
+        """Execute a permit of a kind, or "drop"."""
         if kind == "drop":
             return bool(self.session.drop())
         force_n = None if kind in ("activate", "halt") else 8.0
@@ -244,7 +244,7 @@ def test_a_permit_is_sent_in_states_that_accept_it_and_changes_nothing_in_others
         assert outcomes[kind] or not told
         return
     assert session._machine.state is untouched.session._machine.state
-    if kind != "drop":  # what is unanswered is not repeated behind it
+    if kind != "drop":  # an unanswered command is not repeated after a drop
         assert talk.run(300).written == untouched.run(300).written
         assert session.state == untouched.session.state
 
@@ -254,4 +254,4 @@ def test_only_the_last_permit_is_ever_on_the_wire(device: str) -> None:
     taken = {(state, event) for pairs in walks(device, range(WALKS)) for state, event, took in pairs if took}
     known = {(state, event) for state, row in table_of(device).items() for event in row}
     assert taken <= known
-    assert len(taken) > 0.8 * len(known), "the walks see most of the table"
+    assert len(taken) > 0.8 * len(known), "the walks cover most of the table"

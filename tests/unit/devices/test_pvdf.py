@@ -1,4 +1,4 @@
-"""The PVDF pad's frames: the documented one, whole and torn scans, and every kind of step of the counters."""
+"""Frames of the PVDF pad: the documented one, complete and incomplete scans, and every step of the scan number."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def counts(number: int, rows: int = 8, cols: int = 16) -> np.ndarray:
 
 
 def rows_of(number: int, time_us: int | None = None) -> list[bytes]:
-    """Return the frames of scan ``number``; its readings follow from its number."""
+    """Return the frames of scan ``number``; its readings depend on the number."""
     time_us = 5000 * number if time_us is None else time_us
     scan = pvdf.encode_scan(counts(number), number, time_us, 39.06)
     return [scan[at : at + FRAME] for at in range(0, len(scan), FRAME)]
 
 
 def decode(*frames: bytes) -> tuple[list[int], pvdf.Decoder]:
-    """Return which scans came out, after checking that each is whole, and the decoder."""
+    """Return the numbers of the returned scans, after checking their values, and the decoder."""
     decoder = pvdf.Decoder()
     numbers = []
     for sample in decoder.receive(b"".join(frames), 0):
@@ -46,14 +46,14 @@ def decode(*frames: bytes) -> tuple[list[int], pvdf.Decoder]:
 
 
 def told(decoder: pvdf.Decoder, reads: list[bytes]) -> tuple[list[tuple[int | None, int, bytes]], str]:
-    """What a decoder makes of reads, and what it counts."""
+    """Return the samples and health of a decoder for a list of reads."""
     samples = [sample for read in reads for sample in decoder.receive(read, 0)]
     return [(one.device_time_ns, one.dwell_ns, one.values.tobytes()) for one in samples], repr(decoder.health)
 
 
 @given(first=st.sampled_from((1, 2, 9)), at=st.integers(0, 2 * 8 * FRAME - 1), flip=st.integers(0, 255))
 def test_whole_scans_in_one_read_equal_their_frames_one_by_one(first: int, at: int, flip: int) -> None:
-    """Whole and in order, damaged at any place, or leaping; what follows is read alike, too."""
+    """Complete and in order, damaged at any place, or with jumps; the data after it are read the same way."""
     spoilt = bytearray(b"".join(rows_of(first) + rows_of(first + 1)))
     spoilt[at] ^= flip
     reads = [b"".join(rows_of(0)), bytes(spoilt), b"".join(rows_of(first + 2))]
@@ -103,7 +103,7 @@ def test_a_scan_without_one_of_its_rows_is_dropped_whole_and_counted_once(missin
 def test_a_pad_that_never_sends_one_row_loses_every_scan() -> None:
     numbers, decoder = decode(*(frame for number in range(5) for frame in rows_of(number)[:-1]))
     assert numbers == []
-    assert decoder.health.lost == 4  # the fifth may still go on
+    assert decoder.health.lost == 4  # the fifth may still continue
 
 
 def test_joining_in_the_middle_of_a_scan_loses_nothing() -> None:

@@ -1,4 +1,4 @@
-"""TSF-85 packets: worked ones, all that can be wrong with their tags, and what noise may not become."""
+"""TSF-85 packets: worked packets, every fault of their tags, and noise."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def image(number: int, finger: int = 0) -> np.ndarray:
 
 
 def packet(number: int, *, both: bool = False) -> bytes:
-    """Return a packet with the image of the number and what comes with it."""
+    """Return a packet with the image of the number and the other blocks."""
     blocks = b""
     for finger in range(1 + both):
         blocks += encode_block(tsf85.STATIC, finger, image(number, finger))

@@ -1,4 +1,4 @@
-"""The TSF-85 session against a sensor that answers, stays away, and falls silent."""
+"""The TSF-85 session with a sensor that answers, does not answer, and falls silent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ IMAGE = encode_packet(tsf85.AUTOSEND, encode_block(tsf85.STATIC, 0, np.arange(28
 
 
 def due(session: tsf85.Session) -> bytes:
-    """Return what the session writes when it is next due."""
+    """Return what the session sends at its next deadline."""
     at_ns = session.next_deadline()
     assert at_ns is not None
     return session.on_time(at_ns)

@@ -1,4 +1,4 @@
-"""The WTS module's images and requests: worked packets, torn streams, and what is no image of its matrix."""
+"""Images and requests of the WTS module: worked packets, incomplete streams, and images that do not fit the matrix."""
 
 from __future__ import annotations
 

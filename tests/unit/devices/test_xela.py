@@ -1,4 +1,4 @@
-"""XELA server messages: whole, split anywhere, among garbage, and with counts that disagree."""
+"""Messages of the XELA server: whole, split anywhere, among garbage, and with wrong numbers of values."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def message(number: int, **sensors: Any) -> bytes:
 
 
 def changed(**fields: Any) -> bytes:
-    """Return a good message with two sensors, the first of which has fields changed; None takes one away."""
+    """Return a good message with two sensors, with changed fields of the first; None removes a field."""
     body = json.loads(xela.encode_message(1, {"1": pad(1), "2": pad(2)}, 1.0, {"1": pad(1), "2": pad(2)}))
     body["1"].update(fields)
     body["1"] = {key: value for key, value in body["1"].items() if value is not None}

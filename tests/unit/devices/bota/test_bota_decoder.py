@@ -1,4 +1,4 @@
-"""The Bota frame: worked frames, torn and damaged streams, and what no checksum of 16 bits can tell alone."""
+"""Bota frames: worked frames, incomplete and damaged streams, and damage that a 16-bit checksum alone misses."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage
             continue
         assert seen == [0, 2000], hit.hex()
         assert decoder.health.bad >= 1
-        # a damage that happens to begin with printable characters cannot be told from text there
+        # damage that happens to begin with printable characters looks like text there
         assert len(hit) - 4 <= decoder.health.bad_bytes <= len(hit)
 
 

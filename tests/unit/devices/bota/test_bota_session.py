@@ -1,4 +1,4 @@
-"""The Bota session against a small sensor that boots, obeys, refuses and falls silent."""
+"""The Bota session with a simple sensor that boots, obeys, refuses and falls silent."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ S = 1_000_000_000
 
 @dataclass
 class Sensor:
-    """A sensor with a clock of its own: a frame every 10 ms while it runs."""
+    """A sensor that sends a frame every 10 ms while it runs."""
 
     running: bool = False
     deaf_to: str = ""
@@ -43,7 +43,7 @@ class Sensor:
 
 @dataclass
 class Bench:
-    """Drives session and sensor in steps of 10 ms."""
+    """Run session and sensor in steps of 10 ms."""
 
     session: bota.Session
     sensor: Sensor
@@ -158,7 +158,7 @@ def test_D1_a_reset_on_opening_and_ten_seconds_of_boot_text_are_no_fault(boot_s:
     bench.start()
     text = b"Bootloader v2, waiting\r\n" * 4 + NAMED
     pieces = [text[at : at + size] for at in range(0, len(text), size)]
-    for number in range(3):  # what was still on its way when the sensor was reset: it is spoken to, and does not hear
+    for number in range(3):  # sent before the reset: the session sends a command that the booting sensor ignores
         bench.deliver(bota.encode_frame((0, 0, 1), (0, 0, 0), number))
     bench.run(boot_s)
     assert {state.split()[0] for state in bench.states} <= {"waiting", "configuring"}
@@ -257,7 +257,7 @@ def test_answers_are_found_in_any_split_and_between_frames(size: int) -> None:
 
 
 def test_an_answer_after_the_rest_of_a_frame_is_found() -> None:
-    """The read is as long as a frame, and completes one."""
+    """The read is as long as a frame and completes one."""
     session = bota.Session()
     frame, answer = bota.encode_frame((0, 0, 1), (0, 0, 0), 0), b"r,0,C,0"
     session.start(0)

@@ -1,4 +1,4 @@
-"""The DSACON32m's images and answers: worked packets, torn, damaged and mixed images, and what no image may hold."""
+"""Images and answers of the DSACON32m: worked packets, and incomplete, damaged, mixed and impossible images."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def frames(count: int, *, rle: bool = False, cells: int = 12) -> list[bytes]:
 
 
 def decode(*stream: bytes, matrices: list[list[float]] | None = None) -> tuple[list[int], dsacon32.Decoder]:
-    """Return the times of the images in ms, one a sample, and the decoder."""
+    """Return the device time of each sample, ms, and the decoder."""
     decoder = dsacon32.Decoder(matrices)
     samples = decoder.receive(b"".join(stream), 0)
     return [sample.device_time_ns // 1_000_000 for sample in samples if sample.device_time_ns is not None], decoder
@@ -111,7 +111,7 @@ def test_L2_no_damage_costs_more_than_its_own_image(damaged: Damage) -> None:
         assert seen[:2] == [0, 0]
         assert seen[-2:] == [66, 66]
         missed += len(seen) > 4
-    assert missed <= 3  # one in 2^13 of what spans several bytes
+    assert missed <= 3  # one in 2^13 of damage to several bytes
 
 
 def test_L3_noise_yields_no_image() -> None:

@@ -1,4 +1,4 @@
-"""Readings pushed by other processes: their one shape, every way to miss it, and what hostile bytes may not do."""
+"""Readings from other processes: their format, every way to violate it, and hostile bytes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def decode(*messages: bytes) -> tuple[list[WrenchSample | TactileSample], extern
 
 
 def pack(base: dict[str, Any], **changes: Any) -> bytes:
-    """Return a message with other fields; a field that is to be left out is ``...``."""
+    """Return a message with changed fields; ``...`` removes a field."""
     data: bytes = msgpack.packb({key: value for key, value in {**base, **changes}.items() if value is not ...})
     return data
 
@@ -205,7 +205,7 @@ def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None
     long_name = encode_reading("n" * 40, 1 << 40, values=np.ones((3, 3)), seq=1 << 33, status=("hot", "x" * 32))
     stream = wrench(1)[9:] + wrench(2) + long_name + b"\x85\xa6strea" + wrench(3)[:-1] + wrench(4) + b"\xc1" + wrench(5)
     stream += pack(WRENCH, stream="n" * 65) + long_name + b"\x84"
-    # the fourth lost its last byte and took one of the fifth; the second came twice
+    # the fourth lost its last byte and took one of the fifth; the second is repeated
     assert len(same_for_every_split(external.Decoder, stream)) == 4
 
 
@@ -304,7 +304,7 @@ def test_an_invalid_reading_is_not_encoded(reading: dict[str, Any]) -> None:
 
 
 class Unplugged(Exception):  # noqa: N818
-    """The documented program's sensor has no more readings."""
+    """The sensor of the documented program has no more readings."""
 
 
 def test_the_documented_sender_is_understood(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The messages of a gripper's driver: what is taken, and every way not to be one."""
+"""Messages of an external driver: valid ones, and every way to be invalid."""
 
 from __future__ import annotations
 
@@ -184,6 +184,6 @@ def test_set_points_and_notices_are_as_documented() -> None:
 
 
 def test_a_key_that_is_not_text_does_not_lead_backwards() -> None:
-    """Its length, counted from the code of a text, would be negative, and the walk end before it began."""
+    """As a text, its length would be negative, and its end before its beginning."""
     body = b"\x00v\x00\xa7width_m\xc0"
     assert measure(b"\x82" + body + bytes(161 - 1 - len(body)), 0) == -1

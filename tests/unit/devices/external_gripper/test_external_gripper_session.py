@@ -1,4 +1,4 @@
-"""The session with somebody else's driver: what it is told, and what of its answers is believed."""
+"""The session with an external driver: its set-points, and which answers it accepts."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ DOCUMENT = DOCS / "devices.md"
 
 @dataclass
 class Bench:
-    """A session and a driver, a millisecond apart."""
+    """A session and a driver, with a delay of a millisecond."""
 
     session: Session = field(default_factory=Session)
     driver: Driver = field(default_factory=Driver)

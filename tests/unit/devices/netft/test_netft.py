@@ -1,4 +1,4 @@
-"""The Net F/T decoder and its session: worked records, every status bit, and every way to know what counts mean."""
+"""Net F/T decoder and session: worked records, every status bit, and every source of the calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a count of a Net F/T is worth: the numbers of a config, the answer over TCP, the sensor's web page."""
+"""Calibration of a Net F/T: the numbers of a config, the answer over TCP, and the sensor's web page."""
 
 from __future__ import annotations
 

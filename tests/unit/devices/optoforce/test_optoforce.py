@@ -1,4 +1,4 @@
-"""OptoForce on its two wirings: published and worked frames, status words, and the session on each."""
+"""OptoForce on its two wirings: published and worked frames, status names, and the session on each."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def test_a_serial_daq_is_configured_and_asked_for_its_serial_number() -> None:
     session = optoforce.Session()
     assert session.start(0) == bytes.fromhex("AA 00 32 03 01 02 00 00 E2")
     assert len(session.receive(reading(1), 1)) == 1
-    session.receive(SERIAL, 1)  # not asked for yet
+    session.receive(SERIAL, 1)  # not requested yet
     assert (session.state, session.identity) == ("waiting", "")
     session.receive(ACK[:3], 2)
     session.receive(ACK[3:], 2)

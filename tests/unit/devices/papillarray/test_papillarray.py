@@ -1,4 +1,4 @@
-"""PTS frames: the worked one, what an index may not say, torn and damaged streams; and the session."""
+"""PTS frames: a worked frame, impossible indexes, incomplete and damaged streams; and the session."""
 
 from __future__ import annotations
 
@@ -25,16 +25,18 @@ WORKED = bytes.fromhex(
     "00 00 00 80 3F 00 00 00 40 00 00 40 40 CD CC CC 3D CD CC 4C 3E 9A 99 99 3E 01 00 04 00 02 00 00 00 80 40 00 00 A0"
     "40 00 00 C0 40 CD CC CC 3E 00 00 00 3F 9A 99 19 3F 03 11 AA BB CC DD"
 )
-"""Computed from the field table of a public parser, with the values of its tests; not taken from a controller. Its sums
-fit neither layout."""
+"""Computed from the field table of a public parser, with the values of its tests; not recorded from a controller.
+
+Its sums match neither layout.
+"""
 
 DISPLACED_MM = 0.125
-"""Of every pillar along each axis: beside a load no sum of forces."""
+"""Displacement of every pillar along each axis; the sum cannot be mistaken for a force."""
 LAYOUTS = [DISPLACEMENT_FIRST, FORCE_FIRST]
 
 
 def forces(number: int, pillars: int = 9) -> np.ndarray:
-    """Forces whose sum is a load."""
+    """Return forces whose sum is a load."""
     drawn = 3.0 + np.random.default_rng(number % 1000).normal(size=(pillars, 3))
     return drawn.astype(np.float32).astype(np.float64)
 
@@ -70,7 +72,7 @@ def frame(number: int, *, sensors: int = 1, **others: Any) -> bytes:
 
 
 def ready(first: int = 0, layout: int = DISPLACEMENT_FIRST) -> papillarray.Decoder:
-    """Return a decoder that knows the layout and has counted no reading; the next frame is ``first``."""
+    """Return a decoder that knows the layout and has counted no readings; the next frame is ``first``."""
     decoder = papillarray.Decoder()
     for number in range(first - FRAMES, first):
         decoder.receive(make(number, [forces(1, 1)], layout=layout), 0)
@@ -80,12 +82,12 @@ def ready(first: int = 0, layout: int = DISPLACEMENT_FIRST) -> papillarray.Decod
 
 
 def resum(body: bytes) -> bytes:
-    """Return a frame with the body and the sum that belongs to it."""
+    """Return a frame with the body and its sum."""
     return frames.START + body + (sum(body) & 0xFFFF).to_bytes(2, "little") + frames.END
 
 
 def decode(stream: bytes, first: int = 0) -> tuple[list[int], papillarray.Decoder]:
-    """Return the numbers of the frames that came out, after checking what they carry, and the decoder."""
+    """Return the numbers of the decoded frames, after checking their forces, and the decoder."""
     decoder = ready(first)
     numbers = []
     for sample in decoder.receive(stream, 0):
@@ -166,7 +168,7 @@ def test_if_neither_layout_matches_every_reading_is_rejected() -> None:
     for number in range(20):
         assert decoder.receive(frame(number, wholes=[np.array((4.0, 5.0, 6.0))]), 0) == []
     assert decoder.health.note == papillarray_layout.NEITHER
-    assert decoder.receive(frame(30), 0) == []  # one frame that fits is chance
+    assert decoder.receive(frame(30), 0) == []  # one frame that matches is chance
     for number in range(31, 31 + FRAMES):
         samples = decoder.receive(frame(number), 0)
     assert len(samples) == 1
@@ -197,7 +199,7 @@ def test_frames_without_the_whole_force_decide_nothing() -> None:
     for number in range(20):
         blocks = [frames.encode_hub(number, number), frames.encode_pillars([entries(forces(1))] * 2)]
         if number % 2:
-            blocks.append(frames.encode_totals([forces(1).sum(axis=0)]))  # of one sensor: it may be either's
+            blocks.append(frames.encode_totals([forces(1).sum(axis=0)]))  # from one sensor: it may belong to either
         assert decoder.receive(frames.encode_blocks(blocks), 0) == []
     assert decoder.health.note == papillarray_layout.UNDECIDED
 
@@ -387,7 +389,7 @@ def test_the_session_sets_the_rate_and_runs_and_sets_it_again_after_silence() ->
     assert session.state == "waiting"
     for number in range(FRAMES):
         samples = session.receive(frame(number), 10)
-        assert session.state == "running"  # it sends, though it is not known at first what
+        assert session.state == "running"  # it sends, though its layout is unknown at first
     assert len(samples) == 1
     assert (session.state, session.next_deadline()) == ("running", 10 + SILENCE_NS)
     assert session.on_time(11) == b""

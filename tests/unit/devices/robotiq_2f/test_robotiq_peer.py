@@ -1,4 +1,4 @@
-"""The session against a Modbus server that others wrote, over a pseudo-terminal."""
+"""The session against the Modbus server of pymodbus, over a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TABLES = {"force_table": [(0, 0.0), (255, 51.0)], "width_table": [(0.0, 0.085), 
 
 
 class Line:
-    """A session on the master side of a pseudo-terminal, driven as the daemon drives one."""
+    """A session on the master side of a pseudo-terminal, run as in the daemon."""
 
     def __init__(self, fd: int, server: ModbusSerialServer) -> None:
         self.server = server

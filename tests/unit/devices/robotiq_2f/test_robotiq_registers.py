@@ -1,4 +1,4 @@
-"""The words of the Robotiq registers: published status bytes, and every code of every field."""
+"""Robotiq registers: published status bytes, and every code of every field."""
 
 from __future__ import annotations
 

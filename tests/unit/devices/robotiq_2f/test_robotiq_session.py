@@ -1,4 +1,4 @@
-"""The Robotiq session against a small gripper on a line that loses, delays, garbles and refuses."""
+"""The Robotiq session against a simple gripper on a line that loses, delays, damages and refuses."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FORCE = bytes.fromhex("09 10 03 EA 00 01 02 80 5A 05 A1")
 
 @dataclass
 class Gripper:
-    """A gripper that activates in two polls and is at once where it was told to go."""
+    """A gripper that activates within two polls and reaches its goal at once."""
 
     output: tuple[int, ...] = (0, 0, 0)
     stage: int = 0
@@ -77,7 +77,7 @@ class Gripper:
 
 
 def session() -> robotiq_2f.Session:
-    """One whose force byte is a newton less, whose position byte is the millimetres closed, its speed byte mm/s."""
+    """Return a session with force byte = N - 1, position byte = mm closed, and speed byte = mm/s."""
     return robotiq_2f.Session(
         force_table=[(0, 1.0), (255, 256.0)],
         width_table=[(0.0, 0.255), (1.0, 0.0)],
@@ -87,7 +87,7 @@ def session() -> robotiq_2f.Session:
 
 @dataclass
 class Bench:
-    """Drives the session with a fake clock; a reply takes 6 ms."""
+    """Run the session with a simulated clock; a reply takes 6 ms."""
 
     session: robotiq_2f.Session = field(default_factory=session)
     gripper: Gripper = field(default_factory=Gripper)
@@ -330,7 +330,7 @@ def test_an_unsent_activation_is_cancelled(active: Bench, how: str) -> None:
     assert forget(active.session, how)
     active.steps(4)
     assert CLEAR not in active.commands()
-    assert active.gripper.output[0] == (0x0100 if how == "halt" else 0x0900), "what it did before is stopped"
+    assert active.gripper.output[0] == (0x0100 if how == "halt" else 0x0900), "its previous motion is stopped"
     assert (active.session.state, active.session.force_sent_n) == ("active", 61.0)
 
 
@@ -413,7 +413,7 @@ def test_N2_a_force_that_is_not_finite_is_refused(active: Bench, value: float) -
 def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> None:
     assert move(active.session, 0.1, None, 5.9) == active.session.applied_n(5.9) == 5.0
     assert set_force(active.session, 7.999) == 7.0
-    assert set_force(active.session, 0.2) == 1.0, "the gripper's least"
+    assert set_force(active.session, 0.2) == 1.0, "the gripper's smallest force"
     assert set_force(active.session, 1e9) == 256.0
     active.steps(1)
     told = robotiq_registers.parse_output(active.gripper.output)
@@ -696,7 +696,7 @@ def test_an_unanswered_force_is_not_repeated_after_an_activation(active: Bench) 
 def test_a_status_received_during_a_queued_activation_counts_after_its_cancellation(how: str) -> None:
     bench = Bench().start()
     activate(bench.session, bench.now_ns)
-    bench.gripper.output, bench.gripper.stage = (0x0100, 0, 0), 3  # somebody else activated it
+    bench.gripper.output, bench.gripper.stage = (0x0100, 0, 0), 3  # another master activated it
     poll = bench.session._line.poll(bench.now_ns)
     bench.session.receive(bench.gripper.hear(poll), bench.now_ns)
     assert (bench.session.state, bench.session.activating) == ("activating", True)

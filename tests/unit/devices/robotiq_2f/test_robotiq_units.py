@@ -1,4 +1,4 @@
-"""No setting is ever told that grips harder than was asked for."""
+"""Tables of forces: no setting exceeds the requested force."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TABLE = [(0.0, 3.0), (60.0, 7.5), (120.0, 13.0), (255.0, 30.0)]
 
 @st.composite
 def tables(draw: st.DrawFn) -> list[tuple[float, float]]:
-    """Whole rising settings within a byte, and forces that rise by at least 0.1 N."""
+    """Rising integer settings within a byte, and forces that rise by at least 0.1 N."""
     units = draw(st.lists(st.integers(0, 255), min_size=2, max_size=6, unique=True))
     steps = draw(st.lists(st.floats(0.1, 50.0), min_size=len(units), max_size=len(units)))
     return list(zip(map(float, sorted(units)), itertools.accumulate(steps), strict=True))

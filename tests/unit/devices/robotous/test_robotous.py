@@ -1,4 +1,4 @@
-"""Robotous RFT: worked packets, a check that is weak alone, and a session that spares the sensor's EEPROM."""
+"""Robotous RFT: worked packets, a weak checksum, and a session that spares the sensor's EEPROM."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def answer(session: robotous.Session, number: int, content: bytes = b"", now_ns:
 
 
 def asked(**options: Any) -> robotous.Session:
-    """Return a session that has stopped the sensor and asked for its rate."""
+    """Return a session that has stopped the sensor and requested its rate."""
     session = robotous.Session(**options)
     assert session.start(0) == packets.encode_command(packets.STOP)
     assert session.on_time(STOP_PAUSE_NS - 1) == b""

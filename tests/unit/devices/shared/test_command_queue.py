@@ -1,4 +1,4 @@
-"""One command at a time, each at most three times, and never one that a newer has replaced."""
+"""One command at a time, each at most three times, and never one that a newer one has replaced."""
 
 from __future__ import annotations
 

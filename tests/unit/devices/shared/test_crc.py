@@ -1,4 +1,4 @@
-"""Both checksums against their published check values and a bitwise computation."""
+"""Both CRCs against their published check values and a bitwise computation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scanner on a toy frame: ``AB CD``, one byte of payload, and that byte inverted."""
+"""The frame scanner on a simple frame: ``AB CD``, one byte of payload, and that byte inverted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every gripper session refuses in a permit, whatever its state."""
+"""Permits that every gripper session refuses in every state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The RDT records: they carry no sync and no checksum, so what is steady has to tell where one begins."""
+"""RDT records: without sync and checksum, only consistency from one record to the next shows where one begins."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ COUNTS = (12_345_678, -2_500_000, 98_100_000, 150_000, -42_000, 7)
 
 
 def record(number: int, status: int = 0, ticks: int | None = None) -> bytes:
-    """Return the record of a 1 kHz stream; its second count is a thousand times its number."""
+    """Return a record of a 1 kHz stream; its second count is a thousand times its number."""
     return rdt.encode_record(
         (COUNTS[0], 1000 * number, *COUNTS[2:]), number, 7 * number if ticks is None else ticks, status
     )
 
 
 def read(*pieces: bytes) -> tuple[list[int], DecoderHealth]:
-    """Return the numbers of the records that came out, and the counters."""
+    """Return the numbers of the returned records, and the counts."""
     health = DecoderHealth()
     records = rdt.RecordScanner(health, RESERVED)
     return [int(row[1]) // 1000 for piece in pieces for row in records.receive(piece)[1]], health
@@ -230,7 +230,7 @@ EVENTS = st.tuples(
 
 
 def datagrams(events: list[tuple[str, int, int]]) -> list[bytes | None]:
-    """What a sensor sends in datagrams of some records on a line with faults; None: the stream is opened anew."""
+    """Return the datagrams of a sensor on a line with faults; None: the stream is opened again."""
     number, clock, step, status, sent = 1, 7, 7, 0, []
     for what, count, place in [*events, *[("send", 2, 0)] * 3]:
         if what == "forget":
@@ -269,7 +269,7 @@ def datagrams(events: list[tuple[str, int, int]]) -> list[bytes | None]:
 
 
 def told(sent: list[bytes | None], size: int) -> tuple[list[list[object]], DecoderHealth]:
-    """Heads and counts behind each datagram, which comes in pieces of ``size`` bytes, and the counters."""
+    """Return heads and counts after each datagram, received in pieces of ``size`` bytes, and the health."""
     health = DecoderHealth()
     records = rdt.RecordScanner(health, RESERVED)
     found: list[list[object]] = []
@@ -281,7 +281,7 @@ def told(sent: list[bytes | None], size: int) -> tuple[list[list[object]], Decod
         for at in range(0, len(datagram), size):
             heads, counts = records.receive(datagram[at : at + size])
             found[-1] += zip(heads, counts.tolist(), strict=True)
-            assert records._in_sync or records._frames.has_partial, "out of step, a whole datagram is no usual one"
+            assert records._in_sync or records._frames.has_partial, "out of sync, whole records are not read directly"
     return found, health
 
 
@@ -292,7 +292,7 @@ def test_L1_a_whole_datagram_is_read_as_its_pieces_are(events: list[tuple[str, i
 
 
 def test_D3_the_clock_of_a_late_record_moves_none_after_it() -> None:
-    """Of two datagrams that were overtaken, the second is late by its numbers alone."""
+    """Of two overtaken datagrams, the second is late by its numbers alone."""
     first = [rdt.encode_record(COUNTS, SPAN - 3 + step, SPAN - 21 + 7 * step) for step in range(4)]
     second = [record(n, ticks=7 * n + 11) for n in (37, 38)]
     stream = [[record(37), record(38)], first, second]

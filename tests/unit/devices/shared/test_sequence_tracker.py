@@ -1,4 +1,4 @@
-"""Gap, duplicate, late reading, wrap and restart, told apart in sequences whose truth is known."""
+"""Gaps, duplicates, late readings, wraps and restarts in sequences with a known truth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slipd.devices.shared.sequence_tracker import FURTHEST_GAP, LATE_WITHIN, SHO
 
 
 def watch(span: int, *numbers: int, first: int = 0) -> tuple[list[int], DecoderHealth]:
-    """Return the numbers that are handed on, and the counters."""
+    """Return the accepted numbers, and the health."""
     health = DecoderHealth()
     numbering = SequenceTracker(span, health, first=first)
     return [number for number in numbers if numbering.accept(number)], health
@@ -25,10 +25,10 @@ def counted(health: DecoderHealth) -> tuple[int, int, int]:
 
 @dataclass
 class Device:
-    """What a device with a running number sends over a line with faults, and what should be counted."""
+    """A device with a sequence number on a line with faults, and the expected counts."""
 
     span: int
-    now: int = 0  # its number without the wrap, since it began
+    now: int = 0  # its number without wraps since the start
     sent: list[int] = field(default_factory=list)
     handed_on: int = 0
     truth: list[int] = field(default_factory=lambda: [0, 0, 0])
@@ -45,12 +45,12 @@ class Device:
 
     def repeat(self, behind: int) -> None:
         number = self.now - 1 - behind
-        if number > 0 and number % self.span != 0:  # the first number of all again is a restart
+        if number > 0 and number % self.span != 0:  # the very first number again is a restart
             self.sent.append(number % self.span)
             self.truth[1] += 1
 
     def restart(self) -> None:
-        """Begin anew, where that cannot be taken for a wrap."""
+        """Restart, if that cannot be mistaken for a wrap."""
         if SHORT_GAP + 1 < self.span - self.now % self.span < self.span - 1:
             self.now = 0
             self.truth[2] += 1

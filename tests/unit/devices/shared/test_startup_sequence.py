@@ -1,4 +1,4 @@
-"""The talk that brings a device to sending: every way in which an answer can stay away."""
+"""The startup sequence: missing, late, repeated and refusing answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The packets of the Weiss controllers: the checksum against its definition, and lengths that lie."""
+"""Packets of the Weiss controllers: the checksum against its definition, and wrong lengths."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LONGEST = 40
 
 
 def defined(data: bytes, seed: int = SEED_AFTER_PREAMBLE) -> int:
-    """The checksum as the drivers define it: the table of a CCITT shifting left, walked shifting right."""
+    """Return the checksum as the drivers define it: the table of a left-shifting CCITT, used with right shifts."""
     for byte in data:
         entry = (seed ^ byte) & 0xFF
         value = entry << 8

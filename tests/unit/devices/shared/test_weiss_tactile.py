@@ -1,4 +1,4 @@
-"""Both Weiss sessions against their emulated controllers: deaf, refusing, silent, torn off in the middle."""
+"""Both Weiss sessions against their emulated controllers: booting, refusing, silent, disconnected in the middle."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ S = 1_000_000_000
 
 @dataclass
 class Bench:
-    """Drives session and controller in steps of 10 ms.
+    """Run session and controller in steps of 10 ms.
 
-    ``mend(answer)`` stands between them: what it returns is what the session hears.
+    The session receives ``mend(answer)`` instead of an answer.
     """
 
     session: TactileSession
@@ -81,7 +81,7 @@ def wts_bench() -> Bench:
 
 
 def of(packet_id: int, wrong: bytes) -> Callable[[bytes], bytes]:
-    """Return what puts ``wrong`` in the place of every answer with the id."""
+    """Return a function that replaces every answer with the id by ``wrong``."""
     return lambda answer: wrong if answer[3] == packet_id else answer
 
 
@@ -150,7 +150,7 @@ def test_options_reach_the_requests() -> None:
     bench.run(4.5)
     assert bench.written[-2:] == [messages.acquire(0, rle=False), messages.acquire(1, rle=False)]
     assert bench.session.stop() == messages.acquire(0, rle=False)
-    assert len(bench.samples) == 8  # a pause of a second is no silence at this rate
+    assert len(bench.samples) == 8  # a pause of a second is not silence at this rate
     session = wts.Session(interval_ms=0)
     bench = Bench(session, wts_bench().device)
     bench.start()
@@ -223,7 +223,7 @@ def test_a_repeated_answer_is_not_mistaken_for_the_next_one(make: Callable[[], B
     bench.run(0.1)
     bench.mend = lambda answer: answer + answer
     bench.run(0.6)
-    assert len(bench.written) == 3  # after a repeated question the next one waits
+    assert len(bench.written) == 3  # after a repeated query the next one waits
     bench.run(1)
     assert bench.session.state == "running"
     assert len(set(bench.written)) == len(DSACON_ASKED if make is dsacon_bench else WTS_ASKED)

@@ -1,4 +1,4 @@
-"""The packets of WSG grippers: worked frames, every code, and what is no reply."""
+"""Packets of WSG grippers: worked frames, every code, and implausible replies."""
 
 from __future__ import annotations
 

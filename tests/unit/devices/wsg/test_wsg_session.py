@@ -1,4 +1,4 @@
-"""The WSG session against its emulator, and against answers that the emulator never gives."""
+"""The WSG session with its emulator, and with answers that the emulator never gives."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def updates(width_mm: float = 40.0, force: float = 20.0, words: tuple[str, ...] 
 
 @dataclass
 class Bench:
-    """A session and a gripper, a millisecond apart; what the session writes is kept, and may be swallowed."""
+    """A session and a gripper, with a delay of a millisecond; keeps what the session sends, and may swallow it."""
 
     session: Session = field(default_factory=Session)
     gripper: Gripper = field(default_factory=lambda: make(0))
@@ -177,7 +177,7 @@ def test_a_force_while_nothing_is_held_and_no_goal_is_known_moves_nothing(bench:
 @pytest.mark.parametrize("blocked", ["blocked_plus", "blocked_minus"])
 @pytest.mark.parametrize("width_m", [None, 0.1])
 def test_a_force_never_opens_or_resumes_after_a_stop(bench: Bench, blocked: str, width_m: float | None) -> None:
-    if width_m is not None:  # something blocks the way out
+    if width_m is not None:  # an obstacle blocks the opening
         move(bench.session, width_m, 0.05, 10.0)
         bench.run(0.1)
         bench.gripper.receive(wire.encode(wire.STOP), bench.now_ns)
@@ -556,7 +556,7 @@ def test_an_update_that_is_missing_costs_one_reading_and_only_it() -> None:
             whole = b"".join(parts[at] for at in order)
             torn = b"".join(parts[at] for at in order if at != missing)
             samples = decoder.receive(2 * whole + torn + 3 * whole, 0)
-            begun = order[-1] != 3  # its first state came before the rest
+            begun = order[-1] != 3  # the first state arrived before the other updates
             assert len(samples) == 5 - begun, (order, missing)
 
 
@@ -602,7 +602,7 @@ def test_an_activation_after_an_unanswered_force_outlasts_the_next_readings(benc
     bench.run(0.1)
     assert (bench.session.state, bench.session.command_lost, bench.last.active) == ("activating", False, False)
     bench.run(1.5)
-    assert bench.commands() == [wire.SET_FORCE, wire.HOME], "the force is void: it is not repeated"
+    assert bench.commands() == [wire.SET_FORCE, wire.HOME], "the force no longer applies: it is not repeated"
     assert bench.session.state == "active"
 
 
@@ -641,7 +641,7 @@ def test_a_first_activation_that_ends_while_a_second_waits_does_not_end_the_seco
     bench.hear([wire.encode_reply(wire.HOME)])
     assert bench.session.activating
     assert bench.session.drop()
-    assert (bench.session.activating, set_force(bench.session, 5.0)) == (False, None), "a reading says what it is now"
+    assert (bench.session.activating, set_force(bench.session, 5.0)) == (False, None), "a reading shows the state again"
     bench.run(0.03)
     assert set_force(bench.session, 5.0) == 5.0
 
