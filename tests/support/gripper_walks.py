@@ -37,7 +37,7 @@ FORCE_STEP_N = 0.2
 
 
 @dataclass(frozen=True)
-class Told:
+class SentCommand:
     """One command on the wire: "activate", "move", "force", "stop" or "other", in metres and newtons on one pad."""
 
     kind: str
@@ -60,7 +60,7 @@ class Peer(ABC):
         """The link was opened."""
 
     @abstractmethod
-    def told(self, data: bytes) -> list[Told]:
+    def commands(self, data: bytes) -> list[SentCommand]:
         """What the bytes tell the gripper."""
 
     @abstractmethod
@@ -100,17 +100,17 @@ class RobotiqPeer(Peer):
     def requests(self, data: bytes) -> list[modbus.Request]:
         return modbus.parse_requests(data, registers.UNIT)[0]
 
-    def told(self, data: bytes) -> list[Told]:
+    def commands(self, data: bytes) -> list[SentCommand]:
         found = []
         for request in (request for request in self.requests(data) if request.registers):
             (action, *_), force = request.registers, request.registers[-1] & 0xFF
             force_n = self.session._units.newtons(force)
             if request.write_address == registers.FORCE_ADDRESS:
-                found.append(Told("force", force_n=force_n))
+                found.append(SentCommand("force", force_n=force_n))
             elif action >> 8 & registers.GO:
-                found.append(Told("move", self.session._units.width_m(request.registers[1]), force_n))
+                found.append(SentCommand("move", self.session._units.width_m(request.registers[1]), force_n))
             else:
-                found.append(Told("stop" if len(request.registers) == 1 else "activate"))
+                found.append(SentCommand("stop" if len(request.registers) == 1 else "activate"))
         return found
 
     def hear(self, data: bytes, now_ns: int) -> list[bytes]:
@@ -124,7 +124,7 @@ class RobotiqPeer(Peer):
         return []
 
     def disturb(self) -> list[bytes]:
-        self.gripper._tell(self.rng.choice(((0, 0, 0), (0x0100, 0, 0))), self.rng.randrange(2) << 40)
+        self.gripper._write_output(self.rng.choice(((0, 0, 0), (0x0100, 0, 0))), self.rng.randrange(2) << 40)
         return []
 
     def width_m(self) -> float:
@@ -149,15 +149,15 @@ class WsgPeer(Peer):
     def packets(self, data: bytes) -> Any:
         return PacketScanner(SEED_WITH_PREAMBLE, lambda *_: True, 9, DecoderHealth()).packets(data)
 
-    def told(self, data: bytes) -> list[Told]:
+    def commands(self, data: bytes) -> list[SentCommand]:
         found = []
         for packet in (packet for packet in self.packets(data) if packet.id < wire.STATE):
             if packet.id == wire.SET_FORCE:
-                found.append(Told("force", force_n=wire.parse_number(packet.payload) / wire.FINGERS))
+                found.append(SentCommand("force", force_n=wire.parse_number(packet.payload) / wire.FINGERS))
             elif packet.id == wire.PREPOSITION:
-                found.append(Told("move", wire.parse_goal(packet.payload)[1] / 1000))
+                found.append(SentCommand("move", wire.parse_goal(packet.payload)[1] / 1000))
             else:
-                found.append(Told({wire.HOME: "activate", wire.STOP: "stop"}.get(packet.id, "other")))
+                found.append(SentCommand({wire.HOME: "activate", wire.STOP: "stop"}.get(packet.id, "other")))
         return found
 
     def hear(self, data: bytes, now_ns: int) -> list[bytes]:
@@ -197,10 +197,10 @@ class ExternalPeer(Peer):
         unpacker.feed(data)
         return [body for body in unpacker if "op" in body]
 
-    def told(self, data: bytes) -> list[Told]:
+    def commands(self, data: bytes) -> list[SentCommand]:
         kinds = {"acknowledge": "other"}
         return [
-            Told(kinds.get(body["op"], body["op"]), body.get("width_m"), body.get("force_n"))
+            SentCommand(kinds.get(body["op"], body["op"]), body.get("width_m"), body.get("force_n"))
             for body in self.messages(data)
         ]
 
@@ -247,7 +247,7 @@ class Walk:
         self.replies: list[tuple[int, bytes]] = []
         self.goal_m: float | None = None  # of the last move, unless it was halted, dropped or replaced
         self.may_activate = False
-        self.sent: set[Told] = set()
+        self.sent: set[SentCommand] = set()
 
     def run(self) -> Counter[tuple[Enum, Enum, bool]]:
         self.open()
@@ -292,8 +292,8 @@ class Walk:
                 self.session.receive(data, self.now_ns)
 
     def write(self, data: bytes) -> None:
-        for told in self.peer.told(data):
-            self.judge(told)
+        for command in self.peer.commands(data):
+            self.judge(command)
         chance = self.rng.random()
         if chance < self.loss:
             return
@@ -301,18 +301,18 @@ class Walk:
         late_ns = self.rng.choice((0, 1, 6, 6, 30)) * MS
         self.replies += [(self.now_ns + late_ns, answer) for answer in answers if answer]
 
-    def judge(self, told: Told) -> None:
+    def judge(self, command: SentCommand) -> None:
         """Whatever is on the wire was permitted, and is the newest that was."""
-        if told.kind == "activate":
+        if command.kind == "activate":
             assert self.may_activate, "activated without a permit"
-        if told.kind == "move":
+        if command.kind == "move":
             assert self.goal_m is not None, "moved without a permit, or behind a halt"
-            assert told.width_m is not None
-            assert abs(told.width_m - self.goal_m) < 1e-3, "moved to another width than permitted"
-        if told.force_n is not None and told not in self.sent:  # an older force may be repeated before the newest
+            assert command.width_m is not None
+            assert abs(command.width_m - self.goal_m) < 1e-3, "moved to another width than permitted"
+        if command.force_n is not None and command not in self.sent:  # an older force may be repeated before the newest
             assert self.session.force_sent_n is not None
-            assert abs(told.force_n - self.session.force_sent_n) < 1e-6, "sent another force than it says"
-        self.sent.add(told)
+            assert abs(command.force_n - self.session.force_sent_n) < 1e-6, "sent another force than it says"
+        self.sent.add(command)
 
     def act(self) -> None:
         kind = self.rng.choice((*("activate",) * self.anew, *("move", "set_force", "halt") * 4, "drop", "acknowledge"))

@@ -1,6 +1,6 @@
-"""A Weiss DSACON32m as seen from its line: deaf while it boots, then it answers and pushes images.
+"""A Weiss DSACON32m as seen from its line: it answers requests and streams images.
 
-Not emulated: single images, masks, sensitivities, thresholds and descriptions.
+Not emulated: booting, single images, masks, sensitivities, thresholds and descriptions.
 """
 
 from __future__ import annotations
@@ -12,17 +12,10 @@ from numpy.typing import NDArray
 
 from slipd.devices import dsacon32
 from slipd.devices.dsacon32 import dsacon32_messages as messages
-from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
 from slipd.devices.dsacon32.dsacon32_session import MAX_RATE_HZ
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.weiss_packets import SEED_AFTER_PREAMBLE, Packet, PacketScanner
 from slipd.sim.weiss_controller import WeissController
-
-BOOT_NS = 8_000_000_000
-"""Time from power-up until it accepts commands, ns."""
-
-TEXT_NS = (7_000_000_000, 7_400_000_000, 7_800_000_000)
-"""Time from power-up to each piece of its boot text, ns."""
 
 FINGER = ((6, 14), (6, 13))
 """The proximal and the distal matrix of an SDH finger, columns and rows."""
@@ -58,25 +51,6 @@ class Dsacon32(WeissController):
         self.info = info or messages.ControllerInfo(serial=1234)
         self._matrices = matrices
         self._rle = False
-        self._text_ns: list[int] = []
-        self._ready_ns = 0
-
-    def power_up(self, t_ns: int) -> None:
-        """Boot as after a power cut: images stop, and commands are ignored for 8 s."""
-        self._push(None, t_ns)
-        self._powered_ns = t_ns
-        self._ready_ns = t_ns + BOOT_NS
-        self._text_ns = [t_ns + delay for delay in TEXT_NS]
-
-    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
-        """Handle bytes that the host wrote by ``t_ns``; return the answers."""
-        return super().receive(data, t_ns) if t_ns >= self._ready_ns else []
-
-    def advance(self, t_ns: int) -> list[bytes]:
-        """Advance to ``t_ns`` and return the bytes due by then."""
-        due = sum(text_ns <= t_ns for text_ns in self._text_ns)
-        del self._text_ns[:due]
-        return [BOOT_TEXT] * due + super().advance(t_ns)
 
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == messages.CONTROLLER:

@@ -35,7 +35,6 @@ class WeissController(ABC):
         self._rng = rng
         self._noise_counts = noise_counts
         self._clock = (1.0 + clock_ppm * 1e-6) * 1e-6  # its ms per ns
-        self._powered_ns = 0
         self._period_ns: int | None = None
         self._next_ns = 0
 
@@ -63,7 +62,7 @@ class WeissController(ABC):
         while self._period_ns is not None and self._next_ns <= t_ns:
             noisy = self._ideal + self._noise_counts * self._rng.standard_normal(self._ideal.size)
             cells = np.clip(np.rint(noisy), 0, FULL_SCALE).astype(np.uint16)
-            output.append(self._frame(cells, round((self._next_ns - self._powered_ns) * self._clock)))
+            output.append(self._frame(cells, round(self._next_ns * self._clock)))
             self._next_ns += self._period_ns
         return output
 

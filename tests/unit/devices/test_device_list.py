@@ -106,26 +106,26 @@ def new_link(device: Device, listener: Any) -> Iterator[tuple[bytes, int]]:
     emulator: Any = make_emulator(device.name)
     emulator.opened(0)
     session = listener if device.session is not None else None
-    said = emulator.receive(session.start(0), 0) if session else listener.forget() or []
+    output = emulator.receive(session.start(0), 0) if session else listener.forget() or []
     if device.inquiry is not None and (inquiry := device.inquiry(**emulator.options)) is not None:
         yield emulator.inquire(inquiry.request), 0
     for now_ns in range(MS, 5_000 * MS, MS):
-        for data in said + emulator.advance(now_ns):
+        for data in output + emulator.advance(now_ns):
             yield data, now_ns
-        said = []
+        output = []
         while session and (due := session.next_deadline()) is not None and due <= now_ns:
-            said += emulator.receive(session.on_time(now_ns), now_ns)
+            output += emulator.receive(session.on_time(now_ns), now_ns)
 
 
 def first_readings(device: Device, listener: Any) -> tuple[list[Any], int]:
     """Return the first readings of a new link, and the number of pieces they took."""
     readings: list[Any] = []
-    for taken, (data, now_ns) in enumerate(new_link(device, listener)):
+    for pieces, (data, now_ns) in enumerate(new_link(device, listener)):
         for sample in listener.receive(data, now_ns):
             fields = (getattr(sample, name) for name in sample.__slots__)
             readings.append(tuple(field.tolist() if isinstance(field, np.ndarray) else field for field in fields))
         if len(readings) >= READINGS:
-            return readings, taken
+            return readings, pieces
     raise AssertionError(f"{device.name} says too little")
 
 

@@ -9,7 +9,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from gripper_walks import MS, PEERS, Told, walks
+from gripper_walks import MS, PEERS, SentCommand, walks
 
 from slipd.devices.external_gripper.external_gripper_message import Report
 from slipd.devices.shared.state_machine import StateMachine
@@ -68,7 +68,7 @@ class Talk:
         self.peer: Any = PEERS[device](Random(device))
         self.session = self.peer.session
         self.now_ns = 0
-        self.told: list[Told] = []
+        self.commands: list[SentCommand] = []
         self.written = b""
         self.deaf = False
 
@@ -79,7 +79,7 @@ class Talk:
 
     def exchange(self, data: bytes) -> None:
         self.written += data
-        self.told += self.peer.told(data)
+        self.commands += self.peer.commands(data)
         for answer in self.peer.hear(data, self.now_ns):
             if not self.deaf:
                 self.session.receive(answer, self.now_ns)
@@ -112,12 +112,12 @@ def reach_robotiq(state: str) -> Talk:
     if state in ("closed", "waiting"):
         talk.deaf = True
         return talk if state == "closed" else talk.start()
-    talk.peer.gripper._tell((0x0100 if state == "active" else 0, 0, 0), -(10**10))
+    talk.peer.gripper._write_output((0x0100 if state == "active" else 0, 0, 0), -(10**10))
     talk.start().run(30)
     if state in ("activation queued", "cleared", "activating"):
         assert talk.ask("activate")
     writes = {"cleared": 1, "activating": 2}.get(state, 0)
-    while talk.told.count(Told("activate")) < writes:
+    while talk.commands.count(SentCommand("activate")) < writes:
         talk.now_ns += MS
         due = talk.session.next_deadline()
         if due <= talk.now_ns:
@@ -234,14 +234,14 @@ def test_a_permit_is_sent_in_states_that_accept_it_and_changes_nothing_in_others
     assert session._machine.state.value == state
     assert session.activating is (session._machine.state in module.ACTIVATION)
     outcomes = OUTCOMES[device][state]
-    sent = len(talk.told)
+    sent = len(talk.commands)
     assert talk.ask(kind) is (kind in outcomes)
     if kind in outcomes:
         assert session.activating or kind != "activate"
         talk.deaf = False
-        told = talk.run(200).told[sent:]
-        assert [each.kind for each in told[: len(outcomes[kind])]] == outcomes[kind]
-        assert outcomes[kind] or not told
+        commands = talk.run(200).commands[sent:]
+        assert [each.kind for each in commands[: len(outcomes[kind])]] == outcomes[kind]
+        assert outcomes[kind] or not commands
         return
     assert session._machine.state is untouched.session._machine.state
     if kind != "drop":  # an unanswered command is not repeated after a drop
@@ -251,7 +251,7 @@ def test_a_permit_is_sent_in_states_that_accept_it_and_changes_nothing_in_others
 
 @devices
 def test_only_the_last_permit_is_ever_on_the_wire(device: str) -> None:
-    taken = {(state, event) for pairs in walks(device, range(WALKS)) for state, event, took in pairs if took}
+    accepted = {(state, event) for pairs in walks(device, range(WALKS)) for state, event, took in pairs if took}
     known = {(state, event) for state, row in table_of(device).items() for event in row}
-    assert taken <= known
-    assert len(taken) > 0.8 * len(known), "the walks cover most of the table"
+    assert accepted <= known
+    assert len(accepted) > 0.8 * len(known), "the walks cover most of the table"

@@ -45,7 +45,7 @@ def decode(*frames: bytes) -> tuple[list[int], pvdf.Decoder]:
     return numbers, decoder
 
 
-def told(decoder: pvdf.Decoder, reads: list[bytes]) -> tuple[list[tuple[int | None, int, bytes]], str]:
+def results(decoder: pvdf.Decoder, reads: list[bytes]) -> tuple[list[tuple[int | None, int, bytes]], str]:
     """Return the samples and health of a decoder for a list of reads."""
     samples = [sample for read in reads for sample in decoder.receive(read, 0)]
     return [(one.device_time_ns, one.dwell_ns, one.values.tobytes()) for one in samples], repr(decoder.health)
@@ -58,7 +58,7 @@ def test_whole_scans_in_one_read_equal_their_frames_one_by_one(first: int, at: i
     spoilt[at] ^= flip
     reads = [b"".join(rows_of(0)), bytes(spoilt), b"".join(rows_of(first + 2))]
     frames = [read[k : k + FRAME] for read in reads for k in range(0, len(read), FRAME)]
-    assert told(pvdf.Decoder(), reads) == told(pvdf.Decoder(), frames)
+    assert results(pvdf.Decoder(), reads) == results(pvdf.Decoder(), frames)
 
 
 def test_a_scan_comes_out_in_scan_order_with_its_times() -> None:

@@ -23,7 +23,7 @@ WORKED = bytes.fromhex(
     "03 F8 03 F9 03 FA 03 FB 03 FC 03 FD 03 FE 03 FF 04 00 04 01 04 02 04 03 20 FF 85 30 00 2C 3F 74 02 D8 40 FF 81"
     "00 6F FF 9E 24 00 4D 70 00 00 00 00 00 00 6C 1E"
 )
-"""Both computed from the maker's field table; none was taken from a sensor."""
+"""Both computed from the manufacturer's field table; not recorded from a sensor."""
 
 
 def image(number: int, finger: int = 0) -> np.ndarray:
@@ -185,7 +185,7 @@ def test_L2_a_damaged_packet_costs_at_most_the_next_one(damaged: Damage) -> None
 @given(st.lists(st.one_of(st.just(SMALL), st.just(packet(1)), st.binary(max_size=60)), max_size=10))
 def test_nothing_raises_and_a_packet_after_anything_is_read(parts: list[bytes]) -> None:
     stream = b"".join(parts)
-    found, decoder = decode(stream + SMALL * 27 + packet(2))  # SMALL * 27 is longer than any packet that was begun
+    found, decoder = decode(stream + SMALL * 27 + packet(2))  # SMALL * 27 is longer than any partial packet
     assert found[-1] == image(2).tolist()
     assert decoder.health.good == len(found)
 

@@ -20,7 +20,7 @@ WORKED = bytes.fromhex(
     "AA AA AA 00 45 00 40 E2 01 00 00 00 00 00 00 00 00 00 00 00 00 0C 00 50 00 00 00 05 00 2C 01 0A 05 28 00 00 00 04"
     "01 FF 07 21 00 00 00 14 00 96 00 09 00" + "00" * 24 + "A5 81"
 )
-"""Computed from the drivers' field table; it was not taken from a module."""
+"""Computed from the drivers' field table; not recorded from a module."""
 
 
 def frames(count: int, cells: int = 32) -> list[bytes]:
@@ -59,13 +59,13 @@ def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None
 
 
 def test_L2_no_flipped_bit_costs_more_than_its_own_image() -> None:
-    before, hit, behind = frames(3, cells=8)
+    before, hit, after = frames(3, cells=8)
     for bit in range(8 * len(hit)):
         damaged = bytearray(hit)
         damaged[bit // 8] ^= 1 << bit % 8
         decoder = wts.Decoder()
         decoder.set_matrix(wts.Matrix(4, 2))
-        assert times_ms(decoder, before, bytes(damaged), behind) == [0, 20]
+        assert times_ms(decoder, before, bytes(damaged), after) == [0, 20]
         assert decoder.health.bad >= 1
 
 

@@ -3,8 +3,7 @@ import pytest
 
 from slipd.devices import dsacon32
 from slipd.devices.dsacon32 import dsacon32_messages as messages
-from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
-from slipd.sim.emulated_dsacon32 import BOOT_NS, Dsacon32
+from slipd.sim.emulated_dsacon32 import Dsacon32
 from slipd.sim.emulators import make_emulator
 
 MS = 1_000_000
@@ -59,19 +58,6 @@ def test_the_noise_has_its_deviation():
     made.press(np.full(12, 2000.0))
     made.receive(messages.acquire(30, rle=False), 0)
     assert np.std([sample.values for sample in images(made, 0, 20 * S, S)]) == pytest.approx(5.0, rel=0.05)
-
-
-def test_D1_it_boots_deaf_with_its_text_and_a_clock_that_begins_anew():
-    made = controller()
-    made.receive(messages.acquire(30, rle=True), 0)
-    made.power_up(10 * S)
-    assert made.receive(messages.encode_query(messages.CONTROLLER), 10 * S + BOOT_NS - 1) == []
-    said = [(t, made.advance(t)) for t in range(10 * S, 19 * S, 100 * MS)]
-    assert [t - 10 * S for t, pieces in said if pieces] == [7_000 * MS, 7_400 * MS, 7_800 * MS]
-    assert {piece for _, pieces in said for piece in pieces} == {BOOT_TEXT}
-    assert len(made.receive(messages.encode_query(messages.CONTROLLER), 19 * S)) == 1
-    made.receive(messages.acquire(30, rle=True), 19 * S)
-    assert images(made, 19 * S, 20 * S)[0].device_time_ns == pytest.approx(9.033 * S, rel=1e-3)
 
 
 def test_a_matrix_it_does_not_have_is_an_error():

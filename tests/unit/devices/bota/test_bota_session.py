@@ -22,10 +22,10 @@ class Sensor:
     deaf_to: str = ""
     refuses: dict[str, int] = field(default_factory=dict)
     settings: list[bota_text.Command] = field(default_factory=list)
-    heard: bytes = b""
+    received: bytes = b""
 
     def hear(self, data: bytes) -> bytes:
-        commands, self.heard = bota_text.parse_commands(self.heard + data)
+        commands, self.received = bota_text.parse_commands(self.received + data)
         return b"".join(self.obey(command) for command in commands)
 
     def obey(self, command: bota_text.Command) -> bytes:
@@ -298,7 +298,7 @@ def test_commands_are_read_from_any_split_and_around_noise() -> None:
 
 
 def test_an_answer_belongs_to_its_own_letter() -> None:
-    heard = b"..r,0,C,0\r\nr,0,c,3"
-    assert bota_text.find_ack(heard, "C") == 0
-    assert bota_text.find_ack(heard, "c") == 3
-    assert bota_text.find_ack(heard, "R") is None
+    received = b"..r,0,C,0\r\nr,0,c,3"
+    assert bota_text.find_ack(received, "C") == 0
+    assert bota_text.find_ack(received, "c") == 3
+    assert bota_text.find_ack(received, "R") is None

@@ -250,7 +250,7 @@ BOMBS = [
 
 
 @pytest.mark.parametrize("bomb", BOMBS, ids=lambda bomb: bomb[:12].hex())
-def test_a_decompression_bomb_is_rejected_at_its_first_wrong_byte(bomb: bytes) -> None:
+def test_a_hostile_message_is_rejected_at_its_first_wrong_byte(bomb: bytes) -> None:
     samples, decoder = decode(bomb, wrench(1), wrench(2))
     assert times(samples) == [1, 2]
     assert decoder._scanner._tail == b""

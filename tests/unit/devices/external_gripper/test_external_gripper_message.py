@@ -36,18 +36,18 @@ reports = st.builds(
 )
 
 
-def take(body: Any) -> Any:
+def unpack(body: Any) -> Any:
     data = msgpack.packb(body)
     return parse(data) if measure(data, 0) == len(data) else None
 
 
 def test_a_registration_and_a_report_are_as_documented() -> None:
-    assert take(REGISTRATION) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
-    assert take(REGISTRATION | {"speed_range_mps": [0.01, 0.2]}) == DRIVER
-    assert take(REGISTRATION | {"speed_range_mps": None}) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
-    assert take(REPORT) == Report(0.05)
-    assert take({"width_m": None, "v": 1, "moving": True}) == Report(None, moving=True, object="moving")
-    assert take({"v": 2, "name": "x"}) == Foreign(2)
+    assert unpack(REGISTRATION) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
+    assert unpack(REGISTRATION | {"speed_range_mps": [0.01, 0.2]}) == DRIVER
+    assert unpack(REGISTRATION | {"speed_range_mps": None}) == Registration("lab driver", (0.0, 0.1), (2.0, 60.0))
+    assert unpack(REPORT) == Report(0.05)
+    assert unpack({"width_m": None, "v": 1, "moving": True}) == Report(None, moving=True, object="moving")
+    assert unpack({"v": 2, "name": "x"}) == Foreign(2)
 
 
 @given(reports)
@@ -111,19 +111,19 @@ WRONG: list[Any] = [
 
 @pytest.mark.parametrize("body", WRONG, ids=str)
 def test_a_message_that_is_not_as_documented_is_rejected(body: Any) -> None:
-    assert take(body) is None
+    assert unpack(body) is None
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
 @pytest.mark.parametrize("key", ["width_m", "force_n", "applied_n"])
 def test_N1_a_number_that_is_not_finite_or_out_of_range_is_rejected(key: str, value: float) -> None:
-    assert take(REPORT | {"id": 1, key: value}) is None
+    assert unpack(REPORT | {"id": 1, key: value}) is None
 
 
 @pytest.mark.parametrize("value", [[0.1, 0.0], [0.1, 0.1], [-1, 0], [0, 1e9], [0, math.nan], [None, 1], 5, [True, 2]])
 @pytest.mark.parametrize("key", ["width_range_m", "force_range_n", "speed_range_mps"])
 def test_an_invalid_range_is_rejected(key: str, value: Any) -> None:
-    assert take(REGISTRATION | {key: value}) is None
+    assert unpack(REGISTRATION | {key: value}) is None
 
 
 def test_text_that_is_not_utf_8_is_rejected() -> None:
@@ -138,9 +138,9 @@ def test_a_duplicate_key_is_rejected_before_anything_is_unpacked() -> None:
 
 
 def test_L3_a_wrong_length_is_not_waited_for() -> None:
-    begun = b"\x83\xa1v\x01\xa5fault\xd9"
-    assert measure(begun + b"\xff", 0) == -1
-    assert measure(begun + b"\x78" + bytes(0x77), 0) == 0
+    start = b"\x83\xa1v\x01\xa5fault\xd9"
+    assert measure(start + b"\xff", 0) == -1
+    assert measure(start + b"\x78" + bytes(0x77), 0) == 0
     texts = [b"\xa6object", b"\xa5fault", b"\xa5error", b"\xa4name", b"\xa6active"]
     long = b"\x8a" + b"".join(key + b"\xd9\x78" + bytes(0x78) for key in texts)
     assert measure(long[: wire.MAX_MESSAGE - 1], 0) == 0

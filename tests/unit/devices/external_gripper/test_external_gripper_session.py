@@ -52,15 +52,15 @@ class Bench:
         assert self.session.start(self.now_ns) == b""
         return self.run(0.1)
 
-    def hear(self, said: list[bytes]) -> None:
-        for piece in said:
+    def deliver(self, pieces: list[bytes]) -> None:
+        for piece in pieces:
             self.samples += self.session.receive(piece, self.now_ns)
 
     def run(self, seconds: float) -> Bench:
         for _ in range(round(seconds * 1000)):
             self.now_ns += MS
-            said = self.driver.advance(self.now_ns)
-            self.hear([] if self.deaf else said)
+            pieces = self.driver.advance(self.now_ns)
+            self.deliver([] if self.deaf else pieces)
             while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
                 self.write(self.session.on_time(self.now_ns))
         return self
@@ -69,13 +69,13 @@ class Bench:
         unpacker = msgpack.Unpacker()
         unpacker.feed(data)
         self.sent += unpacker
-        self.hear(self.driver.receive(data, self.now_ns))
+        self.deliver(self.driver.receive(data, self.now_ns))
 
     @property
     def last(self) -> GripperSample:
         return self.samples[-1]
 
-    def told(self) -> list[str]:
+    def operations(self) -> list[str]:
         return [body["op"] for body in self.sent if "op" in body]
 
 
@@ -103,7 +103,7 @@ def test_a_driver_registers_and_reports_and_nothing_is_asked_of_it() -> None:
     assert (bench.session.width_range_m, bench.session.speed_range_mps) == ((0.0, math.inf), None)
     assert bench.session.force_range_n == (0.0, math.inf)
     bench.start().run(1.0)
-    assert bench.told() == []
+    assert bench.operations() == []
     assert bench.session.identity == "emulated driver"
     ranges = bench.session.width_range_m, bench.session.force_range_n, bench.session.speed_range_mps
     assert ranges == (DRIVER.width_range_m, DRIVER.force_range_n, DRIVER.speed_range_mps)
@@ -121,11 +121,11 @@ def test_a_grip_is_answered_and_the_force_is_changed_while_it_holds(holding: Ben
     assert (holding.last.force_n, holding.last.width_m, holding.session.command_lost) == (12.0, 0.04, False)
 
 
-@pytest.mark.parametrize(("asked", "told"), [(0.5, 2.0), (59.5, 59.5), (500.0, 60.0)])
-def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, asked: float, told: float) -> None:
-    assert move(bench.session, 0.02, None, asked) == told
+@pytest.mark.parametrize(("requested", "sent"), [(0.5, 2.0), (59.5, 59.5), (500.0, 60.0)])
+def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, requested: float, sent: float) -> None:
+    assert move(bench.session, 0.02, None, requested) == sent
     bench.run(0.1)
-    assert bench.sent == [{"v": 1, "id": 1, "op": "move", "width_m": 0.02, "speed_mps": None, "force_n": told}]
+    assert bench.sent == [{"v": 1, "id": 1, "op": "move", "width_m": 0.02, "speed_mps": None, "force_n": sent}]
 
 
 def test_a_force_after_a_waiting_move_is_sent_with_the_move(bench: Bench) -> None:
@@ -145,7 +145,7 @@ def test_stop_goes_before_all_else(bench: Bench) -> None:
     set_force(bench.session, 12.0)
     bench.driver.mute = False
     bench.run(0.2)
-    assert bench.told() == ["move", "force", "stop", "force"]
+    assert bench.operations() == ["move", "force", "stop", "force"]
     assert (bench.last.moving, bench.last.width_m) == (False, pytest.approx(0.079, abs=2e-4))
 
 
@@ -155,7 +155,7 @@ def test_activation_is_the_drivers_own(bench: Bench) -> None:
     assert (bench.session.state, halt(bench.session), set_force(bench.session, 5.0)) == ("inactive", False, None)
     activate(bench.session, bench.now_ns)
     bench.run(0.1)
-    assert (bench.told(), bench.session.state) == (["activate"], "active")
+    assert (bench.operations(), bench.session.state) == (["activate"], "active")
 
 
 def test_D4_a_fault_is_shown_and_only_its_acknowledgement_is_sent(holding: Bench) -> None:
@@ -167,10 +167,10 @@ def test_D4_a_fault_is_shown_and_only_its_acknowledgement_is_sent(holding: Bench
     halt(holding.session)
     holding.session.acknowledge()
     holding.run(0.1)
-    assert (holding.told(), holding.last.fault) == (["stop", "acknowledge"], "")
+    assert (holding.operations(), holding.last.fault) == (["stop", "acknowledge"], "")
     holding.session.acknowledge()
     holding.run(0.1)
-    assert len(holding.told()) == 2
+    assert len(holding.operations()) == 2
 
 
 def test_D4_a_set_point_that_meets_a_fault_is_dropped(bench: Bench) -> None:
@@ -179,7 +179,7 @@ def test_D4_a_set_point_that_meets_a_fault_is_dropped(bench: Bench) -> None:
     bench.run(0.01)
     bench.driver.report = Report(0.08, fault="no_power")
     bench.run(1.0)
-    assert (bench.told(), bench.session.state) == (["force"], "command lost: no_power")
+    assert (bench.operations(), bench.session.state) == (["force"], "command lost: no_power")
 
 
 def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -> None:
@@ -196,10 +196,10 @@ def test_D5_a_force_above_the_requested_one_shows_while_it_lasts(bench: Bench) -
 def test_D5_a_force_without_a_request_is_too_high() -> None:
     bench = Bench()
     bench.session.start(0)
-    bench.hear([encode_registration(Registration("x", (0.0, 0.1), (0.0, 50.0))), encode_report(Report(0.05))])
+    bench.deliver([encode_registration(Registration("x", (0.0, 0.1), (0.0, 50.0))), encode_report(Report(0.05))])
     assert set_force(bench.session, 0.0) == 0.0
     bench.session.on_time(0)
-    bench.hear([encode_report(Report(0.05, id=1, applied_n=50.0))])
+    bench.deliver([encode_report(Report(0.05, id=1, applied_n=50.0))])
     assert bench.last.echo_ok is False
 
 
@@ -221,18 +221,18 @@ def test_A6_a_driver_that_refuses_is_not_asked_again(bench: Bench) -> None:
     bench.driver.mute = True
     set_force(bench.session, 10.0)
     bench.run(0.01)
-    bench.hear([encode_report(Report(0.05, id=1, error="finger guard is open"))])
+    bench.deliver([encode_report(Report(0.05, id=1, error="finger guard is open"))])
     bench.run(0.3)
-    assert (bench.told(), bench.session.state) == (["force"], "command lost: force: finger guard is open")
+    assert (bench.operations(), bench.session.state) == (["force"], "command lost: force: finger guard is open")
 
 
 def test_an_answer_to_no_set_point_is_a_report_and_a_duplicate(bench: Bench) -> None:
-    bench.hear([encode_report(Report(0.07, id=99, applied_n=50.0))])
+    bench.deliver([encode_report(Report(0.07, id=99, applied_n=50.0))])
     assert (bench.last.width_m, bench.last.echo_ok, bench.session.health.duplicates) == (0.07, None, 1)
     bench.driver.mute = True
     set_force(bench.session, 10.0)
     bench.run(0.01)
-    bench.hear([encode_report(Report(0.07, id=99, applied_n=50.0))])
+    bench.deliver([encode_report(Report(0.07, id=99, applied_n=50.0))])
     assert (bench.last.echo_ok, bench.session.health.duplicates) == (None, 2)
 
 
@@ -242,7 +242,7 @@ def test_a_implausible_report_is_counted_and_not_accepted(bench: Bench, lie: Rep
     set_force(bench.session, 10.0)
     bench.run(0.01)
     seen = len(bench.samples)
-    bench.hear([encode_report(lie)])
+    bench.deliver([encode_report(lie)])
     assert (len(bench.samples), bench.session.health.bad) == (seen, 1)
     assert bench.session._queue.outstanding is not None
 
@@ -259,7 +259,7 @@ def test_a_driver_that_falls_silent_receives_nothing_more(bench: Bench) -> None:
     bench.session.acknowledge()
     bench.sent.clear()
     bench.run(1.0)
-    assert bench.told() == []
+    assert bench.operations() == []
     bench.deaf = bench.driver.mute = False
     bench.run(0.1)
     assert set_force(bench.session, 10.0) == 10.0
@@ -290,11 +290,11 @@ def test_D2_another_version_of_the_format_is_refused_by_name() -> None:
 
 def test_a_driver_that_registers_again_starts_again(holding: Bench) -> None:
     assert holding.session.force_sent_n == 10.0
-    holding.hear([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
+    holding.deliver([encode_registration(Registration(DRIVER.name, (0.0, 0.1), (1.0, 2.0)))])
     assert (holding.session.state, holding.session.health.restarts) == ("waiting", 1)
     assert (holding.session.force_range_n, holding.session.force_sent_n) == ((1.0, 2.0), None)
     holding.run(0.1)
-    assert (holding.told(), holding.session.command_lost, holding.session.state) == ([], False, "active")
+    assert (holding.operations(), holding.session.command_lost, holding.session.state) == ([], False, "active")
 
 
 @pytest.mark.parametrize("sent", [False, True])
@@ -302,10 +302,10 @@ def test_A6_a_set_point_that_a_registration_overtakes_is_lost_and_not_sent_again
     bench.driver.mute = True
     set_force(bench.session, 10.0)
     bench.run(0.01 * sent)
-    bench.hear([encode_registration(DRIVER)])
+    bench.deliver([encode_registration(DRIVER)])
     assert bench.session.command_lost
     bench.run(1.0)
-    assert (bench.told(), bench.session.state) == (["force"] * sent, "command lost: the driver registered again")
+    assert (bench.operations(), bench.session.state) == (["force"] * sent, "command lost: the driver registered again")
     bench.driver.mute = False
     set_force(bench.session, 11.0)
     bench.run(0.1)
@@ -316,14 +316,14 @@ def test_another_driver_on_the_same_connection_receives_nothing_until_the_first_
     session, reason = bench.session, "another driver registered on this connection: reconnect"
     set_force(session, 10.0)
     bench.samples.clear()
-    bench.hear([encode_registration(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
+    bench.deliver([encode_registration(Registration("stranger", (0.0, 0.1), (1.0, 200.0)))])
     for _ in range(2):
         assert msgpack.unpackb(session.on_time(bench.now_ns)) == {"v": 1, "refused": reason}
-        bench.hear([encode_report(Report(0.05))])
+        bench.deliver([encode_report(Report(0.05))])
     assert (session.identity, session.state) == (DRIVER.name, f"refused: {reason}")
     assert (move(session, 0.0, None, 5.0), set_force(session, 5.0), halt(session)) == (None, None, False)
     assert (bench.samples, session.command_lost) == ([], True)
-    bench.hear([encode_registration(DRIVER), encode_report(Report(0.05))])
+    bench.deliver([encode_registration(DRIVER), encode_report(Report(0.05))])
     assert set_force(session, 5.0) == 5.0
 
 
@@ -345,14 +345,14 @@ def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(bench: Ben
     move(bench.session, 0.0, None, 10.0)
     assert bench.session.drop()
     bench.run(1.0)
-    assert (bench.told(), bench.session.state) == (["force"], "command lost: no answer to force")
+    assert (bench.operations(), bench.session.state) == (["force"], "command lost: no answer to force")
 
 
 def test_a_stop_is_not_dropped(bench: Bench) -> None:
     halt(bench.session)
     assert bench.session.drop() is False
     bench.run(0.1)
-    assert bench.told() == ["stop"]
+    assert bench.operations() == ["stop"]
 
 
 @pytest.mark.parametrize("active", [False, True])
@@ -363,7 +363,7 @@ def test_an_unsent_activation_is_cancelled(bench: Bench, how: str, active: bool)
     activate(bench.session, bench.now_ns)
     assert forget(bench.session, how)
     bench.run(0.1)
-    assert bench.told() == ["stop"] * (active and how == "halt")
+    assert bench.operations() == ["stop"] * (active and how == "halt")
 
 
 def test_a_gripper_that_is_not_active_any_more_or_is_activated_has_no_force(holding: Bench) -> None:
@@ -435,10 +435,10 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
     (program,) = re.findall(pattern, DOCUMENT.read_text("utf-8"), re.DOTALL)
     path = str(tmp_path / "gripper")
     assert program.count("/run/slipd/gripper") == 1
-    told: list[dict[str, Any]] = []
+    setpoints: list[dict[str, Any]] = []
 
     def obey(setpoint: dict[str, Any]) -> float | None:
-        told.append(setpoint)
+        setpoints.append(setpoint)
         return setpoint.get("force_n")
 
     scope = {"obey": obey, "state_of_my_gripper": lambda: {"width_m": 0.05, "moving": False}}
@@ -471,7 +471,7 @@ def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> No
             go_on(lambda: session._queue.due_ns is None)
     driver.join(PATIENCE_S)
     assert not driver.is_alive()
-    assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in told] == [
+    assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in setpoints] == [
         ("move", 60.0),
         ("force", 7.0),
         ("stop", None),
@@ -493,7 +493,7 @@ def test_no_motion_is_taken_until_the_driver_has_answered_the_activation(bench: 
         bench.run(0.03)
     bench.driver.mute = False
     bench.run(0.2)
-    assert (bench.session.activating, bench.told()[-1]) == (False, "activate")
+    assert (bench.session.activating, bench.operations()[-1]) == (False, "activate")
     assert move(bench.session, 0.02, None, 5.0) == 5.0
 
 
@@ -506,7 +506,7 @@ def test_an_activation_that_was_sent_is_stopped(bench: Bench, active: bool) -> N
     bench.run(0.01)
     assert halt(bench.session)
     bench.run(0.05)
-    assert (bench.told(), bench.session.activating) == (["activate", "stop"], False)
+    assert (bench.operations(), bench.session.activating) == (["activate", "stop"], False)
     assert bench.session.state == ("active" if active else "inactive")
 
 
@@ -514,7 +514,7 @@ def test_an_activation_that_is_never_answered_ends_when_it_is_lost(bench: Bench)
     bench.driver.mute = True
     activate(bench.session)
     bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
-    assert bench.told() == ["activate"] * ATTEMPTS
+    assert bench.operations() == ["activate"] * ATTEMPTS
     assert (bench.session.activating, bench.session.state) == (False, "command lost: no answer to activate")
     assert set_force(bench.session, 5.0) == 5.0
 

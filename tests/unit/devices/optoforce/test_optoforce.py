@@ -266,9 +266,9 @@ def test_requests_are_read_from_any_split_and_after_noise() -> None:
     damaged[5] ^= 1
     stream = b"\xab\xaa" + frames.encode_configuration(wanted) + bytes(damaged) + frames.GET_SERIAL_NUMBER
     stream += frames.encode_configuration(wanted)
-    heard, asked = b"", []
+    received, asked = b"", []
     for byte in stream:
-        found, heard = frames.parse_requests(heard + bytes((byte,)))
+        found, received = frames.parse_requests(received + bytes((byte,)))
         asked += found
     assert asked == [wanted, None, wanted]
     assert frames.parse_requests(stream)[0] == asked

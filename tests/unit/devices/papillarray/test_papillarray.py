@@ -55,13 +55,13 @@ def make(
     slip: bool = False,
     index_end: bool = True,
     type_bytes: int = 1,
-    wholes: list[np.ndarray] | None = None,
+    totals: list[np.ndarray] | None = None,
 ) -> bytes:
     blocks = [
         frames.encode_hub(number, 1000 * (number % 100_000)),
         frames.encode_pillars([entries(pad, layout) for pad in pads], width),
     ]
-    blocks.append(frames.encode_totals([pad.sum(axis=0) for pad in pads] if wholes is None else wholes, width))
+    blocks.append(frames.encode_totals([pad.sum(axis=0) for pad in pads] if totals is None else totals, width))
     if slip:
         blocks += frames.encode_slip([len(pad) for pad in pads], width, type_bytes=type_bytes)
     return frames.encode_blocks(blocks, width, index_end=index_end)
@@ -166,7 +166,7 @@ def test_inconclusive_frames_do_not_interrupt_conclusive_ones() -> None:
 def test_if_neither_layout_matches_every_reading_is_rejected() -> None:
     decoder = papillarray.Decoder()
     for number in range(20):
-        assert decoder.receive(frame(number, wholes=[np.array((4.0, 5.0, 6.0))]), 0) == []
+        assert decoder.receive(frame(number, totals=[np.array((4.0, 5.0, 6.0))]), 0) == []
     assert decoder.health.note == papillarray_layout.NEITHER
     assert decoder.receive(frame(30), 0) == []  # one frame that matches is chance
     for number in range(31, 31 + FRAMES):
@@ -179,7 +179,7 @@ def test_a_frame_that_contradicts_the_layout_is_dropped_and_many_change_the_layo
     assert decoder.receive(frame(100, layout=FORCE_FIRST), 0) == []
     assert (decoder.health.bad, len(decoder.receive(frame(101), 0))) == (1, 1)
     for number in range(102, 102 + FRAMES):
-        assert decoder.receive(frame(number, wholes=[np.zeros(3)]), 0) == []
+        assert decoder.receive(frame(number, totals=[np.zeros(3)]), 0) == []
     assert decoder.health.note == papillarray_layout.NEITHER
     assert decoder.receive(frame(110), 0) == []
 
@@ -346,9 +346,9 @@ def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None
 
 
 def test_L2_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage) -> None:
-    before, whole, behind = (frame(number, sensors=2) for number in (3, 4, 5))
+    before, whole, after = (frame(number, sensors=2) for number in (3, 4, 5))
     for hit in damaged(whole, 600):
-        numbers, decoder = decode(before + hit + behind + bytes(frames.LONGEST), 3)
+        numbers, decoder = decode(before + hit + after + bytes(frames.LONGEST), 3)
         assert numbers == ([3, 3, 4, 4, 5, 5] if whole in hit else [3, 3, 5, 5]), hit.hex()
         assert decoder.health.bad >= 1
 

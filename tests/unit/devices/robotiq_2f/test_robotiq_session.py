@@ -41,10 +41,10 @@ class Gripper:
     echo: int | None = None
     mute: bool = False
     refuses: tuple[int, ...] = ()
-    heard: bytes = b""
+    received: bytes = b""
 
     def hear(self, data: bytes) -> bytes:
-        requests, self.heard = modbus.parse_requests(self.heard + data, 9)
+        requests, self.received = modbus.parse_requests(self.received + data, 9)
         return b"" if self.mute else b"".join(self.answer(request) for request in requests)
 
     def answer(self, request: modbus.Request) -> bytes:
@@ -56,24 +56,24 @@ class Gripper:
                 return modbus.encode_exception(request, modbus.ILLEGAL_ADDRESS)
             self.obey(written)
             return modbus.encode_reply(request)
-        told = robotiq_registers.parse_output(self.output)
+        output = robotiq_registers.parse_output(self.output)
         if self.echo is not None:
-            told = robotiq_registers.parse_output((self.output[0], self.echo, self.output[2]))
+            output = robotiq_registers.parse_output((self.output[0], self.echo, self.output[2]))
         registers = robotiq_registers.status_registers(
-            told, stage=self.stage, found=3, fault=self.fault, position=self.position, current_a=0.1
+            output, stage=self.stage, found=3, fault=self.fault, position=self.position, current_a=0.1
         )
         self.stage = 3 if self.stage == 1 else self.stage
         return modbus.encode_reply(request, registers)
 
     def obey(self, written: tuple[int, ...]) -> None:
-        was, told = (robotiq_registers.parse_output(registers) for registers in (self.output, written))
+        was, output = (robotiq_registers.parse_output(registers) for registers in (self.output, written))
         self.output = written
-        if told.activate and not was.activate:
+        if output.activate and not was.activate:
             self.stage = 1
-        elif not told.activate:
+        elif not output.activate:
             self.stage = 0
-        elif told.go and self.stage == 3:
-            self.position = told.position
+        elif output.go and self.stage == 3:
+            self.position = output.position
 
 
 def session() -> robotiq_2f.Session:
@@ -416,13 +416,17 @@ def test_the_force_sent_is_that_of_the_byte_below_the_request(active: Bench) -> 
     assert set_force(active.session, 0.2) == 1.0, "the gripper's smallest force"
     assert set_force(active.session, 1e9) == 256.0
     active.steps(1)
-    told = robotiq_registers.parse_output(active.gripper.output)
-    assert (told.position, told.speed, told.force) == (155, 128, 255)
+    output = robotiq_registers.parse_output(active.gripper.output)
+    assert (output.position, output.speed, output.force) == (155, 128, 255)
 
 
 def test_the_ranges_are_those_of_the_tables(active: Bench) -> None:
-    told = active.session
-    assert (told.width_range_m, told.speed_range_mps, told.force_range_n) == ((0.0, 0.255), (0.0, 0.255), (1.0, 256.0))
+    session = active.session
+    assert (session.width_range_m, session.speed_range_mps, session.force_range_n) == (
+        (0.0, 0.255),
+        (0.0, 0.255),
+        (1.0, 256.0),
+    )
     without = robotiq_2f.Session(speed_table=None)
     assert without.speed_range_mps is None
     with pytest.raises(ValueError, match="the speed must be left out"):
@@ -629,12 +633,12 @@ def test_a_poll_period_below_the_grippers_pause_is_refused(period: float) -> Non
 
 
 def test_the_decoder_reads_status_replies_from_any_split(same_for_every_split: SplitCheck) -> None:
-    told = robotiq_registers.Output(activate=True, go=True, release=False, position=255, speed=1, force=2)
+    output = robotiq_registers.Output(activate=True, go=True, release=False, position=255, speed=1, force=2)
     poll = modbus.Request(9, modbus.READ_HOLDING, 2000, 3)
     replies = [
         modbus.encode_reply(
             poll,
-            robotiq_registers.status_registers(told, stage=3, found=2, fault=0, position=at, current_a=9.0),
+            robotiq_registers.status_registers(output, stage=3, found=2, fault=0, position=at, current_a=9.0),
         )
         for at in range(5)
     ]

@@ -122,12 +122,12 @@ def test_refusals_agree_with_the_peer(request_: Request, code: int) -> None:
 def test_a_device_reads_its_requests_from_any_split(sent: list[Request], size: int) -> None:
     mine = [replace(request, unit=9) for request in sent]
     stream = b"".join(modbus.encode_request(request) for request in mine)
-    heard, found = b"", []
+    received, found = b"", []
     for start in range(0, len(stream), size):
-        requests_, heard = modbus.parse_requests(heard + stream[start : start + size], 9)
+        requests_, received = modbus.parse_requests(received + stream[start : start + size], 9)
         found += requests_
     assert found == mine
-    assert heard == b""
+    assert received == b""
 
 
 def test_requests_to_other_units_and_noise_are_skipped() -> None:
@@ -178,11 +178,11 @@ def test_a_request_that_contradicts_itself_is_skipped(body: str) -> None:
 
 def test_a_device_keeps_a_bounded_amount_of_noise() -> None:
     rng = random.Random(1)
-    heard = b""
+    received = b""
     for _ in range(500):
-        found, heard = modbus.parse_requests(heard + rng.randbytes(200), 9)
+        found, received = modbus.parse_requests(received + rng.randbytes(200), 9)
         assert found == []
-        assert len(heard) <= 300
+        assert len(received) <= 300
 
 
 @pytest.mark.parametrize(

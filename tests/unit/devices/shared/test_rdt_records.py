@@ -268,7 +268,7 @@ def datagrams(events: list[tuple[str, int, int]]) -> list[bytes | None]:
     return sent
 
 
-def told(sent: list[bytes | None], size: int) -> tuple[list[list[object]], DecoderHealth]:
+def results(sent: list[bytes | None], size: int) -> tuple[list[list[object]], DecoderHealth]:
     """Return heads and counts after each datagram, received in pieces of ``size`` bytes, and the health."""
     health = DecoderHealth()
     records = rdt.RecordScanner(health, RESERVED)
@@ -288,7 +288,7 @@ def told(sent: list[bytes | None], size: int) -> tuple[list[list[object]], Decod
 @given(st.lists(EVENTS, max_size=12), st.sampled_from((1, 11, 36)))
 def test_L1_a_whole_datagram_is_read_as_its_pieces_are(events: list[tuple[str, int, int]], size: int) -> None:
     sent = datagrams(events)
-    assert told(sent, 2000) == told(sent, size)
+    assert results(sent, 2000) == results(sent, size)
 
 
 def test_D3_the_clock_of_a_late_record_moves_none_after_it() -> None:
@@ -297,8 +297,8 @@ def test_D3_the_clock_of_a_late_record_moves_none_after_it() -> None:
     second = [record(n, ticks=7 * n + 11) for n in (37, 38)]
     stream = [[record(37), record(38)], first, second]
     stream += [[record(n, ticks=7 * n + 11) for n in (n, n + 1)] for n in (39, 41, 43)]
-    whole, health = told([b"".join(records) for records in stream], 2000)
-    assert (whole, health) == told([b"".join(records) for records in stream], 1)
+    whole, health = results([b"".join(records) for records in stream], 2000)
+    assert (whole, health) == results([b"".join(records) for records in stream], 1)
     assert [head[0] for found in whole for head, _ in found] == [259, 266, *(7 * n + 11 for n in range(39, 45))]
     assert health == DecoderHealth(duplicates=6)
 

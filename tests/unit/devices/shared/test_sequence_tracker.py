@@ -15,8 +15,8 @@ from slipd.devices.shared.sequence_tracker import FURTHEST_GAP, LATE_WITHIN, SHO
 def watch(span: int, *numbers: int, first: int = 0) -> tuple[list[int], DecoderHealth]:
     """Return the accepted numbers, and the health."""
     health = DecoderHealth()
-    numbering = SequenceTracker(span, health, first=first)
-    return [number for number in numbers if numbering.accept(number)], health
+    tracker = SequenceTracker(span, health, first=first)
+    return [number for number in numbers if tracker.accept(number)], health
 
 
 def counted(health: DecoderHealth) -> tuple[int, int, int]:
@@ -43,8 +43,8 @@ class Device:
         self.truth[0] += count
         self.send()
 
-    def repeat(self, behind: int) -> None:
-        number = self.now - 1 - behind
+    def repeat(self, distance: int) -> None:
+        number = self.now - 1 - distance
         if number > 0 and number % self.span != 0:  # the very first number again is a restart
             self.sent.append(number % self.span)
             self.truth[1] += 1
@@ -123,7 +123,7 @@ def test_a_run_of_numbers_is_accepted_as_it_is_one_by_one(
     span: int, begin: int, before: list[int], gap: int, count: int, after: list[int], in_order: bool
 ) -> None:
     health, plain = DecoderHealth(), DecoderHealth()
-    together, singly = (SequenceTracker(span, told, in_order=in_order) for told in (health, plain))
+    together, singly = (SequenceTracker(span, counts, in_order=in_order) for counts in (health, plain))
     number = begin % span
     for step in [0, *before]:
         number = (number + step) % span
@@ -138,40 +138,40 @@ def test_a_run_of_numbers_is_accepted_as_it_is_one_by_one(
 
 
 def test_a_run_needs_a_newest_number_and_does_not_cross_the_wrap() -> None:
-    numbering = SequenceTracker(256, DecoderHealth())
-    assert not numbering.accept_run(0, 1)
-    assert numbering.accept(250)
-    assert not numbering.accept_run(251, 6), "the last would be 0"
-    assert not numbering.accept_run(252, 1)
-    assert numbering.accept_run(251, 5)
-    assert numbering.accept(0)
+    tracker = SequenceTracker(256, DecoderHealth())
+    assert not tracker.accept_run(0, 1)
+    assert tracker.accept(250)
+    assert not tracker.accept_run(251, 6), "the last would be 0"
+    assert not tracker.accept_run(252, 1)
+    assert tracker.accept_run(251, 5)
+    assert tracker.accept(0)
 
 
 def test_a_run_forgets_an_old_number() -> None:
-    numbering = SequenceTracker(256, DecoderHealth(), in_order=True)
-    assert [numbering.accept(number) for number in (5, 3)] == [True, False]
-    assert numbering.accept_run(6, 2)
-    assert not numbering.accept(4)
+    tracker = SequenceTracker(256, DecoderHealth(), in_order=True)
+    assert [tracker.accept(number) for number in (5, 3)] == [True, False]
+    assert tracker.accept_run(6, 2)
+    assert not tracker.accept(4)
 
 
 def test_after_forgetting_any_number_is_the_next() -> None:
     health = DecoderHealth()
-    numbering = SequenceTracker(256, health)
-    assert numbering.accept(200)
-    numbering.forget()
-    assert numbering.accept(7)
+    tracker = SequenceTracker(256, health)
+    assert tracker.accept(200)
+    tracker.forget()
+    assert tracker.accept(7)
     assert counted(health) == (0, 0, 0)
 
 
 def test_a_false_number_on_a_line_that_keeps_order_costs_one_reading() -> None:
     health = DecoderHealth()
-    numbering = SequenceTracker(256, health, in_order=True)
-    assert [numbering.accept(number) for number in (5, 21, 7, 8, 9, 10)] == [True, True, False, True, True, True]
+    tracker = SequenceTracker(256, health, in_order=True)
+    assert [tracker.accept(number) for number in (5, 21, 7, 8, 9, 10)] == [True, True, False, True, True, True]
     assert (health.duplicates, health.lost) == (1, 15)
     overtaken = SequenceTracker(256, DecoderHealth())
     assert [overtaken.accept(number) for number in (5, 21, 7, 8, 9)] == [True, True, False, False, False]
 
 
 def test_a_reading_that_is_sent_twice_stays_old_on_a_line_that_keeps_order() -> None:
-    numbering = SequenceTracker(256, DecoderHealth(), in_order=True)
-    assert [numbering.accept(number) for number in (5, 5, 6, 6, 7, 7)] == [True, False, True, False, True, False]
+    tracker = SequenceTracker(256, DecoderHealth(), in_order=True)
+    assert [tracker.accept(number) for number in (5, 5, 6, 6, 7, 7)] == [True, False, True, False, True, False]

@@ -28,10 +28,10 @@ def defined(data: bytes, seed: int = SEED_AFTER_PREAMBLE) -> int:
 
 
 def packets(seed: int = SEED_WITH_PREAMBLE, *, bare: bool = False, text: bytes = b"") -> weiss.PacketScanner:
-    def admits(packet_id: int, size: int, begun: bytes) -> bool:
-        return packet_id <= 9 and size <= LONGEST and begun[:1] != b"\xff"
+    def accepts(packet_id: int, size: int, payload: bytes) -> bool:
+        return packet_id <= 9 and size <= LONGEST and payload[:1] != b"\xff"
 
-    return weiss.PacketScanner(seed, admits, 20, DecoderHealth(), bare=bare, text=text)
+    return weiss.PacketScanner(seed, accepts, 20, DecoderHealth(), bare=bare, text=text)
 
 
 def test_check_values_are_the_published_ones() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from slipd.devices import dsacon32, wts
 from slipd.devices.dsacon32 import dsacon32_messages as messages
+from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.startup_sequence import ANSWER_NS
 from slipd.devices.shared.weiss_tactile import TactileSession
@@ -45,9 +46,9 @@ class Bench:
         if data:
             self.written.append(data)
             for answer in self.device.receive(data, self.now_ns):
-                self.hear(self.mend(answer))
+                self.deliver(self.mend(answer))
 
-    def hear(self, data: bytes) -> None:
+    def deliver(self, data: bytes) -> None:
         if data:
             self.samples += self.session.receive(data, self.now_ns)
         self.note()
@@ -59,8 +60,8 @@ class Bench:
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * 100)):
             self.now_ns += 10 * MS
-            for said in self.device.advance(self.now_ns):
-                self.hear(said)
+            for data in self.device.advance(self.now_ns):
+                self.deliver(data)
             for _ in range(20):
                 due = self.session.next_deadline()
                 if due is None or due > self.now_ns:
@@ -68,6 +69,19 @@ class Bench:
                 self.write(self.session.on_time(self.now_ns))
             else:
                 pytest.fail("it never stops asking")
+
+
+class BootingDsacon32(Dsacon32):
+    """A controller that was powered up at time 0: it ignores requests for 8 s and sends its boot text."""
+
+    boot_text_ns = (7 * S, 7_400 * MS, 7_800 * MS)
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        return super().receive(data, t_ns) if t_ns >= 8 * S else []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        text = [BOOT_TEXT] * self.boot_text_ns.count(t_ns)
+        return text + super().advance(t_ns)
 
 
 def dsacon_bench(**device: messages.ControllerInfo) -> Bench:
@@ -129,7 +143,7 @@ def test_the_reported_matrices_split_the_images() -> None:
         ("0", list(range(8))),
         ("1", list(range(8, 12))),
     ]
-    bench.hear(dsacon32.encode_frame([1] * 11, 0))
+    bench.deliver(dsacon32.encode_frame([1] * 11, 0))
     assert bench.samples[-1].values.tolist() == [8, 9, 10, 11]
     assert bench.session.health.bad_bytes > 0
 
@@ -140,7 +154,7 @@ def test_matrices_take_effect_when_all_are_known() -> None:
     bench.start()
     bench.run(0.1)
     assert bench.written == DSACON_ASKED[:4]
-    bench.hear(dsacon32.encode_frame(range(12), 0))
+    bench.deliver(dsacon32.encode_frame(range(12), 0))
     assert [len(sample.values) for sample in bench.samples] == [12]
 
 
@@ -171,9 +185,8 @@ def test_an_interval_that_cannot_be_sent_is_refused(interval_ms: int) -> None:
 
 
 def test_D1_a_booting_controller_is_awaited_without_an_error() -> None:
-    bench = dsacon_bench()
-    assert isinstance(bench.device, Dsacon32)
-    bench.device.power_up(0)
+    device = BootingDsacon32([(4, 2), (2, 2)], np.random.default_rng(0))
+    bench = Bench(dsacon32.Session(), device)
     bench.start()
     bench.run(7.9)
     assert bench.states == ["waiting"]
@@ -235,7 +248,7 @@ def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix
     bench.mend = lambda answer: b"" if bench.written.count(DSACON_ASKED[2]) == 1 and answer[3] == 0x0B else answer
     bench.start()
     bench.run(0.6)
-    bench.hear(late)
+    bench.deliver(late)
     bench.run(1)
     assert bench.session.state == "running"
     assert [len(sample.values) for sample in bench.samples[:2]] == [8, 4]
@@ -355,12 +368,12 @@ def test_half_an_image_and_then_a_pause_does_not_swallow_the_answer() -> None:
     bench.mend = lambda _: b""
     bench.start()
     bench.run(0.1)
-    begun = weiss.PREAMBLE + b"\0\xa5\x0f" + bytes(4) + b"\1"
-    bench.hear(begun)
+    partial = weiss.PREAMBLE + b"\0\xa5\x0f" + bytes(4) + b"\1"
+    bench.deliver(partial)
     bench.mend = bytes
     bench.run(2)
     assert bench.session.state == "running"
-    assert bench.session.health.bad_bytes == len(begun)
+    assert bench.session.health.bad_bytes == len(partial)
 
 
 @both
@@ -370,7 +383,7 @@ def test_a_partial_image_and_the_identity_of_the_previous_link_are_dropped(make:
     bench.run(0.5)
     assert bench.session.identity
     bench.session.stop()
-    bench.hear(weiss.PREAMBLE + b"\0")
+    bench.deliver(weiss.PREAMBLE + b"\0")
     bench.session.start(bench.now_ns)
     assert bench.session.identity == ""
     assert bench.session.health.bad_bytes == 4

@@ -59,16 +59,16 @@ class Bench:
                 continue
             forged = self.forge(packet.id)
             answers = self.gripper.receive(wire.encode(*packet), self.now_ns) if forged is None else []
-            self.hear(answers if forged is None else [wire.encode_reply(packet.id, forged)])
+            self.deliver(answers if forged is None else [wire.encode_reply(packet.id, forged)])
 
-    def hear(self, said: list[bytes]) -> None:
-        for piece in [] if self.mute else said:
+    def deliver(self, pieces: list[bytes]) -> None:
+        for piece in [] if self.mute else pieces:
             self.samples += self.session.receive(piece, self.now_ns)
 
     def run(self, seconds: float) -> Bench:
         for _ in range(round(seconds * 1000)):
             self.now_ns += MS
-            self.hear(self.gripper.advance(self.now_ns))
+            self.deliver(self.gripper.advance(self.now_ns))
             while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
                 self.write(self.session.on_time(self.now_ns))
         return self
@@ -117,12 +117,16 @@ def test_updates_arrive_at_the_period_in_complete_rounds(bench: Bench) -> None:
 
 
 def test_the_ranges_are_those_of_the_gripper_on_one_pad(bench: Bench) -> None:
-    told = bench.session
-    assert told.width_range_m == (0.0, pytest.approx(0.110))
-    assert told.speed_range_mps == (pytest.approx(0.005), pytest.approx(0.420))
-    assert told.force_range_n == (2.5, 40.0), "up to the nominal force, not the overdrive"
-    told.stop()
-    assert (told.width_range_m, told.speed_range_mps, told.force_range_n) == ((0.0, math.inf), None, (0.0, math.inf))
+    session = bench.session
+    assert session.width_range_m == (0.0, pytest.approx(0.110))
+    assert session.speed_range_mps == (pytest.approx(0.005), pytest.approx(0.420))
+    assert session.force_range_n == (2.5, 40.0), "up to the nominal force, not the overdrive"
+    session.stop()
+    assert (session.width_range_m, session.speed_range_mps, session.force_range_n) == (
+        (0.0, math.inf),
+        None,
+        (0.0, math.inf),
+    )
 
 
 def test_the_force_on_one_pad_is_half_of_what_the_gripper_receives_and_sends(holding: Bench) -> None:
@@ -142,11 +146,11 @@ def test_a_move_sets_the_force_before_it_goes_and_reads_it_back(bench: Bench) ->
     assert (bench.last.width_m, bench.last.object, bench.last.echo_ok) == (pytest.approx(0.02), "none", True)
 
 
-@pytest.mark.parametrize(("asked", "told"), [(0.1, 2.5), (39.0, 39.0), (60.0, 40.0), (7.1, wire.at_most(14.2) / 2)])
-def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, asked: float, told: float) -> None:
-    assert move(bench.session, 0.02, None, asked) == told
+@pytest.mark.parametrize(("requested", "sent"), [(0.1, 2.5), (39.0, 39.0), (60.0, 40.0), (7.1, wire.at_most(14.2) / 2)])
+def test_no_more_force_is_sent_than_requested_except_the_smallest(bench: Bench, requested: float, sent: float) -> None:
+    assert move(bench.session, 0.02, None, requested) == sent
     bench.run(0.1)
-    assert bench.gripper.limit == 2 * told
+    assert bench.gripper.limit == 2 * sent
 
 
 def test_a_force_while_holding_clamps_again_with_the_goal_that_made_the_grip(holding: Bench) -> None:
@@ -407,7 +411,9 @@ def test_D5_a_force_limit_that_is_read_back_differently_is_reported_while_it_las
     set_force(bench.session, 10.0)
     bench.run(0.1)
     assert bench.last.echo_ok is True
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE and not bench.hear([wire.encode_reply(wire.SET_FORCE)])
+    bench.swallow = lambda packet: (
+        packet.id == wire.SET_FORCE and not bench.deliver([wire.encode_reply(wire.SET_FORCE)])
+    )
     set_force(bench.session, 20.0)
     bench.samples.clear()
     bench.run(1.0)
@@ -423,7 +429,7 @@ def test_D5_a_limit_read_back_while_a_newer_one_waits_is_compared_with_its_own(b
     set_force(bench.session, 10.0)
     bench.run(0.01)
     set_force(bench.session, 20.0)
-    bench.hear([wire.encode_number(wire.GET_FORCE, 20.0)])
+    bench.deliver([wire.encode_number(wire.GET_FORCE, 20.0)])
     bench.run(0.03)
     assert bench.last.echo_ok is True
 
@@ -469,13 +475,13 @@ def test_A6_every_refusal_is_reported_by_its_word_and_not_repeated(bench: Bench,
 
 @pytest.mark.parametrize(("status", "lost"), [(0, False), (19, False), (29, False), (7, True), (18, True)])
 def test_the_end_of_a_motion_may_come_at_any_time(bench: Bench, status: int, lost: bool) -> None:
-    bench.hear([wire.encode_reply(wire.PREPOSITION, status)])
+    bench.deliver([wire.encode_reply(wire.PREPOSITION, status)])
     assert bench.session.command_lost is lost
 
 
 def test_unrequested_answers_change_nothing(bench: Bench) -> None:
-    bench.hear([wire.encode_reply(reply_id) for reply_id in (wire.STOP, wire.SET_FORCE, wire.ACKNOWLEDGE)])
-    bench.hear([wire.encode_number(wire.GET_FORCE, 3.0), wire.encode_limits(LIMITS._replace(nominal_force=90.0))])
+    bench.deliver([wire.encode_reply(reply_id) for reply_id in (wire.STOP, wire.SET_FORCE, wire.ACKNOWLEDGE)])
+    bench.deliver([wire.encode_number(wire.GET_FORCE, 3.0), wire.encode_limits(LIMITS._replace(nominal_force=90.0))])
     assert (bench.session.state, bench.session.force_range_n[1]) == ("active", 40.0)
 
 
@@ -544,8 +550,8 @@ def test_a_period_that_no_gripper_keeps_is_refused(period: Any) -> None:
 def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
     rounds = [updates(width) for width in (40.0, 41.0, 42.0)]
     stream = b"".join([*rounds[0], b"\xaa\xaa", *rounds[1][:2], wire.encode_reply(wire.HOME), *rounds[2], *rounds[1]])
-    told = same_for_every_split(Decoder, stream)
-    assert [sample[3] for sample in told] == [pytest.approx(0.04), pytest.approx(0.042), pytest.approx(0.041)]
+    samples = same_for_every_split(Decoder, stream)
+    assert [sample[3] for sample in samples] == [pytest.approx(0.04), pytest.approx(0.042), pytest.approx(0.041)]
 
 
 def test_an_update_that_is_missing_costs_one_reading_and_only_it() -> None:
@@ -556,8 +562,8 @@ def test_an_update_that_is_missing_costs_one_reading_and_only_it() -> None:
             whole = b"".join(parts[at] for at in order)
             torn = b"".join(parts[at] for at in order if at != missing)
             samples = decoder.receive(2 * whole + torn + 3 * whole, 0)
-            begun = order[-1] != 3  # the first state arrived before the other updates
-            assert len(samples) == 5 - begun, (order, missing)
+            joined_late = order[-1] != 3  # the first state arrived before the other updates
+            assert len(samples) == 5 - joined_late, (order, missing)
 
 
 def test_updates_of_two_periods_are_not_mixed() -> None:
@@ -638,7 +644,7 @@ def test_a_first_activation_that_ends_while_a_second_waits_does_not_end_the_seco
     activate(bench.session, bench.now_ns)
     bench.run(0.1)
     activate(bench.session, bench.now_ns)
-    bench.hear([wire.encode_reply(wire.HOME)])
+    bench.deliver([wire.encode_reply(wire.HOME)])
     assert bench.session.activating
     assert bench.session.drop()
     assert (bench.session.activating, set_force(bench.session, 5.0)) == (False, None), "a reading shows the state again"
