@@ -47,6 +47,8 @@ class Session(GripperSessionBase):
         ValueError: The time is out of range or not an integer.
     """
 
+    _activation = ACTIVATION
+
     def __init__(self, answer_ms: int = ANSWER_MS) -> None:
         if not (isinstance(answer_ms, int) and SHORTEST_MS <= answer_ms <= LONGEST_MS):
             raise ValueError(f"answer_ms must be an integer from {SHORTEST_MS} to {LONGEST_MS}, got {answer_ms!r}")
@@ -86,11 +88,6 @@ class Session(GripperSessionBase):
         if self.command_lost:
             return f"command lost: {self._queue.failure}"
         return "activating" if self.activating else self._fault or str(state.value)
-
-    @property
-    def activating(self) -> bool:
-        """Whether an activation is queued, or sent and not answered."""
-        return self._machine.state in ACTIVATION
 
     @property
     def width_range_m(self) -> tuple[float, float]:

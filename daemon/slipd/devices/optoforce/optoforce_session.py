@@ -7,6 +7,7 @@ from typing import Any
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_decoder import Decoder
 from slipd.devices.shared import rdt_records as rdt
+from slipd.devices.shared.reply_text import reply_text
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
 from slipd.samples import WrenchSample
@@ -62,7 +63,8 @@ class Session(SensorSession[WrenchSample]):
             if (header, self._startup.awaited) == (frames.ACK, _CONFIGURATION):
                 self._startup.handle_answer(now_ns, f"refused {_CONFIGURATION}: code {body[0]}" if body[0] else "")
             elif (header, self._startup.awaited) == (frames.SERIAL_NUMBER, _SERIAL_NUMBER):
-                self.identity = _identity(body)
+                serial = reply_text(body)
+                self.identity = f"S/N {serial}" if serial else ""
                 self._startup.handle_answer(now_ns)
 
 
@@ -80,8 +82,3 @@ def _udp_steps(period_ms: int, filter_code: int) -> list[Step]:
         Step("filter", rdt.encode_request(UDP_FILTER, filter_code), "none"),
         Step("start", rdt.encode_request(rdt.START), "none"),
     ]
-
-
-def _identity(body: bytes) -> str:
-    serial = body.decode("latin-1").strip(" \0")
-    return f"S/N {serial}" if serial.isascii() and serial.isprintable() and serial else ""

@@ -46,6 +46,7 @@ class Session(GripperSessionBase):
     """
 
     identity = ""
+    _activation = ACTIVATION
 
     def __init__(
         self,
@@ -83,11 +84,6 @@ class Session(GripperSessionBase):
         if self.command_lost:
             return "command lost"
         return "activating" if self.activating else state.value
-
-    @property
-    def activating(self) -> bool:
-        """Whether an activation is queued or under way."""
-        return self._machine.state in ACTIVATION
 
     @property
     def width_range_m(self) -> tuple[float, float]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
+from slipd.devices.shared.reply_text import reply_text
+
 SYNC = b"\x55"
 RESPONSE_LENGTH = 19
 COMMAND_LENGTH = 11
@@ -66,8 +68,7 @@ def parse_reading(buffer: bytes, at: int) -> tuple[tuple[int, ...], int, bytes]:
 
 def parse_name(content: bytes) -> str:
     """Return the text in the answer to a request for a name; "" if it is not printable."""
-    text = content[:_NAME_LENGTH].decode("latin-1").strip(" \0")
-    return text if text.isascii() and text.isprintable() else ""
+    return reply_text(content[:_NAME_LENGTH])
 
 
 def parse_commands(received: bytes) -> tuple[list[tuple[int, bytes]], bytes]:

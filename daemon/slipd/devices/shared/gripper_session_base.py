@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from typing import Any, ClassVar
 
+from slipd.devices.shared.state_machine import StateMachine
 from slipd.permit import Permit
 
 
 class GripperSessionBase(ABC):
-    """Carry out permits, the only way to command a gripper; each device implements the motions."""
+    """Carry out permits, the only way to command a gripper; each device implements the motions.
+
+    A subclass sets ``_machine``, its state machine, and ``_activation``, the states in which it activates the gripper.
+    """
+
+    _machine: StateMachine[Any, Any]
+    _activation: ClassVar[frozenset[Any]]
+
+    @property
+    def activating(self) -> bool:
+        """Whether an activation is queued or in progress; until it is over no motion is accepted."""
+        return self._machine.state in self._activation
 
     def execute(self, permit: Permit, now_ns: int) -> bool:
         """Carry out a permit; see `slipd.devices.GripperSession.execute`.

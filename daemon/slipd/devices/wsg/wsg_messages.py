@@ -91,10 +91,10 @@ MOST = 1000.0
 
 _F32 = struct.Struct("<f")
 _FLAGS = struct.Struct("<I")
-_GOAL = struct.Struct("<Bff")
-_UPDATE = struct.Struct("<BH")
-_SYSTEM = struct.Struct("<BBHI")
-_LIMITS = struct.Struct("<8f")
+_GOAL = struct.Struct("<Bff")  # flags, width in mm, speed in mm/s
+_UPDATE = struct.Struct("<BH")  # periodic, period in ms
+_SYSTEM = struct.Struct("<BBHI")  # type, hardware revision, firmware, serial number
+_LIMITS = struct.Struct("<8f")  # as in `Limits`
 _STATUS_LENGTH = 2
 _TYPICAL_BYTES = 14
 
@@ -199,7 +199,10 @@ def encode(packet_id: int, payload: bytes = b"") -> bytes:
 
 
 def preposition(width_mm: float, speed_mmps: float) -> bytes:
-    """Return the command to move to a width, and to clamp what blocks the way."""
+    """Return the command to move to a width, and to clamp what blocks the way.
+
+    The payload is flags (u8), width in mm (f32) and speed in mm/s (f32).
+    """
     return encode(PREPOSITION, _GOAL.pack(CLAMP_ABSOLUTE, width_mm, speed_mmps))
 
 

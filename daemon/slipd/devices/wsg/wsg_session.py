@@ -53,6 +53,8 @@ class Session(GripperSessionBase):
         ValueError: The period is out of range or not an integer.
     """
 
+    _activation = ACTIVATION
+
     def __init__(self, period_ms: int = PERIOD_MS) -> None:
         if not (isinstance(period_ms, int) and SHORTEST_MS <= period_ms <= LONGEST_MS):
             raise ValueError(f"period_ms must be an integer from {SHORTEST_MS} to {LONGEST_MS}, got {period_ms!r}")
@@ -100,11 +102,6 @@ class Session(GripperSessionBase):
             return self._fault if state is State.FAULTY else "inactive"
         notices = [word for word in wire.NOTICES if word in self.decoder.words]
         return "active" + (f" ({', '.join(notices)})" if notices else "")
-
-    @property
-    def activating(self) -> bool:
-        """Whether homing is queued or under way."""
-        return self._machine.state in ACTIVATION
 
     @property
     def width_range_m(self) -> tuple[float, float]:
