@@ -99,7 +99,8 @@ class GraspView:
 
     def level(self) -> str:
         """Return the level of the worse finger."""
-        return max((finger.state.verdict.level for finger in self._fingers), key=SEVERITY.__getitem__)
+        first, second = (finger.state.verdict.level for finger in self._fingers)
+        return first if SEVERITY[first] >= SEVERITY[second] else second
 
     def update(self, t_ns: int, width_m: float | None) -> GraspState:
         """Combine the newest readings of both fingers.
