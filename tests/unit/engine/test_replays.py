@@ -1,0 +1,79 @@
+"""Recordings of an earlier version replay to what that version gave out; see ``tests/data/replays/README.md``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import replays
+
+MESSAGE = {"seq": 4, "level": "stable", "rising": True, "normal_n": 8.25, "centroid_m": [0.001, None], "age_s": None}
+
+
+@pytest.mark.parametrize("name", replays.NAMES)
+def test_a_recorded_run_replays_to_the_same_messages(name: str) -> None:
+    then = [(one.name, one.body) for one in replays.stored(name) if one.kind == "message"]
+    now = replays.messages(name)
+    assert [topic for topic, _ in now] == [topic for topic, _ in then]
+    for n, ((topic, was), (_, found)) in enumerate(zip(then, now, strict=True)):
+        assert list(replays.differences(was, found)) == [], f"message {n}, on {topic}"
+
+
+@pytest.mark.parametrize("name", replays.NAMES)
+def test_a_recorded_run_causes_the_same_replies_and_commands_at_the_same_events(name: str) -> None:
+    then, now = replays.stored(name), replays.given(name)
+    assert [one[:3] for one in now] == [one[:3] for one in then]
+    for was, found in zip(then, now, strict=True):
+        if was.kind != "message":
+            assert list(replays.differences(was.body, found.body)) == [], f"{was.kind} to {was.name}, event {was.event}"
+
+
+def test_the_recordings_hold_every_level_acts_of_the_reflex_faults_and_refusals() -> None:
+    given = [one for name in replays.NAMES for one in replays.stored(name)]
+    messages = [(one.name.partition(".")[0], one.body) for one in given if one.kind == "message"]
+    verdicts, grippers = ([body for topic, body in messages if topic == wanted] for wanted in ("slip", "gripper"))
+    replies = [one.body for one in given if one.kind == "reply"]
+    assert {body["level_code"] for body in verdicts} == set(range(6))
+    assert {body["reflex"]["reason"] for body in grippers if body["reflex"]} >= {"needed", "slipping"}
+    assert {body["latched_fault"] for body in grippers} >= {"no_answer", "command_lost"}
+    assert len({body["error"]["code"] for body in replies if not body["ok"]}) >= 20
+    assert {one.kind for one in given} == {"message", "reply", "write", "record"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seq": 5},
+        {"seq": 4.0},
+        {"rising": 1},
+        {"level": "caution"},
+        {"normal_n": 8.25 * (1 + 1e-8)},
+        {"normal_n": None},
+        {"centroid_m": [0.001]},
+        {"centroid_m": [0.001, 0.0]},
+        {"age_s": 0.0},
+        {"more": 1},
+    ],
+)
+def test_the_comparison_notices_any_change_but_rounding(change: dict[str, Any]) -> None:
+    assert list(replays.differences(MESSAGE, MESSAGE | {"normal_n": 8.25 * (1 + 1e-10)})) == []
+    assert list(replays.differences(MESSAGE, MESSAGE | change)) != []
+
+
+def test_the_comparison_notices_a_renamed_key_and_another_order() -> None:
+    renamed = {{"level": "grade"}.get(key, key): value for key, value in MESSAGE.items()}
+    assert list(replays.differences(MESSAGE, renamed)) != []
+    assert list(replays.differences(MESSAGE, dict(sorted(MESSAGE.items())))) != []
+
+
+def test_the_comparison_lets_texts_for_people_be_reworded_but_not_vanish() -> None:
+    def status(text: str) -> dict[str, Any]:
+        return {"streams": {"left.pad": {"health": 1, "message": text}}}
+
+    assert list(replays.differences(status("no images"), status("no image came"))) == []
+    assert list(replays.differences(status("no images"), status(""))) != []
+
+
+def test_an_axis_has_no_sense() -> None:
+    assert list(replays.differences({"axis_rad": -1.570796326795}, {"axis_rad": 1.570796326795})) == []
+    assert list(replays.differences({"axis_rad": -1.57}, {"axis_rad": 1.58})) != []
