@@ -11,6 +11,7 @@ from typing import cast
 from slipd.config import Config, device_options, transport_of
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES, Decoder, Session
+from slipd.engine.device_identity import DeviceIdentity
 from slipd.engine.silence import LinkActivity, why_silent
 from slipd.engine.stream_meter import StreamMeter, make_stream
 from slipd.events import LinkSpec
@@ -61,11 +62,8 @@ class DeviceLink:
         self.up = False
         self.reconnects = 0
         self.dropped = 0
-        self._hardware_id = config.hardware_id
-        self._opened = self._first_opened = ""
-        self._first_identity = ""
+        self._identity = DeviceIdentity(config.hardware_id)
         self._message = "not opened yet"
-        self._mismatch = ""
         self._allowed = self._rate_hz = 0.0
         self._allowed_ns = 0
         self._dropped_ns: int | None = None
@@ -82,10 +80,9 @@ class DeviceLink:
 
     def open(self, identity: str, t_ns: int) -> bytes:
         """Begin anew on an opened link; return the first bytes for the device."""
-        if self._first_opened:
+        if self._identity.open(identity):
             self.reconnects += 1
-        self._first_opened = self._first_opened or identity
-        self.up, self._opened, self._message, self._mismatch = True, identity, "", ""
+        self.up, self._message = True, ""
         self._allowed_ns, self._allowed = t_ns, self._burst()
         self._opened_ns, self._received_ns = t_ns, None
         self._bad_bytes, self._fault = self._decoder.health.bad_bytes, ""
@@ -95,16 +92,16 @@ class DeviceLink:
             greeting = self.session.start(t_ns)
         else:
             cast("Decoder", self._decoder).forget()
-        self._check_identity()
+        self._identity.check(self.session)
         return greeting
 
     @property
     def opened(self) -> str:
         """Identity of what was opened last: a path or an address; "" before."""
-        return self._opened
+        return self._identity.opened
 
     def interrupt(self) -> None:
-        """Forget the model of the device's clock: time passed that nobody saw."""
+        """Forget the model of the device's clock after a gap in which time passed unseen."""
         for stream in self.streams.values():
             stream.forget()
 
@@ -136,9 +133,9 @@ class DeviceLink:
             self._fail(error, t_ns)
             return []
         session = self.session
-        if session is not None and (self._mismatch or session.identity != self._first_identity):
-            self._check_identity()
-        if not samples or self._mismatch:
+        if session is not None and (self._identity.mismatch or session.identity != self._identity.first):
+            self._identity.check(session)
+        if not samples or self._identity.mismatch:
             return []
         if len(samples) > self._allowed:
             samples = self._within_rate(samples, t_ns)
@@ -193,8 +190,8 @@ class DeviceLink:
         stream.measure(t_ns, counters.bad_bytes, late_ns)
         if not self.up:
             return Health.ERROR, self._message
-        if self._mismatch:
-            return Health.ERROR, self._mismatch
+        if self._identity.mismatch:
+            return Health.ERROR, self._identity.mismatch
         if self._fault and t_ns - self._fault_ns < FAULT_SHOWN_NS:
             return Health.ERROR, self._fault
         if self._dropped_ns is not None and t_ns - self._dropped_ns < FAULT_SHOWN_NS:
@@ -247,7 +244,7 @@ class DeviceLink:
         return StreamStatus(
             name=stream.name,
             conditions=conditions,
-            hardware_id=(session.identity if session is not None else "") or self._opened,
+            hardware_id=(session.identity if session is not None else "") or self._identity.opened,
             address=self.spec.address,
             state=session.state if session is not None else None,
             expected_hz=stream.expected_hz,
@@ -262,26 +259,6 @@ class DeviceLink:
             reconnects=self.reconnects,
             channel=channel,
         )
-
-    def _check_identity(self) -> None:
-        """Compare what was opened, and who the device says it is, with the config and with the run so far."""
-        identity = self.session.identity if self.session is not None else ""
-        self._first_identity = self._first_identity or identity
-        wanted = self._hardware_id
-        if wanted and wanted not in (identity, self._opened):
-            self._mismatch = (
-                f"another device answers: {identity!r}, where hardware_id says {wanted!r}"
-                if identity
-                else f"waits for the device to identify itself as {wanted!r}"
-            )
-        elif not identity and self._first_identity and self.session is not None and self.session.state != "running":
-            self._mismatch = "waits for the device to identify itself: another device may be connected now"
-        elif identity != self._first_identity and identity:
-            self._mismatch = f"another device answers: {identity!r}, where {self._first_identity!r} was; restart slipd"
-        elif self._opened != self._first_opened:
-            self._mismatch = f"another port answers: {self._opened!r}, where {self._first_opened!r} was"
-        else:
-            self._mismatch = ""
 
     def _within_rate(self, samples: Sequence[Sample], t_ns: int) -> Sequence[Sample]:
         """Drop the oldest readings that exceed the rate of a flood."""

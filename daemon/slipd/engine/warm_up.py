@@ -1,4 +1,4 @@
-"""Compiles every kernel before the first reading needs it."""
+"""Compile every kernel before the first reading needs it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from slipd.signals.charge import ChargeReconstruction
 
 
 def warm_up() -> None:
-    """Calls each kernel with arrays of the kinds that a run has; from a warm cache this takes some 10 ms."""
+    """Call each kernel with arrays of the types that a run uses; with a warm cache this takes some 10 ms."""
     x, y = np.array((0.0, 0.01, 0.0, 0.01)), np.array((0.0, 0.0, 0.01, 0.01))
     centre, force = np.array((0.005, 0.005)), np.array((0.1, 0.0))
     loads = matched_loads(x, y, np.ones(4), 1.0, centre).loads
@@ -37,11 +37,11 @@ def warm_up() -> None:
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)
     charge.update(np.ones(4), 0.01, False)
-    _hold()
+    _judge_contact()
 
 
-def _hold() -> None:
-    """A finger that holds something, its force with torque and without."""
+def _judge_contact() -> None:
+    """Judge a held object with a force sensor that measures torque, and with one that does not."""
     wrench = Wrench(device="bota", port="-", rate_hz=1000.0)
     pad = Pad(device="pvdf", port="-", rate_hz=100.0, rows=2, cols=2, pitch_m=0.01, electrode_m=0.005)
     finger = Finger("warm", FingerConfig(mu=0.5, wrench=wrench, pad=pad), Levels())
