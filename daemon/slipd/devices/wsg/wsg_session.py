@@ -16,9 +16,9 @@ from slipd.devices.wsg.wsg_states import ACTIVATION, IN_PROGRESS, QUEUED, TRANSI
 from slipd.samples import GripperSample
 
 PERIOD_MS = 20
-"""Period of the public drivers; older grippers need at least 7 ms."""
+"""Period of the public drivers; the shortest one observed, on an older gripper, is 7 ms."""
 SHORTEST_MS, LONGEST_MS = 5, 200
-"""Shortest and longest period: twice the fastest observed, and a fifth of the time that counts as silence."""
+"""Shortest and longest period that can be configured; the longest is a fifth of the time that counts as silence."""
 HOMING_NS = 30_000_000_000
 """Time allowed for homing; a slow gripper needs some seconds for its whole stroke and back."""
 
