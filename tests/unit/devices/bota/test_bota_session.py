@@ -277,7 +277,8 @@ def test_stop_sends_configure_and_ends_the_deadlines() -> None:
     assert session.next_deadline() is None
     assert session.on_time(10**12) == b""
     assert len(session.receive(bota.encode_frame((0, 0, 1), (0, 0, 0), 0), 10**12)) == 1
-    assert session.next_deadline() is None
+    session.receive(bota_text.encode_banner(), 10**12)
+    assert session.next_deadline() is None, "a banner after the end starts nothing"
     assert session.state == "closed"
 
 
