@@ -58,7 +58,7 @@ class Session(TactileSession):
     def _handle_controller(self, payload: bytes) -> str:
         info = messages.parse_controller(payload)
         if info.kind != messages.TYPE_DSACON32:
-            return f"controller type {info.kind_name} is not supported: DSACON32 is"
+            return f"the controller must be a DSACON32, got type {info.kind_name}"
         self.identity = f"S/N {info.serial}"
         return "" if info.operable else "controller not operable"
 

@@ -104,9 +104,9 @@ def encode_reading(
         data = b""
     if not data or measure(data, 0) != len(data) or parse(data) is None:
         raise ValueError(
-            f"a reading must have a name, a time, and either a force of shape (3,), with or without a torque of shape "
-            f"(3,), or values of shape (taxels,) or (taxels, 3), with at most {MAX_TAXELS} taxels and {MAX_MESSAGE} "
-            f"bytes, got one of stream {stream!r:.80} that has not"
+            f"a reading must have a valid name and time, and either a force of shape (3,), with or without a torque of "
+            f"shape (3,), or values of shape (taxels,) or (taxels, 3), with at most {MAX_TAXELS} taxels and "
+            f"{MAX_MESSAGE} bytes, got stream {stream!r:.80}"
         )
     return data
 

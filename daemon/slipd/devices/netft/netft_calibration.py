@@ -86,7 +86,7 @@ def read_tcp(answer: bytes) -> Calibration | str | None:
         return None
     _, force_code, torque_code, counts_per_force, counts_per_torque = _TCP_REPLY.unpack(answer)
     if not (1 <= force_code <= len(FORCE_UNITS) and 1 <= torque_code <= len(TORQUE_UNITS)):
-        return f"unit codes {force_code} and {torque_code} are not known"
+        return f"unit codes must be from 1 to {len(FORCE_UNITS)}, got {force_code} and {torque_code}"
     force_unit, torque_unit = list(FORCE_UNITS)[force_code - 1], list(TORQUE_UNITS)[torque_code - 1]
     try:
         return from_counts(counts_per_force, counts_per_torque, force_unit, torque_unit)

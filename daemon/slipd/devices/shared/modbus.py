@@ -56,10 +56,12 @@ class Request:
         if not (reads or writes):
             raise ValueError(f"function must be 3, 4, 16 or 23, got {self.function}")
         if not (1 <= self.read_count <= _MOST_READ if reads else self.read_count == 0):
-            raise ValueError(f"function {self.function} cannot read {self.read_count} registers")
+            raise ValueError(f"read_count must be 1 to {_MOST_READ}, or 0 for function 16, got {self.read_count}")
         most = _MOST_WRITTEN.get(self.function, 0)
         if not min(most, 1) <= len(self.registers) <= most:
-            raise ValueError(f"function {self.function} cannot write {len(self.registers)} registers")
+            raise ValueError(
+                f"registers of function {self.function} must be {min(most, 1)} to {most}, got {len(self.registers)}"
+            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ class Sensor:
     settings: list[bota_text.Command] = field(default_factory=list)
     received: bytes = b""
 
-    def hear(self, data: bytes) -> bytes:
+    def respond(self, data: bytes) -> bytes:
         commands, self.received = bota_text.parse_commands(self.received + data)
         return b"".join(self.obey(command) for command in commands)
 
@@ -59,7 +59,7 @@ class Bench:
     def write(self, data: bytes) -> None:
         if data:
             self.written.append(data)
-            self.deliver(self.sensor.hear(data))
+            self.deliver(self.sensor.respond(data))
 
     def deliver(self, data: bytes) -> None:
         if data:

@@ -82,8 +82,8 @@ def test_an_incomplete_answer_is_awaited(size: int) -> None:
     [
         (b"\x12\x35", "not an answer"),
         (WORKED + b"\0", "not an answer"),
-        (encode_tcp(1, 1, 0, 3), "unit codes 0 and 3"),
-        (encode_tcp(1, 1, 2, 7), "unit codes 2 and 7"),
+        (encode_tcp(1, 1, 0, 3), "got 0 and 3"),
+        (encode_tcp(1, 1, 2, 7), "got 2 and 7"),
         (encode_tcp(0, 1), "counts_per_force must be a number from 1 to 1e+12, got 0"),
         (encode_tcp(1, 0), "counts_per_torque must be a number from 1 to 1e+12, got 0"),
     ],

@@ -43,7 +43,7 @@ class Gripper:
     refuses: tuple[int, ...] = ()
     received: bytes = b""
 
-    def hear(self, data: bytes) -> bytes:
+    def respond(self, data: bytes) -> bytes:
         requests, self.received = modbus.parse_requests(self.received + data, 9)
         return b"" if self.mute else b"".join(self.answer(request) for request in requests)
 
@@ -103,7 +103,7 @@ class Bench:
         if not data:
             return
         self.sent.append((self.now_ns, data))
-        reply = self.gripper.hear(data)
+        reply = self.gripper.respond(data)
         if reply:
             self.now_ns += 6 * MS
             self.samples += self.session.receive(reply, self.now_ns)
@@ -157,7 +157,7 @@ def test_activation_clears_then_activates_and_waits_until_the_gripper_reports_it
 
 def test_activation_asked_for_while_a_poll_is_out_is_not_undone_by_its_reply(active: Bench) -> None:
     active.now_ns += 20 * MS
-    reply = active.gripper.hear(active.session.on_time(active.now_ns))
+    reply = active.gripper.respond(active.session.on_time(active.now_ns))
     activate(active.session, active.now_ns)
     active.session.receive(reply, active.now_ns)
     assert active.move(1, 2, 3) is None
@@ -182,7 +182,7 @@ def test_commands_keep_five_milliseconds_from_the_last_reply_and_one_transaction
     assert active.session.on_time(active.now_ns) == POLL
     active.move(200, 128, 60)
     assert active.session.on_time(active.now_ns + 50 * MS) == b""
-    active.session.receive(active.gripper.hear(POLL), active.now_ns + 50 * MS)
+    active.session.receive(active.gripper.respond(POLL), active.now_ns + 50 * MS)
     assert active.session.on_time(active.now_ns + 55 * MS - 1) == b""
     assert active.session.on_time(active.now_ns + 55 * MS) == GO
 
@@ -451,7 +451,7 @@ def test_a_command_is_dropped_when_the_gripper_turns_out_to_be_inactive(active: 
     poll = active.session.on_time(active.now_ns)
     active.move(200, 128, 60)
     active.gripper.stage = 0
-    active.session.receive(active.gripper.hear(poll), active.now_ns)
+    active.session.receive(active.gripper.respond(poll), active.now_ns)
     active.steps(5)
     assert active.commands() == []
     assert active.session.command_lost
@@ -610,7 +610,7 @@ def test_a_flood_of_commands_leaves_every_third_turn_to_the_poll(active: Bench) 
 def test_replies_are_read_in_any_split_and_among_noise(active: Bench) -> None:
     for cut in range(12):
         active.now_ns += 20 * MS
-        reply = active.gripper.hear(active.session.on_time(active.now_ns))
+        reply = active.gripper.respond(active.session.on_time(active.now_ns))
         pieces = [b"\x09\x04" + reply[:cut], reply[cut:]]
         samples = [sample for piece in pieces for sample in active.session.receive(piece, active.now_ns)]
         assert len(samples) == 1
@@ -623,7 +623,7 @@ def test_endless_garbage_is_neither_kept_nor_mistaken_for_a_reply(active: Bench)
     for _ in range(100):
         assert active.session.receive(b"\x09\x04\x06" * 1000, active.now_ns) == []
         assert len(active.session._line.received) <= modbus.MAX_FRAME
-    assert active.session.receive(active.gripper.hear(POLL), active.now_ns) != []
+    assert active.session.receive(active.gripper.respond(POLL), active.now_ns) != []
 
 
 @pytest.mark.parametrize("period", [0.0, 0.004, -1, float("nan")])
@@ -702,7 +702,7 @@ def test_a_status_received_during_a_queued_activation_counts_after_its_cancellat
     activate(bench.session, bench.now_ns)
     bench.gripper.output, bench.gripper.stage = (0x0100, 0, 0), 3  # another master activated it
     poll = bench.session._line.poll(bench.now_ns)
-    bench.session.receive(bench.gripper.hear(poll), bench.now_ns)
+    bench.session.receive(bench.gripper.respond(poll), bench.now_ns)
     assert (bench.session.state, bench.session.activating) == ("activating", True)
     assert forget(bench.session, how)
     assert (bench.session.state, bench.session.activating) == ("active", False)

@@ -286,11 +286,11 @@ def test_a_refusal_is_reported_in_words_and_the_query_repeated(
     [
         (
             messages.encode_controller(messages.ControllerInfo(5, kind=0)),
-            "controller type DSACON16 is not supported: DS",
+            "the controller must be a DSACON32, got type DSACON16",
         ),
         (
             messages.encode_controller(messages.ControllerInfo(5, kind=9)),
-            "controller type 9 is not supported: DSACON32",
+            "the controller must be a DSACON32, got type 9",
         ),
         (messages.encode_controller(messages.ControllerInfo(5, operable=False)), "controller not operable"),
         (messages.encode_sensor(0, 1), "a controller must have 1 to 16 matrices, got 0"),
