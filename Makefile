@@ -11,8 +11,10 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals finger grasp gripper requests publish engine)
-# Tests that compute only: two at a time. Those on real lines and sockets have the machine to themselves.
-PURE := tests/unit/fusion $(addprefix tests/lab/,chart fuzz motions simulation)
+# Tests that only compute or write files: two at a time. Those on real lines and sockets have the machine to themselves.
+PURE := $(addprefix tests/unit/,fusion config recording docs) \
+	$(addprefix tests/unit/sim/test_,every_emulator.py story.py scene.py true_contact.py) \
+	$(addprefix tests/lab/,chart fuzz motions simulation)
 
 .PHONY: demo test lint portable bench chart fuzz soak clean
 

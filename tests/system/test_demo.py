@@ -1,4 +1,4 @@
-"""The demo as a user runs it: real processes, ports and sockets; the truth of the scene beside what was told."""
+"""The demo as a user runs it, with real processes, ports and sockets: its reports against the truth of the scene."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from slipd_client.messages import encode
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """What the whole demo printed, and its recording."""
+    """Output of the whole demo, and its recording."""
     directory = tmp_path_factory.mktemp("demo")
     recording = directory / "demo.mcap"
-    command = [sys.executable, "-m", "slipd", "demo", "--seconds", "22", "--headless", "--record", str(recording)]
+    command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(recording)]
     runtime = {"SLIPD_RUNTIME_DIR": str(directory / "run")}
     done = subprocess.run(command, env=os.environ | runtime, capture_output=True, text=True, check=False, timeout=110)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -30,7 +30,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 
 
 def times(summary: str, line: str) -> list[float]:
-    """When a line of the summary happened, s of the scene."""
+    """Return the times of a line of the summary, s of the scene."""
     return [float(found) for found in re.findall(rf"^ *([\d.]+) s  {line}", summary, re.MULTILINE)]
 
 
@@ -54,9 +54,9 @@ def test_the_grip_request_is_granted_and_visible_in_the_measured_force(demo: tup
 @pytest.mark.process
 def test_the_slip_is_reported_when_it_happens(demo: tuple[str, Path]) -> None:
     began = times(demo[0], "truth    slide_begins")
-    told = times(demo[0], r"slipd    \w+: slipping \(slip_detected")
+    reported = times(demo[0], r"slipd    \w+: slipping \(slip_detected")
     assert began, demo[0]
-    assert any(0.0 <= t - began[0] < 0.5 for t in told), demo[0]
+    assert any(0.0 <= t - began[0] < 0.5 for t in reported), demo[0]
 
 
 @pytest.mark.process
@@ -86,16 +86,19 @@ def test_a_replay_of_the_demo_gives_the_live_messages_byte_for_byte(demo: tuple[
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_demo_ended_by_a_signal_leaves_neither_processes_nor_an_open_recording(
-    number: signal.Signals, tmp_path: Path
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, "--seconds=0.5"])
+def test_a_demo_that_is_ended_early_leaves_neither_processes_nor_an_open_recording(
+    end: signal.Signals | str, tmp_path: Path
 ) -> None:
     command = [sys.executable, "-m", "slipd", "demo", "--headless", "--record", str(tmp_path / "demo.mcap")]
+    if isinstance(end, str):
+        command.append(end)
     runtime = {"SLIPD_RUNTIME_DIR": str(tmp_path / "run")}
     with subprocess.Popen(command, env=os.environ | runtime, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert [process.stdout.readline().partition(": ")[0] for _ in range(2)] == ["publish", "requests"]
-        process.send_signal(number)
+        if isinstance(end, signal.Signals):
+            process.send_signal(end)
         process.communicate(timeout=60)
         assert process.returncode == 0
     daemon = int((tmp_path / "run" / "lock").read_text())

@@ -12,10 +12,7 @@ from project import DAEMON, ROOT
 MOST_LINES = 300
 LONGER = {
     "devices/papillarray/papillarray_frames.py": "every block of one protocol",
-    "devices/wsg/wsg_messages.py": "every message of one protocol",
-    "engine/device_link.py": "one state machine",
-    "finger/finger.py": "to be cut",
-    "finger/image_channel.py": "to be cut",
+    "engine/device_link.py": "to be cut",
     "fusion/limit_kernels.py": "to be cut",
 }
 """Longer files, and why."""

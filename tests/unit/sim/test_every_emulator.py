@@ -1,4 +1,4 @@
-"""Every device has an emulator whose traffic its decoder or session takes without a bad byte, however it is split."""
+"""Every device has an emulator whose traffic decodes without a bad byte, however it is split."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slipd.sim.emulators import Emulator, make_emulator
 
 MS = 1_000_000
 SECONDS = 3
-"""A Bota sensor boots, settles and is configured within a second; a gripper has answered many polls."""
+"""Long enough for a Bota sensor to boot and settle, and for a gripper to answer many polls."""
 
 devices = pytest.mark.parametrize("device", list(DEVICES.values()), ids=list(DEVICES))
 
@@ -39,7 +39,7 @@ def plain(sample: Any) -> tuple[Any, ...]:
 def play(
     device: Device, emulator: Emulator, split: Callable[[bytes], list[bytes]], seconds: float = SECONDS
 ) -> tuple[list[Any], Any]:
-    """Play the talk of a device and its host in steps of a millisecond; return the readings and the counters."""
+    """Run a device and its host in steps of a millisecond; return the readings and the counters."""
     session: Any = device.session(**emulator.options) if device.session is not None else None
     listener: Any = session or device.decoder(**emulator.options)
     samples: list[Any] = []
@@ -68,13 +68,14 @@ def test_its_traffic_decodes_without_a_bad_byte_at_its_rate(device: Device) -> N
 
 
 @devices
-@pytest.mark.parametrize("split", [halves, bytewise])
-def test_L1_its_traffic_reads_the_same_in_any_split(device: Device, split: Callable[[bytes], list[bytes]]) -> None:
-    seconds = 1.0
-    torn, torn_health = play(device, make_emulator(device.name, 4), split, seconds)
+def test_L1_its_traffic_reads_the_same_in_any_split(device: Device) -> None:
+    seconds = 0.6  # a Bota sensor has sent its first readings
     samples, health = play(device, make_emulator(device.name, 4), whole, seconds)
-    assert [plain(sample) for sample in torn] == [plain(sample) for sample in samples]
-    assert torn_health == health
+    assert samples
+    for split in (halves, bytewise):
+        torn, torn_health = play(device, make_emulator(device.name, 4), split, seconds)
+        assert [plain(sample) for sample in torn] == [plain(sample) for sample in samples]
+        assert torn_health == health
 
 
 @devices

@@ -1,4 +1,4 @@
-"""The real process on real pseudo-terminals, with the real decoders and a foreign Modbus client at the other end."""
+"""The real process on real pseudo-terminals, read by the real decoders and an independent Modbus client."""
 
 import json
 import select
@@ -31,7 +31,7 @@ class Process:
 
     def hear(self):
         readable, _, _ = select.select([self.popen.stdout], [], [], PATIENCE_S)
-        assert readable, "the virtual gripper says nothing"
+        assert readable, "the virtual gripper prints nothing"
         return json.loads(self.popen.stdout.readline())
 
     def hear_until(self, event):
@@ -52,7 +52,7 @@ def process(tmp_path):
     try:
         yield made
     finally:
-        made.popen.kill()  # only one that failed to end still lives here
+        made.popen.kill()  # only a process that failed to end still runs here
         made.popen.wait()
         made.popen.stdin.close()
         made.popen.stdout.close()
@@ -63,7 +63,7 @@ def names(directory):
 
 
 def read_for(ports, seconds):
-    """What each port says in a time; the port is drained as it speaks."""
+    """Return the bytes that each port sends in a time; they are read as they come."""
     heard = dict.fromkeys(ports, b"")
     until = time.monotonic() + seconds
     while time.monotonic() < until:
@@ -71,14 +71,6 @@ def read_for(ports, seconds):
             name = next(name for name, known in ports.items() if known is port)
             heard[name] += port.read(65_536)
     return heard
-
-
-def test_it_prints_its_ports_and_removes_them(process):
-    assert process.ready["event"] == "ready"
-    assert sorted(process.ready["ports"]) == ["gripper", "left-pad", "left-wrench", "right-pad", "right-wrench"]
-    assert names(process.directory) == set(process.ready["ports"])
-    assert process.end() == 0
-    assert names(process.directory) == set()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -99,24 +91,28 @@ def test_it_ends_after_its_seconds_and_when_nobody_reads_its_truth(tmp_path):
     assert names(tmp_path) == set()
 
 
-def test_both_fingers_speak_whole_frames_at_their_rates(process):
+def test_it_prints_its_ports_sends_whole_frames_at_their_rates_and_removes_the_ports(process):
+    assert process.ready["event"] == "ready"
+    assert sorted(process.ready["ports"]) == ["gripper", "left-pad", "left-wrench", "right-pad", "right-wrench"]
+    assert names(process.directory) == set(process.ready["ports"])
     lines = ("left-wrench", "left-pad", "right-wrench", "right-pad")
     ports = {line: serial.Serial(str(process.directory / line), timeout=0, exclusive=True) for line in lines}
-    heard = read_for(ports, 2.0)
+    received = read_for(ports, 1.5)
     for port in ports.values():
         port.close()
     for line in lines:
         decoder = bota.Decoder() if "wrench" in line else pvdf.Decoder()
-        samples = decoder.receive(heard[line], 0)
+        samples = decoder.receive(received[line], 0)
         assert decoder.health.bad == decoder.health.lost == 0
         # The rate by the device's own clock: nothing is missing between the first and the last frame.
         span_s = (samples[-1].device_time_ns - samples[0].device_time_ns) * 1e-9
         assert (len(samples) - 1) / span_s == pytest.approx(800 if "wrench" in line else 200, rel=0.002)
         assert len(samples) > 100
     assert process.end() == 0
+    assert names(process.directory) == set()
 
 
-def test_a_foreign_modbus_client_grips_the_box(process):
+def test_an_independent_modbus_client_grips_the_box(process):
     client = ModbusSerialClient(str(process.directory / "gripper"), baudrate=115_200, timeout=5.0)
     assert client.connect()
 
@@ -147,7 +143,7 @@ def test_a_foreign_modbus_client_grips_the_box(process):
 
 
 def test_a_sensor_boots_when_its_port_is_opened(process):
-    time.sleep(0.5)  # the boot at the start of the process is over, heard by nobody
+    time.sleep(0.5)  # the boot at the start of the process is over
     with serial.Serial(str(process.directory / "left-wrench"), timeout=PATIENCE_S) as port:
         assert port.read(8) == b"App Init"
     assert process.end() == 0
