@@ -1,4 +1,4 @@
-"""The force side of one finger: from the readings of its force/torque sensor to the force on the pad."""
+"""Condition the readings of one force/torque sensor: from sensor readings to the wrench on the pad."""
 
 from __future__ import annotations
 
@@ -47,18 +47,20 @@ class WrenchBatch(NamedTuple):
 
 
 class ForceChannel:
-    """A force/torque sensor behind a pad. In this order: tare, mounting, weight of the finger, drift.
+    """A force/torque sensor behind a pad.
+
+    Each reading is checked and passes, in this order: tare, mounting, weight of the finger, drift.
 
     Args:
         wrench: ``[finger.X.wrench]``.
-        stale_ns: A longer silence is a failure of the stream.
+        stale_ns: Longest silence of a stream that did not fail.
 
     Attributes:
-        tare: Offset of the readings, in the sensor's own frame.
-        gravity: The weight of the finger beyond the sensor.
+        tare: Offset of the readings, in the sensor frame, shape (6,), N and N·m.
+        gravity: Weight of the finger beyond the sensor.
         drift: Drift of the zero that is subtracted; None where it is not followed.
         status: Conditions that the device reported with the newest reading.
-        fault: What is wrong with the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
+        fault: Fault of the newest reading: "stuck", "garbage", "not_finite", "intermittent" or "".
     """
 
     def __init__(self, wrench: Wrench, stale_ns: int) -> None:
@@ -85,12 +87,12 @@ class ForceChannel:
 
     @property
     def suspect(self) -> bool:
-        """The newest reading repeats the one before or jumped: nothing is to be raised on it."""
+        """The newest reading repeats the one before, or jumped: no grip may be raised on it."""
         return self._watch.suspect
 
     @property
     def rests(self) -> bool:
-        """It is suspect only because it repeats, as the config says that readings of this sensor may."""
+        """The newest reading is suspect only because it repeats, which the config allows (``stuck_after`` 0)."""
         return self._watch.rests
 
     @property
@@ -101,12 +103,12 @@ class ForceChannel:
     def condition(
         self, samples: Sequence[WrenchSample], times_ns: Sequence[int], untouched: Callable[[], bool | None]
     ) -> WrenchBatch:
-        """Takes the readings of one read; while a tare is being measured, one at a time.
+        """Return the readings of one read, conditioned.
 
         Args:
-            samples: The readings.
-            times_ns: When each was acquired.
-            untouched: Says whether nothing touches the finger; None where that is not known.
+            samples: The readings; only one while a tare is measured.
+            times_ns: When each was acquired, CLOCK_MONOTONIC.
+            untouched: Returns whether nothing touches the finger; None: unknown.
         """
         readings, statuses = [sample.numbers for sample in samples], [sample.status for sample in samples]
         rows = np.array([(*six, t_ns * 1e-9, USABLE) for six, t_ns in zip(readings, times_ns, strict=True)])
@@ -180,11 +182,11 @@ class ForceChannel:
         return untrusted
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
-        """Starts to average readings; the weight at the present orientation becomes part of the offset."""
+        """Begin to average readings; the weight at the present orientation becomes part of the offset."""
         self.tare.begin(t_ns, seconds, by, self.gravity.gravity(t_ns))
 
     def undo_tare(self) -> bool:
-        """Puts the offset before the last tare back in force; False where there is none."""
+        """Restore the offset before the last tare; return False where there is none."""
         if not self.tare.undo():
             return False
         if self.tare.current is not self._offset:
@@ -192,7 +194,7 @@ class ForceChannel:
         return True
 
     def set_gravity(self, gravity_mps2: Sequence[float], t_ns: int) -> None:
-        """Takes the apparent gravity in the pad frame, m/s²; a tare that is being measured must not be turned."""
+        """Set the apparent gravity in the pad frame, m/s²; a finger that turns gives up its tare."""
         before = self.gravity.gravity(t_ns)
         self.gravity.set(gravity_mps2, t_ns)
         if self.tare.busy and before is not None:
@@ -207,11 +209,11 @@ class ForceChannel:
         return Doubt(*self._noise, *self.gravity.uncertainty(t_ns))
 
     def _may_learn(self, t_ns: int) -> bool:
-        """A zero is learned only from readings of which nothing else is in doubt."""
+        """Return whether the drift may be learned: nothing else about the readings is uncertain."""
         return not self.tare.busy and self.gravity.state(t_ns) != "unknown_orientation"
 
     def _take_offset(self) -> None:
-        """Another offset is in force: by a tare, or by its undo, which has a lower id."""
+        """Use the offset of a tare, or that of its undo, which has a lower id."""
         now, before = self.tare.current, self._offset
         self._offset = now
         self.gravity.retare(now.gravity_mps2)
