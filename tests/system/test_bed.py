@@ -1,4 +1,4 @@
-"""Real processes: one daemon that reads every device on every kind of line, and the devices."""
+"""Real processes: one daemon that reads every device on every kind of line, and the emulated devices."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Bed:
 
 @pytest.fixture(scope="module")
 def bed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Bed:
-    """The rig of a number."""
+    """The rig with a number."""
     folder = tmp_path_factory.mktemp("bed")
     return Bed(folder, make_rig(folder, RIGS[request.param]))
 
@@ -84,7 +84,7 @@ def processes(bed: Bed) -> Iterator[tuple[GripClient, ExitStack]]:
 
 
 def watch(requester: GripClient, settled: Callable[[dict[str, Any]], bool]) -> tuple[Streams, Streams]:
-    """Each stream as it was when it had settled, and those that did not."""
+    """Return each stream when it settled, and the streams that did not."""
     good: Streams = {}
     bad: Streams = {}
     until_s = time.monotonic() + PATIENCE_S
@@ -100,7 +100,7 @@ def watch(requester: GripClient, settled: Callable[[dict[str, Any]], bool]) -> t
 
 
 def is_well(stream: dict[str, Any]) -> bool:
-    """Readings come at their rate; on a busy machine they may have stopped for some milliseconds of late."""
+    """Return whether readings come at their rate; a busy machine may have interrupted them for some milliseconds."""
     calm = stream["health"] == OK or "within 10 s" in stream["message"]
     return calm and stream["rate_hz"] == pytest.approx(stream["expected_hz"], rel=0.2)
 

@@ -1,4 +1,4 @@
-"""``slipd``: what it prints, and how it ends: 0 done, 1 fault at run time, 2 wrong call or config."""
+"""The command ``slipd``: its output and exit code: 0 done, 1 fault at run time, 2 wrong arguments or config."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
 
 
 def drop_s() -> float:
-    """When the object was dropped: the first row that its authors labelled so."""
+    """Time of the drop: the first row with that label."""
     with (TRIAL / "slip_label.csv").open() as labels, (TRIAL / "robot_state.csv").open() as times:
         for label, row in zip(csv.DictReader(labels), csv.DictReader(times), strict=True):
             if float(label["fail"]):

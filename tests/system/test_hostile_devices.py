@@ -1,4 +1,4 @@
-"""The daemon among devices that send whatever hurts: it goes on, keeps its size, logs few lines, and ends well."""
+"""A daemon with hostile devices keeps running, keeps its size, logs few lines, and ends in good order."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ Handler = Callable[[socket.socket], None]
 
 
 class Peers:
-    """Servers of hostile devices, each in a thread, until the block ends."""
+    """Servers of hostile devices, each in a thread, for the duration of ``with``."""
 
     def __init__(self) -> None:
         self._stop = threading.Event()
@@ -157,7 +157,7 @@ def flood(peers: Peers, data: bytes) -> Handler:
 
 
 def closes(client: socket.socket) -> None:
-    """Each close has a reason of its own, which looks like a line of the daemon's log."""
+    """Close with a different reason each time, which looks like a line of the log."""
     reason = f"bye\nERROR forged: {time.monotonic_ns()}".encode()
     client.sendall(frame(b"x") + frame(struct.pack(">H", 1000) + reason, 0x88))
     time.sleep(0.01)
@@ -169,7 +169,7 @@ def answers_at_length(client: socket.socket) -> None:
 
 
 def hostile(peers: Peers) -> Iterator[tuple[str, str]]:
-    """Name and table of each."""
+    """Yield name and table of each device."""
     numbers = b'{"message":1,"1":{"taxels":3500,"calibrated":[' + b".5," * 10_000 + b".5]}}"
     floods = {
         "numbers": frame(numbers),

@@ -1,4 +1,4 @@
-"""Real processes: a daemon whose sensors lie to it raises no grip, and says which sensor lies."""
+"""Real processes: a daemon with lying sensors raises no grip, and reports which sensor lies."""
 
 from __future__ import annotations
 
@@ -65,14 +65,14 @@ def truth(force: np.ndarray, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 class Pusher(threading.Thread):
-    """The program that holds the sensors: it pushes what its mode says, at 200 and 100 Hz.
+    """The program that reads the sensors: it pushes true or false readings at 200 and 100 Hz.
 
     Args:
-        endpoint: Where the daemon takes readings.
+        endpoint: Socket of the daemon for readings.
 
     Attributes:
-        normal_n: What presses, N.
-        lie: Makes of the true force, shape (3,), and image, shape (16,), what is pushed.
+        normal_n: True normal force, N.
+        lie: Maps the true force, shape (3,), and image, shape (16,), to the pushed ones.
     """
 
     def __init__(self, endpoint: str) -> None:
@@ -145,15 +145,15 @@ class Hand:
         return min(streams["left.wrench"]["samples"], streams["left.pad"]["samples"])
 
     def begin(self, lie: Callable[..., Any]) -> None:
-        """Returns when the daemon has taken several readings of the lie."""
+        """Return when the daemon has received several false readings."""
         self.pusher.lie = lie
         seen = self.samples()
         until(lambda: self.samples() > seen + 5)
 
     def raises(self) -> str:
-        """Code of the refusal of a raise by 0.1 N; "" where it was granted.
+        """Return the code with which a raise by 0.1 N is refused; "" if it is granted.
 
-        On a busy machine leases end and grippers fall silent: each raise has a lease of its own, and acknowledges.
+        On a busy machine leases end and grippers fall silent, so each raise takes a lease and acknowledges faults.
         """
         try:
             with self.client.lease():
@@ -168,7 +168,7 @@ class Hand:
 
 
 def until(holds: Callable[[], bool]) -> None:
-    """Waits for what must come in the end, on a machine that may be busy."""
+    """Wait for a condition, on a machine that may be busy."""
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
         with suppress(NoAnswer, RequestRefused):
@@ -192,7 +192,7 @@ def process(*arguments: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[GripClient, Pusher, str]]:
-    """A daemon, its sensors, tared, and its gripper, active; and where it publishes."""
+    """A daemon with tared sensors and an active gripper, and its publish endpoint."""
     folder = tmp_path_factory.mktemp("lying")
     file = folder / "rig.toml"
     file.write_text(RIG.format(folder=folder), encoding="utf-8")
@@ -217,7 +217,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[GripClient, 
 
 @pytest.fixture
 def hand(rig: tuple[GripClient, Pusher, str]) -> Hand:
-    """It holds something: both the force sensor and the pad tell the truth."""
+    """The gripper holds something; force sensor and pad are truthful."""
     client, pusher, _ = rig
     pusher.lie, pusher.normal_n = truth, 5.0
     hand = Hand(client, pusher)

@@ -1,4 +1,4 @@
-"""What a daemon that dies costs: the grip stays, the lease is gone, the recording is whole until just before."""
+"""After a daemon dies, the grip stays, the lease is gone, and the recording is complete until just before."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from slipd_client.subscriber import Subscriber
 
 PATIENCE_S = 60.0
 GRIP_N = 22.0
-"""Holds whatever the scene does to the object meanwhile, however long the second start takes."""
+"""Enough for every load of the scene, however long the second start takes."""
 
 MOST_LOST_S = 3.0
 """Of a recording at its end; a tenth of a second is flushed at once, but for a machine with other work."""
@@ -60,7 +60,7 @@ def endpoints(daemon: subprocess.Popen[str]) -> tuple[str, str]:
 
 
 def insist(client: GripClient, op: str, **fields: object) -> None:
-    """Ask under a lease until it is granted: a loaded machine lets leases run out, and the gripper takes its time."""
+    """Repeat a request under a lease until it is granted: leases run out on a loaded machine."""
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s:
         with contextlib.suppress(ClientError):
@@ -72,7 +72,7 @@ def insist(client: GripClient, op: str, **fields: object) -> None:
 
 
 def wait_for_grip(publish: str) -> float:
-    """Until the gripper reports that it holds something, at rest; returns the width, m."""
+    """Wait until the gripper reports that it holds something at rest; return the width, m."""
     until_s = time.monotonic() + PATIENCE_S
     with Subscriber(publish, topics=("gripper",)) as messages:
         while True:

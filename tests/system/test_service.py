@@ -80,13 +80,13 @@ class Rig:
         return config.load(self.file)
 
     def send(self) -> None:
-        """One reading of each, the image first."""
+        """Send one reading of each device, the image first."""
         self.pad.send_image()
         self.wrench.send_wrench()
 
 
 def left_in(folder: Path) -> list[str] | None:
-    """Names of the files in a folder; None where there is no folder."""
+    """Return the names of the files in a folder; None if there is no folder."""
     return sorted(path.name for path in folder.iterdir()) if folder.exists() else None
 
 
@@ -106,7 +106,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 @asynccontextmanager
 async def serving(rig: config.Config, **options: Any) -> AsyncIterator[Client]:
-    """The daemon in this loop, until the block ends; and a client of it."""
+    """Run the daemon in this loop for the duration of ``with``; yield a client."""
     ready: asyncio.Future[Endpoints] = asyncio.get_running_loop().create_future()
     stop = asyncio.Event()
     async with asyncio.TaskGroup() as tasks:
@@ -292,7 +292,7 @@ async def test_a_recording_that_cannot_be_created_is_refused_before_the_kernels_
 
 
 async def asked(client: Client, op: str) -> dict[str, Any]:
-    """The reply to a request with a right envelope."""
+    """Return the reply to a request with a valid envelope."""
     client.ask(op="hello")
     hello = (await until(client.answer))["result"]
     client.ask(op=op, id=hello["t_ns"], boot=hello["boot"], deadline_ns=time.monotonic_ns() + 400_000_000)
@@ -486,7 +486,7 @@ async def test_the_end_of_a_run_gives_the_signals_back(rig: Rig) -> None:
 
 @contextlib.contextmanager
 def start(rig: Path, *arguments: str, before: Sequence[str] = (), **options: Any) -> Iterator[subprocess.Popen[str]]:
-    """A daemon of its own, which does not outlive a test that fails."""
+    """Start a daemon process, which ends even if the test fails."""
     command = [*before, SLIPD, "run", "--config", str(rig), *arguments]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(command, text=True, **(pipes | options)) as process:
@@ -498,7 +498,7 @@ def start(rig: Path, *arguments: str, before: Sequence[str] = (), **options: Any
 
 
 def client_of(process: subprocess.Popen[str]) -> Client:
-    """A client of a daemon that has just been started."""
+    """Return a client of a daemon that has just been started."""
     assert process.stdout is not None
     lines = [process.stdout.readline().strip() for _ in range(2)]
     return Client(Endpoints(*(line.partition(": ")[2] for line in lines)))

@@ -1,4 +1,4 @@
-"""The unit of config/: read by systemd's own tools, where they are."""
+"""The systemd unit of config/, checked by the tools of systemd where they exist."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A real daemon that is stopped while real devices go on, or stop too: silent sensors and a late daemon told apart."""
+"""A real daemon is stopped while real devices continue or stop too; its own delay makes no sensor silent."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ STALLS_MS = [5, 12, 20, 35, 60, 120, 250, 500]
 LINES = {"f00x": [("bota", "serial"), ("pvdf", "serial")], "f01x": [("optoforce", "udp"), ("wts", "serial")]}
 FRICTION = "\n[finger.{}]\nmu = 0.5\n"
 MISSING = {"stale", "rotation_unobserved"}
-"""Reasons with which readings of a force sensor or images are missing."""
+"""Reasons that mean missing readings or images."""
 WELL_NS = 5 * MS
-"""A device that was heard so shortly before the stall was not late itself: it sends 800 or more readings a second."""
+"""A device whose last reading came this shortly before the stall was not late: it sends over 800 readings/s."""
 
 
 class Bed:
-    """A daemon, the devices of each finger in a process of their own, and the verdicts on both fingers.
+    """A daemon, one process with the devices of each finger, and the verdicts on both fingers.
 
     Attributes:
-        daemon: Its process.
-        devices: The process of each finger's.
+        daemon: Process of the daemon.
+        devices: Process of the devices of each finger.
     """
 
     def __init__(
@@ -111,9 +111,9 @@ def bed_in(folder: Path) -> Iterator[Bed]:
 
 
 def false_alarms(recording: Recording) -> list[dict[str, Any]]:
-    """Changes to a missing stream that were published before the lines were read empty after a stall.
+    """Return warnings of missing streams that were published before all lines were read after a stall.
 
-    A daemon that did not catch up in time may say so, and a device may be late itself where the machine is loaded.
+    A daemon that did not catch up in time may report so, and on a loaded machine a device may be late itself.
     """
     found, heard = [], dict.fromkeys(f"{finger}.wrench" for finger in LINES)
     tick_ns = began_ns = until_ns = 0

@@ -1,4 +1,4 @@
-"""One reading of a force/torque sensor: six numbers, told as arrays."""
+"""One reading of a force/torque sensor: six numbers, returned as arrays."""
 
 from __future__ import annotations
 

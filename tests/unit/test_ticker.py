@@ -1,4 +1,4 @@
-"""Ticks after a stall say that lines may be unread, until every line was seen empty."""
+"""Ticks after a stall report unread lines until every line has been read."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ PATIENCE_S = 30.0
 
 
 class Line:
-    """A line that hands over one byte a turn of the loop, and the ticks that come meanwhile."""
+    """A line that is read one byte per turn of the loop, and the ticks in the meantime."""
 
     def __init__(self) -> None:
         self.taken = 0
-        self.ticks: list[tuple[int, Tick, int]] = []  # time, tick, bytes taken until then
+        self.ticks: list[tuple[int, Tick, int]] = []  # time, tick, bytes read until then
         self._read_fd, self._write_fd = os.pipe()
         asyncio.get_running_loop().add_reader(self._read_fd, self._read)
 
-    def say(self, count: int) -> None:
+    def send(self, count: int) -> None:
         os.write(self._write_fd, b"x" * count)
 
     def tick(self, tick: Tick, t_ns: int) -> None:
@@ -41,7 +41,7 @@ class Line:
 
 async def until(condition: Callable[[], bool]) -> None:
     async with asyncio.timeout(PATIENCE_S):
-        while not condition():  # noqa: ASYNC110 - nothing tells
+        while not condition():  # noqa: ASYNC110 - there is no event
             await asyncio.sleep(0.001)
 
 
@@ -49,14 +49,14 @@ async def test_C4_after_a_stall_lines_count_as_read_only_when_all_waiting_bytes_
     line = Line()
     ticker = asyncio.create_task(Ticker(line.tick, lambda: line.taken).run())
     await until(lambda: len(line.ticks) >= 3)
-    line.say(WAITING)
+    line.send(WAITING)
     time.sleep(0.05)  # noqa: ASYNC251 - the loop stands still
     before = len(line.ticks)
     await until(lambda: any(not tick.unread for _, tick, _ in line.ticks[before:]))
     ticker.cancel()
     line.close()
     late = [at for at in range(1, len(line.ticks)) if line.ticks[at][0] - line.ticks[at - 1][0] > LATE_NS]
-    assert late, "it stood still"
+    assert late, "the loop stalled"
     assert all(line.ticks[at][1].unread for at in late)
     vouched = next(taken for _, tick, taken in line.ticks[late[-1] :] if not tick.unread)
     assert vouched == WAITING

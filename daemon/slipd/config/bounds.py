@@ -1,4 +1,4 @@
-"""Bounds on the values of a config: what lies beyond them is a wrong unit or a typing error.
+"""Bounds on the values of a config: a value beyond them is a wrong unit or a typing error.
 
 The bounds are wide: they refuse what no rig can have, not what is unusual.
 """
@@ -39,7 +39,7 @@ class Bounds:
         least: Smallest value.
         most: Largest value.
         unit: Unit of both; "" for plain numbers.
-        thousandth: Unit a thousand times smaller that is also in use for this quantity; "" where there is none.
+        thousandth: Unit a thousand times smaller that is also used for this quantity; "" if there is none.
         zero: Whether 0 is accepted too, as "none".
     """
 

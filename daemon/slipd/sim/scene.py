@@ -214,7 +214,7 @@ class Scene:
             self._slide(load, need, dt_s)
 
     def _slide(self, load: Load, need: Need, dt_s: float) -> None:
-        """One step of sliding under ``load``."""
+        """Advance the sliding by one step under ``load``."""
         dynamic = self.utilisation * self.mu_s / self.mu_d
         vx, vy, spin_rate = need.twist
         size = math.sqrt(self.mass_kg * (vx * vx + vy * vy) + self.inertia_kgm2 * spin_rate * spin_rate)

@@ -158,7 +158,7 @@ def _table(stream: str, name: str, address: str, emulator: Emulator, sample: Sam
     if options:
         keys["options"] = options
     lines = [f"{key} = {_toml(value)}" for key, value in keys.items()]
-    return "\n".join([header, *lines]) + (GRIPPER_TABLES if DEVICES[name].tabled else "\n")
+    return "\n".join([header, *lines]) + (GRIPPER_TABLES if DEVICES[name].needs_tables else "\n")
 
 
 def _toml(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""The peers and the patience that all tests of ZeroMQ sockets share."""
+"""Peers and waiting times of the tests of ZeroMQ sockets."""
 
 from zeromq_peers import clients, context, endpoint, eventually, loop_faults, peer
 

@@ -1,4 +1,4 @@
-"""Who gets in where: real sockets, real keys, and an authenticator that fails."""
+"""Which keys are admitted where, with real sockets and keys, and with a list that fails."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ADDRESSES = ("tcp://127.0.0.1:*", "ipc://{0}/{1}")
 
 
 class Cell:
-    """A daemon's bus that asks for keys, and the keys of its clients."""
+    """A bus that needs keys, and the keys of its clients."""
 
     def __init__(self, folder: Path, address: str) -> None:
         self.folder = folder
@@ -98,7 +98,7 @@ Connect = Callable[..., "zmq.Socket[bytes]"]
 
 
 async def ask(socket: zmq.Socket[bytes], number: str, seconds: float) -> dict[str, Any] | None:
-    """The reply to one request; None where none came."""
+    """Return the reply to one request; None if there was none."""
     socket.send(encode({"v": 1, "id": number, "op": "hello"}))
     try:
         async with asyncio.timeout(seconds):
@@ -171,7 +171,7 @@ async def test_Z5_the_name_that_a_client_chose_makes_it_nobody_else(cell: Cell, 
 
 
 class Raising(frozenset[bytes]):
-    """A list of keys that fails a thousand times, whoever asks, and then does its work."""
+    """A list of keys that fails a thousand times and then works."""
 
     left = 1000
 

@@ -32,7 +32,7 @@ def subscribe(peer: Callable[..., Peer], endpoint: str) -> Subscribe:
 
 
 async def hear(publisher: Publisher, subscriber: Peer, topic: str, eventually: Eventually) -> None:
-    """Publish until the subscriber hears, so that it is known to be connected; then forget what it heard."""
+    """Publish until the subscriber receives, which shows that it is connected; then drop the messages."""
 
     def heard() -> bool:
         publisher.publish(topic, b"are you there?")
@@ -275,7 +275,7 @@ async def test_many_clients_may_each_have_the_most_subscriptions(
 async def test_the_longest_subscription_is_served_and_a_longer_one_ends_the_connection(
     endpoint: str, subscribe: Subscribe, eventually: Eventually
 ) -> None:
-    """A stock client sends it as a command of ZMTP 3.1, which is longer than the message of ZMTP 3.0."""
+    """libzmq sends it as a command of ZMTP 3.1, which is longer than the message of ZMTP 3.0."""
     longest = "x" * publisher_module.MAX_PREFIX_BYTES
     with Publisher(endpoint) as publisher:
         await hear(publisher, subscribe(longest.encode(), RECONNECT_IVL=-1), longest, eventually)

@@ -23,7 +23,7 @@ HELLO = {"v": 1, "id": "1", "op": "hello"}
 
 
 class Answering:
-    """Answers every request with what it asked."""
+    """Answer every request with its own body."""
 
     def __init__(self, endpoint: str, access: Access = USER_ALONE, per_second: float = 1e6) -> None:
         self.requests: list[dict[str, Any]] = []

@@ -64,7 +64,7 @@ def test_with_a_group_its_members_may_enter_and_use_the_sockets_and_nothing_else
 
 
 def modes(path: Path) -> dict[str, tuple[int, str | None]]:
-    """Mode of the directory and of what is in it, and the group where it may do anything."""
+    """Return the modes of the directory and its files, and the group if it has any right."""
     found = {file.name: file.stat() for file in (path, *path.iterdir())}
     return {
         name: (stat.S_IMODE(each.st_mode), grp.getgrgid(each.st_gid).gr_name if each.st_mode & 0o070 else None)

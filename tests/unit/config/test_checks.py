@@ -62,7 +62,7 @@ max_force_n = 25.0
 
 
 def line(text: str, number: int = 1) -> int:
-    """Line of GOOD on which ``text`` stands for the n-th time."""
+    """Return the line of GOOD that has the n-th occurrence of ``text``."""
     return [k for k, content in enumerate(GOOD.splitlines(), start=1) if text in content][number - 1]
 
 

@@ -64,13 +64,13 @@ def two_pads() -> str:
 
 @pytest.fixture
 def about_run() -> dict[str, object]:
-    """What a recorder is told about its run."""
+    """Arguments of a recorder that describe the run."""
     return {"config_text": CONFIG_TEXT, "boot": "b00t", "wall_minus_monotonic_ns": WALL_NS}
 
 
 @pytest.fixture
 def write(about_run: dict[str, object]) -> Callable[[Path, Iterable[Entry], int], None]:
-    """Write entries as a finished recording, in chunks of so many."""
+    """Write entries as a finished recording, in chunks of a given number."""
 
     def write(path: Path, entries: Iterable[Entry], chunk: int = 1000) -> None:
         file = RecordingFile(path, **about_run)
@@ -100,5 +100,5 @@ def _small_disk(size: int) -> Iterator[None]:
 
 @pytest.fixture
 def small_disk() -> Callable[[int], AbstractContextManager[None]]:
-    """In the ``with`` block, the kernel lets no file of this process grow beyond so many bytes."""
+    """In the ``with`` block, the kernel limits the files of this process to a size."""
     return _small_disk

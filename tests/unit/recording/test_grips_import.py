@@ -17,13 +17,13 @@ LAST_NS = 5_751_000_000
 
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
-    """A copy of the trial, to be spoilt."""
+    """A copy of the trial, to be damaged."""
     return Path(shutil.copytree(TRIAL, tmp_path / "trial"))
 
 
 @pytest.fixture
 def refused(trial: Path, tmp_path: Path, two_pads: str) -> Callable[[str], None]:
-    """The import of the spoilt trial is refused with this text, and leaves nothing behind."""
+    """Check that the import of the damaged trial is refused with this text and leaves no file."""
 
     def refused(text: str) -> None:
         with pytest.raises(RecordingError) as caught:

@@ -1,4 +1,4 @@
-"""A finger's weight is found in a recording of it hanging in several poses, whatever the sensor's bias and mounting."""
+"""The weight of a finger is found from a recording in several poses, for any bias and mounting of the sensor."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ axis_scale = [0.001, 0.001, 0.001]
 
 
 class Session:
-    """A run in which the arm holds the finger here and there, and tells its gravity."""
+    """A run in which the arm holds the finger in several poses and sends gravity."""
 
     def __init__(self) -> None:
         self.events: list[tuple[int, Event]] = [(0, LinkUp("left.wrench", "S/N 1"))]
@@ -67,7 +67,7 @@ class Session:
         self.events.append((self.t_ns, Request(b"arm", body)))
 
     def read(self, gravity: Sequence[float], *, load: Any = 0.0, status: int = 0, scale: float = 1.0) -> None:
-        """A reading, 2 ms later, in two pieces."""
+        """Record a reading 2 ms later, in two pieces."""
         self.t_ns += 2 * MS
         ideal = self._from_pad @ (WEIGHT.wrench(gravity) + load) + BIAS
         values = ideal + scale * NOISE * self._rng.normal(size=6)
@@ -76,14 +76,14 @@ class Session:
         self.events.append((self.t_ns, Bytes("left.wrench", frame[20:])))
 
     def hold(self, gravity: Sequence[float], readings: int = 250, **more: Any) -> None:
-        """Stays, and tells gravity every 100 ms."""
+        """Hold still, and send gravity every 100 ms."""
         for k in range(readings):
             if k % 50 == 0:
                 self.identification_text(list(gravity))
             self.read(gravity, **more)
 
     def turn(self, start: Sequence[float], end: Sequence[float], readings: int = 100) -> None:
-        """Turns within 0.2 s; gravity is told late."""
+        """Rotate within 0.2 s; gravity is sent late."""
         axis = np.cross(start, end)
         angle = math.acos(float(np.dot(start, end)) / G**2)
         told: Sequence[float] = start
@@ -148,7 +148,7 @@ def test_readings_of_a_turn_and_of_a_gravity_that_is_old_are_left_out(save: Save
     for _ in range(130):
         session.read((0.0, 0.0, -G))
     for _ in range(400):
-        session.read((0.0, 0.0, -G), load=5.0)  # 260 ms and more after gravity was told last
+        session.read((0.0, 0.0, -G), load=5.0)  # more than 260 ms after the last gravity
     found = identify_recording(save(session), "left")
     assert found.poses == 5
     assert found.mass_kg == pytest.approx(0.060, abs=0.001)

@@ -22,7 +22,7 @@ def contents(path: Path) -> tuple[Recording, list]:
     return recording, list(recording.entries())
 
 
-def told(recording: Recording) -> tuple[object, ...]:
+def about(recording: Recording) -> tuple[object, ...]:
     return recording.config_text, recording.boot, recording.wall_minus_monotonic_ns, recording.versions
 
 
@@ -51,7 +51,7 @@ def test_K2_a_recording_cut_off_anywhere_yields_its_beginning_and_reports_it(tmp
             continue
         assert found == everything[: len(found)]
         assert not recording.complete
-        assert told(recording) == told(whole)
+        assert about(recording) == about(whole)
         assert recording.lost == 0
         lengths.add(len(found))
     assert lengths == {0, 20, 40, 60}
@@ -71,7 +71,7 @@ def test_a_flipped_bit_is_noticed_or_harmless(tmp_path: Path, write, entries) ->
         except RecordingError:
             noticed += 1
             continue
-        assert told(recording) == told(whole)
+        assert about(recording) == about(whole)
         assert all(item in everything for item in found)
         assert [item.n for item in found] == sorted(item.n for item in found)
         if recording.complete:
@@ -133,7 +133,7 @@ def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
 
 
 class Forge:
-    """Writes what an enemy, or another version, might write: a good start and then anything."""
+    """Write files as an attacker or another version might: a valid start, then anything."""
 
     def __init__(self, path: Path, *, compression: CompressionType = CompressionType.ZSTD, **other: str) -> None:
         self.path = path
@@ -238,7 +238,7 @@ def test_an_end_record_without_a_number_is_reported(forge: Forge) -> None:
 
 
 def chunk(inner: bytes) -> bytes:
-    """A chunk record as it stands in a file."""
+    """Return a chunk record."""
     packed = zstandard.compress(inner)
     body = struct.pack("<QQQII4sQ", 0, 0, len(inner), zlib.crc32(inner), 4, b"zstd", len(packed)) + packed
     return struct.pack("<BQ", 6, len(body)) + body
@@ -331,7 +331,7 @@ def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, abou
 
 
 def test_a_long_idle_recording_is_read(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So long that the ratio of sizes is the bound, which is tried here on a short one."""
+    """The bound on a long recording is the ratio of sizes; a short one with no other bound shows it."""
     monkeypatch.setattr(reader, "_UNPACKED_BYTES", 0)
     file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
     for n in range(20_000):

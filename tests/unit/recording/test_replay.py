@@ -24,7 +24,7 @@ def request(t_ns: int, op: str, **fields: object) -> Request:
 
 
 def eventful(trial: Recording) -> Iterator[tuple[int, Event]]:
-    """The trial, disturbed: split bytes, requests good and bad, a lost link, a sleeping host."""
+    """The trial with disturbances: split bytes, valid and invalid requests, a lost link, a suspended host."""
     for index, (t_ns, event) in enumerate(trial.events()):
         if isinstance(event, Bytes):
             cut = index % len(event.data)
@@ -57,7 +57,7 @@ def trial(tmp_path: Path, two_pads: str) -> Recording:
 
 @pytest.fixture
 def live(trial: Recording, tmp_path: Path, two_pads: str) -> Recording:
-    """A live run over the disturbed trial, recorded as the service does it."""
+    """A live run of the disturbed trial, recorded as by the service."""
     settings = config.parse(two_pads, "two_pads.toml")
     engine = Engine(settings, boot=BOOT, wall_minus_monotonic_ns=WALL_NS)
     path = tmp_path / "live.mcap"

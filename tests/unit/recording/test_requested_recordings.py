@@ -1,4 +1,4 @@
-"""A client may ask for a recording, and neither it nor the disk can do harm by that."""
+"""A client can request a recording; neither the client nor the disk can harm the run."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ STALLED: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
 
 
 async def heard(line: Line, count: int) -> list[bytes]:
-    """The next pieces that somebody writes to the line."""
+    """Return the next pieces written to the line."""
     found: list[bytes] = []
     async with asyncio.timeout(PATIENCE_S):
         while sum(map(len, found)) < count:
@@ -32,7 +32,7 @@ async def heard(line: Line, count: int) -> list[bytes]:
 
 async def until_opened(line: Line) -> None:
     async with asyncio.timeout(PATIENCE_S):
-        while not line.listen()[0]:  # noqa: ASYNC110 - nothing tells
+        while not line.listen()[0]:  # noqa: ASYNC110 - there is no event
             await asyncio.sleep(0.001)
 
 

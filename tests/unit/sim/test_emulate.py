@@ -21,7 +21,7 @@ PATIENCE_S = 30.0
 
 
 class Echo:
-    """A device that repeats what it hears and counts the milliseconds."""
+    """A device that echoes its input and counts milliseconds."""
 
     def __init__(self) -> None:
         self.options: dict[str, Any] = {}
@@ -113,7 +113,7 @@ async def test_what_is_written_is_answered_and_time_goes_on(tmp_path: Path) -> N
         port = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         os.write(port, b"hello")
         async with asyncio.timeout(PATIENCE_S):
-            while len(echo.at_ns) < 50:  # noqa: ASYNC110 - nothing tells
+            while len(echo.at_ns) < 50:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(0.001)
         assert os.read(port, 100) == b"HELLO"
         os.close(port)
@@ -127,11 +127,11 @@ async def test_after_a_long_pause_a_device_does_not_catch_up(tmp_path: Path) -> 
     async with emulated([("gauges", echo, str(tmp_path / "echo"))]) as emulation:
         running = asyncio.create_task(emulation.run())
         async with asyncio.timeout(PATIENCE_S):
-            while not echo.at_ns:  # noqa: ASYNC110 - nothing tells
+            while not echo.at_ns:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(0)
             time.sleep(1.5 * emulate.LONGEST_LAG_NS * 1e-9)  # noqa: ASYNC251 - that is the pause
             known = len(echo.at_ns)
-            while len(echo.at_ns) == known:  # noqa: ASYNC110 - nothing tells
+            while len(echo.at_ns) == known:  # noqa: ASYNC110 - there is no event
                 await asyncio.sleep(0)
         running.cancel()
     assert echo.at_ns[known] - echo.at_ns[known - 1] < emulate.LONGEST_LAG_NS

@@ -1,4 +1,4 @@
-"""The emulated driver of somebody else's gripper, as an object and as a process at the daemon's own socket."""
+"""The emulated driver of another gripper, as an object and as a process at the socket of the daemon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emulated strain gauges against the daemon's own decoder."""
+"""The emulated strain gauges with the decoder of the daemon."""
 
 from __future__ import annotations
 

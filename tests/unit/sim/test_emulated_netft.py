@@ -1,4 +1,4 @@
-"""The emulated Net F/T against the daemon's own session."""
+"""The emulated Net F/T with the session of the daemon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emulated OptoForce DAQ and Ethernet converter against the daemon's own session."""
+"""The emulated OptoForce DAQ and Ethernet converter with the session of the daemon."""
 
 from __future__ import annotations
 

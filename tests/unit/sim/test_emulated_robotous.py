@@ -1,4 +1,4 @@
-"""The emulated Robotous sensor against the daemon's own session."""
+"""The emulated Robotous sensor with the session of the daemon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emulated WSG: jaws that move, what blocks them, and what a real one makes of bad rules."""
+"""The emulated WSG: moving jaws, blocked jaws, and how it answers invalid commands."""
 
 from __future__ import annotations
 

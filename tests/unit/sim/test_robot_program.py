@@ -17,7 +17,7 @@ ILL = {"left.wrench": {"health": 3, "message": "open, but no reading yet"}, "gri
 
 
 class Daemon(threading.Thread):
-    """Answers every request well, but for what a test has scripted, and publishes what a test tells it to."""
+    """Answer every request with success unless a test scripts otherwise, and publish messages of the test."""
 
     def __init__(self):
         super().__init__()

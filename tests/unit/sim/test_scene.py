@@ -12,7 +12,7 @@ NEVER = math.inf
 
 
 def play(scene, force_n=lambda t: 7.0, until_s=END_S, step_s=0.001):
-    """Drives the scene as the demo does; returns it and the state after each step."""
+    """Drive the scene like the demo; return it and the state after each step."""
     seen = []
     for i in range(1, round(until_s / step_s) + 1):
         t = i * step_s

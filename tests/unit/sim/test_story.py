@@ -1,4 +1,4 @@
-"""The demo's story in simulated time: the virtual gripper's bytes through the daemon's engine, and back."""
+"""The scene of the demo in simulated time: bytes of the virtual gripper through the engine, and back."""
 
 from dataclasses import dataclass, field
 
@@ -20,7 +20,7 @@ MU_GIVEN_OVER_TRUE = 0.55 / 0.6
 
 @dataclass
 class Story:
-    """One run: what was told and what was true, times in s of the scene."""
+    """One run: the reports and the truth, times in s of the scene."""
 
     rig: VirtualRig
     engine: Engine
@@ -89,8 +89,8 @@ class Story:
                 self.force_n, self.raised_s = self.ask("grip.set", force_n=asked_n)["applied_n"], self.t_s
                 self.raises.append((self.t_s, self.force_n))
 
-    def told(self, level, reason):
-        """When a level was first told for a reason."""
+    def reported(self, level, reason):
+        """Return when a level was first reported for a reason."""
         return next((t for t, body in self.changes if body["level"] == level and reason in body["reasons"]), None)
 
     def truth(self, event):
@@ -155,15 +155,15 @@ def test_the_reported_contact_is_the_true_contact(heeded):
 
 
 def test_rotation_is_warned_of_well_before_it_would_begin(unheeded):
-    warned, begins = unheeded.told("warning", "rotation"), unheeded.truth("slide_begins")
+    warned, begins = unheeded.reported("warning", "rotation"), unheeded.truth("slide_begins")
     assert begins == pytest.approx(unheeded.rig.scene.rotation_would_begin_s, abs=0.01)
     assert 0.5 < begins - warned < 1.5
-    assert unheeded.told("caution", "rotation") < warned
+    assert unheeded.reported("caution", "rotation") < warned
 
 
 def test_an_ignored_warning_ends_in_a_reported_slip_and_a_dropped_box(unheeded):
     begins = unheeded.truth("slide_begins")
-    assert begins <= unheeded.told("slipping", "slip_detected") < begins + 0.05
+    assert begins <= unheeded.reported("slipping", "slip_detected") < begins + 0.05
     assert unheeded.truth("dropped") is not None
 
 
@@ -176,8 +176,8 @@ def test_a_heeded_warning_saves_the_box(heeded):
 
 def test_the_tug_is_reported_as_a_translation_and_its_slip_at_once(heeded):
     begins = heeded.truth("slide_begins")
-    assert 13.0 < heeded.told("warning", "translation") < begins
-    assert begins <= heeded.told("slipping", "slip_detected") < begins + 0.05
+    assert 13.0 < heeded.reported("warning", "translation") < begins
+    assert begins <= heeded.reported("slipping", "slip_detected") < begins + 0.05
 
 
 def test_nothing_is_reported_without_a_cause(heeded):

@@ -13,7 +13,7 @@ from slipd.sim.virtual_rig import LEFT_MOUNT, LINES, RIGHT_MOUNT, VirtualRig
 TICK_NS = 1_250_000
 
 
-def tell(rig, registers, t_ns):
+def write(rig, registers, t_ns):
     request = modbus.Request(
         robotiq_registers.UNIT, modbus.WRITE, write_address=robotiq_registers.OUTPUT_ADDRESS, registers=registers
     )
@@ -22,16 +22,16 @@ def tell(rig, registers, t_ns):
 
 @pytest.fixture(scope="module")
 def played():
-    """The first nine seconds with a grip of 7.5 N: every sample of each line, and the rig."""
+    """Return every sample of each line in the first nine seconds with a grip of 7.5 N, and the rig."""
     rig = VirtualRig(Scene(), seed=5)
     decoders = {line: bota.Decoder() if "wrench" in line else pvdf.Decoder() for line in LINES[:4]}
     samples = {line: [] for line in decoders}
     for tick in range(1, round(9.5e9 / TICK_NS)):
         t_ns = tick * TICK_NS
         if tick == 400:
-            tell(rig, (0x0100, 0, 0), t_ns)
+            write(rig, (0x0100, 0, 0), t_ns)
         if tick == 1600:
-            tell(rig, (0x0900, 255, 0x803C), t_ns)
+            write(rig, (0x0900, 255, 0x803C), t_ns)
         said = rig.advance(t_ns)
         for line, decoder in decoders.items():
             samples[line] += decoder.receive(said[line], t_ns)
@@ -41,7 +41,7 @@ def played():
 
 
 def contact(samples, mount, t_s):
-    """Mean contact of one finger in the 50 ms before a time, found as the daemon finds it."""
+    """Return the mean contact of one finger in the 50 ms before a time, as the daemon computes it."""
     chosen = [s for s in samples if t_s - 0.05 < s.t_ns * 1e-9 <= t_s]
     felt = np.mean([np.concatenate((s.force_n, s.torque_nm)) for s in chosen], axis=0) - np.array(mount.bias)
     wrench = Mounting(mount.xyz_m, mount.quat_xyzw).matrix @ felt

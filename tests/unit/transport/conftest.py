@@ -1,4 +1,4 @@
-"""Real ptys that can be plugged and unplugged, and links that serve them."""
+"""Real pseudo-terminals that can be plugged and unplugged, and links that read them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Serving = Callable[..., AbstractAsyncContextManager[tuple[Links, list[Event]]]]
 
 
 class Device:
-    """The far end of a serial port whose path stays while ptys come and go."""
+    """The device side of a serial port whose path stays while pseudo-terminals come and go."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -46,7 +46,7 @@ class Device:
         assert os.write(self._master, data) == len(data)
 
     def read(self) -> bytes:
-        """Everything there is to read now."""
+        """Return all bytes that can be read now."""
         data = b""
         try:
             while chunk := os.read(self._master, 65536):
@@ -77,7 +77,7 @@ def spec(device: Device) -> LinkSpec:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Attempts to open again follow each other at once."""
+    """Links try again without a pause."""
     monkeypatch.setattr("slipd.transport.link.FIRST_DELAY_S", 0.001)
     monkeypatch.setattr("slipd.transport.link.MAX_DELAY_S", 0.001)
 
@@ -94,7 +94,7 @@ def eventually() -> Eventually:
 
 @pytest.fixture
 async def loop_faults() -> AsyncIterator[list[dict[str, Any]]]:
-    """What reached the loop's exception handler; a daemon dies of any."""
+    """Errors that reached the exception handler of the loop; each ends a daemon."""
     faults: list[dict[str, Any]] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context))
     yield faults

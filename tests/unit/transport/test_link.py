@@ -16,7 +16,7 @@ Script = list[str]
 
 
 class Connection:
-    """Delivers what a script says, then is lost."""
+    """Deliver bytes by a script, then be lost."""
 
     identity, overruns = "what was opened", 2
 
@@ -39,7 +39,7 @@ class Connection:
 def opener(
     script: list[str | bytes | Exception], make: type[Connection] = Connection
 ) -> Callable[[LinkSpec, OnBytes], Awaitable[Connection]]:
-    """Opens as scripted: text is a reason why not, bytes are what the connection delivers before it is lost."""
+    """Open by a script: a text is a reason for failure, bytes are delivered before the connection is lost."""
 
     async def open_next(spec: LinkSpec, on_bytes: OnBytes) -> Connection:
         if not script:
@@ -63,7 +63,7 @@ async def play(script: list[str | bytes | Exception], make: type[Connection] = C
 
 @pytest.fixture
 def pauses(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The pauses a link makes, which then take no time."""
+    """The pauses of a link, which take no time here."""
     made: list[float] = []
     sleep = asyncio.sleep
 
@@ -180,14 +180,14 @@ async def test_overruns_of_all_connections_are_added_up() -> None:
 
 
 class Places:
-    """What is at an address, as scripted: one entry a look, the last for ever; and how often a link has tried."""
+    """Tokens of the device at an address, one for each probe and the last for ever; and the attempts of the link."""
 
     def __init__(self, *seen: object) -> None:
         self._seen = list(seen)
         self.tried_at: list[int] = []
         self.looks = 0
 
-    def look(self, address: str) -> object:
+    def probe(self, address: str) -> object:
         assert address == SPEC.address
         self.looks += 1
         return self._seen.pop(0) if len(self._seen) > 1 else self._seen[0]
@@ -200,16 +200,16 @@ class Places:
 
 
 async def tries(*seen: object) -> list[int]:
-    """After how many looks a link tried to open."""
+    """Return the number of probes before each attempt."""
     places = Places(*seen)
     with pytest.raises(asyncio.CancelledError):
-        await Link(SPEC, places.open, print, places.look).run()
+        await Link(SPEC, places.open, print, places.probe).run()
     return places.tried_at
 
 
 @pytest.fixture
 def long_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a reason to try early a test would time out."""
+    """A test times out if the link has no reason to try early."""
     monkeypatch.setattr("slipd.transport.link.FIRST_DELAY_S", 1000.0)
     monkeypatch.setattr("slipd.transport.link.MAX_DELAY_S", 1000.0)
     monkeypatch.setattr("slipd.transport.link.PROBE_S", 0.001)
@@ -233,7 +233,7 @@ async def test_L6_the_same_device_plugged_in_again_is_told_from_one_that_stayed(
 async def test_L6_a_device_that_appears_brings_the_first_pause_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("slipd.transport.link.PROBE_S", 0.001)
     places = Places(None, None, "port")
-    link = Link(SPEC, places.open, print, places.look)
+    link = Link(SPEC, places.open, print, places.probe)
     link._delay_s = MAX_DELAY_S
     with pytest.raises(asyncio.CancelledError):
         await link.run()

@@ -160,7 +160,7 @@ def test_L6_what_is_at_a_path_is_told_apart(device: Device, tmp_path: Path) -> N
 
 
 class UsbPort:
-    """What the library finds in the system's tree of devices; no such port is here."""
+    """A USB port as pyserial finds it; this machine has none."""
 
     def __init__(self, path: str) -> None:
         if path == "gone":

@@ -19,7 +19,7 @@ HUGE = 20_000_000  # bytes; more than the kernel's buffers take
 
 
 class Controller:
-    """A device's end: a server that keeps the streams of whoever connects."""
+    """The device side: a server that keeps the streams of its clients."""
 
     def __init__(self) -> None:
         self.clients: list[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = []

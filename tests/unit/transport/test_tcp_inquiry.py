@@ -22,7 +22,7 @@ QUESTION = b"how many counts are a newton?"
 
 @asynccontextmanager
 async def host(*answer: bytes, hangs_up: bool = True) -> AsyncIterator[int]:
-    """Answers the question in pieces; yields its port."""
+    """Answer the request in pieces; yield the port."""
 
     met: list[asyncio.Task[None] | None] = []
 

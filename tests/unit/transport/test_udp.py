@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Sensor:
-    """A device's end: a datagram socket that answers to whoever spoke last."""
+    """The device side: a datagram socket that answers the last sender."""
 
     def __init__(self, host: str) -> None:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -145,7 +145,7 @@ async def test_a_refused_write_is_an_ordinary_loss(sensor: Sensor, serving: Serv
     async with serving(sensor.spec) as (links, events):
         await eventually(lambda: events)
         links.write("left.wrench", b"start")
-        links.write("left.wrench", b"and again")  # this one tells, if the loop did not before
+        links.write("left.wrench", b"and again")  # this write reports it, if the loop did not before
         await eventually(lambda: LinkDown in kinds(events))
         assert not links.write("left.wrench", b"down")
 

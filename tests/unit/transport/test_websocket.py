@@ -43,7 +43,7 @@ def received(events: list[Event]) -> list[bytes]:
 
 @asynccontextmanager
 async def sensor_server(*messages: str, port: int = 0) -> AsyncIterator[int]:
-    """Sends the messages to whoever connects, and stays."""
+    """Send the messages to each client, and stay connected."""
 
     async def handle(client: ServerConnection) -> None:
         for message in messages:
@@ -56,7 +56,7 @@ async def sensor_server(*messages: str, port: int = 0) -> AsyncIterator[int]:
 
 @asynccontextmanager
 async def websocket_server(frames: bytes, *, reads: bool = True) -> AsyncIterator[int]:
-    """Shakes hands and sends raw frames; one that does not read leaves everything behind the request unread."""
+    """Complete the handshake and send raw frames; without ``reads``, nothing after the request is read."""
     clients: list[asyncio.Task[None] | None] = []
 
     async def handle(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -83,7 +83,7 @@ async def websocket_server(frames: bytes, *, reads: bool = True) -> AsyncIterato
 
 
 def raw_server(answer: bytes) -> AbstractAsyncContextManager[int]:
-    """Something on a port that is no WebSocket server."""
+    """A server of another protocol."""
 
     @asynccontextmanager
     async def run() -> AsyncIterator[int]:
@@ -305,7 +305,7 @@ async def test_a_link_given_up_while_it_connects_leaves_nothing_behind(
 
 
 async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: Eventually) -> None:
-    """The number of its descriptor may be another port's a moment later."""
+    """Its file descriptor may soon belong to another port."""
     async with websocket_server(b"") as port:
         connection = await open_websocket(link_to(port), lambda _: None)
         await eventually(lambda: connection._reading)
@@ -326,7 +326,7 @@ async def test_a_ping_that_cannot_be_sent_is_the_last_thing_written(eventually: 
 
 
 async def test_a_connection_that_the_server_ends_meanwhile_is_closed_all_the_same() -> None:
-    """Its last message is handed on in pieces, behind which its farewell waits."""
+    """Its last message is delivered in pieces, and its close frame waits after them."""
     message = b"\x82\x7e" + (30_000).to_bytes(2, "big") + bytes(30_000)
     pieces: asyncio.Queue[bytes] = asyncio.Queue()
     async with websocket_server(message + b"\x88\x00") as port:

@@ -1,4 +1,4 @@
-"""Who is accepted, how many, and for how long: real sockets, some of which never say a word."""
+"""Which connections are accepted, how many and for how long, on real sockets; some never send anything."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Clients = Callable[..., "Client"]
 
 
 def echoing(endpoint: str, access: Access = LOCAL) -> Listener:
-    """Sends back what it gets."""
+    """Return every message to its sender."""
     return Listener(endpoint, ECHO, lambda peer, frames: peer.send(tuple(frames)) and None, access)
 
 
@@ -56,7 +56,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def strangers() -> Iterator[Strangers]:
-    """Connections that never say a word."""
+    """Connections that never send anything."""
     with contextlib.ExitStack() as stack:
 
         def connect(endpoint: str) -> socket.socket:
@@ -155,7 +155,7 @@ with zmq.Context() as context, context.socket(zmq.DEALER) as socket:
 async def test_Z3_a_connection_that_is_reset_or_whose_cable_is_cut_is_forgotten(
     how: str, clients: Context, eventually: Eventually
 ) -> None:
-    """Cut: what comes from the server is dropped before the client's kernel confirms it."""
+    """Cut: packets of the server are dropped before the kernel of the client acknowledges them."""
     with echoing(TCP) as listener, clients.socket(zmq.DEALER) as dealer:
         monitor = dealer.get_monitor_socket(zmq.EVENT_CONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED)
         dealer.setsockopt(zmq.RECONNECT_IVL, -1)
@@ -180,7 +180,7 @@ async def test_Z3_a_connection_that_is_reset_or_whose_cable_is_cut_is_forgotten(
 
 
 def drop_all(connection: socket.socket) -> None:
-    """Have the kernel drop whatever comes for a socket (a packet filter, ``SO_ATTACH_FILTER`` of socket(7))."""
+    """Let the kernel drop all packets for a socket (a packet filter, ``SO_ATTACH_FILTER`` of socket(7))."""
     import ctypes
 
     program = ctypes.create_string_buffer(struct.pack("=HBBI", 0x06, 0, 0, 0))
@@ -268,10 +268,8 @@ def test_Z4_600_idle_connections_never_keep_a_daemon_with_128_descriptors_from_o
     assert len(opened) > 50
 
 
-async def test_who_has_the_descriptor_of_a_peer_that_left_is_not_disturbed(
-    endpoint: str, eventually: Eventually
-) -> None:
-    """A connection is ended as the socket that it is, not as a number that means another one by then."""
+async def test_a_reused_descriptor_of_a_closed_peer_is_left_alone(endpoint: str, eventually: Eventually) -> None:
+    """A connection is closed by its socket object, because its descriptor may have been reused."""
     with contextlib.ExitStack() as stack, echoing(endpoint) as listener:
         first, *heirs = (stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(4))
         first.connect(endpoint.removeprefix("ipc://"))

@@ -1,6 +1,6 @@
-"""CURVE against a client written from the RFC here: what is proved, and everything that must not pass.
+"""CURVE against a client written here from the RFC: valid handshakes, and everything that must be refused.
 
-That stock ZeroMQ clients are let in is tested where the endpoints are (`tests/unit/bus/test_authentication.py`).
+Handshakes of libzmq clients are tested with the endpoints (`tests/unit/bus/test_authentication.py`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def bodies(wire: bytes) -> list[tuple[int, bytes]]:
 
 
 class Client:
-    """The client's side, with every part open to be done wrongly."""
+    """The client side, of which every part can be made wrong."""
 
     def __init__(self, server_public: bytes = SERVER[0]) -> None:
         self.server_public = server_public
@@ -90,7 +90,7 @@ def server() -> Curve:
 
 @pytest.fixture
 def client(server: Curve) -> Client:
-    """Behind the WELCOME."""
+    """After the WELCOME."""
     client = Client()
     client.welcome(server.handshake(client.hello()))
     return client
@@ -157,7 +157,7 @@ def test_an_invalid_hello_is_refused(body: bytes, server: Curve) -> None:
 
 
 def test_a_key_of_low_order_is_refused(server: Curve) -> None:
-    """With it the shared secret would be known to everybody."""
+    """With such a key the shared secret is known to everybody."""
     with pytest.raises(ProtocolError):
         server.handshake(b"\x05HELLO\x01\x00".ljust(80, b"\0") + bytes(32) + b"\0" * 7 + b"\x01" + bytes(80))
 

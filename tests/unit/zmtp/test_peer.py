@@ -1,4 +1,4 @@
-"""One connection, from outside: stock ZeroMQ clients, and plain sockets that do what those never would."""
+"""One connection, seen from outside: libzmq clients, and plain sockets that violate the protocol."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PONG = encode_frame(encode_command(b"PONG", b"mark"), COMMAND)
 
 
 class Server:
-    """Keeps what its peers send."""
+    """Keep the messages of its peers."""
 
     def __init__(self, endpoint: str, rules: PeerRules = RULES) -> None:
         self.got: list[list[bytes]] = []
@@ -52,7 +52,7 @@ class Server:
 
 @pytest.fixture
 def raw(endpoint: str) -> Iterator[Callable[[bytes], socket.socket]]:
-    """A plain connection that says something."""
+    """Open a plain connection and send bytes."""
     with contextlib.ExitStack() as stack:
 
         def connect(data: bytes) -> socket.socket:
@@ -188,7 +188,7 @@ async def test_what_a_peer_does_not_read_is_bounded_and_pings_add_nothing(
 async def test_a_flood_waits_at_its_sender_and_others_have_their_turns(
     endpoint: str, raw: Raw, peer: Callable[..., Client], eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With next to no share of the time: what is not read stays in the kernel, however long the sender goes on."""
+    """With almost no share of the time: unread bytes stay in the kernel, however much the sender sends."""
     monkeypatch.setattr(TimeAccounts, "of", lambda _, name: TimeAccount(name, 1e-3))
     server = Server(endpoint)
     with server.listener:

@@ -1,4 +1,4 @@
-"""What a peer may take of the loop's time, with a clock in the test's hand where time matters."""
+"""Loop time of one peer, with an injected clock where time matters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bytes of ZMTP as the RFC prints them, in any pieces, and what is none of it."""
+"""Bytes of ZMTP as in the RFC, in any pieces, and invalid bytes."""
 
 from __future__ import annotations
 
