@@ -52,7 +52,7 @@ portable: $(READY)
 
 bench: $(MEASURES)
 	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 16 minutes)"
-	@$(BIN)/python tests/lab/bench/latency.py --report docs/bench.md
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m bench.latency --report docs/bench.md $(BENCH)
 
 chart: $(MEASURES)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"

@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import processes
-import traffic
+from bench import processes, traffic
+from bench.tables import Cell, Table
 from numpy.typing import NDArray
-from tables import Cell, Table
 
 TOPIC = "wrench.left"
 STREAM = "left.wrench"

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import processes
-import traffic
-from tables import Cell, Table
+from bench import processes, traffic
+from bench.tables import Cell, Table
 
 WINDOW_S = 5.0
 """The beginning and the end that are compared; at most a third of the time each."""

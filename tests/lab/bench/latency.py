@@ -1,7 +1,12 @@
-"""Measures on this machine: the daemon from the last byte in to what leaves it, and the friction limit.
+"""Measure the latency and the cost of the daemon, and the speed and accuracy of the friction limit.
 
-Absolute times are this machine's, and of what else it does; what carries over is the ratio to what does the same job in
-the same minutes, such as a C program. ``--report FILE`` writes the same as markdown.
+    make bench    (about 16 minutes; writes docs/bench.md)
+    PYTHONPATH=tests/support:tests/lab python -m bench.latency [--quick] [--only PART] [--report FILE]
+
+The daemon is measured from the last byte of a reading to the message, the reply or the gripper command that follows.
+Absolute times hold for this machine and its present load. Ratios carry over to other machines: beside the daemon and
+the solver, programs in C and other solvers do the same work in the same minutes. The report is printed, and
+``--report`` also writes it as Markdown.
 """
 
 from __future__ import annotations
@@ -13,19 +18,10 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import chain
-import child
-import full_load
-import processes
-import reflex
-import requests
 import zmq
-from tables import Table
-
-sys.path.append(str(Path(__file__).parents[1]))  # the scenes of the chart are measured, too
-
-from bench import first_call, million, ratios, units
+from bench import chain, child, first_call, full_load, million, processes, ratios, reflex, requests, units
 from bench.commit import measured_on
+from bench.tables import Table
 
 SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 1.0
 QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
@@ -89,26 +85,34 @@ def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description="Measure the daemon and the friction limit on this machine.")
-    parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be given again (default: all)")
-    parser.add_argument("--seconds", type=_seconds, metavar="S", help=f"of each round (default {SECONDS:g})")
-    parser.add_argument("--rounds", type=_count, metavar="N", help=f"of daemon and C each (default {ROUNDS})")
-    parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.latency", description="Measure the daemon and the friction limit on this machine."
+    )
+    parser.add_argument(
+        "--only", action="append", choices=PARTS, help="measure this part only; may be repeated (default: all)"
+    )
+    parser.add_argument("--seconds", type=_seconds, metavar="S", help=f"length of each round (default {SECONDS:g})")
+    parser.add_argument(
+        "--rounds", type=_count, metavar="N", help=f"rounds of the daemon and of the C program (default {ROUNDS})"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="a short run, at most a minute, to check the program itself"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="also write the report as Markdown")
     return parser
 
 
 def _seconds(text: str) -> float:
     value = float(text)
     if not SHORTEST_S <= value <= LONGEST_S:
-        raise argparse.ArgumentTypeError(f"must be {SHORTEST_S:g} to {LONGEST_S:g}, not {text}")
+        raise argparse.ArgumentTypeError(f"must be from {SHORTEST_S:g} to {LONGEST_S:g}, got {text}")
     return value
 
 
 def _count(text: str) -> int:
     value = int(text)
     if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, not {text}")
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {text}")
     return value
 
 

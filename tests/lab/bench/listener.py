@@ -3,7 +3,7 @@
 A stamp is CLOCK_MONOTONIC as soon as both frames of a message are received, before they are unpacked; it stands at the
 number of the force reading that the message is about. The first arrival counts.
 
-    listener.py PLAN      (JSON, see `Plan`)
+    python -m bench.listener PLAN  (JSON, see `Plan`)
 
 Prints ``listening`` when it is connected, and a JSON `Heard` after SIGTERM.
 """

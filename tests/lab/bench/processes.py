@@ -19,13 +19,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import child
-import listener
 import numpy as np
-import traffic
-import writer
 import zmq
+from bench import child, listener, traffic, writer
 from numpy.typing import NDArray
+from project import MODULES
 
 from slipd_client.errors import NoAnswer
 from slipd_client.grip import GripClient
@@ -198,10 +196,14 @@ def measure(
     arrivals = _zeros(folder / "arrivals.npy", (len(topics), count))
     plans = [_plan(stream, lines, folder, watched=watched) for stream in streams]
     hearing = listener.Plan(served.endpoint, subscription, list(topics), str(arrivals), traffic.index_weights(), first)
-    listening = _python("listener.py", json.dumps(asdict(hearing)))
-    writing = _python("writer.py", writer.encode_plan(plans, round(warm_up_s * 1e9)))
+    listening = _module("listener", json.dumps(asdict(hearing)))
+    writing = _module("writer", writer.encode_plan(plans, round(warm_up_s * 1e9)))
     fds = (*lines.fd.values(), *lines.other_fd.values())
-    with child.Child(listening, folder) as ear, child.Child(writing, folder, pass_fds=fds) as hand:
+    environment = os.environ | {"PYTHONPATH": MODULES}
+    with (
+        child.Child(listening, folder, env=environment) as ear,
+        child.Child(writing, folder, env=environment, pass_fds=fds) as hand,
+    ):
         ear.told("listening")
         hand.told("measuring")
         begin_s, cpu_s = time.monotonic(), served.cpu_s()
@@ -239,5 +241,5 @@ def _zeros(path: Path, shape: tuple[int, ...]) -> Path:
     return path
 
 
-def _python(script: str, argument: str) -> list[str]:
-    return [sys.executable, str(HERE / script), argument]
+def _module(name: str, argument: str) -> list[str]:
+    return [sys.executable, "-m", f"bench.{name}", argument]

@@ -11,19 +11,17 @@ from __future__ import annotations
 import contextlib
 import os
 import select
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
-import child
 import numpy as np
-import processes
-import traffic
 import zmq
-from tables import Table
+from bench import child, processes, traffic
+from bench.tables import Table
+from fuzz.hand import FORCE_TABLE, OPEN_M, Hand
 
 from slipd.devices import bota
 from slipd.devices.bota import bota_text
@@ -32,10 +30,6 @@ from slipd.sim.true_contact import Pad, Patch
 from slipd_client.errors import RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import MESSAGE_LIMITS, decode
-
-sys.path.append(str(Path(__file__).parents[1]))  # the gripper's end of the line is that of the fuzzing
-
-from fuzz.hand import FORCE_TABLE, OPEN_M, Hand
 
 MS = 1_000_000
 READING_NS = 5 * MS

@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
+import os
 import signal
 import subprocess
 import sys
@@ -20,11 +21,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import child
 import numpy as np
-import processes
 import zmq
-from tables import Table
+from bench import child, processes
+from bench.tables import Table
+from project import MODULES
 
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, decode, encode
 
@@ -115,10 +116,12 @@ def run(folder: Path, *, rounds: int, seconds: float) -> Table:
         served = stack.enter_context(processes.daemon(folder, lines, {}, extra=extra))
         context = stack.enter_context(_context())
         servers = {"ours": _Asker(_connected(context, served.requests))}
-        for name, command in {"echo": [sys.executable, __file__], "C echo": built}.items():
+        for name, command in {"echo": [sys.executable, "-m", "bench.requests"], "C echo": built}.items():
             if isinstance(command, list):
                 endpoint = f"ipc://{folder}/{name.replace(' ', '-')}.socket"
-                stack.enter_context(child.Child([*command, endpoint], folder)).told("ready")
+                environment = os.environ | {"PYTHONPATH": MODULES}
+                echo = child.Child([*command, endpoint], folder, env=environment)
+                stack.enter_context(echo).told("ready")
                 servers[name] = _Asker(_connected(context, endpoint))
         rows = []
         for number in range(rounds + 1):

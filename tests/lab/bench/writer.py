@@ -3,7 +3,7 @@
 A stamp is CLOCK_MONOTONIC just before the one ``write`` that carries the whole frame, and so its last byte; it goes to
 a file that is mapped into memory. Where the daemon configures its sensors it is answered, as a sensor would.
 
-    writer.py PLAN        (JSON, see `encode_plan`)
+    python -m bench.writer PLAN    (JSON, see `encode_plan`)
 
 Prints ``measuring`` when the warm-up is over, and a JSON map of `Outcome`s by stream when all is written.
 """

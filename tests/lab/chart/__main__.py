@@ -1,4 +1,11 @@
-"""Runs all methods and writes ``speed_accuracy``, ``failure_atlas`` and ``time``, .md and .png."""
+"""Compare every method of the friction limit, and every estimate of acquisition times, on the same data.
+
+    make chart    (about 10 minutes)
+    PYTHONPATH=tests/support:tests/lab python -m chart [--quick] [--only speed|atlas|time] [--scenes N] [--into FOLDER]
+
+Measured are processor time, error against a 25-digit reference, and failures of each method. Each part writes a page
+and its pictures into FOLDER (default: docs): ``speed_accuracy``, ``failure_atlas`` and ``time``, .md and .png.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +27,16 @@ PACKAGES = ("numpy", "scipy", "numba", "clarabel")
 
 
 def main() -> int:
-    """Runs and writes; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="make chart", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="few scenes, to see that it works")
-    parser.add_argument("--scenes", type=int, metavar="N", help=f"default {SCENES}")
-    parser.add_argument("--only", choices=PARTS, action="append", help="one report; may be repeated; default all")
-    parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="default docs")
+    """Run the parts and write their pages; return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m chart", description="Compare every method of the friction limit.")
+    parser.add_argument("--quick", action="store_true", help="few scenes, to check the program itself")
+    parser.add_argument("--scenes", type=int, metavar="N", help=f"number of scenes (default {SCENES})")
+    parser.add_argument(
+        "--only", choices=PARTS, action="append", help="write this report only; may be repeated (default: all)"
+    )
+    parser.add_argument(
+        "--into", type=Path, default=DOCS, metavar="FOLDER", help="folder of the reports (default: docs)"
+    )
     options = parser.parse_args()
     if missing := [name for name in ("matplotlib", "clarabel") if not _is_installed(name)]:
         print(f"chart: needs {' and '.join(missing)}: pip install -e '.[chart,dev]'", file=sys.stderr)

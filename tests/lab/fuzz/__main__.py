@@ -1,8 +1,13 @@
-"""``python -m fuzz``: bytes that were never sent, at every device's decoder and as requests, and what became of them.
+"""Fuzz the decoder of every device with split, damaged and random bytes, and the daemon with hostile requests.
 
-Each device gets the same time. ``--strict`` goes on to the numbers of the report: every split of 200 frames, ten
-million damaged frames and ten gigabytes of noise in all, and a million requests. What fails is printed with the call
-that repeats it.
+    make fuzz    (about 20 minutes; writes docs/fuzz.md)
+    PYTHONPATH=tests/support:tests/lab python -m fuzz [--strict] [--only devices|requests] [--device NAME]
+        [--seed S] [--rounds N] [--report FILE]
+
+Counted are frames that are lost, accepted wrongly or read differently when split, requests that break a limit, and the
+processor time of each. All devices get the same time. ``--strict`` runs until the amounts of the report are reached:
+every split of 200 frames, ten million damaged frames, ten gigabytes of noise and a million requests. Each failure is
+printed with the command that repeats it. The report is printed, and ``--report`` also writes it as Markdown.
 """
 
 from __future__ import annotations
@@ -24,15 +29,23 @@ MOST_TOLD = 5
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs what is asked for; 1 where anything was not as it must be."""
-    parser = argparse.ArgumentParser(prog="python -m fuzz", description=__doc__)
-    parser.add_argument("--strict", action="store_true", help="the whole of it (some minutes on two cores)")
-    parser.add_argument("--seconds", type=float, default=SECONDS, help=f"of all devices together (default {SECONDS:g})")
-    parser.add_argument("--device", choices=sorted(STRENGTHS), help="this one alone, and no requests")
-    parser.add_argument("--only", choices=("devices", "requests"), help="these alone (default: both)")
-    parser.add_argument("--seed", type=int, default=1, help="of the first round; the next ones count on (default 1)")
-    parser.add_argument("--rounds", type=int, help="so many rounds of each kind, and no clock: 1 repeats a failure")
-    parser.add_argument("--report", type=Path, help="where to write the report")
+    """Run the fuzzing that the arguments name; return 1 if it found a fault, else 0."""
+    parser = argparse.ArgumentParser(
+        prog="python -m fuzz", description="Fuzz the decoders of all devices and the requests."
+    )
+    parser.add_argument("--strict", action="store_true", help="run the full amounts (about 20 minutes on two cores)")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help=f"total time for all devices (default {SECONDS:g})"
+    )
+    parser.add_argument("--device", choices=sorted(STRENGTHS), help="fuzz this device only, and no requests")
+    parser.add_argument("--only", choices=("devices", "requests"), help="fuzz these only (default: both)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of the first round; each further round adds 1 (default 1)"
+    )
+    parser.add_argument(
+        "--rounds", type=int, help="run this many rounds of each kind instead of a time; 1 repeats a failure"
+    )
+    parser.add_argument("--report", type=Path, help="also write the report as Markdown")
     options = parser.parse_args(argv)
     devices = [options.device] if options.device else list(STRENGTHS)
     wish = Wish(devices, options.seed, options.strict, options.seconds, options.rounds)
@@ -61,7 +74,7 @@ def _devices(wish: Wish) -> Results:
                 results.setdefault((job.measure, job.device), Outcome(job.device)).add(outcome)
                 for fault in outcome.faults[:MOST_TOLD]:
                     print(f"{job.device}: {job.measure}: {fault[:400]}")
-                    print(f"  again: python -m fuzz --device {job.device} --seed {job.seed} --rounds 1", flush=True)
+                    print(f"  to repeat: python -m fuzz --device {job.device} --seed {job.seed} --rounds 1", flush=True)
     return results
 
 
@@ -76,7 +89,7 @@ def _requests(wish: Wish) -> requests.Found:
             for fault in one.bad[:MOST_TOLD]:
                 print(f"requests: {fault[:400]}")
             if one.bad:
-                print(f"  again: python -m fuzz --only requests --seed {seed} --rounds 1", flush=True)
+                print(f"  to repeat: python -m fuzz --only requests --seed {seed} --rounds 1", flush=True)
     return found
 
 

@@ -59,7 +59,11 @@ def test_the_same_seed_is_the_same_round() -> None:
 
 
 def nothing(*_: Any, **__: Any) -> None:
-    """Speaks against nothing."""
+    """Refuse nothing."""
+
+
+def always(*_: Any) -> bool:
+    return True
 
 
 def without(*rules: str) -> object:
@@ -88,7 +92,7 @@ def harder(self: Session, permit: Permit, now_ns: int, *, execute: Callable[...,
         (motion_gate, "TABLE", without(*CHANGES), "in one step"),
         (motion_gate, "TABLE", without("force_is_within_limits", *CHANGES), "N asked for"),
         (motion_gate, "TABLE", without("no_fault_is_latched"), "a fault stands"),
-        (Finger, "is_trusted", True, "good False"),
+        (Finger, "is_trusted_for_raise", always, "good False"),
         (Session, "execute", harder, "N applied"),
         (reflex, "PERIOD_NS", 200_000_000, "the reflex raised by"),
         (IdempotencyCache, "seen", nothing, "was granted to"),

@@ -1,10 +1,13 @@
-"""Run the numeric tests as on other processors: each setting in a process of its own.
+"""Run the numeric tests with the instruction sets of other processors, each setting in a process of its own.
 
-    python -m portable [--quick | --aarch64 FOLDER] [--report FILE] [PYTEST ARGUMENT…]
+    make portable    (about 10 minutes; writes docs/portability.md)
+    PYTHONPATH=tests/support:tests/lab python -m portable [--quick | --aarch64 FOLDER] [--report FILE]
+        [PYTEST ARGUMENT…]
 
-``--quick`` runs the failure atlas and the load rules on the oldest processor alone. ``--aarch64`` makes an emulated
-aarch64 machine in a folder (once) and runs the tests on that as well, which takes about an hour. The kernels of each
-setting are compiled into a cache of its own.
+The result is the number of tests that pass, fail and are skipped in each setting. ``--quick`` runs the failure atlas,
+the load rules and the contact tests as on the oldest processor alone. ``--aarch64`` also runs the tests on an emulated
+aarch64 machine, which it makes once in FOLDER; that takes about an hour. Each setting compiles the kernels into a cache
+of its own. The table is printed, and ``--report`` also writes it as Markdown.
 """
 
 from __future__ import annotations
@@ -33,10 +36,14 @@ _COUNTS = re.compile(r"(\d+) (passed|failed|error|skipped)")
 
 def main() -> int:
     """Run the tests; return 1 where any failed, else 0."""
-    parser = argparse.ArgumentParser(prog="python -m portable", description="Numeric tests as on other processors.")
-    parser.add_argument("--quick", action="store_true", help="a share of the tests, as on the oldest processor")
-    parser.add_argument("--aarch64", type=Path, metavar="FOLDER", help="also on an aarch64 machine emulated there")
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write the result as markdown")
+    parser = argparse.ArgumentParser(
+        prog="python -m portable", description="Run the numeric tests with the instruction sets of other processors."
+    )
+    parser.add_argument("--quick", action="store_true", help="a share of the tests, as on the oldest processor only")
+    parser.add_argument(
+        "--aarch64", type=Path, metavar="FOLDER", help="also run them on an aarch64 machine that is emulated in FOLDER"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="also write the table as Markdown")
     options, arguments = parser.parse_known_args()
     names = QUICK if options.quick else ROOMS
     table = Table("Numeric tests by processor", ("acts as", "passed", "failed", "skipped", "time"))

@@ -1,6 +1,11 @@
-"""``python -m simulation``: the whole engine under random faults for hours of its own time, much faster than real time.
+"""Run the whole engine under random faults for hours of simulated time, much faster than real time.
 
-An episode that shows a fault is printed with its seed; ``--seed S --episodes 1`` plays it again, to the byte.
+    make soak    (runs this after the soak)
+    PYTHONPATH=tests/support:tests/lab python -m simulation [--hours H] [--seed S] [--episodes N]
+
+Every message is checked: its verdict against the true contact and the state of each stream, its numbers and its times.
+The counts are printed; no file is written. An episode with a fault is printed with its seed;
+``--seed S --episodes 1`` repeats it to the byte.
 """
 
 from __future__ import annotations
@@ -15,17 +20,21 @@ from collections.abc import Iterator
 from simulation.campaign import Episode, play
 
 EPISODE_S = 15.0
-"""About what an episode takes of its own time: how many there are to be is told by it."""
+"""Mean simulated length of an episode; gives the number of episodes for ``--hours``."""
 
 MOST_TOLD = 10
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Plays episodes; 1 where one showed a fault."""
-    parser = argparse.ArgumentParser(prog="python -m simulation", description=__doc__)
-    parser.add_argument("--hours", type=float, default=0.1, help="to simulate (default 0.1)")
-    parser.add_argument("--seed", type=int, default=1, help="of the first episode; the next ones count on (default 1)")
-    parser.add_argument("--episodes", type=int, help="so many instead of hours: 1 repeats a failure")
+    """Play the episodes; return 1 if any showed a fault, else 0."""
+    parser = argparse.ArgumentParser(
+        prog="python -m simulation", description="Run the engine under random faults in simulated time."
+    )
+    parser.add_argument("--hours", type=float, default=0.1, help="simulated hours (default 0.1)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of the first episode; each further episode adds 1 (default 1)"
+    )
+    parser.add_argument("--episodes", type=int, help="run this many episodes instead of a time; 1 repeats a failure")
     options = parser.parse_args(argv)
     count = options.episodes or max(1, round(options.hours * 3600 / EPISODE_S))
     begun_s, simulated_s, messages, failed = time.perf_counter(), 0.0, 0, 0
@@ -53,7 +62,7 @@ def _episodes(seeds: range) -> Iterator[Episode]:
 
 
 def _tell(episode: Episode) -> None:
-    print(f"seed {episode.seed}: again: python -m simulation --seed {episode.seed} --episodes 1")
+    print(f"seed {episode.seed}: to repeat: python -m simulation --seed {episode.seed} --episodes 1")
     for happened in episode.story[-3:]:
         print(f"  {happened}")
     for fault in episode.faults[:MOST_TOLD]:

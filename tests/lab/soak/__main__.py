@@ -1,10 +1,12 @@
-"""Long runs on this machine: unplugging, floods, two fingers for ten minutes, idle subscribers, hostile peers.
+"""Run the daemon for long on this machine: unplugging, floods, two fingers for ten minutes, idle and hostile peers.
 
-    python -m soak [--quick] [--only unplug|flood|backlog|subscribers|peers] [--minutes M]
-        [--report FILE]
+    make soak    (about an hour with the simulation; writes docs/soak.md)
+    PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|subscribers|peers]
+        [--minutes M] [--report FILE]
 
-What is measured is the daemon itself, with real pseudo-terminals, sockets and processes. Times are this machine's, and
-of what else it does meanwhile.
+The daemon is the real one, with real pseudo-terminals, sockets and processes. Measured are lost readings and messages,
+recovery times, memory, and delays. Times hold for this machine and its present load. The report is printed, and
+``--report`` also writes it as Markdown.
 """
 
 from __future__ import annotations
@@ -26,8 +28,10 @@ PARTS = ("unplug", "flood", "backlog", "subscribers", "peers")
 
 def main() -> int:
     """Measure and print; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m soak", description="Long runs of the daemon on this machine.")
-    parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be given again (default: all)")
+    parser = argparse.ArgumentParser(prog="python -m soak", description="Run the daemon for long on this machine.")
+    parser.add_argument(
+        "--only", action="append", choices=PARTS, help="run this part only; may be repeated (default: all)"
+    )
     parser.add_argument(
         "--minutes",
         type=float,
@@ -35,8 +39,10 @@ def main() -> int:
         metavar="M",
         help="of the backlog, and of stalled subscribers (default 10)",
     )
-    parser.add_argument("--quick", action="store_true", help="a minute at most in all, to see that it works")
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write the same as markdown")
+    parser.add_argument(
+        "--quick", action="store_true", help="a short run, at most a minute, to check the program itself"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="also write the report as Markdown")
     options = parser.parse_args()
     header = measured_on()
     print(f"slipd soak: {header}", flush=True)
