@@ -29,9 +29,9 @@ from slipd.requests.request_check import OPS
 
 SEED = 20261122  # the same every time; `python -m fuzz` draws others
 AGAIN = f"PYTHONPATH=tests/support:tests/lab python -m fuzz --only requests --seed {SEED} --rounds 1"
-SHARE, BROKEN = 5_000, 5_000
+SHARE, BROKEN = 5_000, 2_500
 BROKEN_SEEDS = (7, 9, 11, 1, 2)
-"""What is broken must be found by one of these, whatever the day; the reflex is on in them."""
+"""One of these rounds must find what is broken; the reflex is on in all of them."""
 
 
 @pytest.fixture(autouse=True)

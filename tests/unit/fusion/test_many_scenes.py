@@ -1,4 +1,4 @@
-"""A share of the million contacts of `make bench`: every answer certified, tight, and true to 25 digits where asked."""
+"""A share of the contacts of `make bench`: every answer is certified and tight, some are checked to 25 digits."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ import pytest
 from bench.million import MEDIAN_GAP, WORST_GAP, Answers, Findings, measure
 from chart.scenes import FAMILIES
 
-SCENES, CHECKED_OF_EACH_FAMILY = 9_000, 3
+SCENES = 9_000
+EVERY = 301
+"""One round of the families in so many is checked; odd, so that the checked ones are of both senses."""
+
+CHECKED_OF_EACH_FAMILY = 2
 
 
 @pytest.fixture(scope="module")
 def found() -> Findings:
-    return measure(range(SCENES), every=SCENES // len(FAMILIES) // CHECKED_OF_EACH_FAMILY)
+    return measure(range(SCENES), every=EVERY)
 
 
 def seeds(answers: Answers, mask: np.ndarray) -> list[int]:

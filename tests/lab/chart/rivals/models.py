@@ -87,7 +87,7 @@ def _patch(pole: float) -> tuple[float, float]:
     slope in c.
     """
     edge = min(pole, 1.0)
-    node, weight = np.polynomial.legendre.leggauss(100)
+    node, weight = _gauss()
     u = 0.5 * (node + 1.0)
     smooth, slope = u * u * (3.0 - 2.0 * u), 3.0 * u * (1.0 - u) * weight  # crowds where the integrand is not smooth
     r = np.concatenate((edge * smooth, edge + (1.0 - edge) * smooth))
@@ -100,3 +100,9 @@ def _patch(pole: float) -> tuple[float, float]:
     e, k = ellipe(m), ellipk(m)
     force = float(w @ (e + (e - k) * (r - pole) / (2.0 * pole))) * 2.0 / math.pi
     return float(w @ ((r + pole) * e)) * 2.0 / math.pi - pole * force, force
+
+
+@lru_cache(maxsize=1)
+def _gauss() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return Gauss's nodes and weights on [−1, 1]; an eigenvalue problem, so it is solved once."""
+    return np.polynomial.legendre.leggauss(100)
