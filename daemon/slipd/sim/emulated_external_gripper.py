@@ -59,6 +59,7 @@ class Driver:
         self._registers = True
         self._unpacker = msgpack.Unpacker()
         self._answered = 0
+        self._next_ns = max(self._next_ns, t_ns)  # no reports of the time without a connection
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the daemon; return the answers."""
