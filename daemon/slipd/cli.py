@@ -48,12 +48,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"slipd {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    run = commands.add_parser("run", help="run the daemon")
+    run = _add_command(commands, "run", "run the daemon")
     run.add_argument("--config", type=Path, required=True, metavar="FILE", help="config of the rig, TOML")
     run.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
     run.set_defaults(command=_run)
 
-    demo = commands.add_parser("demo", help="run the daemon on a virtual gripper")
+    demo = _add_command(commands, "demo", "run the daemon on a virtual gripper")
     demo.add_argument(
         "--seconds",
         type=_positive,
@@ -66,11 +66,11 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
     demo.set_defaults(command=_demo)
 
-    check = commands.add_parser("check", help="report every fault in a config")
+    check = _add_command(commands, "check", "report every fault in a config")
     check.add_argument("file", type=Path, metavar="FILE", help="config of a rig, TOML")
     check.set_defaults(command=_check)
 
-    replay = commands.add_parser("replay", help="run a recording through the engine again")
+    replay = _add_command(commands, "replay", "run a recording through the engine again")
     replay.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
     replay.add_argument(
         "--speed", type=_speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
@@ -81,16 +81,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     replay.set_defaults(command=_replay)
 
-    identify = commands.add_parser(
-        "identify", help="find mass and centre of mass of a finger from a recording of several poses"
+    identify = _add_command(
+        commands, "identify", "find mass and centre of mass of a finger from a recording of several poses"
     )
     identify.add_argument("file", type=Path, metavar="FILE", help="recording with gravity.set requests, MCAP")
     identify.add_argument("--finger", required=True, metavar="NAME", help="name of the finger in the config")
     identify.set_defaults(command=_identify)
 
-    importer = commands.add_parser("import", help="convert other data to a recording")
+    importer = _add_command(commands, "import", "convert other data to a recording")
     formats = importer.add_subparsers(required=True, metavar="FORMAT")
-    grips = formats.add_parser("grips", help="a gripper trial with two XELA pads")
+    grips = _add_command(formats, "grips", "import a gripper trial with two XELA pads")
     grips.add_argument(
         "source", type=Path, metavar="SRC", help="folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"
     )
@@ -99,6 +99,14 @@ def _parser() -> argparse.ArgumentParser:
         "--config", type=Path, metavar="FILE", help="config of the rig (default: the shipped grips.toml)"
     )
     grips.set_defaults(command=_import_grips)
+    return parser
+
+
+def _add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentParser:
+    """Add a subcommand with its purpose for both help texts."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}."
+    )
     return parser
 
 
