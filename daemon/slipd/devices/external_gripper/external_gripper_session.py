@@ -126,7 +126,7 @@ class Session(GripperSessionBase):
 
     def drop(self) -> bool:
         """Drop set-points that are not sent yet, except a stop; do not repeat unanswered ones."""
-        dropped = self._queue.forget()
+        dropped = self._queue.drop_unsent()
         self._follow_activation()
         return dropped
 
@@ -272,7 +272,7 @@ class Session(GripperSessionBase):
             self._reported = Event.REPORTED_FAULT if report.fault else Event.REPORTED_ACTIVE
         self._machine.handle(self._reported)
         if report.fault or not report.active:
-            self._queue.lose_grip(report.fault or "not active")
+            self._queue.drop_grip(report.fault or "not active")
             self._follow_activation()
         if not report.active:
             self._queue.forget_force()

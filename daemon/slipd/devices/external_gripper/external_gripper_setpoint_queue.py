@@ -63,7 +63,7 @@ class SetpointQueue(CommandQueue):
         """Send a stop at once in place of all else."""
         self.interrupt(self._make("stop"))
 
-    def forget(self) -> bool:
+    def drop_unsent(self) -> bool:
         """Drop set-points that are not sent yet, except a stop; return whether there were any."""
         return self.drop(("stop",))
 
@@ -71,7 +71,7 @@ class SetpointQueue(CommandQueue):
         """Queue the acknowledgement of a fault, after a stop that waits."""
         self.replace([self._make("acknowledge")], keep=self._stops())
 
-    def lose_grip(self, failure: str) -> None:
+    def drop_grip(self, failure: str) -> None:
         """Drop everything if a force is waiting or unanswered, because the gripper cannot obey."""
         if self.contains(_SETS_FORCE):
             self.give_up(failure)

@@ -54,12 +54,12 @@ class WsgCommandQueue(CommandQueue):
         self._limit = 0.0  # force limit that was set, N of both fingers
 
     @property
-    def home_waits(self) -> bool:
+    def homing_waits(self) -> bool:
         """Whether homing waits to be sent."""
         return HOME in self.waiting
 
     @property
-    def home_is_sent(self) -> bool:
+    def homing_is_sent(self) -> bool:
         """Whether homing was sent last, and is not answered."""
         return self.outstanding is HOME
 
@@ -87,7 +87,7 @@ class WsgCommandQueue(CommandQueue):
         self._goal = None
         self.interrupt(_STOP)
 
-    def forget(self) -> bool:
+    def drop_unsent(self) -> bool:
         """Drop commands that are not sent yet, except a stop; return whether there were any."""
         dropped = self.drop((wire.STOP,))
         if dropped:
@@ -98,7 +98,7 @@ class WsgCommandQueue(CommandQueue):
         """Queue the acknowledgement of a fault in place of grips."""
         self.replace([_ACKNOWLEDGE], keep=(_STOP, HOME))
 
-    def lose_grip(self, failure: str) -> None:
+    def drop_grip(self, failure: str) -> None:
         """Drop the goal and the grips that wait, so that nothing moves by itself once the fault is cleared."""
         self._goal = None
         if self.contains(_SETS_FORCE):

@@ -146,7 +146,7 @@ class Session(GripperSessionBase):
 
     def drop(self) -> bool:
         """Drop commands that are not sent yet, except a stop; do not repeat unanswered ones."""
-        dropped = self._queue.forget()
+        dropped = self._queue.drop_unsent()
         self._follow_homing()
         return dropped
 
@@ -230,9 +230,9 @@ class Session(GripperSessionBase):
 
     def _follow_homing(self) -> None:
         """Update the state with the outcome of queued homing."""
-        if self._machine.state not in QUEUED or self._queue.home_waits:
+        if self._machine.state not in QUEUED or self._queue.homing_waits:
             return
-        if self._queue.home_is_sent:
+        if self._queue.homing_is_sent:
             self._reported = None
             self._machine.handle(Event.HOMING_SENT)
         else:
@@ -274,7 +274,7 @@ class Session(GripperSessionBase):
         if not referenced:
             self._queue.forget_force()
         if fault or not referenced:
-            self._queue.lose_grip(fault or "not referenced")
+            self._queue.drop_grip(fault or "not referenced")
             self._follow_homing()
 
     def _fall_silent(self) -> None:
