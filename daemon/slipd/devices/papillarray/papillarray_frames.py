@@ -7,6 +7,7 @@ A frame has no length and nothing in it is escaped, so the parser follows its of
 end of the previous item, and the last item must be followed by sum and end marker. If the last block has no defined
 content, the frame ends at the first end marker at which the sum matches. An end marker directly followed by a start
 marker ends the frame in any case.
+
 Sources: the vendor's PTSCOM 2.0 (September 2022), and a public parser that contradicts it. The offsets of each frame
 show whether two zero bytes end the index, and whether the type of a sensor's slip entry has one byte or two.
 `papillarray_layout` finds out which numbers are forces.
@@ -27,8 +28,7 @@ from slipd.samples import Array
 START = b"\x55\x66\x77\x88"
 END = b"\xaa\xbb\xcc\xdd"
 
-SENSORS = 2
-PILLARS = 9
+SENSORS, PILLARS = 2, 9
 """Largest numbers of sensors per controller, and of pillars per sensor (three by three)."""
 
 LONGEST = 1024
@@ -44,7 +44,7 @@ _VECTORS_TYPE = 2
 _PILLAR_SLIP = struct.Struct("<Hbf")
 _SENSOR_SLIP = {1: struct.Struct("<Bbff"), 2: struct.Struct("<Hbff")}  # by the bytes of the type
 _SLIP_TYPE = 1
-_HUB = struct.Struct("<IQ")  # packet counter, time in µs
+_HUB = struct.Struct("<IQ")  # frame counter, device time in µs
 _LATEST_US = 1 << 53  # 285 years
 _ENTRIES = np.dtype([("type", "<u2"), ("numbers", "<f4", 6)])
 _SUM_LENGTH = 2
