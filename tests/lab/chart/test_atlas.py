@@ -29,7 +29,7 @@ def answering(limit: float) -> Method:
     return Method("it", "it", lambda scene: limit)
 
 
-def test_a_cell_tells_the_error_and_its_side() -> None:
+def test_a_cell_shows_the_error_and_its_sign() -> None:
     right, scale = PAIR.limit_nm, PAIR.scale_nm
     assert cell(answering(right), PAIR) == "✓"
     assert cell(answering(right + 3e-8 * scale), PAIR) == "3e-08"
@@ -40,7 +40,7 @@ def test_a_cell_tells_the_error_and_its_side() -> None:
     assert cell(answering(-math.inf), PAIR) == "*slides*"
 
 
-def test_a_cell_tells_how_a_method_failed() -> None:
+def test_a_cell_shows_how_a_method_failed() -> None:
     def raising(scene: Scene) -> float:
         raise ZeroDivisionError
 
@@ -53,7 +53,7 @@ def test_a_cell_tells_how_a_method_failed() -> None:
     assert cell(Method("it", "it", endless), PAIR, limit_s=0.01) == "*late*"
 
 
-def test_where_there_is_no_limit_a_cell_tells_what_came_out() -> None:
+def test_where_no_limit_exists_a_cell_shows_the_result() -> None:
     assert cell(answering(-math.inf), SLIDES) == "✓"
     assert cell(answering(1.0), SLIDES) == "**holds**"
     assert cell(answering(math.nan), SLIDES) == "*none*"

@@ -106,7 +106,7 @@ def test_the_bounds_of_one_pass_say_nothing_between_them() -> None:
     assert verdict(method, scene, 3.0 * right) is False
 
 
-def test_an_exception_is_a_failure_that_is_told() -> None:
+def test_an_exception_is_counted_as_a_failure() -> None:
     def broken(_: Scene) -> float:
         raise ZeroDivisionError
 

@@ -41,7 +41,7 @@ def test_a_ring_turns_about_its_middle(radius: float) -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.96])
-def test_two_points_carry_what_statics_says(share: float) -> None:
+def test_two_points_carry_what_statics_gives(share: float) -> None:
     force = share * MU * 2.0
     along, across = (contact((-1.0, 1.0), (0.0, 0.0), (1.0, 1.0), f) for f in ((force, 0.0), (0.0, force)))
     assert exact_limit(along) == pytest.approx(math.sqrt((1.0 - share) * (1.0 + share)), rel=4e-16, abs=0.0)

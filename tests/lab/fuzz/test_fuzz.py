@@ -159,7 +159,7 @@ def test_a_mishap_changes_a_reading_and_never_into_another_whole_one(kind) -> No
     assert all(damage(one, other, rng) not in (one, other) for _ in range(200))
 
 
-def test_a_report_tells_what_was_done_and_what_is_not_as_it_must_be() -> None:
+def test_a_report_counts_what_was_done_and_lists_the_faults() -> None:
     jobs = [Job(measure, "bota", SEED, SPLITS) for measure in ("splits", "mutations", "talks")]
     results = {(job.measure, job.device): outcome for job, outcome in map(Job.run, jobs)}
     results["noise", "bota"] = Outcome("bota", amount=1 << 20, seconds=1.0)

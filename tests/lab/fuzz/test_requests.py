@@ -40,7 +40,7 @@ def once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(requests, "AGAIN", 0)
 
 
-def test_A1_A2_A3_whatever_is_asked_no_limit_is_broken_and_nothing_is_done_twice() -> None:
+def test_A1_A2_A3_no_request_breaks_a_limit_or_is_done_twice() -> None:
     found = fuzz(SEED, SHARE)
     assert found.bad == [], AGAIN
     assert found.commands > 0
@@ -148,7 +148,7 @@ def test_the_hand_understands_the_session_and_reads_its_forces_alike() -> None:
     assert newtons(told.force) == pytest.approx(applied_n)
 
 
-def test_a_report_tells_what_was_found() -> None:
+def test_a_report_lists_what_was_found() -> None:
     found = Found()
     for seed in (SEED, SEED + 1):
         found.add(fuzz(seed, 300))

@@ -102,7 +102,7 @@ def test_L12_a_bunched_stream_is_dated_by_its_device_clock(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_C4_a_loop_that_stalls_tells_nothing_as_newer_than_it_is(held, seed):
+def test_C4_a_loop_that_stalls_reports_no_reading_as_newer_than_it_is(held, seed):
     held.run(0.5)
     for stalled_s in (0.01, 0.1, 1.0):
         held.stall(stalled_s)
@@ -122,7 +122,7 @@ def test_C4_a_lease_is_judged_by_the_time_that_passed(held, seed):
 
 @pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("stream", ["left.wrench", "left.pad"])
-def test_C4_F1_readings_that_come_late_are_told_as_old(held, seed, stream):
+def test_C4_F1_readings_that_arrive_late_are_reported_as_old(held, seed, stream):
     held.run(1.0)
     held.line(stream).fault = Delay(150 * MS)
     held.run(0.5)

@@ -65,7 +65,7 @@ def test_D3_a_gap_in_the_scans_is_counted(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_D3_a_pad_that_counts_anew_is_told_as_a_restart_and_loses_nothing_else(held, seed):
+def test_D3_a_pad_that_restarts_its_count_is_reported_as_a_restart_and_loses_nothing_else(held, seed):
     def restarted(data, _):
         frames = []
         for at in range(0, len(data), 46):
@@ -153,7 +153,7 @@ def test_D4_every_fault_of_the_gripper_is_shown_and_refuses_what_moves_it(held, 
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_D5_a_gripper_that_echoes_another_command_is_told_within_three_polls(held, seed):
+def test_D5_a_gripper_that_echoes_another_command_is_reported_within_three_polls(held, seed):
     assert held.watch.gripper["echo_ok"] is True
     held.line("gripper").fault = Edit(gripper(lambda status: status.__setitem__(ECHO, status[ECHO] ^ 0x10)), lies=False)
     held.run(0.06)

@@ -21,7 +21,7 @@ def assert_sound(bed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_F1_a_sensor_that_is_off_is_told_as_stale(held, seed):
+def test_F1_a_sensor_that_is_off_is_reported_as_stale(held, seed):
     held.line("left.wrench").fault = Drop(held.rng)
     held.run(0.04)
     assert (held.level(), held.reasons()) == ("unknown", ["stale"])
@@ -33,7 +33,7 @@ def test_F1_a_sensor_that_is_off_is_told_as_stale(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_F1_a_sensor_that_is_stuck_is_told_within_100_ms(held, seed):
+def test_F1_a_stuck_sensor_is_reported_within_100_ms(held, seed):
     held.line("left.wrench").fault = Edit(wrench(Frozen().reading))
     held.run(0.13)
     assert held.level() == "unknown"
@@ -44,7 +44,7 @@ def test_F1_a_sensor_that_is_stuck_is_told_within_100_ms(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_F1_a_sensor_that_speaks_by_fits_and_starts_is_never_believed_between(held, seed):
+def test_F1_an_intermittent_sensor_is_never_trusted_in_its_gaps(held, seed):
     held.line("left.wrench").fault = Bursts(held.rng)
     held.run(1.0)
     assert "unknown" in {level for _, finger, level in held.watch.changes if finger == "left"}
@@ -55,7 +55,7 @@ def test_F1_a_sensor_that_speaks_by_fits_and_starts_is_never_believed_between(he
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_F1_a_sensor_that_is_slow_is_told(held, seed):
+def test_F1_a_slow_sensor_is_reported(held, seed):
     held.line("left.wrench").fault = Drop(held.rng, share=0.6)
     held.run(1.1)
     assert held.health("left.wrench")["health"] == 1
@@ -96,7 +96,7 @@ def test_F2_a_reading_that_the_sensor_itself_distrusts_is_no_verdict(held, seed)
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_F2_what_the_sensor_says_of_itself_shows_in_the_health_of_its_stream(held, seed):
+def test_F2_status_bits_of_the_sensor_show_in_the_health_of_its_stream(held, seed):
     for bit, reason in DISTRUSTED.items():
         held.line("left.wrench").fault = Edit(wrench(status=bit))
         held.run(0.05)

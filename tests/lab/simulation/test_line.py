@@ -20,7 +20,7 @@ def assert_sound(bed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_L1_a_torn_stream_tells_the_same_as_a_whole_one(seed):
+def test_L1_a_split_stream_gives_the_same_as_a_whole_one(seed):
     whole, torn = Bed(seed), Bed(seed)
     for line in torn.lines.values():
         line.fault = Split(torn.rng)
@@ -68,7 +68,7 @@ def test_L3_L4_a_wrong_baud_rate_is_no_reading(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_L5_L6_an_unplugged_sensor_is_told_at_once_and_read_again_when_it_is_back(held, seed):
+def test_L5_L6_an_unplugged_sensor_is_reported_at_once_and_read_again_when_it_is_back(held, seed):
     for stream in STREAMS:
         held.unplug(stream)
         assert held.level() == "unknown" or stream == "left.pad"
@@ -97,7 +97,7 @@ def test_L6_another_device_on_the_path_is_refused(seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_L7_a_port_that_cannot_be_opened_is_told_and_the_rest_goes_on(held, seed):
+def test_L7_a_port_that_cannot_be_opened_is_reported_and_the_other_links_go_on(held, seed):
     held.unplug("left.wrench", "no such file or directory")
     for _ in range(5):
         held.run(0.05)

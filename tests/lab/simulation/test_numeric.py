@@ -30,7 +30,7 @@ def one_number(place, value, rng, share=1.0):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_N1_a_number_that_is_none_poisons_nothing(held, seed):
+def test_N1_an_invalid_number_changes_no_later_result(held, seed):
     for place in range(6):
         for value in STRANGE:
             held.line("left.wrench").fault = one_number(place, value, held.rng)

@@ -129,7 +129,7 @@ def test_C4_a_daemon_that_stood_still_does_not_call_its_sensors_silent(bed: Slow
     assert bed.replays()
 
 
-def test_C4_so_it_is_where_the_devices_have_no_clock(bed: SlowReader) -> None:
+def test_C4_the_same_holds_for_devices_without_a_clock(bed: SlowReader) -> None:
     for line in bed.lines.values():  # a clock that runs backwards is no clock
         line.fault = Edit(wrench(clock_us=lambda us: 2**32 - us)) if line.link.endswith("wrench") else None
     bed.run(0.2)
@@ -243,7 +243,7 @@ def test_C4_the_health_of_a_stream_names_the_late_daemon_and_not_the_sensor(bed:
     assert bed.health("left.wrench")["health"] == Health.OK, bed.health("left.wrench")["message"]
 
 
-def test_C2_C4_after_a_suspend_nothing_is_known_whatever_waits(bed: SlowReader) -> None:
+def test_C2_C4_after_a_suspend_all_is_unknown_even_if_readings_wait(bed: SlowReader) -> None:
     bed.stop(50)
     bed.suspend(10.0)
     bed.tick_first = True

@@ -52,7 +52,7 @@ TAXEL_FAULTS = {
 
 @pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("kind", sorted(TAXEL_FAULTS))
-def test_T1_a_taxel_that_lies_is_masked_within_a_second_of_moving_load_and_told(held, seed, kind):
+def test_T1_a_faulty_taxel_is_masked_and_reported_within_a_second_of_moving_load(held, seed, kind):
     held.line("left.pad").fault = one_taxel(TAXEL_FAULTS[kind])
     wobble(held, 1.25)
     assert held.health("left.pad")["health"] >= 1
@@ -63,7 +63,7 @@ def test_T1_a_taxel_that_lies_is_masked_within_a_second_of_moving_load_and_told(
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_T1_a_row_that_is_lost_is_masked_and_told(held, seed):
+def test_T1_a_lost_row_is_masked_and_reported(held, seed):
     held.line("left.pad").fault = Edit(
         pad(lambda row, counts, _: np.zeros_like(counts) if row == UNDER_LOAD[0] else counts), lies=False
     )
@@ -105,7 +105,7 @@ def test_T2_two_images_mixed_are_no_image(held, seed):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_T3_an_array_that_is_frozen_is_told_while_the_force_moves(held, seed):
+def test_T3_a_frozen_array_is_reported_while_the_force_moves(held, seed):
     held.line("left.pad").fault = Edit(pad(Frozen().row))
     held.watch.faults.clear()
     wobble(held, 0.25)

@@ -132,7 +132,7 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
         in_contact = in_contact if touch == UNTRUSTED else found.valid
 
 
-def test_readings_are_carried_alike_whatever_their_number() -> None:
+def test_a_batch_of_any_size_is_transformed_like_single_readings() -> None:
     rng = np.random.default_rng(3)
     carrier = Carrier(rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6))
     carrier.matrix[:3, 3:] = 0.0

@@ -112,12 +112,12 @@ def test_all_rows_in_one_batch_are_as_good_as_one_by_one() -> None:
 
 
 @pytest.mark.parametrize("row", OTHERS)
-def test_where_there_is_no_limit_none_is_told(row: Row) -> None:
+def test_where_no_limit_exists_the_answer_is_nan(row: Row) -> None:
     found = ours(row)
     assert (found.kind, found.pole_m) == (row.kind, None)
     assert math.isnan(found.torque_nm)
 
 
-def test_names_are_unique_and_every_row_says_why() -> None:
+def test_names_are_unique_and_every_row_gives_its_reason() -> None:
     assert len({row.name for row in ROWS}) == len(ROWS)
     assert all(row.why.endswith(".") for row in ROWS)

@@ -103,7 +103,7 @@ def test_the_grip_is_what_cancels_and_never_a_pull() -> None:
     assert math.isnan(internal_force(10.0, INF))
 
 
-def test_asymmetry_tells_which_pad_is_pressed_harder() -> None:
+def test_asymmetry_is_positive_for_the_pad_that_is_pressed_harder() -> None:
     assert asymmetry(6.0, 2.0, 0.5) == -asymmetry(2.0, 6.0, 0.5) == 0.5
     assert asymmetry(6.0, -0.1, 0.5) == 1.0
     assert asymmetry(5.0, 5.0, 0.5) == 0.0
@@ -117,7 +117,7 @@ def test_load_share_is_that_of_the_amounts() -> None:
         assert math.isnan(load_share(*pair, 0.5))
 
 
-def test_the_worse_finger_speaks_for_the_grasp_and_an_unknown_one_is_not_safe() -> None:
+def test_the_worse_finger_decides_and_an_unknown_finger_is_not_safe() -> None:
     assert grasp_utilisation(0.4, 0.9) == grasp_utilisation(0.9, 0.4) == 0.9
     assert grasp_utilisation(0.4, INF) == INF
     assert math.isnan(grasp_utilisation(0.4, NAN))
@@ -128,7 +128,7 @@ def test_the_worse_finger_speaks_for_the_grasp_and_an_unknown_one_is_not_safe() 
 @given(
     fx=st.tuples(forces, forces), fy=st.tuples(forces, forces), spin=st.tuples(forces, forces), seed=st.integers(0, 999)
 )
-def test_both_contacts_together_never_carry_less_than_the_worse_one_tells(fx, fy, spin, seed) -> None:
+def test_both_contacts_together_carry_at_least_what_the_worse_one_allows(fx, fy, spin, seed) -> None:
     """Both pads seen along the closing axis are one contact of all taxels: its λ for the whole load is no greater."""
     rng = np.random.default_rng(seed)
     x, y, pressed = rng.normal(0.0, 0.01, (2, 6)), rng.normal(0.0, 0.01, (2, 6)), rng.uniform(0.1, 5.0, (2, 6))

@@ -57,7 +57,7 @@ def test_pads_that_move_have_positions_of_their_own(frames) -> None:
     assert moved.value == pytest.approx(still.value, rel=1e-9)
 
 
-def test_a_bad_frame_is_told_and_spoils_no_other(frames) -> None:
+def test_a_bad_frame_is_marked_and_changes_no_other(frames) -> None:
     x, y, loads, f, spin, about = frames
     whole = utilisations(x, y, loads, MU, f, spin, about)
     loads[3, 0], loads[5], f[7, 0], loads[9, 0] = math.nan, 0.0, math.inf, -1.0
@@ -89,7 +89,7 @@ def test_no_frames_are_no_answers() -> None:
         ({"mu": 0.0}, "mu must be positive and finite"),
     ],
 )
-def test_a_bad_call_raises_and_says_what_would_be_right(frames, change: dict, said: str) -> None:
+def test_invalid_arguments_raise_with_the_rule_in_the_message(frames, change: dict, said: str) -> None:
     names = ("x", "y", "loads", "tangential", "spin", "about")
     arguments = {**dict(zip(names, frames, strict=True)), "mu": MU, **change}
     with pytest.raises(ValueError, match=said):

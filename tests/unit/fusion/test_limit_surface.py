@@ -248,7 +248,7 @@ def test_no_load_carries_nothing() -> None:
     assert utilisation([0, 1], [0, 0], [1, 1], MU, (0, 0), 0.0, (0, 0)).value == 0.0
 
 
-def test_a_bad_call_raises_and_says_what_would_be_right() -> None:
+def test_invalid_arguments_raise_with_the_rule_in_the_message() -> None:
     with pytest.raises(ValueError, match=r"share one shape \(n,\)"):
         torque_limit([0, 1], [0], [1, 1], MU, (0, 0), (0, 0))
     with pytest.raises(ValueError, match="sense must be"):

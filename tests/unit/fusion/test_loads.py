@@ -90,7 +90,7 @@ def test_a_centroid_on_an_edge_loads_that_edge_alone() -> None:
         assert found.loads @ x == pytest.approx(0.7)
 
 
-def test_no_image_is_said_and_carries_nothing() -> None:
+def test_without_an_image_the_status_is_no_image_and_all_loads_are_zero() -> None:
     for found in (
         grey_loads([0.0, -1.0], 2.0),
         binary_loads([], [], 2.0, (0, 0)),
@@ -101,7 +101,7 @@ def test_no_image_is_said_and_carries_nothing() -> None:
         assert math.isnan(found.centroid_residual_m)
 
 
-def test_one_taxel_takes_all_and_tells_how_far_the_centroid_is() -> None:
+def test_one_taxel_takes_the_whole_load_and_the_residual_is_its_distance() -> None:
     found = matched_loads([0.01], [0.0], [5.0], 2.0, (0.013, 0.004))
     assert found.loads == pytest.approx([2.0])
     assert found.centroid_residual_m == pytest.approx(0.005)

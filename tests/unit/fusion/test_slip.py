@@ -90,14 +90,14 @@ def test_hysteresis_only_ever_holds_a_level_up_and_by_no_more_than_its_width(pat
         before = step
 
 
-def test_the_fall_from_static_to_dynamic_friction_is_told_at_once() -> None:
+def test_the_drop_from_static_to_dynamic_friction_is_reported_at_once() -> None:
     load = np.concatenate((np.linspace(2.0, 6.0, 400), np.full(200, 4.5)))
     noise = np.random.default_rng(0).normal(0, 0.02, 600)
     found = told(load + noise, np.full(600, 10.0))
     assert 400 <= found[0] <= 402
 
 
-def test_a_slip_stays_told_for_its_hold_time() -> None:
+def test_a_slip_is_reported_for_its_hold_time() -> None:
     load = np.concatenate((np.full(100, 6.0), np.full(900, 4.5)))
     found = told(load, np.full(1000, 10.0))
     assert found == list(range(found[0], found[0] + 250))

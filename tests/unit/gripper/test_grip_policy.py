@@ -98,14 +98,14 @@ def test_a_released_lease_is_free_at_once(policy: GripPolicy) -> None:
     assert policy.acquire(BEN, 1000, T0 + 1) is None
 
 
-def test_an_ended_lease_is_nobodys(policy: GripPolicy) -> None:
+def test_an_ended_lease_has_no_holder(policy: GripPolicy) -> None:
     policy.acquire(ANN, 1000, T0)
     policy.end_lease()
     assert policy.holder(T0) is None
     assert policy.lapsed(T0), "it was taken away, not given back"
 
 
-def test_A5_the_end_of_a_dead_clients_lease_is_told_once_and_moves_nothing(policy: GripPolicy) -> None:
+def test_A5_the_end_of_a_dead_clients_lease_is_reported_once_and_moves_nothing(policy: GripPolicy) -> None:
     policy.acquire(ANN, 200, T0)
     policy.record_force(5.0, T0)
     assert not policy.lapsed(T0 + 200 * MS - 1)
@@ -120,7 +120,7 @@ def test_a_lease_that_was_given_back_has_not_lapsed(policy: GripPolicy) -> None:
     assert not policy.lapsed(T0 + 300 * MS)
 
 
-def test_nobodys_lease_cannot_be_taken_away(policy: GripPolicy) -> None:
+def test_a_lease_without_a_holder_cannot_lapse(policy: GripPolicy) -> None:
     policy.end_lease()
     assert not policy.lapsed(T0)
 
@@ -208,7 +208,9 @@ def test_N2_no_change_to_what_is_no_number(policy: GripPolicy, force_n: float) -
 
 
 @pytest.mark.parametrize(("change_n", "wait_ms"), [(2.0, 200), (0.5, 50), (-2.0, 1000), (-0.5, 250)])
-def test_too_fast_says_when_to_ask_again_and_that_is_true(policy: GripPolicy, change_n: float, wait_ms: int) -> None:
+def test_too_fast_names_the_time_after_which_the_request_is_granted(
+    policy: GripPolicy, change_n: float, wait_ms: int
+) -> None:
     policy.record_force(10.0, T0)
     now_n = 10.0 + math.copysign(2.0, change_n)
     assert change(policy, now_n, T0) is None

@@ -137,9 +137,7 @@ def refused(found: object) -> tuple[str, str]:
     return found.code, found.field
 
 
-def test_a_grip_closes_fully_and_says_what_force_the_gripper_was_told(
-    control: GripperControl, session: Recorded
-) -> None:
+def test_a_grip_closes_fully_and_returns_the_commanded_force(control: GripperControl, session: Recorded) -> None:
     assert took(close_(control, 10.3, None, None, T0))
     assert session.commands == [("move", 0.0, None, 10.3)]
     assert control.force_command_n == control.policy.force_n == 10.0
@@ -194,7 +192,7 @@ def test_a_speed_that_the_gripper_does_not_have_is_refused(
     assert session.commands == []
 
 
-def test_a_gripper_without_speeds_is_told_none(control: GripperControl, session: Recorded) -> None:
+def test_a_gripper_without_speeds_is_commanded_without_one(control: GripperControl, session: Recorded) -> None:
     session.speed_range_mps = None
     assert refused(close_(control, 5.0, None, 0.05, T0)) == ("out_of_range", "speed_mps")
     assert took(close_(control, 5.0, None, None, T0))
@@ -231,7 +229,7 @@ def test_the_reflex_sets_a_force_where_the_gripper_takes_it(control: GripperCont
     assert control.force_command_n == 6.5
 
 
-def test_a_gripper_that_has_not_told_its_widths_is_opened_only_to_a_given_one(
+def test_a_gripper_of_unknown_width_range_opens_only_to_a_given_width(
     control: GripperControl, session: Recorded
 ) -> None:
     session.width_range_m = (0.0, math.inf)
@@ -460,7 +458,7 @@ def test_what_waited_while_the_daemon_stood_still_is_dropped_and_latched(
     )
 
 
-def test_a_first_grip_that_was_dropped_is_none(control: GripperControl, session: Recorded) -> None:
+def test_a_first_grip_that_was_dropped_leaves_no_force(control: GripperControl, session: Recorded) -> None:
     control.on_time(T0)
     close_(control, 5.0, None, None, T0)
     control.on_time(T0 + 60 * MS)
@@ -505,9 +503,7 @@ def test_a_stop_puts_back_the_force_that_it_kept_from_the_gripper(
     assert control.policy.force_n is None, "that was sent"
 
 
-def test_a_force_that_was_told_before_the_link_was_lost_is_put_back_too(
-    control: GripperControl, session: Recorded
-) -> None:
+def test_a_force_sent_before_the_link_was_lost_is_restored_too(control: GripperControl, session: Recorded) -> None:
     close_(control, 5.0, None, None, T0)
     control.lose()
     session.force_sent_n = None
@@ -616,7 +612,7 @@ class TestAGripThatNoCommandBegan:
         control.update(reading(0.04, T0, force_n=reported_n))
         assert control.policy.force_n == 6.0, "whatever the gripper says of an object"
 
-    def test_is_over_when_neither_gripper_nor_finger_says_so_any_more(
+    def test_is_over_when_neither_gripper_nor_finger_reports_it_any_more(
         self, left: str, gripper: str, parse: Parse, session: Recorded
     ) -> None:
         pad = Pad(True, 6.0)
@@ -627,9 +623,7 @@ class TestAGripThatNoCommandBegan:
         assert not control.policy.grips
         assert took(close_(control, 25.0, None, None, T0 + MS))
 
-    def test_of_which_nobody_knows_the_force_is_a_grip_all_the_same(
-        self, left: str, gripper: str, parse: Parse, session: Recorded
-    ) -> None:
+    def test_of_unknown_force_is_still_a_grip(self, left: str, gripper: str, parse: Parse, session: Recorded) -> None:
         control = self.control(left, gripper, parse, session, Pad(None))
         control.update(reading(0.04, T0, **self.HOLDING))
         assert (control.policy.force_n, control.policy.unknown) == (None, True)

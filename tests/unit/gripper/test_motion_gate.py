@@ -65,7 +65,7 @@ def test_every_rule_binds_some_kind_and_every_row_names_known_kinds() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_no_rule_speaks_against_is_permitted(kind: IntentKind) -> None:
+def test_a_motion_that_breaks_no_rule_is_permitted(kind: IntentKind) -> None:
     found = judge(of(kind), situation(HELD, moving=True, goals_m=(0.0, 0.0), stops_at_lease_end=True))
     wanted = {"activate": "activate", "open": "move", "close": "move"} | dict.fromkeys(FORCING[1:], "set_force")
     assert isinstance(found, Permit)

@@ -70,7 +70,7 @@ def test_nothing_closes_while_the_gripper_is_still_activating(jaws: type[Jaws]) 
     assert cell.code("gripper.close", force_n=6.0) is None
 
 
-def test_a_driver_that_has_not_answered_an_activation_is_not_told_to_close() -> None:
+def test_a_close_is_refused_until_the_driver_has_answered_the_activation() -> None:
     cell = brought_up(GRIPPERS["external_gripper"])
     cell.jaws._driver.mute = True
     assert cell.code("gripper.activate", drop=True) is None

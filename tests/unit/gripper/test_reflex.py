@@ -82,21 +82,21 @@ def test_N2_nothing_is_raised_on_a_warning_where_the_need_is_not_known(unknown: 
 
 
 @NOT_KNOWN
-def test_N2_without_a_grip_measured_the_force_told_counts(unknown: float | None) -> None:
+def test_N2_without_a_measured_grip_the_commanded_force_counts(unknown: float | None) -> None:
     held = Held()
     held.watch("stable", 5.0, 200, internal_n=unknown)
     held.watch("warning", 7.0, 500, internal_n=unknown)
     assert held.force_n == pytest.approx(7.0)
 
 
-def test_a_gripper_that_grips_less_than_told_is_told_more() -> None:
+def test_a_gripper_that_grips_less_than_commanded_is_commanded_more() -> None:
     held = Held()
     held.watch("caution", 5.0, 200, internal_n=4.0)
     held.watch("warning", 7.0, 500, internal_n=4.0)
     assert held.force_n >= 8.0
 
 
-def test_a_gripper_that_grips_more_than_told_is_told_less() -> None:
+def test_a_gripper_that_grips_more_than_commanded_is_commanded_less() -> None:
     held = Held()
     held.watch("caution", 5.0, 200, internal_n=7.0)
     assert held.watch("warning", 6.9, 50, internal_n=7.0) == []
@@ -285,12 +285,12 @@ def test_it_keeps_what_the_client_asked_for_last() -> None:
     assert held.watch("stable", 1.0, 10_000) == []
 
 
-def test_it_never_lowers_where_it_is_told_not_to() -> None:
+def test_it_never_lowers_with_a_lowering_rate_of_zero() -> None:
     assert calmed(replace(SETTINGS, lower_n_per_s=0.0)).watch("stable", 1.0, 60_000) == []
 
 
 @pytest.mark.parametrize("internal_n", [7.0, 13.0])
-def test_it_keeps_what_is_needed_whether_the_gripper_grips_less_or_more_than_told(internal_n: float) -> None:
+def test_the_needed_force_is_kept_if_the_gripper_grips_less_or_more_than_commanded(internal_n: float) -> None:
     held = calmed()
     held.watch("stable", 6.0, 10_000, internal_n=internal_n)
     assert held.force_n >= 6.0 * 1.1

@@ -60,7 +60,7 @@ def acts(run: Any) -> list[dict[str, Any]]:
     return [body["reflex"] for body in run.published("gripper") if body["reflex"] is not None]
 
 
-def test_a_warning_raises_the_grip_before_it_is_told(hold: Callable[..., Any]) -> None:
+def test_a_warning_raises_the_grip_before_it_is_published(hold: Callable[..., Any]) -> None:
     run = hold(GRASP + REFLEX)
     out = feel(run, *NEAR)
     kinds = [output.link if isinstance(output, Write) else getattr(output, "topic", "") for output in out]
@@ -119,7 +119,7 @@ def test_A7_an_old_reading_of_the_other_finger_raises_nothing(hold: Callable[...
     assert acts(run) == []
 
 
-def test_a_command_behind_a_poll_leaves_with_whatever_comes_next(hold: Callable[..., Any]) -> None:
+def test_a_command_behind_a_poll_is_delayed_and_not_lost(hold: Callable[..., Any]) -> None:
     run = hold(GRASP + REFLEX)
     out = feel(run, *NEAR)
     while not [output for output in out if isinstance(output, Write) and output.link == "gripper"]:
@@ -128,7 +128,7 @@ def test_a_command_behind_a_poll_leaves_with_whatever_comes_next(hold: Callable[
     assert acts(run)
 
 
-def test_a_finger_that_nobody_believes_raises_nothing(hold: Callable[..., Any]) -> None:
+def test_an_untrusted_finger_raises_nothing(hold: Callable[..., Any]) -> None:
     run = hold(GRASP + REFLEX)
     run.wait(60)
     run.tick()
@@ -136,7 +136,7 @@ def test_a_finger_that_nobody_believes_raises_nothing(hold: Callable[..., Any]) 
     assert acts(run) == [], "the other finger is stale"
 
 
-def test_the_grasp_is_told_at_its_rate_and_at_each_change_of_level(hold: Callable[..., Any]) -> None:
+def test_the_grasp_is_published_at_its_rate_and_at_each_change_of_level(hold: Callable[..., Any]) -> None:
     run = hold("[rates]\ngrasp_hz = 10.0\n" + GRASP)
     told = len(run.published("grasp"))
     for _ in range(20):
@@ -160,7 +160,7 @@ def test_a_grasp_without_a_gripper_knows_no_width(rig: str, make_run: Make) -> N
     assert body["external_torque_nm"] is None
 
 
-def test_a_tick_tells_that_the_fingers_fell_silent(hold: Callable[..., Any]) -> None:
+def test_a_tick_publishes_that_the_fingers_fell_silent(hold: Callable[..., Any]) -> None:
     run = hold(GRASP)
     run.wait(100)
     out = run.tick()

@@ -106,7 +106,7 @@ def test_what_is_held_is_not_relieved_by_a_width(jaws: type[Jaws]) -> None:
 
 
 @pytest.mark.parametrize("feels", [True, False])
-def test_a_force_that_nobody_reports_must_begin_with_the_least(feels: bool) -> None:
+def test_a_grip_of_unknown_force_must_begin_with_the_least_force(feels: bool) -> None:
     """A Robotiq does not report its force; with both fingers silent, or not known to be right, nobody does."""
     cell = found(RobotiqJaws, feels=False)
     sent_n = forces(cell)

@@ -111,13 +111,13 @@ FAULTS: dict[str, tuple[Fault, float]] = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_F3_a_force_sensor_that_is_wrong_is_told_on_most_contacts(name: str) -> None:
+def test_F3_a_wrong_force_sensor_is_reported_on_most_contacts(name: str) -> None:
     """What cannot be told is a contact at the pad's centre: it looks the same in every mounting."""
     fault, least = FAULTS[name]
     assert share_told(fault) >= least
 
 
-def test_F3_a_dead_half_of_the_image_is_told_unless_the_contact_lies_beside_it() -> None:
+def test_F3_a_dead_half_of_the_image_is_reported_where_the_contact_lies_on_it() -> None:
     rng = np.random.default_rng(3)
     told = felt = 0
     for _ in range(60):
@@ -149,7 +149,7 @@ def quiet(normal_n: float, at: tuple[float, float] = (0.0, 0.0)) -> Contact:
     return contact_from_wrench(force, torque, min_normal_n=LEAST_N)
 
 
-def test_F3_a_sum_that_is_not_the_force_is_told_where_the_pad_is_calibrated() -> None:
+def test_F3_a_pad_sum_that_differs_from_the_force_is_reported_where_the_pad_is_calibrated() -> None:
     for gain_error, told in ((0.05, ("force",)), (0.5, ()), (None, ())):
         agreement = watch(gain_error)
         for k in range(15):
@@ -157,7 +157,7 @@ def test_F3_a_sum_that_is_not_the_force_is_told_where_the_pad_is_calibrated() ->
         assert said == told
 
 
-def test_F3_a_clear_force_without_an_image_is_told() -> None:
+def test_F3_a_clear_force_without_an_image_is_reported() -> None:
     for normal_n, told in ((2.0, ("contact",)), (1.5, ())):
         agreement = watch()
         for k in range(15):
@@ -165,7 +165,7 @@ def test_F3_a_clear_force_without_an_image_is_told() -> None:
         assert said == told
 
 
-def test_F3_a_disagreement_is_told_once_it_lasts_and_until_both_have_agreed_for_long() -> None:
+def test_F3_a_lasting_disagreement_is_reported_until_both_have_agreed_for_long() -> None:
     agreement = watch()
     image = block(5.0)
     wrong, right = quiet(5.0, (0.01, 0.0)), quiet(5.0)
@@ -187,7 +187,7 @@ def test_F3_a_contact_that_slides_fast_is_skew_and_no_disagreement() -> None:
         assert agreement.update(33 * MS * k, seen, 0.02, X, Y, image) == ()
 
 
-def test_F3_what_was_told_ends_with_the_contact() -> None:
+def test_F3_a_reported_disagreement_ends_with_the_contact() -> None:
     agreement = watch()
     for k in range(10):
         agreement.update(10 * MS * k, quiet(5.0, (0.01, 0.0)), 0.02, X, Y, block(5.0))

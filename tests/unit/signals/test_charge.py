@@ -48,7 +48,7 @@ def press(n: float, held_s: float, *, before_s: float = 1.0, rise_s: float = 0.1
     return np.concatenate((np.zeros(round(before_s / STEP_S)), rise, np.full(round(held_s / STEP_S), n)))
 
 
-def test_a_press_held_for_five_leak_times_is_still_told() -> None:
+def test_a_press_held_for_five_leak_times_is_still_measured() -> None:
     """Without the integral only e^−5 of it, under 1 %, would be left."""
     force = press(1000.0, 5 * TAU_S)
     assert amplifier(force)[-1] - OFFSET < 10.0
@@ -70,7 +70,7 @@ def test_an_offset_seen_without_contact_does_not_become_a_drift(offset: float, n
     assert told[0] == pytest.approx(n, rel=0.005)
 
 
-def test_no_contact_is_no_force_whatever_the_amplifier_says() -> None:
+def test_without_contact_the_force_is_zero_whatever_the_amplifier_reads() -> None:
     charge = ChargeReconstruction(3, TAU_S)
     assert_array_equal(charge.update(np.array((1.0, -5.0, 900.0)), 0.0, FREE), np.zeros(3))
 
@@ -94,7 +94,7 @@ def test_a_warming_pad_does_not_press_by_itself() -> None:
 
 
 @pytest.mark.parametrize("rest_s", [0.5, 2.0, 10.0])
-def test_the_next_contact_is_told_as_well_as_the_first(rest_s: float) -> None:
+def test_the_next_contact_is_measured_as_well_as_the_first(rest_s: float) -> None:
     """What leaked away under the first load is missing after it: that must not be learned as an offset."""
     force = np.concatenate((press(1000.0, 3.0), np.zeros(round(rest_s / STEP_S)), press(600.0, 3.0, before_s=0.0)))
     told = reconstruct(force)
@@ -121,7 +121,7 @@ def test_charge_that_was_given_up_is_unknown_until_the_next_rest() -> None:
     assert_allclose(charge.update(np.full(1, 9.0), 4 * STEP_S, HELD), (9.0,), rtol=0.01)
 
 
-def test_a_contact_whose_beginning_nobody_saw_is_unknown() -> None:
+def test_a_contact_whose_beginning_was_missed_is_unknown() -> None:
     charge = ChargeReconstruction(2, TAU_S)
     for k in range(10):
         assert np.isnan(charge.update(np.ones(2), k * STEP_S, HELD)).all()
@@ -129,7 +129,7 @@ def test_a_contact_whose_beginning_nobody_saw_is_unknown() -> None:
     assert np.isfinite(charge.update(np.ones(2), 1.0 + STEP_S, HELD)).all()
 
 
-def test_a_moment_in_which_nobody_knows_does_not_end_what_was_added_up() -> None:
+def test_a_moment_of_unknown_contact_does_not_end_the_integration() -> None:
     """Only a force sensor that reads no contact may end it: a held load must not become an offset."""
     force = press(1000.0, 3.0)
     charge = ChargeReconstruction(1, TAU_S)
@@ -182,7 +182,7 @@ def test_two_scans_at_one_instant_add_nothing_up() -> None:
     assert_array_equal(charge.update(np.full(1, 100.0), 2 * STEP_S, HELD), first)
 
 
-def test_what_was_told_is_not_changed_by_the_next_scan() -> None:
+def test_a_returned_image_is_not_changed_by_the_next_scan() -> None:
     charge = ChargeReconstruction(1, TAU_S)
     charge.update(np.zeros(1), 0.0, FREE)
     told = charge.update(np.full(1, 100.0), STEP_S, HELD)
@@ -192,7 +192,7 @@ def test_what_was_told_is_not_changed_by_the_next_scan() -> None:
 
 
 @pytest.mark.parametrize("tau_s", [0.0, -1.0, math.inf, math.nan])
-def test_a_leak_time_that_is_none_is_refused(tau_s: float) -> None:
+def test_an_invalid_leak_time_is_refused(tau_s: float) -> None:
     with pytest.raises(ValueError, match="tau_s must be positive and finite"):
         ChargeReconstruction(1, tau_s)
 
@@ -276,7 +276,7 @@ def test_T1_hot_taxels_do_not_make_the_others_look_unloaded() -> None:
     assert_allclose(told[loaded], 20_000.0 * SHARES[loaded], rtol=0.02)
 
 
-def test_a_contact_of_one_taxel_is_told() -> None:
+def test_a_contact_of_one_taxel_is_measured() -> None:
     t_s = np.arange(0.0, 60.0, SLOW_STEP_S)
     force_n = 5.0 * np.clip((t_s - 2.0) / 0.3, 0.0, 1.0)
     counts = np.zeros((t_s.size, 128))

@@ -60,7 +60,7 @@ def test_the_known_delay_is_taken_off_with_and_without_a_line() -> None:
     assert told[-1] == pytest.approx(BOOT_NS + 1499 * MS - 2 * MS, abs=1000)
 
 
-def test_a_bad_call_says_what_would_be_right() -> None:
+def test_invalid_arguments_raise_with_the_rule_in_the_message() -> None:
     with pytest.raises(ValueError, match="span_ns must be positive"):
         DeviceClock(0)
     for wrong in ({"delay_ns": -1}, {"poll_ns": -1}):
@@ -69,7 +69,7 @@ def test_a_bad_call_says_what_would_be_right() -> None:
 
 
 @pytest.mark.parametrize("ppm", [-500.0, 0.0, 500.0])
-def test_the_drift_is_told(ppm: float) -> None:
+def test_the_drift_is_reported(ppm: float) -> None:
     clock = DeviceClock(None)
     device, receipt, true = Stream(1000.0, ppm=ppm).readings(20.0, 1)
     follow(device, receipt, true, clock)
@@ -93,7 +93,7 @@ def test_the_bound_holds_over_rates_delays_and_clocks() -> None:
         assert worst < 0.025, stream
 
 
-def test_L12_reads_bunched_by_16_ms_are_told_by_the_device_clock() -> None:
+def test_L12_reads_bunched_by_16_ms_are_dated_by_the_device_clock() -> None:
     for seed, ppm in enumerate((-500.0, 0.0, 500.0)):
         beyond, without, worst = outside(Stream(1000.0, ppm=ppm, poll_s=0.016), 30.0, seed)
         assert beyond <= 1e-3
@@ -101,7 +101,7 @@ def test_L12_reads_bunched_by_16_ms_are_told_by_the_device_clock() -> None:
         assert worst < 1.1e-3  # the time between two readings, where a receipt is late by up to 16 ms
 
 
-def test_L12_a_poll_that_no_read_shows_is_in_the_bound_where_it_is_told() -> None:
+def test_L12_a_poll_interval_that_no_read_shows_is_in_the_bound_if_it_is_configured() -> None:
     device, receipt, true = Stream(400.0, ppm=-450.0, delay_s=2e-5, poll_s=1e-3).readings(60.0, 1)
     beyond = []
     for poll_ns in (0, MS):
@@ -243,7 +243,7 @@ def test_a_clock_that_failed_and_runs_well_for_long_is_believed_again() -> None:
     assert clock.state == "locked"
 
 
-def test_a_time_that_is_held_back_says_so_in_its_bound() -> None:
+def test_the_bound_of_a_time_that_is_held_back_includes_the_delay() -> None:
     device, receipt, _ = Stream(4000.0, delay_s=2e-3, delay="gamma").readings(10.0, 1)
     clock, before, held_bounds = DeviceClock(None), 0, [0]
     for d, r in zip(device.tolist(), receipt.tolist(), strict=True):
@@ -270,7 +270,7 @@ def test_a_clock_that_counts_readings_has_no_rounding() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(-5 * S, 5 * S), st.integers(0, S)), max_size=200))
-def test_whatever_the_clock_says_no_time_lies_after_its_receipt_or_goes_back(steps: list[tuple[int, int]]) -> None:
+def test_for_any_clock_no_time_lies_after_its_receipt_or_goes_back(steps: list[tuple[int, int]]) -> None:
     clock, device, receipt, before = DeviceClock(US_32), 0, BOOT_NS, 0
     for step, later in steps:
         device, receipt = (device + step) % US_32, receipt + later

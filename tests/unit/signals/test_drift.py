@@ -114,7 +114,7 @@ def test_it_never_moves_faster_than_its_rate() -> None:
     assert_allclose(after - before, 28.0 / FULL_SWING_S, rtol=0.01)
 
 
-def test_it_stops_at_its_limit_says_so_and_comes_back() -> None:
+def test_the_offset_stops_at_its_limit_reports_it_and_recovers() -> None:
     stream = Stream(rate_hz=20.0, tau_s=0.5)
     assert_array_equal(stream.run(700.0, -2.0), -np.ones(6))
     assert stream.drift.total == 1.0
@@ -131,7 +131,7 @@ def test_a_tare_begins_anew_and_its_undo_brings_the_drift_back() -> None:
     assert_allclose(stream.drift.value / LIMIT, 0.1, atol=1e-6)
 
 
-def test_after_a_silence_nobody_knows_what_touched() -> None:
+def test_after_a_silence_a_contact_is_unknown() -> None:
     stream = learned()
     stream.t_ns += LONGEST_GAP_NS
     stream.run(0.1, 0.1)
@@ -143,7 +143,7 @@ def test_after_a_silence_nobody_knows_what_touched() -> None:
     assert stream.drift.frozen, "a time that falls is no time"
 
 
-def test_a_value_that_was_told_is_not_changed_by_the_next() -> None:
+def test_a_returned_value_is_not_changed_by_the_next() -> None:
     stream = learned()
     told = stream.drift.value
     kept = told.copy()
@@ -175,12 +175,12 @@ def test_N4_it_sinks_to_zero_and_never_to_a_denormal() -> None:
 
 
 @pytest.mark.parametrize("tau_s", [0.0, -1.0, math.nan, math.inf])
-def test_a_time_constant_that_is_none_is_refused(tau_s: float) -> None:
+def test_an_invalid_time_constant_is_refused(tau_s: float) -> None:
     with pytest.raises(ValueError, match="tau_s must be positive and finite"):
         DriftCompensation(tau_s, LIMIT)
 
 
 @pytest.mark.parametrize("limit", [np.zeros(6), np.array((1.0, math.nan)), np.array((math.inf,)), np.array(1.0)])
-def test_a_limit_that_is_none_is_refused(limit: np.ndarray) -> None:
+def test_an_invalid_limit_is_refused(limit: np.ndarray) -> None:
     with pytest.raises(ValueError, match="limit must be one positive finite number per component"):
         DriftCompensation(1.0, limit)

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
-def test_a_range_that_is_none_is_refused(bad: float) -> None:
+def test_an_invalid_range_is_refused(bad: float) -> None:
     with pytest.raises(ValueError, match="range_n must be positive and finite"):
         WrenchWatch(bad)
     with pytest.raises(ValueError, match="range_nm must be positive and finite"):
@@ -91,7 +91,7 @@ def test_F1_a_coarse_sensor_at_rest_is_not_stuck() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_F1_a_stuck_sensor_is_told_as_soon_as_chance_allows_and_forgiven_at_once(seed: int) -> None:
+def test_F1_a_stuck_sensor_is_reported_as_soon_as_chance_is_ruled_out_and_cleared_at_once(seed: int) -> None:
     stream = Stream(seed)
     stream.send(200)
     said = stream.repeat(200)
@@ -215,7 +215,9 @@ def test_N3_numbers_that_overflow_warn_of_nothing(bad: list[float]) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 43.0, 60.0, 100.0, 200.0, 500.0, 1000.0, 4000.0])
-def test_F1_at_any_rate_a_repeat_is_suspect_at_once_and_a_stuck_sensor_is_told_within_100_ms(rate_hz: float) -> None:
+def test_F1_at_any_rate_a_repeat_is_suspect_at_once_and_a_stuck_sensor_is_reported_within_100_ms(
+    rate_hz: float,
+) -> None:
     rng = np.random.default_rng(3)
     watch = WrenchWatch(200.0, gap_ns=200 * MS)
     live = round(2.0 * rate_hz)
@@ -259,7 +261,7 @@ def test_F1_a_device_that_hands_on_each_conversion_four_times_is_not_suspect() -
     assert not any(suspect[20:])
 
 
-def test_F1_a_sensor_that_hung_twice_is_told_as_soon_the_third_time() -> None:
+def test_F1_a_sensor_that_hung_twice_is_reported_as_soon_the_third_time() -> None:
     """Runs that are rare, or that were reported, are no habit."""
     rng = np.random.default_rng(6)
     watch = WrenchWatch(200.0)
@@ -353,7 +355,7 @@ def rows_of(kinds: list[str], rng: np.random.Generator, last: Array) -> Array:
 
 
 @given(reads=READS, seed=st.integers(0, 99), failed=st.booleans())
-def test_readings_that_come_together_are_told_of_as_if_they_came_singly(
+def test_readings_that_arrive_together_are_judged_as_if_they_arrived_singly(
     reads: list[list[tuple[str, int]]], seed: int, failed: bool
 ) -> None:
     together, singly = (WrenchWatch(100.0, repeats=4) for _ in range(2))

@@ -16,7 +16,7 @@ MS = 1_000_000
 
 @pytest.mark.parametrize("rate_hz", [30.0, 60.0, 200.0, 500.0])
 @pytest.mark.parametrize("seed", range(5))
-def test_T3_an_array_that_hangs_while_the_force_moves_is_told_within_100_ms(rate_hz: float, seed: int) -> None:
+def test_T3_an_array_that_hangs_while_the_force_moves_is_reported_within_100_ms(rate_hz: float, seed: int) -> None:
     """From its first image that should have differed, with the times of receipt a millisecond to and fro."""
     rng = np.random.default_rng(seed)
     watch = FrozenImage(0.2)
@@ -65,6 +65,6 @@ def test_T3_an_image_that_repeats_while_the_force_moves_is_suspect_at_once() -> 
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
-def test_a_step_that_is_none_is_refused(bad: float) -> None:
+def test_an_invalid_step_is_refused(bad: float) -> None:
     with pytest.raises(ValueError, match="force_step_n must be positive and finite"):
         FrozenImage(bad)

@@ -50,13 +50,13 @@ def test_a_weight_is_the_sum_of_its_parts_in_every_pose(quat: np.ndarray, com: n
 
 
 @pytest.mark.parametrize("mass", [-0.1, math.nan, math.inf])
-def test_a_mass_that_is_none_is_refused(mass: float) -> None:
+def test_an_invalid_mass_is_refused(mass: float) -> None:
     with pytest.raises(ValueError, match="mass_kg must be finite and at least 0"):
         FingerWeight(mass)
 
 
 @pytest.mark.parametrize("com", [(0.0, 0.0), (0.0, math.nan, 0.0), (math.inf, 0.0, 0.0)])
-def test_a_centre_that_is_none_is_refused(com: tuple[float, ...]) -> None:
+def test_an_invalid_centre_is_refused(com: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="com_m must be three finite numbers"):
         FingerWeight(0.1, com)
 

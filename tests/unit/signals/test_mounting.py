@@ -137,6 +137,6 @@ def test_a_sign_is_one_or_minus_one(sign: int) -> None:
         {"xyz_m": (0.0, math.inf, 0.0)},
     ],
 )
-def test_a_place_that_is_none_is_refused(place: dict[str, tuple[float, ...]]) -> None:
+def test_an_invalid_position_is_refused(place: dict[str, tuple[float, ...]]) -> None:
     with pytest.raises(ValueError, match="finite, and the quaternion not zero"):
         Mounting(**place)

@@ -130,7 +130,7 @@ def test_a_tare_that_is_given_up_leaves_the_old_one() -> None:
     assert_allclose(tare.current.value, (3.0,))
 
 
-def test_an_offset_that_was_told_is_not_changed_by_the_next_tare() -> None:
+def test_a_returned_offset_is_not_changed_by_the_next_tare() -> None:
     tare = Tare(np.zeros(1))
     tare.begin(0, 0.009)
     feed(tare, [[1.0]] * 10)
@@ -149,7 +149,7 @@ def test_an_image_is_tared_taxel_by_taxel() -> None:
     assert_allclose(tare.current.value, offset)
 
 
-def test_a_tare_says_who_asked_for_it_and_how_still_it_was() -> None:
+def test_a_tare_records_its_client_and_its_noise() -> None:
     tare = Tare(np.zeros(2))
     assert (tare.current.by, tare.current.std) == ("config", None)
     readings = [[0.1 * (-1) ** k, 2.0] for k in range(10)]
@@ -194,13 +194,13 @@ def test_a_component_without_a_stated_noise_may_move() -> None:
 
 
 @pytest.mark.parametrize("noise", [np.zeros(3), np.array((0.1, -0.1)), np.array((math.nan, 0.1)), np.full(2, math.inf)])
-def test_a_noise_that_is_none_is_refused(noise: np.ndarray) -> None:
+def test_an_invalid_noise_is_refused(noise: np.ndarray) -> None:
     with pytest.raises(ValueError, match="noise must be finite, not negative, and of shape"):
         Tare(np.zeros(2), noise=noise)
 
 
 @pytest.mark.parametrize("seed", range(100))
-def test_F4_what_presses_in_the_second_half_of_a_tare_is_told_or_harmless(seed: int) -> None:
+def test_F4_a_press_in_the_second_half_of_a_tare_is_reported_or_harmless(seed: int) -> None:
     rng = np.random.default_rng(seed)
     noise, readings = 0.02, 200
     values = rng.normal(scale=noise, size=(readings, 3))
@@ -214,7 +214,7 @@ def test_F4_what_presses_in_the_second_half_of_a_tare_is_told_or_harmless(seed: 
     assert np.abs(tare.current.value).max() <= MOVING_FACTOR * noise
 
 
-def test_F4_a_tare_that_is_given_up_says_why() -> None:
+def test_F4_an_aborted_tare_gives_its_reason() -> None:
     tare = Tare(np.zeros(1))
     tare.abort("nothing to give up")
     assert tare.aborted_reason == ""

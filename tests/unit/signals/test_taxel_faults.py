@@ -80,7 +80,7 @@ def test_T1_a_constant_charge_is_hot_once_it_is_reconstructed() -> None:
 
 
 @pytest.mark.parametrize(("row", "rate_hz"), [*((row, 30.0) for row in range(ROWS)), (0, 500.0), (3, 500.0)])
-def test_T1_a_lost_row_is_told_as_such(row: int, rate_hz: float) -> None:
+def test_T1_a_lost_row_is_reported_as_a_row(row: int, rate_hz: float) -> None:
     t_s = np.arange(0.0, END_S, 1 / rate_hz)
     images = counts(swing(t_s), WIDE, np.random.default_rng(row))
     images[t_s >= LOST_S, row * COLS : (row + 1) * COLS] = 0.0
@@ -91,7 +91,7 @@ def test_T1_a_lost_row_is_told_as_such(row: int, rate_hz: float) -> None:
 
 
 @pytest.mark.parametrize("col", range(1, COLS - 1, 3))
-def test_T1_a_lost_column_that_still_has_noise_is_told_as_such(col: int) -> None:
+def test_T1_a_lost_column_that_still_has_noise_is_reported_as_a_column(col: int) -> None:
     t_s = np.arange(0.0, END_S, 1 / 30)
     rng = np.random.default_rng(col)
     images = counts(swing(t_s), WIDE, rng)

@@ -40,7 +40,7 @@ def test_a_load_that_grows_is_one_and_a_pad_seen_near_zero_counts_from_it() -> N
     assert not watch.missing
 
 
-def test_shear_is_an_offset_too_and_one_hot_taxel_is_none() -> None:
+def test_a_shear_offset_counts_and_one_hot_taxel_does_not() -> None:
     watch = UntaredWatch(0.3, 0.0)
     image = forces(0.0)
     image[4] = (0.0, 0.0, -65.0)
