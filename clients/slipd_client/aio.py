@@ -1,36 +1,38 @@
-"""The same subscriber and grip client for asyncio; cancelling a call of theirs loses no message."""
+"""The same subscriber and grip client for asyncio; cancelling one of their calls loses no message."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator
 from types import TracebackType
-from typing import Any
+from typing import TypeVar
 
 import zmq
 
-from slipd_client.asking import Ask, Envelope, Result, Steps
-from slipd_client.bell import Bell
+from slipd_client.client_base import GripClientBase
 from slipd_client.errors import ClientError
-from slipd_client.holding import LEASE_MS, Holding
+from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper
 from slipd_client.messages.typed import Message
-from slipd_client.ops import Ops
+from slipd_client.request_protocol import Ask, Envelope, Result, Steps
 from slipd_client.subscriber import SubscriberBase
+from slipd_client.waker import Waker
+
+T = TypeVar("T")
 
 AT_ONCE = 64
-"""Messages handed out one after another before the loop's other tasks have their turn: some milliseconds."""
+"""Messages returned one after another before the loop's other tasks get a turn: some milliseconds."""
 
 
 class AsyncSubscriber(SubscriberBase):
     """Receives messages in an asyncio loop, for an ``async with``. Arguments: `SubscriberBase`.
 
-    A message is taken from the connection in the very step that hands it out. So a cancelled ``receive``, a timeout
-    around it, and an iteration that is left and begun anew lose nothing.
+    A message is taken from the connection in the same step that returns it. So a cancelled ``receive``, a timeout around
+    it, and an iteration that is left and begun again lose nothing.
     """
 
-    _bell: Bell
+    _waker: Waker
     _in_a_row = 0
 
     async def receive(self, timeout_s: float | None = None) -> Message | None:
@@ -38,15 +40,15 @@ class AsyncSubscriber(SubscriberBase):
         return await self._receive(None if timeout_s is None else time.monotonic() + timeout_s)
 
     async def __aiter__(self) -> AsyncIterator[Message]:
-        """Every message from now on.
+        """Iterate over every message from now on.
 
         Raises:
-            Silence: Nothing was heard for ``silence_s``. Iterating anew goes on listening.
+            Silence: No message arrived for ``silence_s``. A new iteration continues to receive.
         """
         while True:
-            message = await self._receive(self._hearing.silent_at, by_silence=True)
+            message = await self._receive(self._tracker.silent_at, by_silence=True)
             if message is None:
-                raise self._hearing.silence(self.endpoint)
+                raise self._tracker.silence(self.endpoint)
             yield message
 
     async def _receive(self, until: float | None, by_silence: bool = False) -> Message | None:
@@ -57,81 +59,95 @@ class AsyncSubscriber(SubscriberBase):
                 await asyncio.sleep(0)
             frames = self._link.take()
             if frames is not None:
-                message = self._hearing.take(frames)
+                message = self._tracker.accept(frames)
                 if message is not None:
                     return message
                 if by_silence:
-                    until = self._hearing.silent_at
+                    until = self._tracker.silent_at
             elif until is not None and time.monotonic() >= until:
                 return None
             else:
                 self._in_a_row = 0
-                await self._bell.wait(zmq.POLLIN, until)
+                await self._waker.wait(zmq.POLLIN, until)
 
     async def __aenter__(self) -> AsyncSubscriber:
-        self._bell = Bell(self._link.socket)
+        self._waker = Waker(self._link.socket)
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._bell.stop()
+        self._waker.stop()
         self._link.close()
 
 
-class AsyncLease(Holding):
-    """A lease while its block runs. `AsyncGripClient.lease` makes it."""
+class AsyncLease(LeaseKeeper):
+    """A lease while its block runs. `AsyncGripClient.lease` creates it."""
 
-    def __init__(self, ttl_ms: int, sent_ns: int) -> None:
-        super().__init__(ttl_ms, sent_ns)
-        self._gone = asyncio.Event()
+    def __init__(self, ttl_ms: int, sent_ns: int, owner: str) -> None:
+        super().__init__(ttl_ms, sent_ns, owner)
+        self._ended = asyncio.Event()
 
     async def wait(self, seconds: float) -> None:
-        """Let time pass while holding it.
+        """Let time pass while holding the lease.
 
         Raises:
             LeaseLost: At once when it is lost.
         """
         with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self._gone.wait(), seconds)
+            await asyncio.wait_for(self._ended.wait(), seconds)
         self.check()
 
     def lose(self, why: str) -> None:
-        """It is lost; the first reason stays."""
+        """Mark it as lost; the first reason stays."""
         super().lose(why)
-        self._gone.set()
+        self._ended.set()
 
 
-class AsyncGripClient(Ops[Coroutine[Any, Any, Result]]):
-    """The asyncio client, for an ``async with``; its methods and arguments are those of `Ops`, and are awaited.
+class AsyncGripClient(GripClientBase):
+    """The asyncio client, for an ``async with``; methods and arguments are those of `GripClientBase`, to be awaited.
 
-    One request at a time: several tasks may share it, and wait for each other. A request that is cancelled may or may
-    not have been done.
+    One request at a time: several tasks may share it and wait for each other, but only the one that acquired the lease, and
+    tasks that it creates within the block, move the gripper. A request that is cancelled may or may not have been carried
+    out.
     """
 
-    _bell: Bell
+    _waker: Waker
     _turn: asyncio.Lock
 
     @contextlib.asynccontextmanager
     async def lease(self, ttl_ms: int = LEASE_MS) -> AsyncIterator[AsyncLease]:
         """Hold the right to move the gripper while the block runs; a task renews it in the background.
 
-        Giving it back, or losing it, never moves anything. A lease whose program dies ends within ``ttl_ms``, and so
-        does that of a loop which some task blocks for as long.
+        Neither giving the lease back nor losing it moves anything. The lease of a program that dies ends within
+        ``ttl_ms``, as does that of a loop that some task blocks for as long.
+
+        Raises:
+            LeaseInUse: This client has a lease already, of this task or another one.
         """
-        sent_ns = self._may_acquire()
-        await self.request("lease.acquire", ttl_ms=ttl_ms)
-        lease = self._holding = AsyncLease(ttl_ms, sent_ns)
-        renewer = asyncio.create_task(self._renew(lease), name="slipd-lease")
+        task = asyncio.current_task()
+        lease = AsyncLease(ttl_ms, time.monotonic_ns(), f"task {task.get_name()!r}" if task else "a callback")
+        self._claim(lease)
         try:
-            yield lease
+            await self._run(self._protocol.request("lease.acquire", {"ttl_ms": ttl_ms}))
+            async with self._renewed(lease):
+                yield lease
         finally:
-            self._holding = None
+            self._unclaim()
+
+    @contextlib.asynccontextmanager
+    async def _renewed(self, lease: AsyncLease) -> AsyncIterator[None]:
+        renewer = asyncio.create_task(self._renew(lease), name="slipd-lease")
+        lease.enter()
+        try:
+            yield
+        finally:
+            lease.leave()
             renewer.cancel()
             await asyncio.wait([renewer])
             if not lease.lost:
                 with contextlib.suppress(ClientError):
-                    await self.request("lease.release")
+                    await self._run(self._protocol.request("lease.release", {}))
 
     async def _renew(self, lease: AsyncLease) -> None:
         while True:
@@ -142,22 +158,22 @@ class AsyncGripClient(Ops[Coroutine[Any, Any, Result]]):
             try:
                 await self._run(self._renewal(lease))
             except ClientError as error:
-                lease.failed(error)
+                lease.note_failure(error)
             else:
-                lease.renewed(sent_ns)
+                lease.note_renewal(sent_ns)
 
     async def __aenter__(self) -> AsyncGripClient:
-        self._bell = Bell(self._link.socket)
+        self._waker = Waker(self._link.socket)
         self._turn = asyncio.Lock()
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._bell.stop()
+        self._waker.stop()
         self._link.close()
 
-    async def _run(self, steps: Steps) -> Result:
+    async def _run(self, steps: Steps[T]) -> T:
         try:
             step = next(steps)
             while True:
@@ -181,19 +197,16 @@ class AsyncGripClient(Ops[Coroutine[Any, Any, Result]]):
             envelope = await self._send(ask, until)
             while (frames := self._link.take()) is not None or time.monotonic() < until:
                 if frames is None:
-                    await self._bell.wait(zmq.POLLIN, until)
-                elif (result := self._asking.result(envelope, frames)) is not None:
+                    await self._waker.wait(zmq.POLLIN, until)
+                elif (result := self._protocol.result(envelope, frames)) is not None:
                     return result
-            raise self._asking.unanswered(timeout_s)
+            raise self._protocol.no_reply(timeout_s)
 
     async def _send(self, ask: Ask, until: float) -> Envelope:
         while True:
-            envelope = self._asking.pack(ask)
-            try:
-                self._link.socket.send(envelope.data, zmq.NOBLOCK)
-            except zmq.Again:
-                if time.monotonic() >= until:
-                    raise self._asking.unheard() from None
-                await self._bell.wait(zmq.POLLOUT, until)
-            else:
+            envelope = self._protocol.pack(ask)
+            if self._link.send(envelope.data):
                 return envelope
+            if time.monotonic() >= until:
+                raise self._protocol.no_listener()
+            await self._waker.wait(zmq.POLLOUT, until)

@@ -1,37 +1,61 @@
-"""Every exception the client raises on purpose.
+"""Every exception that the client raises on purpose.
 
-    ClientError
-    ├── Silence           nothing was heard for longer than the caller allows
-    ├── NoAnswer          no reply came in time; whether the request was carried out is not known
-    ├── RequestRefused    the daemon answered, and did not do it
-    └── LeaseLost         the lease of this block has ended; nothing was sent
-
-A bad call (an endpoint that is none, a time that is no time) raises ValueError.
+    SlipdClientError
+    ├── ClientError           something went wrong at run time
+    │   ├── Silence             no message for longer than the caller allows
+    │   ├── NoAnswer            no reply in time; it is not known whether the request was carried out
+    │   ├── RequestRefused      the daemon answered that it did not carry out the request
+    │   │   └── TareGivenUp       the daemon began the tare and gave it up
+    │   ├── LeaseLost           the lease of this block has ended; nothing was sent
+    │   ├── LeaseInUse          another thread or task holds the lease of this client; nothing was sent
+    │   └── ConnectionClosed    the client was closed
+    ├── CallError             a call is wrong: no such endpoint, a duration of 0 s (also a ValueError)
+    ├── MessageError          bytes or values that are no acceptable message (also a ValueError)
+    └── KeyFileError          a key file cannot be used (also a ValueError)
 """
 
 from __future__ import annotations
 
-from slipd_client.messages import fault_text
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from slipd_client.messages.names import ErrorCode
 
 
-class ClientError(Exception):
-    """Base of all."""
+class SlipdClientError(Exception):
+    """Base of every exception of this library."""
+
+
+class ClientError(SlipdClientError):
+    """Something went wrong at run time: the daemon, the connection or the lease."""
 
 
 class Silence(ClientError):  # noqa: N818 - it names what happened
-    """Nothing was heard for longer than the caller allows: whatever was heard last says nothing of now."""
+    """No message arrived for longer than the caller allows: the last one no longer describes the present."""
 
 
 class NoAnswer(ClientError):  # noqa: N818 - it names what happened
-    """No reply came in time; whether the request was carried out is not known, unless the text says so."""
+    """No reply arrived in time. The request may have been carried out, unless the text says otherwise."""
 
 
 class LeaseLost(ClientError):  # noqa: N818 - it names what happened
-    """The lease has ended, and another client may hold the gripper; the request was not sent."""
+    """The lease has ended, and another client may move the gripper; the request was not sent."""
+
+
+class LeaseInUse(ClientError, ValueError):  # noqa: N818 - it names what happened
+    """Another thread or task holds the lease of this client; nothing was sent.
+
+    Raised where a second lease is asked for on one client, and where a request that needs the lease comes from a
+    thread or task that does not hold it. Give each thread or task that moves the gripper a client of its own.
+    """
+
+
+class ConnectionClosed(ClientError):  # noqa: N818 - it names what happened
+    """The client was closed; nothing more is sent or received."""
 
 
 class RequestRefused(ClientError):  # noqa: N818 - it names what happened
-    """The daemon answered, and did not do it.
+    """The daemon answered, and did not carry out the request.
 
     Attributes:
         code: One of ``slipd_client.messages.ERROR_CODES``, or one that a newer daemon knows.
@@ -46,7 +70,51 @@ class RequestRefused(ClientError):  # noqa: N818 - it names what happened
         super().__init__(fault_text(code, message, field))
 
 
-def is_it_there(endpoint: str) -> str:
-    """The question to ask where nobody is heard at an endpoint."""
-    across = endpoint.startswith("tcp:")
-    return "Is slipd running, and are the keys right?" if across else "Is slipd running?"
+class TareGivenUp(RequestRefused):
+    """The daemon began the tare and gave it up; the tare in use stays.
+
+    Attributes:
+        reason: One of ``slipd_client.messages.TARE_REASONS``, or one that a newer daemon knows; "" from a daemon that
+            does not send it.
+        code: "in_contact" where the finger was touched, "not_ready" for every other reason.
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        self.reason = reason
+        super().__init__("in_contact" if reason == "contact" else "not_ready", message)
+
+
+class CallError(SlipdClientError, ValueError):
+    """The arguments of a call are wrong; the text names the argument, the rule and the value."""
+
+
+class MessageError(SlipdClientError, ValueError):
+    """Bytes or values that are no acceptable message.
+
+    Attributes:
+        code: The kind of fault, as in the ``error`` of a reply.
+        message: What is wrong and what would be right.
+        field: Dotted path of the field at fault; "" where no single field is.
+    """
+
+    def __init__(self, code: ErrorCode, message: str, field: str = "") -> None:
+        self.code: ErrorCode = code
+        self.message = message
+        self.field = field
+        super().__init__(fault_text(code, message, field))
+
+
+class KeyFileError(SlipdClientError, ValueError):
+    """A key file that cannot be used or created; the text says what would be right."""
+
+
+def fault_text(code: str, message: str, field: str) -> str:
+    """Return a fault in one line for people; the field is named once."""
+    named = not field or message.startswith((f"{field} ", f"{field}: "))
+    return f"{code}: {message}" if named else f"{code}: {field}: {message}"
+
+
+def hint_for(endpoint: str) -> str:
+    """Return the question to ask where nobody answers at an endpoint."""
+    over_network = endpoint.startswith("tcp:")
+    return "Is slipd running, and are the keys right?" if over_network else "Is slipd running?"

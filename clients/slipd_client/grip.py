@@ -1,4 +1,4 @@
-"""Asks the daemon to act, so that nothing is ever done late, twice, or by a daemon that started later."""
+"""The blocking client for requests: nothing is ever carried out late, twice, or by a daemon that started later."""
 
 from __future__ import annotations
 
@@ -7,89 +7,102 @@ import threading
 import time
 from collections.abc import Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-import zmq
-
-from slipd_client.asking import TIMEOUT_S, Ask, Envelope, Result, Steps
+from slipd_client.client_base import GripClientBase
 from slipd_client.errors import ClientError, NoAnswer
-from slipd_client.holding import LEASE_MS, Holding
-from slipd_client.ops import Ops
+from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper
+from slipd_client.request_protocol import TIMEOUT_S, Ask, Envelope, Result, Steps
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
+T = TypeVar("T")
 
-class Lease(Holding):
-    """A lease while its block runs. `GripClient.lease` makes it."""
 
-    def __init__(self, ttl_ms: int, sent_ns: int) -> None:
-        super().__init__(ttl_ms, sent_ns)
-        self._gone = threading.Event()
+class Lease(LeaseKeeper):
+    """A lease while its block runs. `GripClient.lease` creates it."""
+
+    def __init__(self, ttl_ms: int, sent_ns: int, owner: str) -> None:
+        super().__init__(ttl_ms, sent_ns, owner)
+        self._ended = threading.Event()
 
     def wait(self, seconds: float) -> None:
-        """Let time pass while holding it.
+        """Let time pass while holding the lease.
 
         Raises:
             LeaseLost: At once when it is lost.
         """
-        self._gone.wait(seconds)
+        self._ended.wait(seconds)
         self.check()
 
     def lose(self, why: str) -> None:
-        """It is lost; the first reason stays."""
+        """Mark it as lost; the first reason stays."""
         super().lose(why)
-        self._gone.set()
+        self._ended.set()
 
 
-class GripClient(Ops[Result]):
-    """The blocking client, best used in a ``with``; its methods and arguments are those of `Ops`.
+class GripClient(GripClientBase):
+    """The blocking client, best used in a ``with`` statement; methods and arguments are those of `GripClientBase`.
 
-    One request at a time: several threads may share it, and wait for each other.
+    One request at a time: several threads may share it and wait for each other, but only the one that acquired the lease
+    moves the gripper.
     """
 
     def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
         super().__init__(endpoint, keys=keys, timeout_s=timeout_s)
-        self._turn = threading.Lock()  # also the memory barrier that ZeroMQ wants where a socket changes its thread
+        self._turn = threading.Lock()  # also the memory barrier that ZeroMQ needs where a socket changes its thread
 
     @contextlib.contextmanager
     def lease(self, ttl_ms: int = LEASE_MS) -> Iterator[Lease]:
         """Hold the right to move the gripper while the block runs; a thread renews it in the background.
 
-        Giving it back, or losing it, never moves anything. A lease whose program dies ends within ``ttl_ms``, as does
-        one whose thread is no more; a program that hangs within the block keeps it.
+        Neither giving the lease back nor losing it moves anything. The lease of a program that dies ends within
+        ``ttl_ms``, as does that of a thread that has ended; a program that hangs within the block keeps it.
+
+        Raises:
+            LeaseInUse: This client has a lease already, of this thread or another one.
         """
-        sent_ns = self._may_acquire()
-        self.request("lease.acquire", ttl_ms=ttl_ms)
-        lease = self._holding = Lease(ttl_ms, sent_ns)
+        lease = Lease(ttl_ms, time.monotonic_ns(), f"thread {threading.current_thread().name!r}")
+        self._claim(lease)
+        try:
+            self._run(self._protocol.request("lease.acquire", {"ttl_ms": ttl_ms}))
+            with self._renewed(lease):
+                yield lease
+        finally:
+            self._unclaim()
+
+    @contextlib.contextmanager
+    def _renewed(self, lease: Lease) -> Iterator[None]:
         ended = threading.Event()
         work = (lease, ended, threading.current_thread())
         renewer = threading.Thread(target=self._renew, args=work, name="slipd-lease", daemon=True)
         renewer.start()
+        lease.enter()
         try:
-            yield lease
+            yield
         finally:
+            lease.leave()
             ended.set()
             renewer.join()
-            self._holding = None
             if not lease.lost:
                 with contextlib.suppress(ClientError):
-                    self.request("lease.release")
+                    self._run(self._protocol.request("lease.release", {}))
 
     def _renew(self, lease: Lease, ended: threading.Event, owner: threading.Thread) -> None:
         while not ended.wait(lease.period_s) and owner.is_alive() and not lease.lost:
             sent_ns = time.monotonic_ns()
             try:
                 self._run(self._renewal(lease))
-            except (ClientError, zmq.ZMQError) as error:  # ZMQError: the connection was closed within the block
-                lease.failed(error)
+            except ClientError as error:
+                lease.note_failure(error)
             else:
-                lease.renewed(sent_ns)
+                lease.note_renewal(sent_ns)
 
     def disconnect(self) -> None:
         """Close the connection; a second call does nothing. A lease ends with it, and the gripper keeps its force."""
-        if self._holding is not None:
-            self._holding.lose("the connection was closed")
+        if self._lease is not None:
+            self._lease.lose("the connection was closed")
         with self._turn:
             self._link.close()
 
@@ -101,7 +114,7 @@ class GripClient(Ops[Result]):
     ) -> None:
         self.disconnect()
 
-    def _run(self, steps: Steps) -> Result:
+    def _run(self, steps: Steps[T]) -> T:
         try:
             step = next(steps)
             while True:
@@ -126,19 +139,16 @@ class GripClient(Ops[Result]):
         try:
             envelope = self._send(ask, until)
             while (frames := self._link.receive(until)) is not None:
-                if (result := self._asking.result(envelope, frames)) is not None:
+                if (result := self._protocol.result(envelope, frames)) is not None:
                     return result
-            raise self._asking.unanswered(timeout_s)
+            raise self._protocol.no_reply(timeout_s)
         finally:
             self._turn.release()
 
     def _send(self, ask: Ask, until: float) -> Envelope:
         while True:
-            envelope = self._asking.pack(ask)
-            try:
-                self._link.socket.send(envelope.data, zmq.NOBLOCK)
-            except zmq.Again:
-                if not self._link.wait_writable(until):
-                    raise self._asking.unheard() from None
-            else:
+            envelope = self._protocol.pack(ask)
+            if self._link.send(envelope.data):
                 return envelope
+            if not self._link.wait_writable(until):
+                raise self._protocol.no_listener()

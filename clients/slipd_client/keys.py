@@ -14,6 +14,8 @@ from typing import Any
 
 import zmq
 
+from slipd_client.errors import KeyFileError
+
 PUBLIC_SUFFIX, SECRET_SUFFIX = ".key", ".key_secret"
 
 MAX_FILE_BYTES = 4096
@@ -23,10 +25,6 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _LINE = re.compile(r'^\s*(public-key|secret-key)\s*=\s*"([^"\n]*)"\s*$', re.MULTILINE)
 
 _HEADER = "#   CURVE {kind} key of {name}, for slipd{warning}\n\nmetadata\ncurve\n"
-
-
-class KeyFileError(ValueError):
-    """A key file that cannot be used, or not be made; the text says what would be right."""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,16 @@
-"""One connected ZeroMQ socket with the context it lives in: what every client of this library stands on."""
+"""One connected ZeroMQ socket with its context: the connection of every client of this library."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import zmq
+
+from slipd_client.errors import CallError, ConnectionClosed
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
@@ -19,24 +22,24 @@ KEEPALIVE: dict[int, int] = {
     zmq.TCP_KEEPALIVE_CNT: 2,
     zmq.TCP_MAXRT: 3000,
 }
-"""The kernel asks the peer for a sign of life each second, and gives it up after three: so a cut cable is noticed.
+"""The kernel probes the peer each second and drops the connection after three: so a cut cable is noticed.
 
 ZeroMQ's own heartbeats abort the whole process (an assertion in ``stream_engine_base_t::out_event``) when the peer dies
-while more than RCVHWM of what it sent is unread: a slow subscriber would die with its daemon.
+while more than RCVHWM of its messages are unread: a slow subscriber would die with its daemon.
 """
 
 
 class Link:
-    """Owns a context and a socket; both are closed without waiting for anything still to be sent.
+    """Owns a context and a socket; closing drops what was not sent yet.
 
     Args:
         kind: Socket type, e.g. ``zmq.SUB``.
         endpoint: Where to connect, e.g. ``ipc:///run/slipd/publish``.
-        keys: Who this client is, for a daemon that asks; None on endpoints of this machine.
+        keys: Keys of this client, for a daemon that asks for them; None on endpoints of this machine.
         options: Further socket options.
 
     Raises:
-        ValueError: The endpoint is none.
+        CallError: The endpoint is not one.
     """
 
     def __init__(
@@ -54,35 +57,62 @@ class Link:
             self.socket.connect(endpoint)
         except zmq.ZMQError as error:
             self.close()
-            raise ValueError(
-                f"cannot connect to {endpoint!r} ({error}); "
-                "an endpoint is ipc:///run/slipd/publish or tcp://127.0.0.1:5555"
+            raise CallError(
+                "endpoint must be of the form ipc:///run/slipd/publish or tcp://127.0.0.1:5555, "
+                f"got {endpoint!r} ({error})"
             ) from error
 
     def receive(self, until: float | None) -> list[bytes] | None:
-        """Wait for one message; None where none came until then.
+        """Wait for one message; None where none arrived before ``until``.
 
         Args:
             until: On ``time.monotonic``; None waits for ever.
-        """
-        self.socket.setsockopt(zmq.RCVTIMEO, _left_ms(until))
-        return self.take(0)
 
-    def take(self, flags: int = zmq.NOBLOCK) -> list[bytes] | None:
-        """One message that is there already; None where none is."""
+        Raises:
+            ConnectionClosed: The link is closed, as for every method below.
+        """
+        with self._open():
+            self.socket.setsockopt(zmq.RCVTIMEO, _left_ms(until))
+            return self._take(0)
+
+    def take(self) -> list[bytes] | None:
+        """Return one message that has already arrived; None where there is none."""
+        with self._open():
+            return self._take(zmq.NOBLOCK)
+
+    def send(self, data: bytes) -> bool:
+        """Send one frame; False where nobody is there to receive it, and then nothing is sent."""
+        with self._open():
+            try:
+                self.socket.send(data, zmq.NOBLOCK)
+            except zmq.Again:
+                return False
+            return True
+
+    def wait_writable(self, until: float) -> bool:
+        """Wait until somebody is there to send to, and return whether that is so. ``until`` is on ``time.monotonic``."""
+        with self._open():
+            return self.socket.poll(_left_ms(until), zmq.POLLOUT) != 0
+
+    def close(self) -> None:
+        """Close socket and context; a second call does nothing."""
+        self.socket.close(linger=0)
+        self._context.term()
+
+    def _take(self, flags: int) -> list[bytes] | None:
         try:
             return self.socket.recv_multipart(flags)
         except zmq.Again:
             return None
 
-    def wait_writable(self, until: float) -> bool:
-        """Wait until somebody is there to send to; whether there is. ``until`` is on ``time.monotonic``."""
-        return self.socket.poll(_left_ms(until), zmq.POLLOUT) != 0
-
-    def close(self) -> None:
-        """Close both; a second call does nothing."""
-        self.socket.close(linger=0)
-        self._context.term()
+    @contextlib.contextmanager
+    def _open(self) -> Iterator[None]:
+        try:
+            yield
+        except zmq.ZMQError:
+            if self.socket.closed:
+                raise ConnectionClosed(f"the connection to {self.endpoint} was closed") from None
+            raise
 
 
 def _left_ms(until: float | None) -> int:

@@ -1,4 +1,4 @@
-"""The ``slipctl`` command: look at a running slipd, and ask it for things."""
+"""The ``slipctl`` command: show the state of a running slipd, and send it requests."""
 
 from __future__ import annotations
 
@@ -8,40 +8,40 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 from slipd_client import keys, keys_command, slipctl_parser
-from slipd_client.errors import ClientError, RequestRefused
+from slipd_client.errors import CallError, ClientError, RequestRefused, SlipdClientError
 from slipd_client.grip import GripClient
+from slipd_client.live_view import LiveView
 from slipd_client.messages import STATUS_TOPIC
-from slipd_client.view import View
+from slipd_client.messages.typed import Reply, StatusReply
 from slipd_client.watch import print_view, watch
 
 DONE, FAULT = 0, 1  # a wrong call exits with argparse's own 2
 
 ENDED_BY_HAND = ("watch", "grip set", "grip adjust")
-"""Commands that Ctrl-C ends as they are meant to be ended."""
+"""Commands that Ctrl-C ends normally."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; ``arguments`` are those of the command line when None.
 
     Returns:
-        0 done, 1 fault at run time (told on standard error); a wrong call exits with 2.
+        0 done, 1 fault at run time (reported on standard error); a wrong call exits with 2.
     """
     parser = slipctl_parser.parser()
     chosen = parser.parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(errors="replace")  # type: ignore[union-attr] # a terminal without our signs shows "?"
+        stream.reconfigure(errors="replace")  # type: ignore[union-attr] # a terminal that lacks a character shows "?"
     try:
         _run(chosen)
         sys.stdout.flush()
     except ClientError as error:
         print(f"slipctl: {error}", file=sys.stderr)
         return FAULT
-    except ValueError as error:  # an endpoint or a key file that is none
+    except SlipdClientError as error:  # a wrong endpoint or key file
         parser.error(str(error))
-    except BrokenPipeError:  # the reader of a pipe has seen enough; Python must not flush into it at exit
+    except BrokenPipeError:  # the reader of the pipe has closed it; Python must not flush into it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
         if chosen.command not in ENDED_BY_HAND:
@@ -63,23 +63,23 @@ def _run(chosen: argparse.Namespace) -> None:
             elif command.startswith("grip "):
                 _grip(client, chosen)
             else:
-                _print_result(_asked(client, chosen))
+                _print_result(_request(client, chosen))
 
 
-def _asked(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
-    """Return the result of a command that needs no lease, or not always."""
+def _request(client: GripClient, chosen: argparse.Namespace) -> Reply:
+    """Return the reply to a command that needs no lease, or not always."""
     command = chosen.command
     if command == "tare take":
         return client.tare(chosen.finger, chosen.seconds, chosen.stream, unloaded=chosen.unloaded)
     if command == "tare get":
         return client.tare_get(chosen.finger, chosen.stream)
     if command in ("tare undo", "friction"):
-        return _asked_best(client, chosen)
+        return _request_with_lease_if_free(client, chosen)
     return client.record_start() if command == "record start" else client.record_stop()
 
 
-def _asked_best(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
-    """Return the result of a command that sometimes needs the lease; take the lease if no other client holds it."""
+def _request_with_lease_if_free(client: GripClient, chosen: argparse.Namespace) -> Reply:
+    """Return the reply to a command that sometimes needs the lease; acquire it unless another client holds it."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(RequestRefused):
             stack.enter_context(client.lease())
@@ -90,13 +90,13 @@ def _asked_best(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any
 
 def _grip(client: GripClient, chosen: argparse.Namespace) -> None:
     with client.lease() as lease:
-        _print_result(_moved(client, chosen))
+        _print_result(_move(client, chosen))
         if seconds := getattr(chosen, "hold", 0.0):
             lease.wait(seconds)
 
 
-def _moved(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
-    """The result of a command that needs the lease."""
+def _move(client: GripClient, chosen: argparse.Namespace) -> Reply:
+    """Return the reply to a command that needs the lease."""
     command = chosen.command
     if command == "grip set":
         return client.grip_set(chosen.force_n)
@@ -115,20 +115,20 @@ def _moved(client: GripClient, chosen: argparse.Namespace) -> dict[str, Any]:
 
 def _keys(chosen: argparse.Namespace) -> keys.Keys | None:
     if (chosen.key is None) != (chosen.server_key is None):
-        raise ValueError("give both --key (this client's secret key) and --server-key (the daemon's public key)")
+        raise CallError("--key (secret key of this client) and --server-key (public key of the daemon) go together")
     return None if chosen.key is None else keys.load(chosen.key, chosen.server_key)
 
 
-def _print_status(status: dict[str, Any], as_json: bool) -> None:
+def _print_status(status: StatusReply, as_json: bool) -> None:
     if as_json:
         print(json.dumps(status))
         return
-    view = View()
+    view = LiveView()
     view.update(STATUS_TOPIC, status)
     print_view(view)
 
 
-def _print_result(result: dict[str, Any]) -> None:
+def _print_result(result: Reply) -> None:
     if not result:
         print("done", flush=True)
     for field, value in result.items():

@@ -1,4 +1,4 @@
-"""Argument parser of ``slipctl``."""
+"""Argument parser of ``slipctl``; types, ranges and help of what a request carries come from the schema of the wire."""
 
 from __future__ import annotations
 
@@ -7,81 +7,69 @@ import math
 from collections.abc import Callable
 
 from slipd_client import keys_command
-from slipd_client.asking import TARE_S
+from slipd_client.messages.schema.fields import FLAG, NUMBER, Field
+from slipd_client.messages.schema.ops import OPS
 
 Add = Callable[[str, str], argparse.ArgumentParser]
 """Adds a command, given its name and help text."""
 
+_METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
+"""Of options; a positional argument has the name of its field."""
+
 
 def parser() -> argparse.ArgumentParser:
-    """Build the parser; ``command`` of the parsed arguments is the whole command, e.g. "grip set"."""
+    """Return the parser; ``command`` of the parsed arguments is the whole command, e.g. "grip set"."""
     top = argparse.ArgumentParser(prog="slipctl", description="Show the state of a running slipd and send it requests.")
     top.add_argument("--publish", metavar="ENDPOINT", help="where slipd publishes")
-    top.add_argument("--requests", metavar="ENDPOINT", help="where slipd takes requests")
-    top.add_argument("--key", metavar="FILE", help="this client's secret key, for a daemon across a network")
-    top.add_argument("--server-key", metavar="FILE", help="the daemon's public key")
+    top.add_argument("--requests", metavar="ENDPOINT", help="where slipd accepts requests")
+    top.add_argument("--key", metavar="FILE", help="secret key of this client, for a daemon across a network")
+    top.add_argument("--server-key", metavar="FILE", help="public key of the daemon")
     add = _commands(top, "")
 
     watch = add("watch", "show levels, forces and health as they change")
     watch.add_argument("--json", action="store_true", help="print every message, one per line")
     watch.add_argument("--once", action="store_true", help="show the last messages and exit")
-    status = add("status", "ask what the daemon and its streams are doing")
+    status = add("status", "show the state of the daemon and its streams")
     status.add_argument("--json", action="store_true", help="print the whole reply")
 
-    _grip(_commands(add("grip", "move the gripper or change its force; takes the lease"), "grip "))
+    _grip(_commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip "))
     _tare(_commands(add("tare", "take, show or undo the zero of a finger's sensors"), "tare "))
-
-    friction = add("friction", "set the friction between a finger's pad and the object; a larger value takes the lease")
-    friction.add_argument("finger", metavar="FINGER")
-    friction.add_argument("mu_s", type=_positive, metavar="MU_S", help="static coefficient")
-    friction.add_argument("mu_d", type=_positive, metavar="MU_D", nargs="?", help="dynamic coefficient, at most MU_S")
+    friction = add("friction", "set the friction between a pad and the object; acquires the lease where it can")
+    _fields(friction, "friction.set", "finger", "mu_s", "mu_d")
 
     record = _commands(add("record", "record what the daemon receives and publishes"), "record ")
     record("start", "start a recording; the daemon names the file")
     record("stop", "end the recording")
-    keys_command.add_arguments(add("keys", "keys for a daemon across a network"))
+    keys_command.add_arguments(add("keys", "manage the keys for a daemon across a network"))
     return top
 
 
 def _grip(add: Add) -> None:
-    setting = add("set", "set the normal force on one pad")
-    setting.add_argument("force_n", type=_positive, metavar="FORCE_N")
-    adjust = add("adjust", "change that force; a negative change loosens")
-    adjust.add_argument("delta_n", type=_finite, metavar="DELTA_N")
+    setting = add("set", "set the grip force")
+    _fields(setting, "grip.set", "force_n")
+    adjust = add("adjust", "change the grip force")
+    _fields(adjust, "grip.adjust", "delta_n")
     for each in (setting, adjust):
         each.add_argument(
             "--hold",
-            type=_not_negative,
+            type=_seconds,
             default=0.0,
             metavar="S",
-            help="keep the lease for S seconds (0); its end moves nothing",
+            help="keep the lease for S seconds (default: 0); its end moves nothing",
         )
-    add("hold", "stop moving fingers and keep the present force")
-    close = add("close", "close onto an object")
-    close.add_argument("force_n", type=_positive, metavar="FORCE_N", help="normal force on one pad")
-    opening = add("open", "open; refused in contact without --drop")
-    activate = add("activate", "make the gripper ready; some open and close for it")
-    for each in (close, opening):
-        each.add_argument("--width-m", type=_not_negative, metavar="M", help="between the pads")
-        each.add_argument("--speed-mps", type=_positive, metavar="MPS")
-    for each in (opening, activate):
-        each.add_argument("--drop", action="store_true", help="even if an object is held, or may be")
+    add("hold", "keep the present grip force, and stop fingers that move")
+    _fields(add("close", "close onto an object"), "gripper.close", "force_n", "width_m", "speed_mps")
+    _fields(add("open", "open; refused in contact without --drop"), "gripper.open", "width_m", "speed_mps", "drop")
+    _fields(add("activate", "make the gripper ready; some open and close fully for it"), "gripper.activate", "drop")
     add("stop", "stop the fingers where they are")
     add("ack", "acknowledge the latched fault")
 
 
 def _tare(add: Add) -> None:
-    take = add("take", "take a finger's present readings as zero; nothing may touch the finger")
-    take.add_argument(
-        "--seconds", type=_positive, default=TARE_S, metavar="S", help="average over S seconds (%(default)s)"
-    )
-    take.add_argument(
-        "--unloaded", action="store_true", help='confirm that nothing touches a finger with the reason "pulled"'
-    )
-    for each in (take, add("get", "show the tare in use"), add("undo", "go back to the tare before the last one")):
-        each.add_argument("finger", metavar="FINGER")
-        streams = ("wrench", "pad", "all") if each is take else ("wrench", "pad")
-        each.add_argument("--stream", choices=streams, help="default: the sensor that measures the force")
+    take = add("take", "take the present readings of a finger as zero; nothing may touch the finger")
+    _fields(take, "tare", "seconds", "unloaded", "finger", "stream")
+    _fields(add("get", "show the tare in use"), "tare.get", "finger", "stream")
+    _fields(add("undo", "return to the tare before the last one"), "tare.undo", "finger", "stream")
 
 
 def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
@@ -95,25 +83,58 @@ def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
     return add
 
 
-def _positive(text: str) -> float:
-    value = _not_negative(text)
-    if value == 0:
-        raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
-    return value
+def _fields(command: argparse.ArgumentParser, op: str, *names: str) -> None:
+    """Add an argument for each of these fields of an op: positional where the field is required, or is a coefficient."""
+    for name in names:
+        field = OPS[op].fields[name]
+        help_text = _help(field)
+        if field.kind is FLAG:
+            command.add_argument(f"--{name}", action="store_true", help=help_text)
+        elif field.required or name.startswith("mu_"):
+            nargs = None if field.required else "?"
+            command.add_argument(name, metavar=name.upper(), type=_type(field), nargs=nargs, help=help_text)
+        else:
+            command.add_argument(
+                f"--{name.replace('_', '-')}",
+                type=_type(field),
+                choices=field.words or None,
+                default=field.default,
+                metavar=None if field.words else _METAVARS[name],
+                help=help_text,
+            )
 
 
-def _not_negative(text: str) -> float:
-    value = _finite(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be a finite number from 0 up, got {text}")
-    return value
+def _help(field: Field) -> str:
+    """Return what a field is, with its unit, range and default; plain text without markup."""
+    default = field.default_text if field.kind is not FLAG else ""
+    facts = "; ".join(
+        part
+        for part in (
+            ", ".join(part for part in (field.unit, field.number_range) if part),
+            f"default: {default}" if default else "",
+        )
+        if part
+    )
+    return (f"{field.meaning} ({facts})" if facts else field.meaning).replace("`", "").replace("%", "%%")
 
 
-def _finite(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"must be finite, got {text}")
-    return value
+def _type(field: Field) -> Callable[[str], str | float]:
+    """Return what turns the text of an argument into a value of a field."""
+    if field.kind is not NUMBER:
+        return str
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
+        if not math.isfinite(value):
+            raise argparse.ArgumentTypeError(f"must be finite, got {text}")
+        if not field.has(value):
+            raise argparse.ArgumentTypeError(f"must be {field.number_range}, got {text}")
+        return value
+
+    return number
+
+
+_seconds = _type(Field("hold", NUMBER, "how long to keep the lease", unit="s", least=0))

@@ -1,4 +1,4 @@
-"""Hears the daemon's messages, and tells what was not heard: gaps, restarts, silence."""
+"""Receives the daemon's messages, and reports what did not arrive: gaps, restarts, silence."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import zmq
 
-from slipd_client.hearing import SILENCE_S, Hearing
 from slipd_client.link import Link
+from slipd_client.message_tracker import SILENCE_S, MessageTracker
 from slipd_client.messages.typed import Message
 from slipd_client.paths import publish_endpoint
 
@@ -21,17 +21,17 @@ __all__ = ["Message", "Subscriber", "SubscriberBase"]
 
 
 class SubscriberBase:
-    """What the blocking and the asyncio subscriber share: the connection, and what is known of the messages.
+    """What the blocking and the asyncio subscriber share: the connection and the order of the messages.
 
     Args:
         endpoint: Where the daemon publishes; its default endpoint when None.
-        topics: Beginnings of the topics to hear: ``slip`` is every finger's verdict, "" is everything.
-        keys: Who this client is, for a daemon across a network; None on this machine.
-        silence_s: How long nothing at all may be heard before iteration raises Silence; None waits for ever. The
-            daemon's ``status`` counts whatever the topics are, so that a quiet topic is not taken for a dead daemon.
+        topics: Beginnings of the topics to receive: ``slip`` is every finger's verdict, "" is everything.
+        keys: Keys of this client, for a daemon across a network; None on this machine.
+        silence_s: Iteration raises Silence after so long without any message; None waits for ever. The daemon's
+            ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon.
 
     Raises:
-        ValueError: The endpoint is none.
+        CallError: The endpoint is not one, or ``topics`` is a string.
     """
 
     def __init__(
@@ -42,9 +42,9 @@ class SubscriberBase:
         keys: Keys | None = None,
         silence_s: float | None = SILENCE_S,
     ) -> None:
-        self._hearing = Hearing(topics, silence_s)
+        self._tracker = MessageTracker(topics, silence_s)
         self._link = Link(zmq.SUB, publish_endpoint() if endpoint is None else endpoint, keys)
-        for prefix in self._hearing.prefixes:
+        for prefix in self._tracker.prefixes:
             self._link.socket.setsockopt(zmq.SUBSCRIBE, prefix.encode())
 
     @property
@@ -54,23 +54,23 @@ class SubscriberBase:
 
     @property
     def age_s(self) -> float | None:
-        """Seconds since a message was last heard, ``status`` included; None before the first."""
-        return self._hearing.age_s
+        """Seconds since the last message, ``status`` included; None before the first."""
+        return self._tracker.age_s
 
     @property
     def stale(self) -> bool:
-        """Nothing has been heard for ``silence_s``, or ever: what was last heard says nothing of now."""
-        return self._hearing.stale
+        """No message for ``silence_s``, or none ever: what was received last no longer describes the present."""
+        return self._tracker.stale
 
     @property
     def bad(self) -> int:
         """Messages dropped because they could not be read; the next readable one counts them as missed."""
-        return self._hearing.bad
+        return self._tracker.bad
 
     @property
     def bad_reason(self) -> str:
-        """Why the last of them could not be read; "" where all could."""
-        return self._hearing.bad_reason
+        """Why the last of them could not be read; "" where all could be read."""
+        return self._tracker.bad_reason
 
 
 class Subscriber(SubscriberBase):
@@ -81,25 +81,25 @@ class Subscriber(SubscriberBase):
         return self._receive(None if timeout_s is None else time.monotonic() + timeout_s)
 
     def __iter__(self) -> Iterator[Message]:
-        """Every message from now on.
+        """Iterate over every message from now on.
 
         Raises:
-            Silence: Nothing was heard for ``silence_s``. Iterating anew goes on listening.
+            Silence: No message arrived for ``silence_s``. A new iteration continues to receive.
         """
         while True:
-            message = self._receive(self._hearing.silent_at, by_silence=True)
+            message = self._receive(self._tracker.silent_at, by_silence=True)
             if message is None:
-                raise self._hearing.silence(self.endpoint)
+                raise self._tracker.silence(self.endpoint)
             yield message
 
     def _receive(self, until: float | None, by_silence: bool = False) -> Message | None:
-        """The next message before ``until``, which moves on with what is heard where it is the end of silence."""
+        """Return the next message before ``until``; ``by_silence``: any message moves ``until`` on."""
         while (frames := self._link.receive(until)) is not None:
-            message = self._hearing.take(frames)
+            message = self._tracker.accept(frames)
             if message is not None:
                 return message
             if by_silence:
-                until = self._hearing.silent_at
+                until = self._tracker.silent_at
             if until is not None and time.monotonic() > until:
                 break
         return None

@@ -1,4 +1,4 @@
-"""``slipctl watch``: what the daemon says, as it says it, for a person, a log or another program."""
+"""``slipctl watch``: shows messages as they arrive, for a person, a log or another program."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
-from slipd_client.errors import Silence, is_it_there
+from slipd_client.errors import Silence, hint_for
+from slipd_client.live_view import UNCUT, LiveView, change_line
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.subscriber import Message, Subscriber
-from slipd_client.view import UNCUT, View, change_line
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
 TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
-"""What the view draws; forces and pad images come more often than anyone can read."""
+"""What is drawn; forces and pad images arrive faster than anyone can read."""
 
 FIRST_S = 3.0
-"""How long a watch waits for its first message: the daemon sends ``status`` every second."""
+"""How long to wait for the first message: the daemon publishes ``status`` every second."""
 
 GATHER_S = 0.8
-"""The daemon sends the last message of every topic to whoever joins, of quiet topics after half a second."""
+"""The daemon sends the last message of every topic to a new subscriber, of quiet topics after half a second."""
 
 REDRAW_S = 0.1
 LINE_S = 1.0
@@ -35,14 +35,14 @@ def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once
 
     Raises:
         Silence: No message came within ``FIRST_S``.
-        ValueError: The endpoint is none.
+        CallError: The endpoint is not one.
     """
     with Subscriber(endpoint, ("",) if as_json else TOPICS, keys=keys, silence_s=None) as subscriber:
         first = subscriber.receive(FIRST_S)
         if first is None:
             unreadable = f"; {subscriber.bad} unreadable, the last: {subscriber.bad_reason}" if subscriber.bad else ""
             where = subscriber.endpoint
-            raise Silence(f"no message from {where} within {FIRST_S} s{unreadable}. {is_it_there(where)}")
+            raise Silence(f"no message from {where} within {FIRST_S} s{unreadable}. {hint_for(where)}")
         if once:
             _show_once(_gather(subscriber, first), as_json)
         elif as_json:
@@ -52,7 +52,7 @@ def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once
 
 
 def _gather(subscriber: Subscriber, first: Message) -> dict[str, Message]:
-    """The newest message of every topic."""
+    """Return the newest message of every topic."""
     newest = {first.topic: first}
     until = time.monotonic() + GATHER_S
     while (message := subscriber.receive(max(0.0, until - time.monotonic()))) is not None:
@@ -69,14 +69,14 @@ def _show_once(newest: dict[str, Message], as_json: bool) -> None:
         for topic in sorted(newest):
             print(_json_line(newest[topic]))
         return
-    view = View()
+    view = LiveView()
     for message in newest.values():
         view.update(message.topic, message.raw)
     print_view(view)
 
 
-def print_view(view: View) -> None:
-    """Print a view once, fitted to the terminal where standard output is one."""
+def print_view(view: LiveView) -> None:
+    """Print a view once, cut to the width of the terminal where standard output is one."""
     for line in view.render(_size(sys.stdout).columns, _colour(sys.stdout)):
         print(line)
 
@@ -88,7 +88,7 @@ def _print_json(subscriber: Subscriber, first: Message) -> None:
 
 
 def _print_json_line(message: Message) -> None:
-    _complain(message)
+    _print_gaps(message)
     print(_json_line(message), flush=True)
 
 
@@ -102,38 +102,38 @@ def _follow(subscriber: Subscriber, first: Message) -> None:
     while True:
         if message is not None:
             if not display.redraws:
-                _complain(message)
-            display.take(message)
+                _print_gaps(message)
+            display.add(message)
         display.refresh(subscriber.age_s or 0.0)
         message = subscriber.receive(display.wait_s())
 
 
 class Display:
-    """The live view on standard output: drawn over itself on a terminal, else a line a change and a line a second.
+    """The live view on standard output: redrawn in place on a terminal, else a line per change and one per second.
 
     Attributes:
-        redraws: Standard output is a terminal that can move its cursor.
+        redraws: Standard output is a terminal with a movable cursor.
     """
 
     def __init__(self) -> None:
         self.redraws = sys.stdout.isatty() and not _dumb()
-        self._view = View()
+        self._view = LiveView()
         self._drawn = 0
         self._period_s = REDRAW_S if self.redraws else LINE_S
         self._due_s = time.monotonic()
 
-    def take(self, message: Message) -> None:
-        """Take a message into the picture; a change of level is a line of its own where there is no terminal."""
+    def add(self, message: Message) -> None:
+        """Add a message; without a terminal a change of level is printed at once."""
         if message.topic == WARNING_TOPIC and not self.redraws:
             print(change_line(message.raw), flush=True)
         self._view.update(message.topic, message.raw)
 
     def wait_s(self) -> float:
-        """How long until `refresh` has something to do."""
+        """Return the time until `refresh` has something to do, s."""
         return max(0.0, self._due_s - time.monotonic())
 
     def refresh(self, silent_s: float) -> None:
-        """Show what is known, when it is time to; ``silent_s`` is how long nothing was heard."""
+        """Redraw or print, if it is time to; ``silent_s`` is the time since the last message."""
         if time.monotonic() < self._due_s:
             return
         self._due_s = time.monotonic() + self._period_s
@@ -144,12 +144,12 @@ class Display:
             print(back + "\x1b[J" + "\n".join(lines), flush=True)
             self._drawn = len(lines)
         else:
-            print(f"nothing heard for {silent_s:.1f} s" if silent_s > LINE_S else self._view.summary(), flush=True)
+            print(f"no message for {silent_s:.1f} s" if silent_s > LINE_S else self._view.summary(), flush=True)
 
 
-def _complain(message: Message) -> None:
+def _print_gaps(message: Message) -> None:
     if message.restarted:
-        print("slipctl: the daemon was started anew", file=sys.stderr)
+        print("slipctl: the daemon was restarted", file=sys.stderr)
     if message.missed:
         print(f"slipctl: {message.missed} messages of {message.topic} were missed", file=sys.stderr)
 
@@ -158,7 +158,7 @@ def _size(stream: TextIO) -> os.terminal_size:
     if not stream.isatty():
         return os.terminal_size((UNCUT, UNCUT))
     size = shutil.get_terminal_size()
-    return os.terminal_size((size.columns or 80, size.lines or 24))  # a serial console tells 0
+    return os.terminal_size((size.columns or 80, size.lines or 24))  # a serial console reports 0
 
 
 def _colour(stream: TextIO) -> bool:
@@ -166,5 +166,5 @@ def _colour(stream: TextIO) -> bool:
 
 
 def _dumb() -> bool:
-    """Whether TERM says that the terminal knows no escape sequences."""
+    """Return whether the terminal knows no escape sequences, by TERM."""
     return os.environ.get("TERM") == "dumb"

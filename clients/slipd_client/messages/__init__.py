@@ -1,17 +1,11 @@
-"""The wire schema shared by the daemon and its clients: names, version and codec. Imports nothing of slipd.
+"""The wire format shared by the daemon and its clients. Imports nothing of slipd.
 
-What each message and request carries is told in ``docs/protocol.md``.
+``schema`` declares every message, request and reply once; ``names`` holds their words, ``codec`` turns maps into bytes
+and back. The same for people: ``docs/protocol.md``.
 """
 
-from slipd_client.messages.codec import (
-    MESSAGE_LIMITS,
-    REQUEST_LIMITS,
-    Limits,
-    MessageError,
-    decode,
-    encode,
-    fault_text,
-)
+from slipd_client.errors import MessageError, fault_text
+from slipd_client.messages.codec import MESSAGE_LIMITS, REQUEST_LIMITS, Limits, decode, encode
 from slipd_client.messages.names import (
     ERROR_CODES,
     GRASP_TOPIC,
@@ -22,10 +16,12 @@ from slipd_client.messages.names import (
     PROTOCOL_VERSION,
     REASONS,
     STATUS_TOPIC,
+    TARE_REASONS,
     WARNING_TOPIC,
     ErrorCode,
     Health,
     Level,
+    TareReason,
     level_code,
     slip_topic,
     tactile_topic,
@@ -44,12 +40,14 @@ __all__ = [
     "REASONS",
     "REQUEST_LIMITS",
     "STATUS_TOPIC",
+    "TARE_REASONS",
     "WARNING_TOPIC",
     "ErrorCode",
     "Health",
     "Level",
     "Limits",
     "MessageError",
+    "TareReason",
     "decode",
     "encode",
     "fault_text",

@@ -1,8 +1,8 @@
-"""The words of the wire (topics, levels, reasons, health, error codes): both ends spell them alike."""
+"""The words of the wire and their meanings: topics, levels, reasons, health, error codes."""
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import Literal, get_args
 
 PROTOCOL_VERSION = 1
@@ -12,45 +12,88 @@ Level = Literal["no_contact", "stable", "caution", "warning", "slipping", "unkno
 LEVELS: tuple[Level, ...] = get_args(Level)
 """Every level in the order of ``level_code``, 0 to 5. "unknown" is not "no slip"."""
 
+LEVEL_MEANINGS: dict[Level, str] = {
+    "no_contact": "nothing presses on the pad",
+    "stable": "the contact holds",
+    "caution": "utilisation is at or above 0.70 (all thresholds are configurable)",
+    "warning": "utilisation is at or above 0.85: act now",
+    "slipping": "the contact slips",
+    "unknown": 'the daemon cannot tell; `reasons` say why. **Unknown is not "no slip"**',
+}
+
+
+
+class SlipLevel(str, Enum):
+    """How close a contact is to slipping, for Python; each is also its word (``level == "warning"``)."""
+
+    NO_CONTACT = "no_contact"
+    STABLE = "stable"
+    CAUTION = "caution"
+    WARNING = "warning"
+    SLIPPING = "slipping"
+    UNKNOWN = "unknown"
+
+    @property
+    def alarming(self) -> bool:
+        """Whether the robot must act: the contact is about to slip, or slips. Unknown is not alarming, nor safe."""
+        return self in (SlipLevel.WARNING, SlipLevel.SLIPPING)
+
+    def __str__(self) -> str:
+        return str(self.value)
+
+
 REASONS = {
-    "translation": "the pull along the pad nears what friction carries",
-    "rotation": "the twist about the pad nears what friction carries",
-    "tipping": "the contact nears the edge of the pad",
+    "translation": "the tangential force is close to what friction can carry",
+    "rotation": "the torque about the pad's normal is close to what friction can carry",
+    "tipping": "the contact is close to the edge of the pad",
     "slip_detected": "the contact moves",
     "stale": "readings that this verdict needs have been missing for longer than `stale_s`; "
-    "readings that wait for a late daemon are not missing",
+    "readings that wait in a queue because the daemon is late are not missing",
     "no_mu": "no friction coefficient is given",
-    "rotation_unobserved": "without a pad image it is not known how much twist the contact carries",
+    "rotation_unobserved": "there is no usable pad image, so the torque that the contact can carry is not known",
     "unsupportable": "no grip force holds this load",
     "not_finite": "a reading is not a finite number",
     "overload": "the sensor is beyond its range",
     "invalid": "the sensor marks its reading as invalid",
-    "raw": "the sensor sends values that it has not calibrated",
-    "weight_unknown": "the pull of the finger's own weight is not known, and may use up the margin or hide a contact",
-    "stuck": "the sensor repeats its readings and should not",
-    "garbage": "the sensor's readings are beyond its range, or jump to and fro faster than a force can",
+    "raw": "the sensor sends uncalibrated values",
+    "weight_unknown": "the direction of the finger's own weight is not known; it may use up the margin or hide a contact",
+    "stuck": "the sensor repeats its readings, and a working one would not",
+    "garbage": "the readings are beyond the sensor's range, or change faster than a force can",
     "not_tared": "the pad was never tared, and reads a load that may not exist",
     "pulled": "the normal force is clearly negative: sign, mounting or configuration of the sensor is wrong",
     "disagreement": "force sensor and pad image contradict each other",
-    "disagreement_contact": "about the contact: the sensor feels a clear force, and the image shows none",
-    "disagreement_centroid": "about where the contact is",
-    "disagreement_force": "about how much presses; only where the image is calibrated to newtons",
+    "disagreement_contact": "they differ on whether there is a contact: the sensor measures a clear force, and the image "
+    "shows none",
+    "disagreement_centroid": "they differ on where the contact is",
+    "disagreement_force": "they differ on the normal force; only where the image is calibrated to newtons",
 }
 """Reason of a level → its meaning. A newer daemon may send further reasons: show them as they are."""
 
 IMAGE_REASONS = {
-    "stale": "no image came for too long",
+    "stale": "no image has arrived for too long",
     "not_finite": "a reading is not a finite number",
-    "garbage": "the readings are larger than those of any pad",
+    "garbage": "the readings are larger than any pad can produce",
     "overload": "the pad is beyond its range",
     "invalid": "the pad marks its image as invalid",
-    "raw": "the pad sends values that it has not calibrated",
-    "stuck": "the images repeat while the force moves",
+    "raw": "the pad sends uncalibrated values",
+    "stuck": "the images repeat while the force changes",
     "not_tared": "the pad was never tared, and reads a load that may not exist",
     "masked": "more than a quarter of the taxels is masked",
-    "contact_unseen": "the beginning of the contact was not seen, and charge shows only changes",
+    "contact_unseen": "the beginning of the contact was not observed, and this pad measures only changes",
 }
 """Why an image cannot be used → its meaning. A newer daemon may send further reasons: show them as they are."""
+
+TareReason = Literal["contact", "pulled", "moved", "turned", "silent", "ended", "undone"]
+TARE_REASONS: dict[TareReason, str] = {
+    "contact": "a contact began",
+    "pulled": "the normal force became negative",
+    "moved": "the readings spread wider than the sensor's noise",
+    "turned": "`gravity.set` reported that the finger was turned",
+    "silent": "the stream was silent for half a second",
+    "ended": "the link went down, or the host slept",
+    "undone": "`tare.undo` took it back",
+}
+"""Why a tare was given up → its meaning. A newer daemon may send further reasons."""
 
 GRASP_TOPIC = "grasp"
 GRIPPER_TOPIC = "gripper"
@@ -71,63 +114,97 @@ HEALTH = tuple(Health.__members__)
 """Names of the health codes, in code order."""
 
 ErrorCode = Literal[
-    "malformed",  # not one msgpack map within the limits
-    "unsupported_version",  # ``v`` is not one the daemon speaks
+    "malformed",
+    "unsupported_version",
     "unknown_op",
     "missing_field",
     "unknown_field",
     "bad_type",
     "not_finite",
     "out_of_range",
-    "too_fast",  # the force of a held object may change so far again only later
-    "budget_spent",  # the raises of this grasp add up to all that is allowed
-    "wrong_boot",  # meant for another run of the daemon
+    "too_fast",
+    "budget_spent",
+    "wrong_boot",
     "deadline_passed",
     "deadline_too_far",
-    "repeated_id",  # this client used the id for another request
-    "replayed",  # another client sent this very request before
-    "busy",  # too many requests: what they asked must be remembered until their deadlines
-    "read_only",  # the client's key may not request
-    "no_lease",  # the client holds no lease
-    "lease_held",  # another client holds it
-    "no_limit",  # the config gives no force limit, so nothing is moved
-    "not_active",  # the gripper is not activated
-    "activating",  # the gripper is still activating
-    "in_contact",  # opening would drop an object, taring would erase its load
+    "repeated_id",
+    "replayed",
+    "busy",
+    "read_only",
+    "no_lease",
+    "lease_held",
+    "no_limit",
+    "not_active",
+    "activating",
+    "in_contact",
     "gripper_fault",
-    "fault_latched",  # something went wrong: say fault.ack once it has been looked at
-    "no_gripper",  # the config names none, or it does not answer
+    "fault_latched",
+    "no_gripper",
     "unknown_finger",
-    "not_ready",  # what the request needs is not there, e.g. fresh readings
-    "no_room",  # a limit of the recordings is reached: their number, or the free space of the disk
-    "record_failed",  # the file of the recording could not be created
+    "not_ready",
+    "no_room",
+    "record_failed",
 ]
 ERROR_CODES: tuple[ErrorCode, ...] = get_args(ErrorCode)
 """Every ``error.code`` of a reply. A newer daemon may send further codes."""
 
+ERROR_MEANINGS: dict[ErrorCode, str] = {
+    "malformed": "not one msgpack map within the [limits](#limits)",
+    "unsupported_version": "the daemon does not speak this `v`",
+    "unknown_op": "there is no such op",
+    "missing_field": "a field that the op requires is missing",
+    "unknown_field": "the op has no such field",
+    "bad_type": "a field has another type than the op requires",
+    "not_finite": "a number is NaN or infinite",
+    "out_of_range": "a value is outside its range, or a step of the force is too large",
+    "too_fast": "the force of a held object may change by that much only later; the message says when",
+    "budget_spent": "the raises of this grasp add up to the configured budget: open, and grip again",
+    "wrong_boot": "the request is meant for another run of the daemon: send `hello` again",
+    "deadline_passed": "the request arrived after its deadline and was not carried out",
+    "deadline_too_far": "the deadline is more than 500 ms ahead: send `hello` again",
+    "repeated_id": "this client used the `id` for another request",
+    "replayed": "another client sent exactly this request before",
+    "busy": "there are too many requests at once: ask again later",
+    "read_only": "the client's key may read but not request",
+    "no_lease": "the client does not hold the lease, or it has ended",
+    "lease_held": "another client holds the lease, and only its holder may do this",
+    "no_limit": "the config gives no force limit",
+    "not_active": "the gripper is not activated",
+    "activating": "the gripper is still activating: ask again once `active` is true",
+    "in_contact": "opening would drop an object, or a tare would erase its load",
+    "gripper_fault": "the gripper reports a fault",
+    "fault_latched": "a fault is latched: look at it, then send `fault.ack`",
+    "no_gripper": "the config has no gripper, or the gripper does not answer",
+    "unknown_finger": "there is no such finger",
+    "not_ready": "a condition of the request is not met, e.g. there are no fresh readings",
+    "no_room": "a limit of the recordings is reached: their number, or the free disk space",
+    "record_failed": "the file of the recording could not be created; the message says why",
+}
+"""Error code → its meaning."""
+
 
 def level_code(level: str) -> int:
-    """Number of a level, 0 to 5.
+    """Return the number of a level, 0 to 5.
 
     Raises:
-        ValueError: ``level`` is none of ``LEVELS``.
+        ValueError: ``level`` is not one of ``LEVELS``.
     """
     for code, known in enumerate(LEVELS):
         if known == level:
             return code
-    raise ValueError(f"unknown level {level!r}; levels are {', '.join(LEVELS)}")
+    raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
 
 
 def slip_topic(finger: str) -> str:
-    """Topic of the verdicts of one finger."""
+    """Return the topic of the verdicts on one finger."""
     return f"slip.{finger}"
 
 
 def wrench_topic(finger: str) -> str:
-    """Topic of the forces of one finger."""
+    """Return the topic of the force on one finger."""
     return f"wrench.{finger}"
 
 
 def tactile_topic(finger: str) -> str:
-    """Topic of the pad image of one finger."""
+    """Return the topic of the pad image of one finger."""
     return f"tactile.{finger}"

@@ -1,6 +1,6 @@
-"""Turns the newest messages into lines for a terminal, for ``slipctl watch`` and the demo.
+"""Draws the newest messages as lines for a terminal, for ``slipctl watch`` and the demo.
 
-Knows no clock, socket or terminal: messages in, text out. What is not known shows as "–", never as 0.
+Knows no clock, socket or terminal: messages in, text out. An unknown value is shown as "–", never as 0.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import textwrap
 from typing import Any
 
 from slipd_client.messages import GRIPPER_TOPIC, HEALTH, STATUS_TOPIC, Health
-from slipd_client.view_figures import (
+from slipd_client.live_view_format import (
     UNKNOWN,
     as_map,
     bar,
@@ -25,7 +25,7 @@ from slipd_client.view_figures import (
 
 NAME_CELLS = 10
 SILENT_AFTER_S = 2.0
-"""Twice the period of ``status``: a daemon that has not even sent this tells nothing of now."""
+"""Twice the period of ``status``: after so long without it, what was shown last is out of date."""
 
 LEVEL_COLOURS = {
     "no_contact": "2",
@@ -43,10 +43,10 @@ Span = tuple[str, str]
 Line = list[Span]
 
 UNCUT = 10_000
-"""Columns and lines without a terminal: more than any view needs."""
+"""Columns and lines without a terminal: more than is ever drawn."""
 
 
-class View:
+class LiveView:
     """Keeps the newest message of each topic and draws them."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class View:
     def update(self, topic: str, body: dict[str, Any]) -> None:
         """Add a message; ``body`` is kept, not copied.
 
-        A message of another run of the daemon replaces all that is known, and ``status`` says which fingers there are.
+        A message of another run of the daemon replaces all earlier ones, and ``status`` lists the fingers that exist.
         """
         before = next(iter(self._newest.values()), body)
         if body.get("boot") != before.get("boot"):
@@ -71,13 +71,13 @@ class View:
         """Draw everything.
 
         Args:
-            width: Columns of the terminal: facts are cut there, and reasons go on in the next line.
+            width: Columns of the terminal: facts are cut there, and reasons continue on the next line.
             colour: Whether to add ANSI colours.
-            silent_s: For how long nothing has been heard; beyond ``SILENT_AFTER_S`` no level is shown.
-            height: Lines of the terminal: streams that are well are the first to be left out.
+            silent_s: Time since the last message; beyond ``SILENT_AFTER_S`` no level is shown.
+            height: Lines of the terminal: streams without a fault are left out first.
 
         Returns:
-            One string a line, without line ends.
+            One string per line, without line ends.
         """
         silent = silent_s > SILENT_AFTER_S
         lines = [self._header(silent_s if silent else 0.0)]
@@ -91,7 +91,7 @@ class View:
         return [_paint(line, width, colour) for line in lines[:height]]
 
     def summary(self) -> str:
-        """Every finger in one line, for a log: level, utilisation and normal force."""
+        """Return every finger in one line, for a log: level, utilisation and normal force."""
         parts = [
             f"{plain(finger)} {plain(body.get('level'))} λ {utilisation(body)}"
             f" {quantity(body, 'normal_n', 'N' if in_newtons(body) else '', 2)}"
@@ -106,11 +106,11 @@ class View:
         if sum(map(len, drawn.values())) <= height:
             return [line for lines in drawn.values() for line in lines]
         ill = [name for name, stream in streams.items() if stream.get("health") != Health.OK or stream.get("message")]
-        note = f"{len(streams) - len(ill)} streams that are well have no room here"
+        note = f"{len(streams) - len(ill)} streams without a fault are not shown: the terminal is too small"
         return [line for name in ill for line in drawn[name]] + [[(note, "2")]]
 
     def _fingers(self) -> list[tuple[str, dict[str, Any]]]:
-        """Each finger with its newest verdict, or with the little that ``status`` tells of it."""
+        """Return each finger with its newest verdict, or else with its entry in ``status``."""
         verdicts = {finger: as_map(state) for finger, state in self._status("fingers").items()}
         for topic, body in self._newest.items():
             kind, _, finger = topic.partition(".")
@@ -123,7 +123,7 @@ class View:
 
     def _header(self, silent_s: float) -> Line:
         if silent_s:
-            return [(f"nothing heard for {silent_s:.1f} s: what follows is old", "1;31")]
+            return [(f"no message for {silent_s:.1f} s: the following is out of date", "1;31")]
         status = self._newest.get(STATUS_TOPIC, {})
         lease = either(self._status("lease").get("held"), "held", "free")
         facts = f"up {quantity(status, 'uptime_s', 's', 0)}  config {plain(status.get('config_id'))}  lease {lease}"
@@ -135,7 +135,7 @@ class View:
 
 
 def change_line(body: dict[str, Any]) -> str:
-    """One line for a message of topic ``warning``: a finger's level has changed."""
+    """Return one line for a message of topic ``warning``: the level of a finger has changed."""
     reasons = reasons_of(body)
     change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
     return f"{clock_time(number(body.get('timestamp')) or 0.0)}  {plain(body.get('finger'))} {change}" + (
@@ -170,7 +170,7 @@ def _finger_lines(finger: str, body: dict[str, Any], silent: bool, width: int) -
         (bar(body), colour),
         (f"  {facts}", ""),
     ]
-    if "tare_busy" in body:  # what ``status`` says of a finger holds no quantities
+    if "tare_busy" in body:  # an entry of ``status`` holds no quantities
         first = [*named, (f"tare {quantity(body, 'tare_id', '', 0)}", "")]
     return [first, *_wrapped("stale" if silent else reasons_of(body), colour, width)]
 
@@ -188,19 +188,19 @@ def _gripper_lines(body: dict[str, Any], width: int) -> list[Line]:
     if latched := body.get("latched_fault"):
         faults.append(f"latched: {plain(latched)}")
     if body.get("echo_ok") is False:
-        faults.append("does not echo the command")
+        faults.append("does not repeat the command")
     return _with_reason(facts, "  ".join(faults), "1;31", width)
 
 
 def _recording_lines(recording: dict[str, Any], what: str, width: int) -> list[Line]:
-    """Draw a recording that runs or ended by itself; one that was stopped on request is not shown."""
+    """Draw a recording in progress, or one that ended by itself; one that was stopped on request is not shown."""
     state = recording.get("state")
     failure = recording.get("failure")
     if recording.get("running") is not True and not failure:
         return []
     word, colour = ("OK", "32") if not failure else ("ENDED", "33") if state == "limited" else ("FAILED", "1;31")
     facts: Line = [(f"{'recording':<20}", "1"), (f"{word:<7}", colour)]
-    if failure:  # it names the path
+    if failure:  # it contains the path
         return _with_reason(facts, plain(failure), colour, width)
     facts.append((f"{what}{plain(recording.get('path') or recording.get('name'))}", ""))
     lost = f"{quantity(recording, 'lost', '', 0)} entries lost" if recording.get("lost") else ""
@@ -226,7 +226,7 @@ def _stream_lines(name: str, stream: dict[str, Any], width: int) -> list[Line]:
 
 
 def _with_reason(facts: Line, reason: str, colour: str, width: int) -> list[Line]:
-    """Put the reason behind the facts if both fit, else on lines of its own; never cut the reason."""
+    """Put the reason after the facts if both fit, else on lines of its own; never cut the reason."""
     if not reason:
         return [facts]
     if sum(len(text) for text, _ in facts) + 2 + len(reason) <= width:

@@ -11,7 +11,7 @@ BAR_CELLS = 20
 
 
 def clock_time(timestamp: float) -> str:
-    """Local time of day with milliseconds; "–" for 0, which stands for no time, and for times out of range."""
+    """Return the local time of day with milliseconds; "–" for 0, which stands for no time, and for times out of range."""
     if not timestamp:
         return UNKNOWN
     try:
@@ -21,12 +21,12 @@ def clock_time(timestamp: float) -> str:
 
 
 def in_newtons(body: dict[str, Any]) -> bool:
-    """Whether forces are in newtons; so they are if an older daemon does not say."""
+    """Return whether forces are in newtons, as they are if an older daemon does not send ``force_unit``."""
     return bool(body.get("force_unit", "N") == "N")
 
 
 def utilisation(body: dict[str, Any]) -> str:
-    """The utilisation, or its bounds."""
+    """Return the utilisation, or one of its bounds."""
     for field, sign in (("utilisation", ""), ("utilisation_upper", "≤"), ("utilisation_lower", "≥")):
         value = number(body.get(field))
         if value is not None:
@@ -47,24 +47,24 @@ def _cells(value: Any) -> int:
 
 
 def reasons_of(body: dict[str, Any]) -> str:
-    """The reasons of a level, the most important first."""
+    """Return the reasons of a level, the most important first."""
     reasons = body.get("reasons")
     return ", ".join(plain(reason) for reason in reasons) if isinstance(reasons, list) else ""
 
 
 def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
-    """A number, or the length of a vector, with its unit."""
+    """Return a number, or the length of a vector, with its unit."""
     magnitude = _magnitude(body.get(field))
     return UNKNOWN if magnitude is None else f"{magnitude:.{digits}f} {unit}".rstrip()
 
 
 def number(value: Any) -> float | None:
-    """The value as a number; None if it is not one."""
+    """Return the value if it is a number, else None."""
     return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
 def _magnitude(value: Any) -> float | None:
-    """A number, or the length of a vector of them."""
+    """Return a number, or the length of a vector."""
     if not isinstance(value, list):
         return number(value)
     numbers = [each for each in map(number, value) if each is not None]
@@ -72,17 +72,17 @@ def _magnitude(value: Any) -> float | None:
 
 
 def either(value: Any, yes: str, no: str) -> str:
-    """One of two words for a boolean."""
+    """Return one of two words for a boolean."""
     return yes if value is True else no if value is False else UNKNOWN
 
 
 def as_map(value: Any) -> dict[str, Any]:
-    """The value as a map; empty if it is not one."""
+    """Return the value if it is a map, else an empty one."""
     return value if isinstance(value, dict) else {}
 
 
 def plain(value: Any) -> str:
-    """A string from the daemon without control characters that would move the cursor."""
+    """Return a string from the daemon without control characters, which would move the cursor."""
     if not isinstance(value, str):
         return UNKNOWN
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value) or UNKNOWN

@@ -1,0 +1,254 @@
+"""Every operation of the daemon as a method, written once for the blocking and the asyncio client.
+
+A method is named like its operation, with ``_`` for ``.``; its arguments are the fields of ``docs/protocol.md``, and it
+returns the class of the reply in `slipd_client.messages.typed`. Forces are normal forces on *one* pad.
+"""
+
+from __future__ import annotations
+
+import functools
+import threading
+import time
+from collections.abc import Callable, Coroutine, Sequence
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
+
+import zmq
+
+from slipd_client.clock import ServerClock
+from slipd_client.errors import RequestRefused
+from slipd_client.lease_keeper import LeaseKeeper, lease_in_use
+from slipd_client.link import Link
+from slipd_client.messages.schema.replies import (
+    FaultReply,
+    FrictionReply,
+    GravityReply,
+    GripReply,
+    HelloReply,
+    HoldReply,
+    RecordingReply,
+    Reply,
+    StatusReply,
+    TareReply,
+    TareResult,
+)
+from slipd_client.paths import requests_endpoint
+from slipd_client.request_protocol import TARE_S, TIMEOUT_S, RequestProtocol, Steps
+
+if TYPE_CHECKING:
+    from slipd_client.aio import AsyncGripClient
+    from slipd_client.grip import GripClient
+    from slipd_client.keys import Keys
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class operation(Generic[P, T]):  # noqa: N801 - a decorator
+    """Makes a method that returns steps one that carries them out: it blocks, or is awaited, as its client does."""
+
+    def __init__(self, steps: Callable[Concatenate[Any, P], Steps[T]]) -> None:
+        @functools.wraps(steps)
+        def carry_out(client: Any, /, *args: P.args, **kwargs: P.kwargs) -> Any:
+            return client._run(steps(client, *args, **kwargs))  # noqa: SLF001 - a method of the client
+
+        self._method = carry_out
+
+    @overload
+    def __get__(self, client: None, owner: type[Any]) -> Callable[..., Any]: ...
+    @overload
+    def __get__(self, client: GripClient, owner: type[Any]) -> Callable[P, T]: ...
+    @overload
+    def __get__(self, client: AsyncGripClient, owner: type[Any]) -> Callable[P, Coroutine[Any, Any, T]]: ...
+
+    def __get__(self, client: Any, owner: type[Any]) -> Callable[..., Any]:
+        """Return the method, bound to its client."""
+        method: Callable[..., Any] = self._method.__get__(client, owner)
+        return method
+
+
+class GripClientBase:
+    """Sends requests and returns their replies.
+
+    Every method raises RequestRefused when the daemon refuses, NoAnswer when it does not answer, LeaseLost instead of
+    moving the gripper without its lease, LeaseInUse where another thread or task holds the lease of this client, and
+    MessageError for arguments that no message can carry. A request is never sent a second time, nor kept for a daemon that
+    is not there yet. The first request is preceded by ``hello``. A daemon accepts 50 requests a second from one client,
+    including the renewals of its lease (15 a second).
+
+    **The lease belongs to the thread or task that acquired it** (and to tasks created within its block). While it is held,
+    other threads and tasks that share the client may read, send gravity and record, and may stop: ``grip_hold`` and
+    ``gripper_stop``. What else needs the lease, or is refused while another client holds it, raises LeaseInUse.
+
+    Args:
+        endpoint: Where the daemon accepts requests; its default endpoint when None.
+        keys: Keys of this client, for a daemon across a network; None on this machine.
+        timeout_s: How long to wait for a reply.
+
+    Attributes:
+        timeout_s: The same; may be changed.
+
+    Raises:
+        CallError: The endpoint is not one.
+    """
+
+    def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
+        self.timeout_s = timeout_s
+        # IMMEDIATE: without it ZeroMQ keeps a request for a daemon that starts later, and delivers it then
+        where = requests_endpoint() if endpoint is None else endpoint
+        self._link = Link(zmq.DEALER, where, keys, {zmq.IMMEDIATE: 1})
+        self._protocol = RequestProtocol(where, time.monotonic_ns)
+        self._lease: LeaseKeeper | None = None
+        self._lease_slot = threading.Lock()
+
+    @property
+    def endpoint(self) -> str:
+        """Where the requests go."""
+        return self._link.endpoint
+
+    @property
+    def clock(self) -> ServerClock:
+        """The daemon's clock, as well as its replies so far show it; unknown before the first."""
+        return self._protocol.clock
+
+    def _request(self, op: str, /, **fields: Any) -> Steps[Any]:
+        """Send one request; fields that are None are left out."""
+        lease = self._lease
+        if lease is not None:
+            lease.check_op(op)
+        try:
+            return (
+                yield from self._protocol.request(op, {name: each for name, each in fields.items() if each is not None})
+            )
+        except RequestRefused as refusal:
+            if lease is not None and refusal.code in ("no_lease", "wrong_boot"):
+                lease.lose(str(refusal))
+            raise
+
+    def _claim(self, lease: LeaseKeeper) -> None:
+        """Reserve the one lease of this client before it is requested; LeaseInUse where it is taken."""
+        if not self._lease_slot.acquire(blocking=False):
+            raise lease_in_use("lease.acquire", self._lease.owner if self._lease else "another thread or task")
+        self._lease = lease
+
+    def _unclaim(self) -> None:
+        """Free it, once the daemon has it back."""
+        self._lease = None
+        self._lease_slot.release()
+
+    def _renewal(self, lease: LeaseKeeper) -> Steps[Reply]:
+        return self._protocol.request("lease.renew", {}, max(0.0, lease.left_s))
+
+    @operation
+    def request(self, op: str, /, **fields: Any) -> Steps[Any]:
+        """Send any operation, also one that this client does not know; fields that are None are left out."""
+        return self._request(op, **fields)
+
+    @operation
+    def hello(self) -> Steps[HelloReply]:
+        """Return the daemon's run, its clock, the version of the API, and the names of its fingers."""
+        return self._protocol.hello()
+
+    @operation
+    def status(self) -> Steps[StatusReply]:
+        """Return the state of the daemon, its fingers and its streams: the body of the ``status`` topic."""
+        return self._request("status")
+
+    @operation
+    def grip_set(self, force_n: float) -> Steps[GripReply]:
+        """Grip with ``force_n``."""
+        return self._request("grip.set", force_n=force_n)
+
+    @operation
+    def grip_adjust(self, delta_n: float) -> Steps[GripReply]:
+        """Increase the grip force by ``delta_n``; a negative value loosens the grip."""
+        return self._request("grip.adjust", delta_n=delta_n)
+
+    @operation
+    def grip_hold(self) -> Steps[HoldReply]:
+        """Keep the force in force, and stop fingers that move. Any thread or task may call it."""
+        return self._request("grip.hold")
+
+    @operation
+    def gripper_activate(self, *, drop: bool = False) -> Steps[Reply]:
+        """Make the gripper ready; some open and close fully for it. ``drop``: even if an object may be held."""
+        return self._request("gripper.activate", drop=drop or None)
+
+    @operation
+    def gripper_close(self, force_n: float, width_m: float | None = None, speed_mps: float | None = None) -> Steps[GripReply]:
+        """Close onto an object until the force is reached, or the width between the pads where one is given."""
+        return self._request("gripper.close", force_n=force_n, width_m=width_m, speed_mps=speed_mps)
+
+    @operation
+    def gripper_open(
+        self, *, drop: bool = False, width_m: float | None = None, speed_mps: float | None = None
+    ) -> Steps[GripReply]:
+        """Open, fully or to a width between the pads. ``drop``: even if an object is held, or may be."""
+        return self._request("gripper.open", drop=drop or None, width_m=width_m, speed_mps=speed_mps)
+
+    @operation
+    def gripper_stop(self) -> Steps[Reply]:
+        """Stop the fingers where they are. Any thread or task may call it."""
+        return self._request("gripper.stop")
+
+    @operation
+    def fault_ack(self) -> Steps[FaultReply]:
+        """Acknowledge the latched fault; until then nothing moves."""
+        return self._request("fault.ack")
+
+    @operation
+    def tare(
+        self, finger: str, seconds: float = TARE_S, stream: str | None = None, *, unloaded: bool = False
+    ) -> Steps[TareResult]:
+        """Take the mean of the next ``seconds`` as zero, and wait until the tare is taken.
+
+        Args:
+            finger: Name of the finger.
+            seconds: Averaging time, s.
+            stream: "wrench", "pad", or "all"; None: the stream that measures the force.
+            unloaded: Confirms that nothing touches the finger, although its normal force is clearly negative (reason
+                "pulled").
+
+        Raises:
+            TareGivenUp: The daemon began the tare and gave it up; ``reason`` says why.
+            CallError: ``seconds`` is not a positive time.
+        """
+        return self._tare(finger, seconds, stream, unloaded)
+
+    def _tare(self, finger: str, seconds: float, stream: str | None, unloaded: bool) -> Steps[TareResult]:
+        if self._lease is not None:
+            self._lease.check_op("tare")
+        return (yield from self._protocol.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded))
+
+    @operation
+    def tare_get(self, finger: str, stream: str | None = None) -> Steps[TareReply]:
+        """Return the tare in use of the stream "wrench" or "pad"; None: the one that measures the force."""
+        return self._request("tare.get", finger=finger, stream=stream)
+
+    @operation
+    def tare_undo(self, finger: str, stream: str | None = None) -> Steps[TareReply]:
+        """Return to the tare before the last one, of a stream as in `tare_get`."""
+        return self._request("tare.undo", finger=finger, stream=stream)
+
+    @operation
+    def gravity_set(self, finger: str, gravity_mps2: Sequence[float]) -> Steps[GravityReply]:
+        """Report gravity minus the finger's acceleration, m/s², in the frame of its pad; at 10 Hz or more."""
+        return self._request("gravity.set", finger=finger, gravity_mps2=list(gravity_mps2))
+
+    @operation
+    def friction_set(self, finger: str, mu_s: float, mu_d: float | None = None) -> Steps[FrictionReply]:
+        """Set the static and the dynamic coefficient of friction between a finger's pad and the object.
+
+        A value that makes verdicts more lenient, such as a larger ``mu_s``, needs the lease, unless the daemon's config
+        says otherwise.
+        """
+        return self._request("friction.set", finger=finger, mu_s=mu_s, mu_d=mu_d)
+
+    @operation
+    def record_start(self) -> Steps[RecordingReply]:
+        """Start a recording; the daemon chooses its name and path."""
+        return self._request("record.start")
+
+    @operation
+    def record_stop(self) -> Steps[RecordingReply]:
+        """End the recording."""
+        return self._request("record.stop")

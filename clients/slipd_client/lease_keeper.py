@@ -1,0 +1,115 @@
+"""Keeps account of one lease: until when it lasts, whether it is lost, and who may use it. Knows no thread or loop.
+
+A lease counts as lost here earlier than the daemon ends it, never later.
+"""
+
+from __future__ import annotations
+
+import time
+from contextvars import ContextVar
+
+from slipd_client.errors import LeaseInUse, LeaseLost, RequestRefused
+from slipd_client.messages.schema.ops import URGENT_OPS, lease_rule
+
+LEASE_MS = 200
+"""Life of a lease without renewal: for so long the daemon believes that a dead program still steers."""
+
+RENEWALS = 3
+"""Renewals within the life of a lease: two may come late before it ends."""
+
+_HELD: ContextVar[tuple[LeaseKeeper, ...]] = ContextVar("slipd_leases", default=())
+"""Leases of the thread or task that reads it, of whatever client; tasks inherit those of the task that creates them."""
+
+
+class LeaseKeeper:
+    """One lease from its acquisition to the end of its block.
+
+    It belongs to the thread or task that acquired it, and to the tasks that these create within the block.
+
+    Args:
+        ttl_ms: Life of the lease without renewal.
+        sent_ns: When it was requested, CLOCK_MONOTONIC. The daemon counts from the arrival, so it ends the lease later.
+        owner: Name of the thread or task, for errors.
+    """
+
+    def __init__(self, ttl_ms: int, sent_ns: int, owner: str) -> None:
+        self.owner = owner
+        self._ttl_ns = ttl_ms * 1_000_000
+        self._sent_ns = sent_ns
+        self._why = ""
+
+    @property
+    def lost(self) -> bool:
+        """The lease has ended, or may have ended; the next call that moves the gripper raises. A lost lease stays lost."""
+        if self.left_s <= 0:
+            self.lose("it was not renewed in time, because this program, the daemon or the connection was stalled")
+        return self._why != ""
+
+    @property
+    def why(self) -> str:
+        """Why it was lost; "" while it is not."""
+        return self._why if self.lost else ""
+
+    @property
+    def left_s(self) -> float:
+        """Time that it lasts without a further renewal, s."""
+        return (self._sent_ns + self._ttl_ns - time.monotonic_ns()) * 1e-9
+
+    @property
+    def period_s(self) -> float:
+        """Time between two renewals, s."""
+        return self._ttl_ns * 1e-9 / RENEWALS
+
+    def note_renewal(self, sent_ns: int) -> None:
+        """Note that the daemon confirmed a renewal sent at ``sent_ns``."""
+        self._sent_ns = sent_ns
+
+    def note_failure(self, error: Exception) -> None:
+        """Note that a renewal failed: the lease is lost, unless the daemon was only "busy" and may be asked again."""
+        if not (isinstance(error, RequestRefused) and error.code == "busy"):
+            self.lose(str(error))
+
+    def lose(self, why: str) -> None:
+        """Mark it as lost; the first reason stays."""
+        self._why = self._why or why
+
+    def check(self) -> None:
+        """Do nothing while the lease is held.
+
+        Raises:
+            LeaseLost: It is lost.
+        """
+        if self.lost:
+            raise LeaseLost(f"the lease is lost: {self._why}. Nothing was sent, and the gripper keeps its force")
+
+    def check_op(self, op: str) -> None:
+        """Do nothing where the calling thread or task may send ``op`` on the connection that holds this lease.
+
+        An op that keeps a grip as it is or makes it safer (``grip.hold``, ``gripper.stop``, ``lease.renew``) may come from
+        any of them.
+
+        Raises:
+            LeaseInUse: The op is for the holder, and another thread or task holds the lease.
+            LeaseLost: The op is for the holder, and the lease is lost.
+        """
+        rule = lease_rule(op)
+        if rule != "anyone" and op not in URGENT_OPS and self not in _HELD.get():
+            raise lease_in_use(op, self.owner)
+        if rule == "holder":
+            self.check()
+
+    def enter(self) -> None:
+        """Give the lease to the calling thread or task."""
+        _HELD.set((*_HELD.get(), self))
+
+    def leave(self) -> None:
+        """Take it back."""
+        _HELD.set(tuple(held for held in _HELD.get() if held is not self))
+
+
+def lease_in_use(op: str, owner: str) -> LeaseInUse:
+    """Return the error of a thread or task that wants to send ``op`` while ``owner`` holds the lease of the client."""
+    return LeaseInUse(
+        f"{op} was not sent: {owner} holds the lease of this client. "
+        "Each thread or task that moves the gripper needs a client of its own"
+    )

@@ -1,0 +1,232 @@
+"""Requests and their replies without a socket: what both grip clients send, and in which order.
+
+A call that takes several requests is a generator: it yields each step and receives its result. The blocking and the
+asyncio client carry the steps out, so every rule is written once.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import uuid
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Any, TypeVar, Union
+
+from slipd_client.clock import ServerClock
+from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, hint_for
+from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode
+from slipd_client.messages.schema.fields import Mismatch
+from slipd_client.messages.schema.ops import OPS, SECONDS
+from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
+
+TIMEOUT_S = 1.0
+"""Twice the longest deadline that a daemon accepts: no reply after that can mean that the request is still pending."""
+
+DEADLINE_NS = 250_000_000
+"""How far ahead a deadline lies: half of what a daemon accepts, so that the clocks may differ by as much."""
+
+GOOD_ERROR_NS = 25_000_000
+"""A tenth of the deadline: wanted accuracy of the daemon's clock."""
+
+GREETINGS = 4
+"""Number of requests for the clock on a slow line; the quickest answer bounds it best."""
+
+TARE_S: float = SECONDS.default or 0.0
+"""Long enough to average the noise of a force sensor, short enough for a finger to stay untouched."""
+
+TARE_POLL_S = 0.05
+"""Time between two requests for the state of a tare."""
+
+Result = dict[str, Any]
+"""The ``result`` of a reply."""
+
+
+@dataclass(frozen=True)
+class Ask:
+    """A step: send this request and return its result."""
+
+    op: str
+    fields: dict[str, Any]
+    timeout_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Pause:
+    """A step: let some time pass."""
+
+    seconds: float
+
+
+T = TypeVar("T")
+Steps = Generator[Union[Ask, Pause], Result, T]
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """A packed request: its id, when it left (CLOCK_MONOTONIC), and its bytes."""
+
+    number: str
+    sent_ns: int
+    data: bytes
+
+
+class RequestProtocol:
+    """One client's requests to one daemon.
+
+    Args:
+        endpoint: Where they go, for errors.
+        now_ns: CLOCK_MONOTONIC.
+
+    Attributes:
+        clock: The daemon's clock.
+        boot: The daemon's run; None until ``hello`` was answered.
+    """
+
+    def __init__(self, endpoint: str, now_ns: Callable[[], int]) -> None:
+        self.endpoint = endpoint
+        self.clock = ServerClock()
+        self.boot: str | None = None
+        self._now_ns = now_ns
+        self._unreadable = ""
+        self._prefix = uuid.uuid4().hex[:16]
+        self._numbers = itertools.count(1)
+
+    def hello(self) -> Steps[HelloReply]:
+        """Ask for the daemon's run and clock, again while the line was too slow to bound the clock well."""
+        for _ in range(GREETINGS):
+            result = yield Ask("hello", {})
+            try:
+                reply = typed_reply(HelloReply, result)
+            except Mismatch as mismatch:
+                raise NoAnswer(
+                    f"{self.endpoint} answers hello, but {mismatch.path} {mismatch.rule}: is this slipd?"
+                ) from mismatch
+            self.boot = reply.boot
+            if self._error_ns() <= GOOD_ERROR_NS:
+                break
+        return reply
+
+    def request(self, op: str, fields: dict[str, Any], timeout_s: float | None = None) -> Steps[Any]:
+        """Send one request, after ``hello`` where run or clock are not known; return the reply as the op's class.
+
+        A clock that is read again never redirects a request to a restarted daemon. That request is refused, so that the
+        program learns of the restart; the next request greets the new daemon.
+        """
+        boot = self.boot
+        if boot is None or self._error_ns() > DEADLINE_NS // 2:
+            yield from self.hello()
+        if boot is not None:
+            self.boot = boot
+        try:
+            result = yield Ask(op, fields, timeout_s)
+        except RequestRefused as refusal:
+            if refusal.code in ("wrong_boot", "deadline_passed", "deadline_too_far"):
+                self.boot = None  # what hello returned is out of date
+                self.clock.forget()
+            raise
+        return self._typed(op, result)
+
+    def tare(
+        self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
+    ) -> Steps[TareResult]:
+        """Start a tare of one stream, or of "all", and wait until it is taken."""
+        if not 0 < seconds < math.inf:
+            raise CallError(f"seconds must be a positive time, e.g. {TARE_S}, got {seconds}")
+        named = {} if stream is None else {"stream": stream}
+        confirmed = {"unloaded": True} if unloaded else {}
+        begun: TareBegun = yield from self.request("tare", {"finger": finger, "seconds": seconds} | named | confirmed)
+        until_ns = self._now_ns() + int((seconds + timeout_s) * 1e9)
+        verified = {"verified": begun.verified}
+        if stream != "all" or not begun.tare_ids:
+            tare = yield from self._wait_for_tare({"finger": finger} | named, begun.tare_id, until_ns)
+            return TareResult(tare | verified, finger, begun.verified, {tare.stream or "": tare})
+        tares = {}
+        for kind, before in begun.tare_ids.items():
+            tares[kind] = yield from self._wait_for_tare({"finger": finger, "stream": kind}, before, until_ns)
+        return TareResult({"finger": finger, "streams": tares} | verified, finger, begun.verified, tares)
+
+    def _wait_for_tare(self, fields: dict[str, str], before: int | None, until_ns: int) -> Steps[TareReply]:
+        """Wait until the tare after ``before`` is taken."""
+        what = " ".join(fields.values())
+        while True:
+            tare: TareReply = yield from self.request("tare.get", fields)
+            if not tare.busy:
+                break
+            if self._now_ns() > until_ns:
+                raise NoAnswer(f"the tare of {what} was not taken in time: too few readings arrive")
+            yield Pause(TARE_POLL_S)
+        if tare.tare_id != before:
+            return tare
+        if tare.given_up is None:  # neither taken nor given up: only tare.undo leaves that behind
+            raise TareGivenUp("undone", f"the tare of {what} was given up: {TARE_REASONS['undone'].replace('`', '')}")
+        raise TareGivenUp(tare.given_up_reason or "", f"the tare of {what} was given up: {tare.given_up}")
+
+    def pack(self, ask: Ask) -> Envelope:
+        """Return a request as it leaves now.
+
+        Raises:
+            MessageError: The fields make no acceptable message (NaN, a string that is too long).
+            NoAnswer: The daemon's clock became unknown, so there is no deadline to send.
+        """
+        number = f"{self._prefix}-{next(self._numbers)}"
+        now_ns = self._now_ns()
+        body: dict[str, Any] = {"v": PROTOCOL_VERSION, "id": number, "op": ask.op}
+        if ask.op != "hello":
+            earliest_ns = self.clock.earliest_ns(now_ns)
+            if earliest_ns is None:
+                raise NoAnswer(f"the clock of {self.endpoint} is no longer known; nothing was sent")
+            body |= {"boot": self.boot, "deadline_ns": earliest_ns + DEADLINE_NS}
+        data = encode(body | ask.fields)
+        decode(data)
+        return Envelope(number, now_ns, data)
+
+    def result(self, envelope: Envelope, frames: list[bytes]) -> Result | None:
+        """Return the result in the reply to a request; None for the reply to an earlier one, or an unreadable one.
+
+        Raises:
+            RequestRefused: The reply is a refusal.
+        """
+        try:
+            reply = decode(b"".join(frames), MESSAGE_LIMITS)
+        except MessageError as error:
+            self._unreadable = f"; a reply could not be read: {error}"
+            return None
+        if reply.get("id") != envelope.number:
+            return None
+        self._unreadable = ""
+        t_ns = reply.get("t_ns")
+        result, fault = reply.get("result"), reply.get("error")
+        if type(t_ns) is not int and type(result) is dict:
+            t_ns = result.get("t_ns")
+        if type(t_ns) is int:
+            self.clock.hear(envelope.sent_ns, self._now_ns(), t_ns)
+        if reply.get("ok") is True and type(result) is dict:
+            return result
+        if type(fault) is not dict:
+            fault = {"code": "malformed", "message": "the reply has neither a result nor an error"}
+        raise RequestRefused(
+            str(fault.get("code")), str(fault.get("message") or "no reason given"), str(fault.get("field") or "")
+        )
+
+    def no_listener(self) -> NoAnswer:
+        """Return the error of a request that nobody was there to receive."""
+        return NoAnswer(f"nobody accepts requests at {self.endpoint}; nothing was sent. {hint_for(self.endpoint)}")
+
+    def no_reply(self, timeout_s: float) -> NoAnswer:
+        """Return the error of a request that was sent and not answered."""
+        text = f"no answer from {self.endpoint} within {timeout_s:g} s; the request may or may not have been carried out"
+        return NoAnswer(text + self._unreadable)
+
+    def _typed(self, op: str, result: Result) -> Reply:
+        """Return a result as the class of its op."""
+        try:
+            return typed_reply(OPS[op].reply if op in OPS else Reply, result)
+        except Mismatch as mismatch:
+            raise NoAnswer(
+                f"{self.endpoint} carried out {op}, but in its reply {mismatch.path} {mismatch.rule}"
+            ) from mismatch
+
+    def _error_ns(self) -> float:
+        error_ns = self.clock.error_ns(self._now_ns())
+        return math.inf if error_ns is None else error_ns
