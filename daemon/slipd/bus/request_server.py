@@ -16,7 +16,6 @@ from typing import Any
 from slipd.bus.rate_limit import RateLimit
 from slipd.publish.replies import error_body
 from slipd.refusal import Refusal
-from slipd.requests.idempotency import URGENT_OPS
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
 from slipd.zmtp.peer import Peer
@@ -24,6 +23,7 @@ from slipd.zmtp.peer_rules import PeerRules
 from slipd.zmtp.time_accounts import SHARE
 from slipd.zmtp.wire import ProtocolError
 from slipd_client.messages import REQUEST_LIMITS, MessageError, decode, encode
+from slipd_client.messages.schema.ops import URGENT_OPS
 
 MOST_QUEUED = 100
 """Replies queued for a client that does not read them; the rest are dropped."""

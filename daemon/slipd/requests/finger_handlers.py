@@ -9,17 +9,15 @@ from __future__ import annotations
 from slipd.config import Requests
 from slipd.events import Request
 from slipd.finger.finger import Finger
-from slipd.finger.finger_tares import STREAMS, Tares
+from slipd.finger.finger_tares import Tares
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.refusal import Refusal
 from slipd.requests.gripper_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
+from slipd_client.messages.schema.ops import SECONDS, STREAM, STREAM_OR_ALL
 
-DEFAULT_TARE_S = 0.5
-#: A longer average contains drift of the sensor.
-LONGEST_TARE_S = 10.0
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"
 
 
@@ -67,13 +65,12 @@ class FingerHandlers:
         return Tares.of(finger, stream)
 
     def _tare(self, request: Request, t_ns: int) -> Result:
-        tares = self._tares(request, (*STREAMS, "all"))
+        tares = self._tares(request, STREAM_OR_ALL.words)
         if isinstance(tares, Refusal):
             return tares
-        seconds = request.body.get("seconds", DEFAULT_TARE_S)
-        if not 0.0 < seconds <= LONGEST_TARE_S:
-            rule = f"seconds must be above 0 and at most {LONGEST_TARE_S:g}, got {seconds:g}"
-            return Refusal("out_of_range", rule, "seconds")
+        seconds = request.body.get("seconds", SECONDS.default)
+        if not SECONDS.has(seconds):
+            return Refusal("out_of_range", f"seconds must be {SECONDS.number_range}, got {seconds:g}", "seconds")
         unloaded = request.body.get("unloaded", False)
         refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)
         if refusal is not None:
@@ -86,11 +83,11 @@ class FingerHandlers:
         return replies.tare_begun(tares, seconds, verified=verified)
 
     def _tare_get(self, request: Request, _: int) -> Result:
-        tares = self._tares(request, STREAMS)
+        tares = self._tares(request, STREAM.words)
         return tares if isinstance(tares, Refusal) else replies.tare_in_use(tares)
 
     def _tare_undo(self, request: Request, t_ns: int) -> Result:
-        tares = self._tares(request, STREAMS)
+        tares = self._tares(request, STREAM.words)
         if isinstance(tares, Refusal):
             return tares
         refusal = self._check_others_lease(request, t_ns, "changed")

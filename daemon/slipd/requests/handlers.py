@@ -15,10 +15,11 @@ from slipd.publish.wire_values import Body
 from slipd.refusal import Refusal
 from slipd.requests.finger_handlers import FingerHandlers
 from slipd.requests.gripper_handlers import gripper_handlers
-from slipd.requests.idempotency import URGENT_OPS, IdempotencyCache
+from slipd.requests.idempotency import IdempotencyCache
 from slipd.requests.lease_handlers import LeaseHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
+from slipd_client.messages.schema.ops import URGENT_OPS
 
 
 class RequestHandlers:

@@ -9,16 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from slipd.refusal import Refusal
+from slipd_client.messages.schema.ops import OPEN_OPS
 
-#: Ops that change nothing and need neither the id of the run nor a deadline; every copy is answered anew.
-OPEN_OPS = frozenset({"hello", "status"})
 #: Requests of one client that are kept at once: 50 per second with the longest deadline are 25, plus a burst.
 PER_CLIENT = 64
 #: Clients that are kept at once: several times as many as can be connected, as some reconnect. Beyond this number new
 #: clients are refused, and never one of those kept.
 MOST_CLIENTS = 1024
-#: Ops that keep a grip as it is or make it safer: the lease holder never gets "busy" for them.
-URGENT_OPS = frozenset({"lease.renew", "grip.hold", "gripper.stop"})
 
 
 @dataclass(frozen=True, slots=True)

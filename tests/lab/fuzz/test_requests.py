@@ -25,7 +25,7 @@ from slipd.gripper import motion_gate, reflex
 from slipd.permit import Permit
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.idempotency import IdempotencyCache
-from slipd.requests.request_check import OPS
+from slipd_client.messages.schema.ops import OPS
 
 SEED = 20261122  # the same every time; `python -m fuzz` draws others
 AGAIN = f"PYTHONPATH=tests/support:tests/lab python -m fuzz --only requests --seed {SEED} --rounds 1"

@@ -9,7 +9,7 @@ import re
 import pytest
 from project import DAEMON, DOCS
 
-from slipd.requests.request_check import OPS
+from slipd_client.messages.schema.ops import OPS
 from slipd.samples import WrenchSample
 from slipd_client.messages import (
     ERROR_CODES,

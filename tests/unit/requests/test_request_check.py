@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.requests.request_check import OPS, check_request
+from slipd.requests.request_check import check_request
 from slipd_client.messages import ERROR_CODES
 
 T_NS = 81_000_000_000

@@ -14,8 +14,8 @@ import pytest
 
 from slipd.devices.robotiq_2f import robotiq_registers
 from slipd.events import Reply
-from slipd.requests.request_check import OPS
 from slipd_client.messages import MessageError, decode, encode
+from slipd_client.messages.schema.ops import OPS
 
 MS = 1_000_000
 Run = Any
