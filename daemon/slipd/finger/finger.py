@@ -138,7 +138,7 @@ class Finger:
 
     def disconnect(self, t_ns: int) -> FingerState:
         """Return the state at ``t_ns`` without the force stream, which ended; its tare would average across the gap."""
-        self.tare.abort("the stream ended")
+        self.tare.abort("ended")
         self._held.clear()
         return self._path.lose_force(t_ns)
 
@@ -146,7 +146,7 @@ class Finger:
         """Forget the image: its stream ended."""
         self._path.forget_comparison()
         if self.image is not None:
-            self.image.tare.abort("the stream ended")
+            self.image.tare.abort("ended")
             self.image.forget()
 
     @property

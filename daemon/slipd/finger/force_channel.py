@@ -200,7 +200,7 @@ class ForceChannel:
         if self.tare.busy and before is not None:
             turned_n = self._mass_kg * math.dist(before, gravity_mps2)
             if turned_n > self._noise[0]:
-                self.tare.abort("the finger was turned")
+                self.tare.abort("turned")
 
     def doubt(self, t_ns: int) -> Doubt:
         """How far a reading at ``t_ns`` may be off."""

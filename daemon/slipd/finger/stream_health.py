@@ -72,4 +72,4 @@ def _device_status(status: tuple[str, ...]) -> list[Condition]:
 
 
 def _aborted_tare(tare: Tare) -> list[Condition]:
-    return [(Health.OK, f"the last tare was given up: {tare.aborted_reason}")] if tare.aborted_reason else []
+    return [(Health.OK, f"the last tare was given up: {tare.aborted_text}")] if tare.aborted_text else []

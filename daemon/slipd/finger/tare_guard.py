@@ -41,16 +41,16 @@ class TareGuard:
         """Give up tares whose stream fell silent; arguments as of `Freshness.silent_ns`."""
         main, image = self.main, self._image
         if main.busy and self._freshness.silent_ns(t_ns, unread_ns) > LONGEST_GAP_NS:
-            main.abort("the stream fell silent")
+            main.abort("silent")
         if image is not None and image.tare.busy and image.freshness.silent_ns(t_ns, unread_ns) > LONGEST_GAP_NS:
-            image.tare.abort("the stream fell silent")
+            image.tare.abort("silent")
 
     def check_load(self, state: FingerState) -> None:
         """Give up tares that a load would spoil; ``state`` is that after the newest force reading."""
         main, image, presence = self.main, self._image, self._presence
         if main.busy and presence.is_pressed(state):
-            main.abort("a contact began")
+            main.abort("contact")
         elif main.busy and presence.is_pulled(state) and not self.unloaded:
-            main.abort("the normal force became negative, as if the pad were pulled")
+            main.abort("pulled")
         if image is not None and image.tare.busy and presence.is_measured(state):
-            image.tare.abort("a contact began")
+            image.tare.abort("contact")

@@ -110,7 +110,8 @@ def tare_in_use(tares: Tares) -> Body:
         "gravity_mps2": None if offset.gravity_mps2 is None else offset.gravity_mps2.tolist(),
         "std": None if offset.std is None else offset.std.ravel().tolist(),
         "busy": tare.busy,
-        "given_up": tare.aborted_reason or None,
+        "given_up": tare.aborted_text or None,
+        "given_up_reason": tare.aborted_reason,
     }
 
 

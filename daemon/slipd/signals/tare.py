@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.signals.averaging import MOVING_FACTOR, Average, most_std
+from slipd_client.messages import TareReason
 
 Array = NDArray[np.float64]
 
@@ -15,6 +16,16 @@ Array = NDArray[np.float64]
 MIN_READINGS = 8
 #: Author of the offset that comes from the config.
 BY_CONFIG = "config"
+#: Text for each reason to abort a tare.
+_TEXTS: dict[TareReason, str] = {
+    "contact": "a contact began",
+    "pulled": "the normal force became negative, as if the pad were pulled",
+    "moved": "the readings moved",
+    "turned": "the finger was turned",
+    "silent": "the stream fell silent",
+    "ended": "the stream ended",
+    "undone": "undone before it was taken",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +63,8 @@ class Tare:
 
     Attributes:
         current: The offset in force.
-        aborted_reason: Why the newest tare was aborted, or "".
+        aborted_reason: Why the newest tare was aborted; None if it was not.
+        aborted_text: The same for people, or "".
 
     Raises:
         ValueError: The noise is negative, not finite, or differs in shape from the offset.
@@ -61,7 +73,8 @@ class Tare:
     def __init__(self, initial: Array, noise: Array | None = None) -> None:
         value = np.array(initial, dtype=np.float64)
         self.current = Offset(0, value, None, 0, BY_CONFIG, None, np.zeros(3))
-        self.aborted_reason = ""
+        self.aborted_reason: TareReason | None = None
+        self.aborted_text = ""
         stated = np.zeros_like(value) if noise is None else np.array(noise, dtype=np.float64)
         if stated.shape != value.shape or not ((stated >= 0.0) & np.isfinite(stated)).all():
             raise ValueError(f"noise must be finite, not negative, and of shape {value.shape}, got {noise}")
@@ -91,13 +104,18 @@ class Tare:
         self._until_ns = t_ns + round(seconds * 1e9)
         self._by, self._gravity = by, gravity_mps2
         self._average = Average(self.current.value.shape)
-        self.aborted_reason = ""
+        self.aborted_reason, self.aborted_text = None, ""
 
-    def abort(self, reason: str = "given up") -> None:
-        """Abort a running tare; the offset in force stays."""
+    def abort(self, reason: TareReason, text: str = "") -> None:
+        """Abort a running tare; the offset in force stays.
+
+        Args:
+            reason: Why.
+            text: The same for people; by default the text of the reason.
+        """
         if self._until_ns is not None:
             self._until_ns = None
-            self.aborted_reason = reason
+            self.aborted_reason, self.aborted_text = reason, text or _TEXTS[reason]
 
     def undo(self) -> bool:
         """Abort a running tare, or else restore the offset before the last tare.
@@ -106,7 +124,7 @@ class Tare:
             False if there is nothing to undo: only one step back is possible, and no step forward.
         """
         if self.busy:
-            self.abort("undone before it was taken")
+            self.abort("undone")
             return True
         if self._before is None:
             return False
@@ -126,7 +144,7 @@ class Tare:
             return
         std = average.std
         if (std > self._most_std).any():
-            self.abort(self._moved(std))
+            self.abort("moved", self._moved(std))
             return
         self._count += 1
         self._before = self.current

@@ -108,7 +108,7 @@ def test_what_is_broken_is_found(
 
 
 def test_every_op_and_each_of_its_fields_is_asked_for() -> None:
-    assert {op: set(fields) for op, fields in FIELDS.items()} == {op: set(fields) for op, fields in OPS.items()}
+    assert {op: set(fields) for op, fields in FIELDS.items()} == {name: set(op.fields) for name, op in OPS.items()}
 
 
 def test_what_is_asked_is_of_every_kind_and_mostly_within_the_size_that_is_read() -> None:

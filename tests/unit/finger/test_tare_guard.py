@@ -67,7 +67,7 @@ def test_tare_is_given_up_after_500_ms_of_silence(noisy: NoisyFinger) -> None:
     noisy.finger.check_silence(noisy.t_ns + 400 * MS)
     assert noisy.finger.tare.busy
     noisy.finger.check_silence(noisy.t_ns + 600 * MS)
-    assert (noisy.finger.tare.busy, noisy.finger.tare.aborted_reason) == (False, "the stream fell silent")
+    assert (noisy.finger.tare.busy, noisy.finger.tare.aborted_reason) == (False, "silent")
 
 
 def test_tare_averages_readings_that_arrive_together(noisy: NoisyFinger) -> None:

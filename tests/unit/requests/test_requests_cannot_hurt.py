@@ -46,7 +46,7 @@ ENVELOPE = ("id", "boot", "deadline_ns", "v", "zz")
 def any_request(rng: random.Random) -> tuple[Any, ...]:
     """Return a request of any op, mostly a motion with valid fields."""
     op = rng.choice((*OPS, *MOVES, *MOVES, *MOVES, *OPENING, "grip.hold", "fault.ack"))
-    fields = [name for name, field in OPS[op].items() if field.required or rng.random() < 0.3]
+    fields = [name for name, field in OPS[op].fields.items() if field.required or rng.random() < 0.3]
     body = {"op": op} | {name: rng.choice(ODD if rng.random() < 0.1 else RIGHT[name]) for name in fields}
     if rng.random() < 0.05:
         body[rng.choice(ENVELOPE)] = rng.choice(ODD)

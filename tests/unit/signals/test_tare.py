@@ -123,7 +123,7 @@ def test_a_tare_that_is_given_up_leaves_the_old_one() -> None:
     tare = Tare(np.array((3.0,)))
     tare.begin(0, 0.005)
     feed(tare, [[9.0]] * 5)
-    tare.abort()
+    tare.abort("contact")
     assert not tare.busy
     feed(tare, [[9.0]] * 20, start_ns=5 * MS)
     assert tare.current.id == 0
@@ -179,9 +179,9 @@ def test_readings_that_move_are_no_tare_and_the_reason_can_be_read() -> None:
     assert not tare.busy
     assert tare.current.id == 0
     assert_array_equal(tare.current.value, (3.0, 0.0))
-    assert tare.aborted_reason == "the readings moved: component 1 spreads by 0.592, its noise is 0.02; hold still"
+    assert tare.aborted_text == "the readings moved: component 1 spreads by 0.592, its noise is 0.02; hold still"
     tare.begin(20 * MS, 0.019)
-    assert tare.aborted_reason == ""
+    assert tare.aborted_reason is None
     feed(tare, [[3.0, 0.02 * (-1) ** k] for k in range(20)], start_ns=20 * MS)
     assert tare.current.id == 1
 
@@ -216,11 +216,11 @@ def test_F4_a_press_in_the_second_half_of_a_tare_is_reported_or_harmless(seed: i
 
 def test_F4_an_aborted_tare_gives_its_reason() -> None:
     tare = Tare(np.zeros(1))
-    tare.abort("nothing to give up")
-    assert tare.aborted_reason == ""
+    tare.abort("contact")
+    assert tare.aborted_reason is None
     tare.begin(0, 1.0)
-    tare.abort("the finger was touched")
-    assert tare.aborted_reason == "the finger was touched"
+    tare.abort("contact")
+    assert (tare.aborted_reason, tare.aborted_text) == ("contact", "a contact began")
 
 
 def test_to_undo_a_tare_that_is_being_measured_is_to_give_it_up() -> None:
@@ -230,7 +230,7 @@ def test_to_undo_a_tare_that_is_being_measured_is_to_give_it_up() -> None:
     tare.begin(10 * MS, 1.0)
     assert tare.undo()
     assert not tare.busy
-    assert tare.aborted_reason == "undone before it was taken"
+    assert (tare.aborted_reason, tare.aborted_text) == ("undone", "undone before it was taken")
     assert tare.current.id == 1, "the tare before it still holds"
     assert tare.undo()
     assert tare.current.id == 0
