@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar,
 import zmq
 
 from slipd_client.clock import ServerClock
-from slipd_client.errors import RequestRefused
-from slipd_client.lease_keeper import LeaseKeeper, lease_in_use
+from slipd_client.errors import LeaseInUse, RequestRefused
+from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
 from slipd_client.link import Link
 from slipd_client.messages.schema.replies import (
     FaultReply,
@@ -127,7 +127,8 @@ class GripClientBase:
     def _claim(self, lease: LeaseKeeper) -> None:
         """Reserve the one lease of this client before it is requested; LeaseInUse where it is taken."""
         if not self._lease_slot.acquire(blocking=False):
-            raise lease_in_use("lease.acquire", self._lease.owner if self._lease else "another thread or task")
+            owner = self._lease.owner if self._lease else "another thread or task"
+            raise LeaseInUse(f"a client holds one lease at a time, and {owner} holds that of this client; {ONE_CLIENT_EACH}")
         self._lease = lease
 
     def _unclaim(self) -> None:

@@ -17,6 +17,8 @@ LEASE_MS = 200
 RENEWALS = 3
 """Renewals within the life of a lease: two may come late before it ends."""
 
+ONE_CLIENT_EACH = "each thread or task that moves the gripper needs a client of its own"
+
 _HELD: ContextVar[tuple[LeaseKeeper, ...]] = ContextVar("slipd_leases", default=())
 """Leases of the thread or task that reads it, of whatever client; tasks inherit those of the task that creates them."""
 
@@ -94,7 +96,7 @@ class LeaseKeeper:
         """
         rule = lease_rule(op)
         if rule != "anyone" and op not in URGENT_OPS and self not in _HELD.get():
-            raise lease_in_use(op, self.owner)
+            raise LeaseInUse(f"{op} was not sent: {self.owner} holds the lease of this client; {ONE_CLIENT_EACH}")
         if rule == "holder":
             self.check()
 
@@ -105,11 +107,3 @@ class LeaseKeeper:
     def leave(self) -> None:
         """Take it back."""
         _HELD.set(tuple(held for held in _HELD.get() if held is not self))
-
-
-def lease_in_use(op: str, owner: str) -> LeaseInUse:
-    """Return the error of a thread or task that wants to send ``op`` while ``owner`` holds the lease of the client."""
-    return LeaseInUse(
-        f"{op} was not sent: {owner} holds the lease of this client. "
-        "Each thread or task that moves the gripper needs a client of its own"
-    )

@@ -174,7 +174,7 @@ def _watch(
                     tally.add(message)
                 if display is not None:
                     if message is not None:
-                        display.take(message)
+                        display.add(message)
                     display.refresh(subscriber.age_s or 0.0)
     except KeyboardInterrupt:
         print()

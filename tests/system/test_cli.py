@@ -22,7 +22,7 @@ from slipd import __version__, config
 from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
 from slipd_client.messages import MESSAGE_LIMITS, decode
-from slipd_client.view import View
+from slipd_client.live_view import LiveView
 
 START_S = 1.0  # where an imported trial begins
 SLIPD = str(Path(sys.executable).with_name("slipd"))
@@ -79,7 +79,7 @@ def test_replayed_messages_are_complete_and_one_per_line(recording: Path, capsys
 
 
 def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    view, shown = View(), ""
+    view, shown = LiveView(), ""
     for body in replayed(recording, capsys):
         view.update(body["topic"], body)
         assert body.get("force_unit", "uncalibrated") == "uncalibrated"

@@ -8,12 +8,12 @@ from typing import Any
 
 from slipd.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
-from slipd_client.messages.schema.fields import INTEGER, NUMBER, TRIPLE, Field, Kind
-from slipd_client.messages.schema.ops import OPEN_OPS, OPS
+from slipd_client.messages.schema.fields import INTEGER, NUMBER, TEXT_OR_INTEGER, TRIPLE, Field, Kind
+from slipd_client.messages.schema.ops import ENVELOPE, OPEN_OPS, OPS
 
 #: A deadline may be this far ahead: a request that waited longer was meant for another situation.
 LONGEST_DEADLINE_NS = 500_000_000
-_ENVELOPE = frozenset({"v", "id", "op", "boot", "deadline_ns"})
+_ENVELOPE = frozenset(field.name for field in ENVELOPE)
 
 
 #: Names of the types of msgpack, for refusals.
@@ -34,7 +34,7 @@ def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
         return Refusal("unsupported_version", f"v must be {PROTOCOL_VERSION}, {_found(body, 'v')}", "v")
     if "id" not in body:
         return Refusal("missing_field", "id is missing: a string or an integer of the client's choice", "id")
-    if not isinstance(body["id"], str) and not _is_integer(body["id"]):
+    if not TEXT_OR_INTEGER.fits(body["id"]):
         return Refusal("bad_type", f"id must be a string or an integer, not {_type_of(body['id'])}", "id")
     op = body.get("op")
     if not isinstance(op, str) or op not in OPS:

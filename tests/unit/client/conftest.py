@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import zmq
 
-from slipd_client import holding
+from slipd_client import lease_keeper
 from slipd_client.messages import PROTOCOL_VERSION, decode, encode
 
 PATIENCE_MS = 10_000
@@ -77,6 +77,7 @@ class Daemon(threading.Thread):
         self.secret = secret
         self.requests: list[dict[str, Any]] = []
         self.handlers: dict[str, Handler] = {"hello": self._hello}
+        self.handlers |= dict.fromkeys(("tare.get", "tare.undo"), lambda _: {"tare_id": 0, "busy": False})
         self._stopping = threading.Event()
         self._bound = threading.Event()
         self.start()
@@ -118,7 +119,7 @@ class Daemon(threading.Thread):
         return [encode(head | (outcome if "error" in outcome else {"result": outcome}))]
 
     def _hello(self, _: dict[str, Any]) -> dict[str, Any]:
-        return {"boot": self.boot, "t_ns": self.now_ns(), "version": "0.1.0"}
+        return {"boot": self.boot, "t_ns": self.now_ns(), "version": PROTOCOL_VERSION, "fingers": ["left"]}
 
     def stop(self) -> None:
         self._stopping.set()
@@ -191,5 +192,5 @@ def daemon(start_daemon: Callable[..., Daemon]) -> Daemon:
 @pytest.fixture
 def often(monkeypatch: pytest.MonkeyPatch) -> int:
     """Life of a lease, ms, that no stall ends and that is renewed often all the same."""
-    monkeypatch.setattr(holding, "RENEWALS", 10_000)
+    monkeypatch.setattr(lease_keeper, "RENEWALS", 10_000)
     return 60_000

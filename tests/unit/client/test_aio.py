@@ -48,7 +48,7 @@ async def test_silence_is_told_and_iterating_anew_goes_on(publisher: Publisher) 
         await joined(publisher)
         with pytest.raises(Silence, match=r"for 0\.05 s"):
             await anext(aiter(subscriber))
-        subscriber._hearing.silence_s = PATIENCE_S
+        subscriber._tracker.silence_s = PATIENCE_S
         publisher.send("slip.left", 1)
         assert (await anext(aiter(subscriber))).seq == 1
 
@@ -176,7 +176,7 @@ async def test_a_late_reply_and_one_to_a_cancelled_request_are_not_taken_for_the
     async with AsyncGripClient(daemon.endpoint) as client:
         await client.hello()
         with pytest.raises(NoAnswer, match="may or may not"):
-            await client._run(client._asking.request("silent", {}, 0.05))
+            await client._run(client._protocol.request("silent", {}, 0.05))
         for told in range(20):
             asking = asyncio.create_task(client.request("echo", told=-1))
             await asyncio.sleep(0)

@@ -285,7 +285,7 @@ def test_a_tare_that_was_given_up_is_told(daemon: Daemon) -> None:
 
 
 def test_a_tare_without_readings_is_told(daemon: Daemon) -> None:
-    daemon.handlers["tare.get"] = lambda _: {"busy": True}
+    daemon.handlers["tare.get"] = lambda _: {"busy": True, "tare_id": 1}
     with GripClient(daemon.endpoint, timeout_s=0.3) as client, pytest.raises(NoAnswer, match="too few readings"):
         client.tare("left", 0.1)
 

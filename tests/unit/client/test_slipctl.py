@@ -32,7 +32,7 @@ def test_without_a_daemon_every_request_fails_with_a_clear_line(
     assert main(["--requests", requests, *command]) == 1
     shown = capsys.readouterr()
     assert shown.out == ""
-    assert shown.err == (f"slipctl: nobody takes requests at {requests}; nothing was sent. Is slipd running?\n")
+    assert shown.err == (f"slipctl: nobody accepts requests at {requests}; nothing was sent. Is slipd running?\n")
 
 
 def test_the_process_exits_with_1_when_no_daemon_answers(requests: str, slipctl: Start) -> None:
@@ -54,8 +54,9 @@ def test_the_process_exits_with_1_when_no_daemon_answers(requests: str, slipctl:
         (["grip", "set", "lots"], "must be a number, got 'lots'"),
         (["grip", "set", "nan"], "finite"),
         (["grip", "set", "inf"], "finite"),
-        (["grip", "set", "-5"], "finite number from 0 up"),
-        (["grip", "set", "0"], "must be above 0, got 0"),
+        (["grip", "set", "-5"], "must be at least 0, got -5"),
+        (["tare", "take", "left", "--seconds", "11"], "must be above 0, at most 10, got 11"),
+        (["tare", "get", "left", "--stream", "all"], "invalid choice"),
         (["grip", "set", "5", "--hold", "-1"], "--hold"),
         (["grip", "adjust", "nan"], "finite"),
         (["grip", "open", "--width-m", "wide"], "--width-m"),
@@ -193,11 +194,12 @@ def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:
 def test_each_command_sends_its_op_and_prints_the_result(
     daemon: Daemon, capsys: pytest.CaptureFixture[str], arguments: list[str], op: str, fields: dict[str, Any]
 ) -> None:
-    daemon.handlers[op] = lambda _: {"done": True}
+    tare = {"tare_id": 3, "busy": False} if op.startswith("tare.") else {}
+    daemon.handlers[op] = lambda _: tare | {"done": True}
     assert main(["--requests", daemon.endpoint, *arguments]) == 0
     asked = next(request for request in daemon.requests if request["op"] == op)
     assert {name: asked[name] for name in asked if name not in ENVELOPE} == fields
-    assert capsys.readouterr().out == "done: true\n"
+    assert capsys.readouterr().out == ("tare_id: 3\nbusy: false\n" if tare else "") + "done: true\n"
     leased = op.startswith(("grip", "fault", "friction", "tare.undo"))
     assert [each for each in daemon.ops if each.startswith("lease") and each != "lease.renew"] == (
         ["lease.acquire", "lease.release"] if leased else []
@@ -242,7 +244,7 @@ def test_ctrl_c_while_holding_gives_the_lease_back(daemon: Daemon, slipctl: Star
 
 def test_ctrl_c_while_waiting_for_an_answer_is_told(daemon: Daemon, slipctl: Start) -> None:
     daemon.handlers["tare"] = lambda _: None
-    process = slipctl("--requests", daemon.endpoint, "tare", "take", "left", "--seconds", "60")
+    process = slipctl("--requests", daemon.endpoint, "tare", "take", "left", "--seconds", "10")
     while "tare" not in daemon.ops:
         assert process.poll() is None
         time.sleep(0.01)

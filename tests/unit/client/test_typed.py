@@ -122,7 +122,7 @@ def test_what_an_older_daemon_does_not_send_is_none_and_the_rest_must_be_there(
 @pytest.mark.parametrize(
     ("fields", "complaint"),
     [
-        ({"level": "fine"}, "level: one of no_contact, stable"),
+        ({"level": "fine"}, "level must be one of no_contact, stable"),
         ({"level": 3}, "level"),
         ({"level": ["stable"]}, "level"),
         ({"finger": 1}, "finger: str expected"),

@@ -224,6 +224,12 @@ def _exactly(wanted: type[Any], phrase: str) -> Callable[[Any], Any]:
     return read
 
 
+def _text_or_integer(value: Any) -> Any:
+    if type(value) not in (str, int):
+        raise _mismatch("a string or an integer", value)
+    return value
+
+
 def _vector(count: int, phrase: str) -> Callable[[Any], tuple[float, ...]]:
     def read(value: Any) -> tuple[float, ...]:
         if type(value) is not list or len(value) != count:
@@ -293,6 +299,7 @@ NUMBER = Kind("number", "a number", "numbers", _number)
 INTEGER = Kind("integer", "an integer", "integers", _exactly(int, "an integer"))
 TEXT = Kind("string", "a string", "strings", _exactly(str, "a string"))
 FLAG = Kind("boolean", "true or false", "booleans", _exactly(bool, "true or false"))
+TEXT_OR_INTEGER = Kind("string or integer", "a string or an integer", "strings or integers", _text_or_integer)
 PAIR = Kind("[2]", "a list of two numbers", "[2]", _vector(2, "a list of two numbers"))
 TRIPLE = Kind("[3]", "a list of three numbers", "[3]", _vector(3, "a list of three numbers"))
 SEXTUPLE = Kind("[6]", "a list of six numbers", "[6]", _vector(6, "a list of six numbers"))

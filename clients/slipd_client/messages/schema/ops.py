@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from slipd_client.messages.schema.fields import FLAG, INTEGER, NUMBER, TEXT, TRIPLE, Field
+from slipd_client.messages.schema.fields import FLAG, INTEGER, NUMBER, TEXT, TEXT_OR_INTEGER, TRIPLE, Field
 from slipd_client.messages.schema.replies import (
     FaultReply,
     FrictionReply,
@@ -22,6 +22,15 @@ from slipd_client.messages.schema.replies import (
     TareReply,
 )
 
+ENVELOPE = (
+    Field("v", INTEGER, "version of this API: 1"),
+    Field("id", TEXT_OR_INTEGER, "chosen by the client and repeated in the reply; use each only once"),
+    Field("op", TEXT, "operation, see below"),
+    Field("boot", TEXT, "run of the daemon that the request is meant for: another run refuses it"),
+    Field("deadline_ns", INTEGER, "in the daemon's clock, at most 500 ms ahead: a request that arrives later is refused"),
+)
+"""The fields that every request has, in addition to those of its op; those of `OPEN_OPS` may leave out the last two."""
+
 FINGER = Field("finger", TEXT, "name of the finger", limit="a name of `hello`, else `unknown_finger`")
 SECONDS = Field("seconds", NUMBER, "averaging time of the tare", unit="s", above=0, most=10, default=0.5)
 STREAM = Field(
@@ -31,7 +40,7 @@ STREAM = Field(
     words=("wrench", "pad"),
     omitted="the one that measures the force, which is the pad of a finger without force sensor",
 )
-STREAM_OR_ALL = replace(STREAM, words=(*STREAM.words, "all"))
+STREAM_OR_ALL = replace(STREAM, meaning='stream of the finger; "all" is for `tare` alone', words=(*STREAM.words, "all"))
 UNLOADED = Field(
     "unloaded",
     FLAG,

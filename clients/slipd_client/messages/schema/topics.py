@@ -43,7 +43,7 @@ class Message:
     seq: int = wire("number of the message in its topic, counting up by one: a gap means that messages were lost")
     boot: str = wire("id of this run of the daemon; where it changes, `seq` begins anew")
     t_ns: int = wire("when the readings that the message is about were acquired")
-    timestamp: float | None = wire("the same instant, s since 1970, by the wall clock at the daemon's start", default=None)
+    timestamp: float | None = wire("the same instant in s since 1970, by the wall clock as it was at the daemon's start", default=None)
     frame: str | None = wire("frame of the vectors; empty where there are none", default=None)
     config_id: str | None = wire("changes with the config", default=None)
 
@@ -101,7 +101,7 @@ class Slip(Message):
     tipping_margin_m: float | None = wire(
         "distance of the contact centroid from the edge of the contact, negative outside", nil=True
     )
-    tipping_margin_std_m: float | None = wire("standard deviation of the tipping margin", nil=True)
+    tipping_margin_std_m: float | None = wire("uncertainty of the tipping margin", nil=True)
     grip_needed_n: float | None = wire(
         "least grip force that holds this load with the configured safety; nil also where no grip force would", nil=True
     )

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd_client.messages import LEVELS
-from slipd_client.view import LEVEL_COLOURS, View, change_line
-from slipd_client.view_figures import clock_time
+from slipd_client.live_view import LEVEL_COLOURS, LiveView, change_line
+from slipd_client.live_view_format import clock_time
 
 SLIP: dict[str, Any] = {
     "finger": "left",
@@ -55,7 +55,7 @@ GRIPPER: dict[str, Any] = {
 
 
 def drawn(width: int = 200, silent_s: float = 0.0, **bodies: dict[str, Any]) -> str:
-    view = View()
+    view = LiveView()
     for topic, body in bodies.items():
         view.update(topic.replace("_", "."), body)
     return "\n".join(view.render(width, colour=False, silent_s=silent_s))
@@ -119,7 +119,7 @@ def test_the_gripper_shows_width_force_and_limit() -> None:
 
 def test_the_gripper_shows_its_fault_and_a_missing_echo() -> None:
     text = drawn(gripper=GRIPPER | {"fault": "overcurrent", "echo_ok": False, "width_m": None, "moving": None})
-    assert "fault overcurrent  does not echo the command" in text
+    assert "fault overcurrent  does not repeat the command" in text
     assert "width –" in text
     assert "at rest" not in text
 
@@ -148,14 +148,14 @@ def test_every_level_has_a_colour_of_its_own() -> None:
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_the_level_is_drawn_in_its_colour(level: str) -> None:
-    view = View()
+    view = LiveView()
     view.update("slip.left", SLIP | {"level": level})
     assert f"\x1b[{LEVEL_COLOURS[level]}m{level.upper()}" in view.render(200, colour=True)[1]
 
 
 @given(st.integers(0, 120))
 def test_no_line_is_wider_than_the_terminal_in_either_mode(width: int) -> None:
-    view = View()
+    view = LiveView()
     for topic, body in (("slip.left", SLIP), ("status", STATUS), ("gripper", GRIPPER)):
         view.update(topic, body)
     plain, coloured = view.render(width, colour=False), view.render(width, colour=True)
@@ -171,7 +171,7 @@ def test_a_text_of_the_daemon_cannot_steer_the_terminal() -> None:
         "gripper": GRIPPER | {"fault": hostile, "object": hostile},
         f"slip.{hostile}": SLIP | {"level": hostile, "reasons": [hostile]},
     }
-    view = View()
+    view = LiveView()
     for topic, body in bodies.items():
         view.update(topic, body)
     assert all(line.isprintable() for line in [*view.render(500, colour=False), view.summary()])
@@ -179,7 +179,7 @@ def test_a_text_of_the_daemon_cannot_steer_the_terminal() -> None:
 
 
 def test_a_finger_that_the_daemon_no_longer_has_vanishes() -> None:
-    view = View()
+    view = LiveView()
     for finger in ("left", "right", "thumb"):
         view.update(f"slip.{finger}", SLIP | {"finger": finger, "boot": "one"})
     view.update("gripper", GRIPPER | {"boot": "one"})
@@ -193,7 +193,7 @@ def test_a_finger_that_the_daemon_no_longer_has_vanishes() -> None:
 
 
 def test_what_another_run_of_the_daemon_said_vanishes() -> None:
-    view = View()
+    view = LiveView()
     view.update("slip.thumb", SLIP | {"boot": "one"})
     view.update("gripper", GRIPPER | {"boot": "one"})
     view.update("slip.left", SLIP | {"boot": "two"})
@@ -216,7 +216,7 @@ def test_the_reason_of_a_fault_is_never_cut(width: int) -> None:
         | {"recording": {"state": "failed", "name": "a", "path": "/p", "failure": LONG, "lost": 7}},
         "gripper": GRIPPER | {"fault": "overcurrent", "latched_fault": "command_lost", "echo_ok": False},
     }
-    view = View()
+    view = LiveView()
     for topic, body in bodies.items():
         view.update(topic, body)
     lines = view.render(width, colour=False)
@@ -224,7 +224,7 @@ def test_the_reason_of_a_fault_is_never_cut(width: int) -> None:
     shown = re.sub(r"\s+", "", "".join(lines))
     for reason in (
         *(LONG, "weight_unknown, stuck, rotation"),
-        "fault overcurrent latched: command_lost does not echo the command",
+        "fault overcurrent latched: command_lost does not repeat the command",
     ):
         assert re.sub(r"\s+", "", reason) in shown
 
@@ -232,7 +232,7 @@ def test_the_reason_of_a_fault_is_never_cut(width: int) -> None:
 def test_a_low_terminal_shows_the_streams_that_are_not_well() -> None:
     streams = {f"f{n}.wrench": STREAM | {"health": 0, "message": ""} for n in range(30)}
     ill = {"f7.wrench": STREAM | {"health": 2, "message": LONG}}
-    view = View()
+    view = LiveView()
     view.update("slip.left", SLIP)
     view.update("status", STATUS | {"streams": streams | ill})
     lines = view.render(80, colour=False, height=24)
@@ -277,7 +277,7 @@ def test_a_recording_is_shown_with_its_path_while_it_runs_and_where_it_failed(
 
 def test_forces_without_calibration_are_not_shown_as_newtons() -> None:
     body = SLIP | {"force_unit": "uncalibrated"}
-    view = View()
+    view = LiveView()
     view.update("slip.left", body)
     text = view.render(200, colour=False)[1]
     assert "normal 10.12  tangential 3.50  spin 0.0123  mu 0.60  needs 14.2" in text
@@ -298,7 +298,7 @@ anything = st.recursive(
 def test_a_field_of_any_kind_can_be_drawn(message: tuple[str, dict[str, Any]], data: st.DataObject) -> None:
     topic, body = message
     changed = body | {data.draw(st.sampled_from(sorted(body))): data.draw(anything)}
-    view = View()
+    view = LiveView()
     view.update("status", STATUS | {"streams": {"left.wrench": STREAM | {"health": data.draw(anything)}}})
     view.update(topic, changed)
     assert view.render(80, colour=True)
@@ -307,7 +307,7 @@ def test_a_field_of_any_kind_can_be_drawn(message: tuple[str, dict[str, Any]], d
 
 
 def test_the_summary_names_every_finger_in_one_line() -> None:
-    view = View()
+    view = LiveView()
     assert view.summary() == "–  no verdict yet"
     view.update("slip.left", SLIP)
     view.update(

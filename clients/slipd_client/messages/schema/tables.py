@@ -1,0 +1,115 @@
+"""The tables of ``docs/protocol.md``, made from the schema.
+
+``python -m slipd_client.messages.schema.tables docs/protocol.md`` writes them between their markers; text outside of the
+markers stays as it is.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from slipd_client.messages.names import ERROR_MEANINGS, IMAGE_REASONS, LEVEL_MEANINGS, REASONS, TARE_REASONS, level_code
+from slipd_client.messages.schema.fields import Field, fields_of
+from slipd_client.messages.schema.ops import ENVELOPE, OPS
+from slipd_client.messages.schema.parts import FingerStatus, RecordingStatus, StreamStatus
+from slipd_client.messages.schema.replies import Reply, StatusReply
+from slipd_client.messages.schema.topics import TOPICS, Message
+
+_MARKED = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+
+
+def tables() -> dict[str, str]:
+    """Return every table by the name in its marker."""
+    common = {field.name for field in fields_of(Message)}
+    topics = {name: _fields(field for field in fields_of(cls) if field.name not in common) for name, cls in TOPICS.items()}
+    return topics | {
+        "header": _fields(fields_of(Message)),
+        "levels": _table(
+            ("`level`", "`level_code`", "meaning"),
+            ((f"`{level}`", str(level_code(level)), meaning) for level, meaning in LEVEL_MEANINGS.items()),
+        ),
+        "reasons": _meanings("reason", REASONS),
+        "image_reasons": _meanings("reason", IMAGE_REASONS),
+        "fingers": _fields(fields_of(FingerStatus)),
+        "streams": _fields(fields_of(StreamStatus)),
+        "recordings": _fields(fields_of(RecordingStatus)),
+        "envelope": _fields(ENVELOPE),
+        "ops": _table(
+            ("op", "what it does", "fields", "needs"),
+            ((f"`{op.name}`", op.does, _names(op.fields.values()), op.needs) for op in OPS.values()),
+        ),
+        "request_fields": _request_fields(),
+        "replies": _replies(),
+        "tare_reasons": _meanings("`given_up_reason`", TARE_REASONS),
+        "errors": _meanings("code", ERROR_MEANINGS),
+    }
+
+
+def filled(document: str) -> str:
+    """Return a document with the present table between each pair of markers.
+
+    Raises:
+        KeyError: A marker names a table that does not exist.
+    """
+    found = tables()
+    return _MARKED.sub(lambda match: f"{match[1]}{found[match[2]]}{match[3]}", document)
+
+
+def _fields(fields: Iterable[Field]) -> str:
+    return _table(("field", "type", "meaning"), ((f"`{each.name}`", each.type_name, _meaning(each)) for each in fields))
+
+
+def _meaning(field: Field) -> str:
+    return f"{field.only}: {field.meaning}" if field.only else field.meaning
+
+
+def _request_fields() -> str:
+    fields: dict[str, Field] = {}
+    for op in OPS.values():
+        fields = dict(op.fields) | fields  # the first op that has a field says the most about it
+    ordered = {name: fields[name] for op in OPS.values() for name in op.fields}
+    return _table(
+        ("field", "type", "meaning", "unit", "range", "where it is left out"),
+        (
+            (f"`{each.name}`", each.type_name, each.meaning, each.unit, each.range_text, each.default_text)
+            for each in ordered.values()
+        ),
+    )
+
+
+def _replies() -> str:
+    ops_of: dict[type[Reply], list[str]] = {}
+    for op in OPS.values():
+        ops_of.setdefault(op.reply, []).append(f"`{op.name}`")
+    rows: list[tuple[str, ...]] = []
+    for cls, names in ops_of.items():
+        ops = ", ".join(names)
+        if cls is Reply:
+            rows.append((ops, "", "", "an empty map"))
+        elif cls is StatusReply:
+            rows.append((ops, "", "", "the fields of the topic `status`, without those of every message"))
+        else:
+            rows += [(ops, f"`{each.name}`", each.type_name, _meaning(each)) for each in fields_of(cls)]
+    return _table(("reply to", "field", "type", "meaning"), rows)
+
+
+def _names(fields: Iterable[Field]) -> str:
+    return ", ".join(f"`{each.name}`" + "?" * (not each.required) for each in fields)
+
+
+def _meanings(title: str, meanings: Mapping[Any, str]) -> str:
+    return _table((title, "meaning"), ((f"`{word}`", meaning) for word, meaning in meanings.items()))
+
+
+def _table(titles: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = (titles, ("---",) * len(titles), *rows)
+    return "".join("|" + "|".join(f" {cell} " if cell else " " for cell in line) + "|\n" for line in lines)
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1])
+    path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8")
