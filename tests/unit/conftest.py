@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from wire_check import faults_of
 
 from slipd import config
 from slipd.config import Config
@@ -184,6 +185,7 @@ class Run:
             if isinstance(output, (Publish, Reply)):
                 wire = messages.encode(output.body)
                 assert messages.decode(wire, messages.MESSAGE_LIMITS) == output.body, "plain values, all finite"
+                assert faults_of(output, event if isinstance(event, Request) else None) == []
             elif isinstance(output, Write) and output.link == "gripper":
                 self._unheard += output.data
         return outputs

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from wire_check import faults_of
 
 from slipd import config
 from slipd.engine.engine import Engine
@@ -41,6 +42,7 @@ class Story:
     def feed(self, event):
         reply = None
         for output in self.engine.handle(event, self.now_ns):
+            assert faults_of(output, event if isinstance(event, Request) else None) == []
             if isinstance(output, Write):
                 line = output.link.replace(".", "-")
                 self.unread[line] += self.rig.receive(line, output.data, self.now_ns)

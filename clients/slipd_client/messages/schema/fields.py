@@ -163,7 +163,9 @@ def wire(meaning: str, *, key: str = "", nil: bool = False, default: Any = MISSI
 
 @functools.cache
 def fields_of(cls: type[Any]) -> tuple[Field, ...]:
-    """Return the fields that the attributes of a dataclass declare, in their order."""
+    """Return the fields that the attributes of a dataclass declare, in their order; none of another class."""
+    if not dataclasses.is_dataclass(cls):
+        return ()
     found = []
     for each in dataclasses.fields(cls):
         declared = each.metadata.get("wire")
