@@ -28,8 +28,8 @@ AT_ONCE = 64
 class AsyncSubscriber(SubscriberBase):
     """Receives messages in an asyncio loop, for an ``async with``. Arguments: `SubscriberBase`.
 
-    A message is taken from the connection in the same step that returns it. So a cancelled ``receive``, a timeout around
-    it, and an iteration that is left and begun again lose nothing.
+    A message is taken from the connection in the same step that returns it. So a cancelled ``receive``, a timeout
+    around it, and an iteration that is left and begun again lose nothing.
     """
 
     _waker: Waker
@@ -107,9 +107,9 @@ class AsyncLease(LeaseKeeper):
 class AsyncGripClient(GripClientBase):
     """The asyncio client, for an ``async with``; methods and arguments are those of `GripClientBase`, to be awaited.
 
-    One request at a time: several tasks may share it and wait for each other, but only the one that acquired the lease, and
-    tasks that it creates within the block, move the gripper. A request that is cancelled may or may not have been carried
-    out.
+    One request at a time: several tasks may share it and wait for each other, but only the one that acquired the lease,
+    and tasks that it creates within the block, move the gripper. A request that is cancelled may or may not have been
+    carried out.
     """
 
     _waker: Waker

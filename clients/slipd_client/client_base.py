@@ -10,6 +10,7 @@ import functools
 import threading
 import time
 from collections.abc import Callable, Coroutine, Sequence
+from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 import zmq
@@ -18,6 +19,7 @@ from slipd_client.clock import ServerClock
 from slipd_client.errors import LeaseInUse, RequestRefused
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
 from slipd_client.link import Link
+from slipd_client.messages.schema.ops import TARE_S
 from slipd_client.messages.schema.replies import (
     FaultReply,
     FrictionReply,
@@ -32,7 +34,7 @@ from slipd_client.messages.schema.replies import (
     TareResult,
 )
 from slipd_client.paths import requests_endpoint
-from slipd_client.request_protocol import TARE_S, TIMEOUT_S, RequestProtocol, Steps
+from slipd_client.request_protocol import TIMEOUT_S, RequestProtocol, Steps
 
 if TYPE_CHECKING:
     from slipd_client.aio import AsyncGripClient
@@ -62,8 +64,7 @@ class operation(Generic[P, T]):  # noqa: N801 - a decorator
 
     def __get__(self, client: Any, owner: type[Any]) -> Callable[..., Any]:
         """Return the method, bound to its client."""
-        method: Callable[..., Any] = self._method.__get__(client, owner)
-        return method
+        return self._method if client is None else MethodType(self._method, client)
 
 
 class GripClientBase:
@@ -71,13 +72,13 @@ class GripClientBase:
 
     Every method raises RequestRefused when the daemon refuses, NoAnswer when it does not answer, LeaseLost instead of
     moving the gripper without its lease, LeaseInUse where another thread or task holds the lease of this client, and
-    MessageError for arguments that no message can carry. A request is never sent a second time, nor kept for a daemon that
-    is not there yet. The first request is preceded by ``hello``. A daemon accepts 50 requests a second from one client,
-    including the renewals of its lease (15 a second).
+    MessageError for arguments that no message can carry. A request is never sent a second time, nor kept for a daemon
+    that is not there yet. The first request is preceded by ``hello``. A daemon accepts 50 requests a second from one
+    client, including the renewals of its lease (15 a second).
 
-    **The lease belongs to the thread or task that acquired it** (and to tasks created within its block). While it is held,
-    other threads and tasks that share the client may read, send gravity and record, and may stop: ``grip_hold`` and
-    ``gripper_stop``. What else needs the lease, or is refused while another client holds it, raises LeaseInUse.
+    **The lease belongs to the thread or task that acquired it** (and to tasks created within its block). While it is
+    held, other threads and tasks that share the client may read, send gravity and record, and may stop: ``grip_hold``
+    and ``gripper_stop``. What else needs the lease, or is refused while another client holds it, raises LeaseInUse.
 
     Args:
         endpoint: Where the daemon accepts requests; its default endpoint when None.
@@ -128,7 +129,9 @@ class GripClientBase:
         """Reserve the one lease of this client before it is requested; LeaseInUse where it is taken."""
         if not self._lease_slot.acquire(blocking=False):
             owner = self._lease.owner if self._lease else "another thread or task"
-            raise LeaseInUse(f"a client holds one lease at a time, and {owner} holds that of this client; {ONE_CLIENT_EACH}")
+            raise LeaseInUse(
+                f"a client holds one lease at a time, and {owner} holds that of this client; {ONE_CLIENT_EACH}"
+            )
         self._lease = lease
 
     def _unclaim(self) -> None:
@@ -175,7 +178,9 @@ class GripClientBase:
         return self._request("gripper.activate", drop=drop or None)
 
     @operation
-    def gripper_close(self, force_n: float, width_m: float | None = None, speed_mps: float | None = None) -> Steps[GripReply]:
+    def gripper_close(
+        self, force_n: float, width_m: float | None = None, speed_mps: float | None = None
+    ) -> Steps[GripReply]:
         """Close onto an object until the force is reached, or the width between the pads where one is given."""
         return self._request("gripper.close", force_n=force_n, width_m=width_m, speed_mps=speed_mps)
 

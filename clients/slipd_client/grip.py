@@ -45,8 +45,8 @@ class Lease(LeaseKeeper):
 class GripClient(GripClientBase):
     """The blocking client, best used in a ``with`` statement; methods and arguments are those of `GripClientBase`.
 
-    One request at a time: several threads may share it and wait for each other, but only the one that acquired the lease
-    moves the gripper.
+    One request at a time: several threads may share it and wait for each other, but only the one that acquired the
+    lease moves the gripper.
     """
 
     def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import zmq
 
-from slipd_client.errors import KeyFileError
+from slipd_client.errors import KeyFileError as KeyFileError
 
 PUBLIC_SUFFIX, SECRET_SUFFIX = ".key", ".key_secret"
 

@@ -6,7 +6,8 @@ import argparse
 import os
 from pathlib import Path
 
-from slipd_client.keys import PUBLIC_SUFFIX, SECRET_SUFFIX, KeyFileError, create, load_public, load_secret
+from slipd_client.errors import KeyFileError
+from slipd_client.keys import PUBLIC_SUFFIX, SECRET_SUFFIX, create, load_public, load_secret
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -42,7 +42,7 @@ class LeaseKeeper:
 
     @property
     def lost(self) -> bool:
-        """The lease has ended, or may have ended; the next call that moves the gripper raises. A lost lease stays lost."""
+        """The lease has ended, or may have ended: the next call that moves the gripper raises. It stays lost."""
         if self.left_s <= 0:
             self.lose("it was not renewed in time, because this program, the daemon or the connection was stalled")
         return self._why != ""
@@ -87,8 +87,8 @@ class LeaseKeeper:
     def check_op(self, op: str) -> None:
         """Do nothing where the calling thread or task may send ``op`` on the connection that holds this lease.
 
-        An op that keeps a grip as it is or makes it safer (``grip.hold``, ``gripper.stop``, ``lease.renew``) may come from
-        any of them.
+        An op that keeps a grip as it is or makes it safer (``grip.hold``, ``gripper.stop``, ``lease.renew``) may come
+        from any of them.
 
         Raises:
             LeaseInUse: The op is for the holder, and another thread or task holds the lease.

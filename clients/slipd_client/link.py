@@ -90,7 +90,7 @@ class Link:
             return True
 
     def wait_writable(self, until: float) -> bool:
-        """Wait until somebody is there to send to, and return whether that is so. ``until`` is on ``time.monotonic``."""
+        """Wait for somebody to send to until ``until`` (on ``time.monotonic``); return whether somebody is there."""
         with self._open():
             return self.socket.poll(_left_ms(until), zmq.POLLOUT) != 0
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import textwrap
 from typing import Any
 
-from slipd_client.messages import GRIPPER_TOPIC, HEALTH, STATUS_TOPIC, Health
 from slipd_client.live_view_format import (
     UNKNOWN,
     as_map,
@@ -22,6 +21,7 @@ from slipd_client.live_view_format import (
     reasons_of,
     utilisation,
 )
+from slipd_client.messages import GRIPPER_TOPIC, HEALTH, STATUS_TOPIC, Health
 
 NAME_CELLS = 10
 SILENT_AFTER_S = 2.0

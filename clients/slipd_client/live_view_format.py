@@ -11,7 +11,7 @@ BAR_CELLS = 20
 
 
 def clock_time(timestamp: float) -> str:
-    """Return the local time of day with milliseconds; "–" for 0, which stands for no time, and for times out of range."""
+    """Return the local time of day with milliseconds; "–" for 0, which is no time, and for times out of range."""
     if not timestamp:
         return UNKNOWN
     try:

@@ -17,8 +17,8 @@ SILENCE_S = 3.0
 class MessageTracker:
     """Orders each message among those before it.
 
-    ``status`` is always received, as the daemon's sign of life where all else is quiet, but returned only to a subscriber
-    that asked for it.
+    ``status`` is always received, as the daemon's sign of life where all else is quiet, but returned only to a
+    subscriber that asked for it.
 
     Args:
         topics: Beginnings of the topics to return.

@@ -17,7 +17,7 @@ from slipd_client.clock import ServerClock
 from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, hint_for
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode
 from slipd_client.messages.schema.fields import Mismatch
-from slipd_client.messages.schema.ops import OPS, SECONDS
+from slipd_client.messages.schema.ops import OPS, TARE_S
 from slipd_client.messages.schema.replies import HelloReply, Reply, TareBegun, TareReply, TareResult, typed_reply
 
 TIMEOUT_S = 1.0
@@ -31,9 +31,6 @@ GOOD_ERROR_NS = 25_000_000
 
 GREETINGS = 4
 """Number of requests for the clock on a slow line; the quickest answer bounds it best."""
-
-TARE_S: float = SECONDS.default or 0.0
-"""Long enough to average the noise of a force sensor, short enough for a finger to stay untouched."""
 
 TARE_POLL_S = 0.05
 """Time between two requests for the state of a tare."""
@@ -215,7 +212,9 @@ class RequestProtocol:
 
     def no_reply(self, timeout_s: float) -> NoAnswer:
         """Return the error of a request that was sent and not answered."""
-        text = f"no answer from {self.endpoint} within {timeout_s:g} s; the request may or may not have been carried out"
+        text = (
+            f"no answer from {self.endpoint} within {timeout_s:g} s; the request may or may not have been carried out"
+        )
         return NoAnswer(text + self._unreadable)
 
     def _typed(self, op: str, result: Result) -> Reply:

@@ -84,7 +84,7 @@ def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
 
 
 def _fields(command: argparse.ArgumentParser, op: str, *names: str) -> None:
-    """Add an argument for each of these fields of an op: positional where the field is required, or is a coefficient."""
+    """Add an argument for each of these fields of an op; required fields and coefficients are positional."""
     for name in names:
         field = OPS[op].fields[name]
         help_text = _help(field)

@@ -16,8 +16,8 @@ import zmq
 class Waker:
     """Waits for a socket to become ready for reading or writing, in the loop that runs when it is created.
 
-    ZeroMQ's file descriptor signals each change only once. So call `check` after every use of the socket, and receive until
-    nothing is left before waiting.
+    ZeroMQ's file descriptor signals each change only once. So call `check` after every use of the socket, and receive
+    until nothing is left before waiting.
     """
 
     def __init__(self, socket: zmq.Socket[Any]) -> None:

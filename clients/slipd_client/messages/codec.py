@@ -81,7 +81,9 @@ def decode(data: bytes, limits: Limits = REQUEST_LIMITS) -> dict[str, Any]:
     except MessageError:
         raise
     except ValueError as error:  # every fault msgpack finds, broken UTF-8 included
-        raise MessageError("malformed", f"the bytes must be one msgpack value: {error or type(error).__name__}") from error
+        raise MessageError(
+            "malformed", f"the bytes must be one msgpack value: {error or type(error).__name__}"
+        ) from error
     if type(body) is not dict:
         raise MessageError("malformed", f"the message must be a map, got {type(body).__name__}")
     _check(body, "", MAX_DEPTH)
@@ -116,7 +118,9 @@ def _check(value: Any, field: str, depth: int) -> None:
     kind = type(value)
     if kind is float:
         if not isfinite(value):
-            raise MessageError("not_finite", f"a number must be finite, got {value}; nil stands for an unknown quantity", field)
+            raise MessageError(
+                "not_finite", f"a number must be finite, got {value}; nil stands for an unknown quantity", field
+            )
     elif kind is dict or kind is list:
         if depth == 0:
             raise MessageError("malformed", f"lists and maps must be nested at most {MAX_DEPTH} deep", field)
@@ -127,4 +131,8 @@ def _check(value: Any, field: str, depth: int) -> None:
                 raise MessageError("malformed", f"every key must be a string, got {key!r:.40}", field)
             _check(item, f"{field}.{key}" if field else str(key), depth - 1)
     elif kind not in (str, int, bool, bytes, type(None)):
-        raise MessageError("malformed", f"a value must be nil, a boolean, number, string, byte string, list or map, got {kind.__name__}", field)
+        raise MessageError(
+            "malformed",
+            f"a value must be nil, a boolean, number, string, byte string, list or map, got {kind.__name__}",
+            field,
+        )

@@ -22,7 +22,6 @@ LEVEL_MEANINGS: dict[Level, str] = {
 }
 
 
-
 class SlipLevel(str, Enum):
     """How close a contact is to slipping, for Python; each is also its word (``level == "warning"``)."""
 
@@ -56,14 +55,15 @@ REASONS = {
     "overload": "the sensor is beyond its range",
     "invalid": "the sensor marks its reading as invalid",
     "raw": "the sensor sends uncalibrated values",
-    "weight_unknown": "the direction of the finger's own weight is not known; it may use up the margin or hide a contact",
+    "weight_unknown": "the direction of the finger's own weight is not known; it may use up the margin or hide a "
+    "contact",
     "stuck": "the sensor repeats its readings, and a working one would not",
     "garbage": "the readings are beyond the sensor's range, or change faster than a force can",
     "not_tared": "the pad was never tared, and reads a load that may not exist",
     "pulled": "the normal force is clearly negative: sign, mounting or configuration of the sensor is wrong",
     "disagreement": "force sensor and pad image contradict each other",
-    "disagreement_contact": "they differ on whether there is a contact: the sensor measures a clear force, and the image "
-    "shows none",
+    "disagreement_contact": "they differ on whether there is a contact: the sensor measures a clear force, and the "
+    "image shows none",
     "disagreement_centroid": "they differ on where the contact is",
     "disagreement_force": "they differ on the normal force; only where the image is calibrated to newtons",
 }

@@ -1,15 +1,16 @@
 """Turns the map of a message into its class.
 
 A message of another version, or with a known field of another kind, is refused: a program must not steer by a guess.
-Unknown fields and topics are ignored. The fields of each class are looked up once, so that reading a verdict takes a few
-microseconds.
+Unknown fields and topics are ignored. The fields of each class are looked up once, so that reading a verdict takes a
+few microseconds.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from slipd_client.messages.codec import MESSAGE_LIMITS, MessageError, decode
+from slipd_client.errors import MessageError
+from slipd_client.messages.codec import MESSAGE_LIMITS, decode
 from slipd_client.messages.names import PROTOCOL_VERSION
 from slipd_client.messages.schema.fields import Mismatch, read_fields
 from slipd_client.messages.schema.topics import TOPICS, Message
@@ -35,7 +36,9 @@ def read(frames: list[bytes]) -> tuple[str, dict[str, Any]]:
         raise MessageError("unsupported_version", f"v must be {PROTOCOL_VERSION}, got {raw.get('v')!r:.40}", "v")
     for field, kind in _HEADER.items():
         if type(raw.get(field)) is not kind:
-            raise MessageError("bad_type", f"{field} must be of type {kind.__name__}, got {raw.get(field)!r:.40}", field)
+            raise MessageError(
+                "bad_type", f"{field} must be of type {kind.__name__}, got {raw.get(field)!r:.40}", field
+            )
     return topic, raw
 
 
@@ -55,6 +58,5 @@ def typed_message(topic: str, raw: dict[str, Any], missed: int = 0, restarted: b
     try:
         values = read_fields(cls, raw)
     except Mismatch as fault:
-        code = "missing_field" if fault.code == "missing_field" else "bad_type"
-        raise MessageError(code, f"{fault.path} {fault.rule}", fault.path) from fault
+        raise MessageError(fault.code, f"{fault.path} {fault.rule}", fault.path) from fault
     return cls(topic=topic, raw=raw, missed=missed, restarted=restarted, **values)

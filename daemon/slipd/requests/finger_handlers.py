@@ -16,7 +16,7 @@ from slipd.publish.replies import Result
 from slipd.refusal import Refusal
 from slipd.requests.gripper_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
-from slipd_client.messages.schema.ops import SECONDS, STREAM, STREAM_OR_ALL
+from slipd_client.messages.schema.ops import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
 
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"
 
@@ -68,7 +68,7 @@ class FingerHandlers:
         tares = self._tares(request, STREAM_OR_ALL.words)
         if isinstance(tares, Refusal):
             return tares
-        seconds = request.body.get("seconds", SECONDS.default)
+        seconds = request.body.get("seconds", TARE_S)
         if not SECONDS.has(seconds):
             return Refusal("out_of_range", f"seconds must be {SECONDS.number_range}, got {seconds:g}", "seconds")
         unloaded = request.body.get("unloaded", False)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd_client.messages import LEVELS
 from slipd_client.live_view import LEVEL_COLOURS, LiveView, change_line
 from slipd_client.live_view_format import clock_time
+from slipd_client.messages import LEVELS
 
 SLIP: dict[str, Any] = {
     "finger": "left",

@@ -9,7 +9,6 @@ import re
 import pytest
 from project import DAEMON, DOCS
 
-from slipd_client.messages.schema.ops import OPS
 from slipd.samples import WrenchSample
 from slipd_client.messages import (
     ERROR_CODES,
@@ -23,6 +22,7 @@ from slipd_client.messages import (
     encode,
     level_code,
 )
+from slipd_client.messages.schema.ops import OPS
 
 TEXT = (DOCS / "protocol.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```hex\n(.*?)```\s*```json\n(.*?)```", TEXT, re.DOTALL)

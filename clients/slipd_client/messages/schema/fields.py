@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import sys
 from collections import ChainMap
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from slipd_client.messages.names import Health, SlipLevel
+from slipd_client.messages.names import ErrorCode, Health, SlipLevel
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 Sextuple = tuple[float, float, float, float, float, float]
 
 
-class Mismatch(ValueError):
+class Mismatch(ValueError):  # noqa: N818 - it names what happened
     """A value that is not of its field's kind.
 
     Attributes:
@@ -25,8 +24,8 @@ class Mismatch(ValueError):
         path: Dotted path of the field.
     """
 
-    def __init__(self, code: str, rule: str, path: str = "") -> None:
-        self.code = code
+    def __init__(self, code: ErrorCode, rule: str, path: str = "") -> None:
+        self.code: ErrorCode = code
         self.rule = rule
         self.path = path
         super().__init__(rule)
@@ -161,18 +160,25 @@ def wire(meaning: str, *, key: str = "", nil: bool = False, default: Any = MISSI
     return dataclasses.field(default=default, metadata=metadata)
 
 
-@functools.cache
+_FIELDS: dict[type[Any], tuple[Field, ...]] = {}
+_PLANS: dict[type[Any], tuple[tuple[str, str, Callable[[Any], Any], bool], ...]] = {}
+"""Of each class, looked up once."""
+
+
 def fields_of(cls: type[Any]) -> tuple[Field, ...]:
     """Return the fields that the attributes of a dataclass declare, in their order; none of another class."""
     if not dataclasses.is_dataclass(cls):
         return ()
+    if cls in _FIELDS:
+        return _FIELDS[cls]
     found = []
     for each in dataclasses.fields(cls):
         declared = each.metadata.get("wire")
         if declared is not None:
             name = declared["name"] or each.name
             found.append(Field(**declared | {"name": name, "attribute": each.name, "kind": _kind_of(cls, each)}))
-    return tuple(found)
+    _FIELDS[cls] = tuple(found)
+    return _FIELDS[cls]
 
 
 def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
@@ -182,7 +188,7 @@ def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
         Mismatch: A field is missing without a default, or its value is of another kind.
     """
     values = {}
-    for attribute, key, read, needed in _plan(cls):
+    for attribute, key, read, needed in _PLANS.get(cls) or _plan(cls):
         value = raw.get(key)
         if value is not None:
             try:
@@ -194,15 +200,15 @@ def read_fields(cls: type[Any], raw: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-@functools.cache
 def _plan(cls: type[Any]) -> tuple[tuple[str, str, Callable[[Any], Any], bool], ...]:
-    """Attribute, key, reader and whether there is no default, of each field: looked up once per class."""
+    """Look up attribute, key, reader and whether there is no default, of each field."""
     without_default = {
         each.name for each in dataclasses.fields(cls) if each.default is MISSING and each.default_factory is MISSING
     }
-    return tuple(
+    _PLANS[cls] = tuple(
         (each.attribute, each.name, each.kind.read, each.attribute in without_default) for each in fields_of(cls)
     )
+    return _PLANS[cls]
 
 
 def _mismatch(phrase: str, value: Any) -> Mismatch:

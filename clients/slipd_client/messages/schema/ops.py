@@ -27,12 +27,17 @@ ENVELOPE = (
     Field("id", TEXT_OR_INTEGER, "chosen by the client and repeated in the reply; use each only once"),
     Field("op", TEXT, "operation, see below"),
     Field("boot", TEXT, "run of the daemon that the request is meant for: another run refuses it"),
-    Field("deadline_ns", INTEGER, "in the daemon's clock, at most 500 ms ahead: a request that arrives later is refused"),
+    Field(
+        "deadline_ns", INTEGER, "in the daemon's clock, at most 500 ms ahead: a request that arrives later is refused"
+    ),
 )
 """The fields that every request has, in addition to those of its op; those of `OPEN_OPS` may leave out the last two."""
 
 FINGER = Field("finger", TEXT, "name of the finger", limit="a name of `hello`, else `unknown_finger`")
-SECONDS = Field("seconds", NUMBER, "averaging time of the tare", unit="s", above=0, most=10, default=0.5)
+TARE_S = 0.5
+"""Long enough to average the noise of a force sensor, short enough for a finger to stay untouched."""
+
+SECONDS = Field("seconds", NUMBER, "averaging time of the tare", unit="s", above=0, most=10, default=TARE_S)
 STREAM = Field(
     "stream",
     TEXT,
@@ -78,7 +83,12 @@ TTL_MS = Field(
     limit="at most `gripper.max_lease_ms` (200 or less)",
 )
 FORCE_N = Field(
-    "force_n", NUMBER, "grip force", unit="N on one pad", least=0, limit="`gripper.min_force_n` to `gripper.max_force_n`"
+    "force_n",
+    NUMBER,
+    "grip force",
+    unit="N on one pad",
+    least=0,
+    limit="`gripper.min_force_n` to `gripper.max_force_n`",
 )
 DELTA_N = Field(
     "delta_n",
@@ -93,8 +103,8 @@ WIDTH_M = Field(
     "width between the pads to move to",
     unit="m",
     least=0,
-    limit="the range of the gripper. To open: at least the present width. To close: at most the present width, and of a grip "
-    "in force at most the one it was closed to. Of moving fingers the width that they move to counts as well",
+    limit="the range of the gripper. To open: at least the present width. To close: at most the present width, and of "
+    "a grip in force at most the one it was closed to. Of moving fingers the width that they move to counts as well",
     omitted="as far as the gripper goes",
 )
 SPEED_MPS = Field(
@@ -109,8 +119,8 @@ SPEED_MPS = Field(
 DROP = Field("drop", FLAG, "open even if an object is held, or may be", default=False)
 
 LeaseRule = Literal["holder", "not_another's", "anyone"]
-"""Who may send an op: the holder of the lease alone; the holder, or anyone while nobody holds the lease (some requests need
-the lease even then); anyone."""
+"""Who may send an op: the holder of the lease alone; the holder, or anyone while nobody holds the lease (some requests
+need the lease even then); anyone."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +178,8 @@ OPS: dict[str, Op] = {
             reply=TareBegun,
             lease="not_another's",
             needs="fresh readings (`not_ready`), no contact, and while a grip is in force a finger known to be free "
-            "(`in_contact`), no `pulled` normal force unless `unloaded` is true (`not_ready`), no lease of another client "
-            "(`lease_held`)",
+            "(`in_contact`), no `pulled` normal force unless `unloaded` is true (`not_ready`), no lease of another "
+            "client (`lease_held`)",
         ),
         _op("tare.get", "Return the tare in use.", FINGER, STREAM.optional(), reply=TareReply),
         _op(
@@ -258,7 +268,8 @@ OPS: dict[str, Op] = {
             DROP.optional(),
             reply=GripReply,
             lease="holder",
-            needs="lease, ready, free; a gripper whose least force is within `max_force_n` (`out_of_range`); it only widens",
+            needs="lease, ready, free; a gripper whose least force is within `max_force_n` (`out_of_range`); it only "
+            "widens",
         ),
         _op("gripper.stop", "Stop the fingers.", lease="holder", urgent=True, needs="lease, active"),
         _op(
@@ -272,7 +283,8 @@ OPS: dict[str, Op] = {
             "record.start",
             "Start a recording.",
             reply=RecordingReply,
-            needs="no recording in progress (`not_ready`), room (`no_room`), a disk that accepts the file (`record_failed`)",
+            needs="no recording in progress (`not_ready`), room (`no_room`), a disk that accepts the file "
+            "(`record_failed`)",
         ),
         _op("record.stop", "End the recording.", reply=RecordingReply, needs="a recording in progress (`not_ready`)"),
     )

@@ -14,7 +14,9 @@ class LeaseStatus:
     """Who may move the gripper."""
 
     held: bool = wire("a client holds the lease")
-    expires_in_s: float | None = wire("time until the lease ends unless it is renewed; nil where nobody holds it", nil=True)
+    expires_in_s: float | None = wire(
+        "time until the lease ends unless it is renewed; nil where nobody holds it", nil=True
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,7 @@ class GripperState:
     force_n: float | None = wire("grip force that the gripper itself measures", nil=True)
     lease: LeaseStatus | None = wire("as in `status`", default=None)
     reflex: ReflexAct | None = wire(
-        "what the reflex has just done: `force_n` commanded, `from_n` before, `reason` (\"needed\", \"slipping\" or "
+        'what the reflex has just done: `force_n` commanded, `from_n` before, `reason` ("needed", "slipping" or '
         '"calm"); nil in every other message',
         nil=True,
     )
@@ -74,9 +76,9 @@ class StreamStatus:
 
     health: Health = wire("0 OK, 1 WARN, 2 ERROR, 3 STALE")
     message: str | None = wire(
-        "why it is not OK, the worst first; also hints while it is, e.g. why the last tare was given up. A stream without "
-        "readings says what arrives instead: nothing, bytes of which none is a frame, or readings of other sensors. One "
-        "line of at most 500 characters; control characters are escaped",
+        "why it is not OK, the worst first; also hints while it is, e.g. why the last tare was given up. A stream "
+        "without readings says what arrives instead: nothing, bytes of which none is a frame, or readings of other "
+        "sensors. One line of at most 500 characters; control characters are escaped",
         default=None,
     )
     hardware_id: str | None = wire("identity that the device reports, else what was opened; nil before that", nil=True)
@@ -97,8 +99,8 @@ class StreamStatus:
     )
     reconnects: int | None = wire("times that the link came up again", default=None)
     clock: str | None = wire(
-        'source of the times: "locked" (the device\'s clock: times are those of the acquisition), "settling", "not_a_clock" '
-        'or "none" (the receipt), or "host" (the clock of the program that sends the readings)',
+        'source of the times: "locked" (the device\'s clock: times are those of the acquisition), "settling", '
+        '"not_a_clock" or "none" (the receipt), or "host" (the clock of the program that sends the readings)',
         default=None,
     )
     clock_uncertainty_s: float | None = wire(
@@ -116,9 +118,13 @@ class StreamStatus:
         only="force sensors",
     )
     drift_frozen: bool | None = wire("no drift is learned at present", nil=True, only="force sensors")
-    masked: tuple[int, ...] | None = wire("taxels that are not used, by their index in scan order", default=None, only="pads")
+    masked: tuple[int, ...] | None = wire(
+        "taxels that are not used, by their index in scan order", default=None, only="pads"
+    )
     taxel_faults: Mapping[str, tuple[int, ...]] | None = wire(
-        '"dead", "stuck", "hot", "saturated", "row" or "column" → the taxels, rows or columns', default=None, only="pads"
+        '"dead", "stuck", "hot", "saturated", "row" or "column" → the taxels, rows or columns',
+        default=None,
+        only="pads",
     )
 
 
@@ -154,7 +160,9 @@ class DaemonState:
     fingers: Mapping[str, FingerStatus] = wire("finger → its map, see below", default={})
     streams: Mapping[str, StreamStatus] = wire("stream, e.g. `left.wrench` → its map, see below", default={})
     publisher: PublisherStatus | None = wire("`messages`: messages published since the start", default=None)
-    late_s: float | None = wire("longest stall of the daemon within the last second if it is above 0.01 s, else 0", default=None)
+    late_s: float | None = wire(
+        "longest stall of the daemon within the last second if it is above 0.01 s, else 0", default=None
+    )
     lease: LeaseStatus | None = wire(
         "`held`: a client holds the lease; `expires_in_s`?: time until it ends unless it is renewed", default=None
     )

@@ -71,7 +71,8 @@ class TareReply(Reply):
     offset: tuple[float, ...] = wire("what is subtracted, in the sensor's units and frame", default=())
     by: str | None = wire('client that requested it, or "config"', default=None)
     gravity_mps2: Triple | None = wire(
-        "gravity in the pad's frame under which it was taken; zeros for the config's; nil where it was not known", nil=True
+        "gravity in the pad's frame under which it was taken; zeros for the config's; nil where it was not known",
+        nil=True,
     )
     std: tuple[float, ...] | None = wire("standard deviation of one reading; nil for the config's", nil=True)
     busy: bool = wire("another tare is in progress")

@@ -1,7 +1,7 @@
 """The tables of ``docs/protocol.md``, made from the schema.
 
-``python -m slipd_client.messages.schema.tables docs/protocol.md`` writes them between their markers; text outside of the
-markers stays as it is.
+``python -m slipd_client.messages.schema.tables docs/protocol.md`` writes them between their markers; text outside of
+the markers stays as it is.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ _MARKED = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end of table -->)",
 def tables() -> dict[str, str]:
     """Return every table by the name in its marker."""
     common = {field.name for field in fields_of(Message)}
-    topics = {name: _fields(field for field in fields_of(cls) if field.name not in common) for name, cls in TOPICS.items()}
+    topics = {
+        name: _fields(field for field in fields_of(cls) if field.name not in common) for name, cls in TOPICS.items()
+    }
     return topics | {
         "header": _fields(fields_of(Message)),
         "levels": _table(

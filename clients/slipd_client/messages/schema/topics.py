@@ -43,7 +43,9 @@ class Message:
     seq: int = wire("number of the message in its topic, counting up by one: a gap means that messages were lost")
     boot: str = wire("id of this run of the daemon; where it changes, `seq` begins anew")
     t_ns: int = wire("when the readings that the message is about were acquired")
-    timestamp: float | None = wire("the same instant in s since 1970, by the wall clock as it was at the daemon's start", default=None)
+    timestamp: float | None = wire(
+        "the same instant in s since 1970, by the wall clock as it was at the daemon's start", default=None
+    )
     frame: str | None = wire("frame of the vectors; empty where there are none", default=None)
     config_id: str | None = wire("changes with the config", default=None)
 
@@ -70,7 +72,8 @@ class Slip(Message):
     level_code: int | None = wire("the level as a number, 0 to 5, in the order below", default=None)
     reasons: tuple[str, ...] = wire("why, the most important first; see below", default=())
     force_unit: str | None = wire(
-        '"N", or "uncalibrated": forces are in the unit of an uncalibrated pad, or raw values of the sensor', default=None
+        '"N", or "uncalibrated": forces are in the unit of an uncalibrated pad, or raw values of the sensor',
+        default=None,
     )
     normal_n: float | None = wire("normal force, positive when pressed", nil=True)
     tangential_n: Pair | None = wire("tangential force", nil=True)
@@ -83,7 +86,8 @@ class Slip(Message):
     friction_ratio: float | None = wire("tangential force over normal force", nil=True)
     friction_ratio_std: float | None = wire("standard deviation of the friction ratio", nil=True)
     gravity: str | None = wire(
-        'the finger\'s own weight: "none" (none is configured), "compensated", or "unknown_orientation" (its possible pull '
+        'the finger\'s own weight: "none" (none is configured), "compensated", or "unknown_orientation" (its '
+        "possible pull "
         "is part of the uncertainties)",
         nil=True,
     )
@@ -135,7 +139,9 @@ class Wrench(Message):
     torque_nm: Triple | None = wire("torque about the frame's origin", nil=True)
     normal_n: float | None = wire("−Z of `force_n`: positive when pressed", nil=True)
     tangential_n: Pair | None = wire("X and Y of `force_n`", nil=True)
-    status: tuple[str, ...] = wire('what the sensor reports, e.g. "overload"; empty when it reports no fault', default=())
+    status: tuple[str, ...] = wire(
+        'what the sensor reports, e.g. "overload"; empty when it reports no fault', default=()
+    )
     tare_id: int | None = wire("tare in use; 0 is the config's", default=None)
     reading_age_s: float | None = wire("age of the reading at publication; nil before the first", key="age_s", nil=True)
 
@@ -180,12 +186,14 @@ class Grasp(Message):
     level_code: int | None = wire("the level as a number", default=None)
     reasons: tuple[str, ...] = wire("reasons of every finger at that level", default=())
     internal_n: float | None = wire(
-        "grip force: the part of the two normal forces that cancels, which is the smaller one; 0 where a pad is not pressed",
+        "grip force: the part of the two normal forces that cancels, which is the smaller one; 0 where a pad is "
+        "not pressed",
         nil=True,
     )
     grip_needed_n: float | None = wire(
-        "least `internal_n` with which both fingers hold their load with their configured safety; nil also where that of one "
-        "finger is not known (no contact, no fresh image, no friction coefficient) or no grip force would hold",
+        "least `internal_n` with which both fingers hold their load with their configured safety; nil also where "
+        "that of one finger is not known (no contact, no fresh image, no friction coefficient) or no grip force "
+        "would hold",
         nil=True,
     )
     utilisation: float | None = wire(
@@ -197,23 +205,25 @@ class Grasp(Message):
         nil=True,
     )
     external_torque_nm: Triple | None = wire(
-        "torque of the world on the object about the frame's origin; nil also where `width_m` is nil or beyond the config's "
-        "positions, and where a sensor measures no torque",
+        "torque of the world on the object about the frame's origin; nil also where `width_m` is nil or beyond the "
+        "config's positions, and where a sensor measures no torque",
         nil=True,
     )
     load_share: Mapping[str, float] | None = wire(
-        "finger → its share of the tangential load, 0 to 1, together 1; nil where both together carry less than the larger "
-        "`min_normal_n`",
+        "finger → its share of the tangential load, 0 to 1, together 1; nil where both together carry less than "
+        "the larger `min_normal_n`",
         nil=True,
     )
     asymmetry: float | None = wire(
-        "first minus second normal force over their sum, −1 to 1: 0 is even, 1 means that only the first is pressed; nil "
-        "where neither reaches the larger `min_normal_n`",
+        "first minus second normal force over their sum, −1 to 1: 0 is even, 1 means that only the first is "
+        "pressed; nil where neither reaches the larger `min_normal_n`",
         nil=True,
     )
     width_m: float | None = wire("width between the pads; nil where the gripper does not report it", nil=True)
     reading_age_s: float | None = wire(
-        "age of the older of the two force readings at publication; nil before the first of either", key="age_s", nil=True
+        "age of the older of the two force readings at publication; nil before the first of either",
+        key="age_s",
+        nil=True,
     )
 
 
