@@ -1,17 +1,19 @@
 """Every exception that the client raises on purpose.
 
-SlipdClientError
-├── ClientError           something went wrong at run time
-│   ├── Silence             no message for longer than the caller allows
-│   ├── NoAnswer            no reply in time; it is not known whether the request was carried out
-│   ├── RequestRefused      the daemon answered that it did not carry out the request
-│   │   └── TareGivenUp       the daemon began the tare and gave it up
-│   ├── LeaseLost           the lease of this block has ended; nothing was sent
-│   ├── LeaseInUse          another thread or task holds the lease of this client; nothing was sent
-│   └── ConnectionClosed    the client was closed
-├── CallError             a call is wrong: no such endpoint, a duration of 0 s (also a ValueError)
-├── MessageError          bytes or values that are no acceptable message (also a ValueError)
-└── KeyFileError          a key file cannot be used (also a ValueError)
+    SlipdClientError
+    ├── ClientError           something went wrong at run time
+    │   ├── Silence             no message for longer than the caller allows
+    │   ├── NoAnswer            no reply in time; it is not known whether the request was carried out
+    │   ├── RequestRefused      the daemon answered that it did not carry out the request
+    │   │   └── TareGivenUp       the daemon began the tare and gave it up
+    │   ├── LeaseLost           the lease of this block has ended; nothing was sent
+    │   ├── LeaseInUse          another thread or task holds the lease of this client; nothing was sent
+    │   └── ConnectionClosed    the client was closed
+    ├── CallError             a call is wrong: no such endpoint, a duration of 0 s (also a ValueError)
+    ├── MessageError          bytes or values that are no acceptable message (also a ValueError)
+    └── KeyFileError          a key file cannot be used (also a ValueError)
+
+The text of an error names the subject, the rule and what was found.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from slipd_client.aio import AT_ONCE, AsyncGripClient, AsyncSubscriber
-from slipd_client.errors import LeaseLost, NoAnswer, RequestRefused, Silence
+from slipd_client.errors import LeaseInUse, LeaseLost, NoAnswer, RequestRefused, Silence
 from slipd_client.messages import MessageError
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ async def test_a_lease_of_a_loop_that_stood_still_is_lost(daemon: Daemon) -> Non
     async with AsyncGripClient(daemon.endpoint) as client, client.lease(50) as lease:
         await asyncio.to_thread(lambda: None)
         lease._sent_ns -= 50_000_000
-        with pytest.raises(LeaseLost, match="stood still"):
+        with pytest.raises(LeaseLost, match="was stalled"):
             await client.grip_set(5.0)
 
 
@@ -248,3 +248,51 @@ async def test_a_lease_is_given_back_when_its_task_is_cancelled(daemon: Daemon, 
         with pytest.raises(asyncio.CancelledError):
             await task
         assert daemon.ops[-1] == "lease.release"
+
+
+async def test_tasks_cannot_take_each_others_lease(daemon: Daemon, often: int) -> None:
+    outcomes: list[str] = []
+
+    async def hold(client: AsyncGripClient) -> None:
+        try:
+            async with client.lease(often) as lease:
+                await asyncio.sleep(0.05)
+                await client.grip_set(5.0)
+                assert not lease.lost
+                outcomes.append("held")
+        except LeaseInUse:
+            outcomes.append("refused")
+
+    async with AsyncGripClient(daemon.endpoint) as client:
+        await asyncio.gather(*(hold(client) for _ in range(8)))
+        assert sorted(outcomes) == ["held"] + ["refused"] * 7
+        assert daemon.ops.count("lease.acquire") == daemon.ops.count("lease.release") == 1
+        async with client.lease(often):
+            await client.grip_set(6.0)
+
+
+async def test_a_task_does_not_ride_on_the_lease_of_another_and_its_own_tasks_do(daemon: Daemon, often: int) -> None:
+    held, told = asyncio.Event(), asyncio.Event()
+
+    async def hold(client: AsyncGripClient) -> None:
+        async with client.lease(often):
+            held.set()
+            await told.wait()
+            await asyncio.gather(client.grip_set(5.0), client.grip_adjust(0.5))
+            await asyncio.wait_for(asyncio.create_task(client.gripper_close(5.0)), PATIENCE_S)
+
+    async with AsyncGripClient(daemon.endpoint) as client:
+        holder = asyncio.create_task(hold(client), name="holder")
+        await held.wait()
+        with pytest.raises(LeaseInUse, match="task 'holder' holds the lease"):
+            await client.grip_set(9.0)
+        with pytest.raises(LeaseInUse):
+            await client.tare("left")
+        await client.gravity_set("left", (0.0, 0.0, -9.81))
+        await client.gripper_stop()
+        assert not {"grip.set", "tare"} & set(daemon.ops)
+        told.set()
+        await holder
+    assert [op for op in daemon.ops if op.startswith("grip")] == [
+        *("gripper.stop", "grip.set", "grip.adjust", "gripper.close")
+    ]

@@ -12,12 +12,15 @@ def drifted(now_ns: int, ppm: int) -> int:
     return now_ns + now_ns * ppm // 1_000_000
 
 
-def test_nothing_is_known_before_the_first_reply_nor_after_another_daemon() -> None:
+def test_the_clock_is_unknown_before_the_first_reply_and_after_another_daemon() -> None:
     clock = ServerClock()
-    assert clock.error_ns(0) is None
-    clock.hear(0, 10, 5)
-    clock.forget()
-    assert clock.error_ns(0) is None
+    for heard in (False, True):
+        if heard:
+            clock.hear(0, 10, 5)
+            assert clock.known
+            clock.forget()
+        assert not clock.known
+        assert (clock.error_ns(0), clock.server_ns(0), clock.local_ns(0), clock.earliest_ns(0)) == (None,) * 4
 
 
 def test_the_error_is_half_the_way_there_and_back() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextvars
 import threading
 import time
 from collections.abc import Callable
@@ -9,13 +10,38 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from slipd_client.errors import LeaseLost, RequestRefused
+from slipd_client.errors import LeaseInUse, LeaseLost, RequestRefused
 from slipd_client.grip import GripClient
 
 if TYPE_CHECKING:
     from conftest import Daemon
 
 PATIENCE_S = 10.0
+
+
+def in_threads(*works: Callable[[], object], names: list[str | None] | None = None) -> None:
+    """Runs functions in threads of their own, and raises here what any of them raised."""
+    faults: list[BaseException] = []
+
+    def run(work: Callable[[], object]) -> None:
+        try:
+            work()
+        except BaseException as fault:  # pytest.fail included
+            faults.append(fault)
+
+    named = names or [None] * len(works)
+    threads = [threading.Thread(target=run, args=(work,), name=name) for work, name in zip(works, named, strict=True)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for fault in faults:
+        raise fault
+
+
+def moves(daemon: Daemon) -> list[str]:
+    """What was asked of a daemon, but for renewals."""
+    return [op for op in daemon.ops if op != "lease.renew"]
 
 
 def refuse(code: str, message: str = "no") -> Callable[[Any], dict[str, Any]]:
@@ -104,10 +130,122 @@ def test_a_connection_that_is_closed_within_the_block_loses_the_lease(daemon: Da
 
 def test_one_client_holds_one_lease(daemon: Daemon) -> None:
     with GripClient(daemon.endpoint) as client, client.lease():
-        with pytest.raises(ValueError, match="one at a time"), client.lease():
+        with pytest.raises(LeaseInUse, match="one lease at a time") as caught, client.lease():
             pytest.fail("the block ran")
+        assert isinstance(caught.value, ValueError), "as before it had a class of its own"
         assert daemon.ops.count("lease.acquire") == 1
     assert daemon.ops.count("lease.release") == 1
+
+
+def test_threads_cannot_take_each_others_lease(daemon: Daemon) -> None:
+    """Eight threads of one client ask at once: one of them holds the lease, alone, until it gives it back."""
+    together, outcomes, holders = threading.Barrier(8), [], []
+    daemon.handlers["lease.acquire"] = lambda _: time.sleep(0.05) or {}
+
+    def hold() -> None:
+        together.wait()
+        try:
+            with client.lease(60_000) as lease:
+                holders.append(lease)
+                together.wait()  # the others have asked
+                client.grip_set(5.0)
+                assert not lease.lost
+                outcomes.append("held")
+        except LeaseInUse:
+            outcomes.append("refused")
+            together.wait()
+
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
+        in_threads(*[hold] * 8)
+        assert sorted(outcomes) == ["held"] + ["refused"] * 7
+        assert [op for op in daemon.ops if op != "lease.renew"] == [
+            *("hello", "lease.acquire", "grip.set", "lease.release")
+        ]
+        with client.lease(60_000):
+            client.grip_set(6.0)
+
+
+def test_a_lease_is_free_for_others_only_once_the_daemon_has_it_back(daemon: Daemon) -> None:
+    """A release that arrived behind the next acquisition would end the lease of another thread."""
+    releasing, refused = threading.Event(), []
+
+    def release(_: Any) -> dict[str, Any]:
+        releasing.set()
+        time.sleep(0.1)
+        return {}
+
+    def take() -> None:
+        releasing.wait()
+        with pytest.raises(LeaseInUse), client.lease():
+            pytest.fail("the block ran")
+        refused.append(True)
+
+    daemon.handlers["lease.release"] = release
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
+        other = threading.Thread(target=take)
+        other.start()
+        with client.lease(60_000):
+            pass
+        other.join()
+    assert refused
+    assert daemon.ops.count("lease.acquire") == 1
+
+
+NEEDS_THE_LEASE = [
+    lambda client: client.grip_set(5.0),
+    lambda client: client.grip_adjust(0.5),
+    lambda client: client.gripper_close(5.0),
+    lambda client: client.gripper_open(drop=True),
+    lambda client: client.gripper_activate(),
+    lambda client: client.fault_ack(),
+    lambda client: client.tare("left"),
+    lambda client: client.tare_undo("left"),
+    lambda client: client.friction_set("left", 0.9),
+    lambda client: client.request("lease.acquire", ttl_ms=200),
+    lambda client: client.request("lease.release"),
+    lambda client: client.request("gripper.later", force_n=5.0),
+]
+NEEDS_NO_LEASE = [
+    lambda client: client.hello(),
+    lambda client: client.status(),
+    lambda client: client.tare_get("left"),
+    lambda client: client.gravity_set("left", (0.0, 0.0, -9.81)),
+    lambda client: client.record_start(),
+    lambda client: client.grip_hold(),
+    lambda client: client.gripper_stop(),
+    lambda client: client.request("later.op"),
+]
+
+
+def test_a_thread_does_not_ride_on_the_lease_of_another(daemon: Daemon) -> None:
+    """What needs the lease is not sent; what needs none, and what stops the gripper, is."""
+
+    def other() -> None:
+        for call in NEEDS_THE_LEASE:
+            before = len(moves(daemon))
+            with pytest.raises(LeaseInUse, match="'holder' holds the lease"):
+                call(client)
+            assert len(moves(daemon)) == before
+        for call in NEEDS_NO_LEASE:
+            call(client)
+
+    def holder() -> None:
+        with client.lease(60_000):
+            in_threads(other)
+            for call in NEEDS_THE_LEASE[:6]:
+                call(client)
+
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client:
+        in_threads(holder, names=["holder"])
+        client.friction_set("left", 0.9)  # no thread holds the lease: it is for the daemon to refuse
+    assert daemon.ops.count("grip.set") == 1
+
+
+def test_a_thread_is_lent_the_lease_with_the_context_of_its_holder(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(60_000):
+        context = contextvars.copy_context()
+        in_threads(lambda: context.run(client.grip_set, 5.0))
+    assert "grip.set" in daemon.ops
 
 
 def test_a_lease_is_given_back_when_the_block_fails(daemon: Daemon) -> None:

@@ -136,7 +136,7 @@ def test_status_alone_shows_the_gripper_too() -> None:
 
 def test_a_silent_daemon_has_no_level() -> None:
     text = drawn(slip_left=SLIP | {"level": "stable"}, silent_s=5.0)
-    assert text.startswith("nothing heard for 5.0 s")
+    assert text.startswith("no message for 5.0 s")
     assert "STABLE" not in text
     assert "UNKNOWN" in text
 
@@ -237,7 +237,7 @@ def test_a_low_terminal_shows_the_streams_that_are_not_well() -> None:
     view.update("status", STATUS | {"streams": streams | ill})
     lines = view.render(80, colour=False, height=24)
     assert len(lines) <= 24
-    assert "29 streams that are well have no room here" in lines[-1]
+    assert "29 streams without a fault are not shown" in lines[-1]
     assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(lines))
     assert len(view.render(80, colour=False)) > 30
 

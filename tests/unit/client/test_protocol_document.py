@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+from typing import get_args
 
 import pytest
 from project import DAEMON, DOCS
@@ -12,17 +13,18 @@ from project import DAEMON, DOCS
 from slipd.samples import WrenchSample
 from slipd_client.messages import (
     ERROR_CODES,
-    IMAGE_REASONS,
     LEVELS,
     MESSAGE_LIMITS,
     PROTOCOL_VERSION,
     REASONS,
     REQUEST_LIMITS,
+    TARE_REASONS,
+    TareReason,
     decode,
     encode,
-    level_code,
 )
-from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.names import ERROR_MEANINGS, LEVEL_MEANINGS, SlipLevel
+from slipd_client.messages.schema.tables import filled, tables
 
 TEXT = (DOCS / "protocol.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```hex\n(.*?)```\s*```json\n(.*?)```", TEXT, re.DOTALL)
@@ -32,19 +34,16 @@ def test_it_is_of_this_version() -> None:
     assert TEXT.startswith(f"# The message API, version {PROTOCOL_VERSION}\n")
 
 
-@pytest.mark.parametrize("level", LEVELS)
-def test_every_level_stands_with_its_code(level: str) -> None:
-    assert f"| `{level}` | {level_code(level)} |" in TEXT
+def test_its_tables_are_those_of_the_schema() -> None:
+    """``python -m slipd_client.messages.schema.tables docs/protocol.md`` writes them."""
+    assert filled(TEXT) == TEXT
+    assert sorted(re.findall(r"<!-- table: (\w+) -->", TEXT)) == sorted(tables())
 
 
-def test_its_reasons_are_those_of_the_client_with_their_meanings() -> None:
-    table = TEXT.partition("| reason | meaning |\n")[2].partition("\n\n")[0]
-    assert re.findall(r"^\| `(\w+)` \| (.*) \|$", table, re.MULTILINE) == list(REASONS.items())
-
-
-def test_why_an_image_cannot_be_used_stands_with_its_meaning() -> None:
-    table = TEXT.partition("| reason | why an image cannot be used |\n")[2].partition("\n\n")[0]
-    assert dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", table, re.MULTILINE)) == IMAGE_REASONS
+def test_every_word_of_the_wire_has_a_meaning() -> None:
+    assert tuple(LEVEL_MEANINGS) == LEVELS == tuple(level.value for level in SlipLevel)
+    assert tuple(ERROR_MEANINGS) == ERROR_CODES
+    assert tuple(TARE_REASONS) == get_args(TareReason)
 
 
 def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
@@ -69,25 +68,6 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
     models = {"none", "exact"}  # "translation" is a reason too
     others = set(LEVELS) | models | set(WrenchSample.__slots__)
     assert {word for word in given if " " not in word} - others == set(REASONS)
-
-
-def test_its_error_codes_are_those_of_the_client() -> None:
-    table = TEXT.partition("## Error codes")[2].partition("\n## ")[0]
-    assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(ERROR_CODES)
-
-
-def test_its_operations_are_those_of_the_daemon_with_their_fields() -> None:
-    table = TEXT.partition("### Operations")[2].partition("\n\n| needs |")[0]
-    told = {
-        op: {name: not optional for name, optional in re.findall(r"`(\w+)`(\??)", fields)}
-        for op, fields in re.findall(r"^\| `([a-z.]+)` \|(.*?)\|", table, re.MULTILINE)
-    }
-    assert told == {op: {name: field.required for name, field in fields.items()} for op, fields in OPS.items()}
-
-
-def test_every_field_of_a_request_has_a_range_or_a_meaning() -> None:
-    table = TEXT.partition("| field | type | unit and range | |\n")[2].partition("\n\n")[0]
-    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {name for op in OPS.values() for name in op}
 
 
 @pytest.mark.parametrize("field", ["data_bytes", "text_bytes", "items", "values"])

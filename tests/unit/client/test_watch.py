@@ -120,7 +120,7 @@ def test_a_line_a_second_tells_of_silence(publisher: Publisher, slipctl: Start) 
     assert process.stdout is not None
     lines = [process.stdout.readline() for _ in range(3)]
     assert "left stable" in lines[0]
-    assert re.match(r"nothing heard for \d+\.\d s", lines[2])
+    assert re.match(r"no message for \d+\.\d s", lines[2])
 
 
 def test_json_is_every_message_of_every_topic(publisher: Publisher, slipctl: Start) -> None:

@@ -132,6 +132,7 @@ class TestTareOfPad:
         run.wrench(5.0, ms=10.0)
         got = run.ask("tare.get", finger="left", stream="pad")["result"]
         assert (got["busy"], got["tare_id"], got["given_up"]) == (False, 0, "a contact began")
+        assert got["given_up_reason"] == "contact"
         assert run.refusal("tare", finger="left", stream="pad") == ("in_contact", "finger")
 
     def test_silent_pad_is_not_tared(self, run: Run) -> None:
@@ -144,13 +145,15 @@ class TestTareOfPad:
         run.tick()
         got = run.ask("tare.get", finger="left", stream="pad")["result"]
         assert (got["busy"], got["given_up"]) == (False, "the stream fell silent")
+        assert got["given_up_reason"] == "silent"
 
     def test_unplugged_pad_gives_up_its_tare(self, run: Run) -> None:
         run.wrench(0.0)
         run.image(EMPTY)
         assert run.refusal("tare", finger="left", stream="pad") is None
         run.down("left.pad")
-        assert run.ask("tare.get", finger="left", stream="pad")["result"]["given_up"] == "the stream ended"
+        got = run.ask("tare.get", finger="left", stream="pad")["result"]
+        assert (got["given_up"], got["given_up_reason"]) == ("the stream ended", "ended")
 
     @pytest.mark.parametrize(
         ("op", "fields", "refusal"),

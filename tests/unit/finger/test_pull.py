@@ -73,6 +73,7 @@ def test_pull_ends_a_tare_in_progress(run: Run) -> None:
     reported = run.ask("tare.get", finger="left")["result"]
     assert (reported["tare_id"], reported["busy"]) == (1, False)
     assert reported["given_up"] == "the normal force became negative, as if the pad were pulled"
+    assert reported["given_up_reason"] == "pulled"
 
 
 def test_unloaded_true_tares_a_negative_bias(run: Run) -> None:

@@ -161,8 +161,10 @@ def wire(meaning: str, *, key: str = "", nil: bool = False, default: Any = MISSI
 
 
 _FIELDS: dict[type[Any], tuple[Field, ...]] = {}
+"""Fields of each class, found once."""
+
 _PLANS: dict[type[Any], tuple[tuple[str, str, Callable[[Any], Any], bool], ...]] = {}
-"""Of each class, looked up once."""
+"""How to read each class, found once."""
 
 
 def fields_of(cls: type[Any]) -> tuple[Field, ...]:

@@ -215,6 +215,7 @@ OPS: dict[str, Op] = {
             "Acquire the lease.",
             TTL_MS,
             reply=LeaseReply,
+            lease="not_another's",
             needs="no other holder (`lease_held`)",
         ),
         _op("lease.renew", "Renew the lease.", lease="holder", urgent=True, needs="lease"),

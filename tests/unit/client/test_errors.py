@@ -1,0 +1,74 @@
+"""Whatever the client raises on purpose has one base."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from slipd_client import keys
+from slipd_client.errors import CallError, ClientError, ConnectionClosed, NoAnswer, RequestRefused, SlipdClientError
+from slipd_client.grip import GripClient
+from slipd_client.messages import decode
+from slipd_client.messages.reader import read
+from slipd_client.subscriber import Subscriber
+
+if TYPE_CHECKING:
+    from conftest import Daemon
+
+
+def with_client(call: Callable[[GripClient], object]) -> None:
+    with GripClient("ipc:///tmp/no-daemon", timeout_s=0.01) as client:
+        call(client)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: GripClient("tcp://robot"),
+        lambda: Subscriber("nowhere"),
+        lambda: Subscriber("ipc:///tmp/none", topics="slip"),
+        lambda: with_client(lambda client: client.tare("left", 0.0)),
+        lambda: with_client(lambda client: client.status()),
+        lambda: decode(b""),
+        lambda: read([b"slip.left"]),
+        lambda: keys.load_public(Path("/no/such.key")),
+        lambda: keys.create("no name", Path("/tmp")),
+    ],
+)
+def test_whatever_goes_wrong_is_of_the_base_and_a_wrong_call_is_a_value_error(call: Callable[[], object]) -> None:
+    with pytest.raises(SlipdClientError) as caught:
+        call()
+    assert isinstance(caught.value, ValueError) != isinstance(caught.value, ClientError)
+
+
+def test_a_client_that_was_closed_says_so(daemon: Daemon) -> None:
+    client, subscriber = GripClient(daemon.endpoint), Subscriber(daemon.endpoint)
+    client.disconnect()
+    subscriber.close()
+    for call in (client.status, subscriber.receive):
+        with pytest.raises(ConnectionClosed, match=f"connection to {daemon.endpoint} was closed"):
+            call()
+
+
+def test_a_refusal_and_a_missing_reply_are_of_the_base(daemon: Daemon) -> None:
+    daemon.handlers["grip.set"] = lambda _: {"error": {"code": "no_lease", "message": "no"}}
+    daemon.handlers["status"] = lambda _: None
+    with GripClient(daemon.endpoint) as client:
+        with pytest.raises(SlipdClientError) as refusal:
+            client.grip_set(5.0)
+        client.timeout_s = 0.05
+        with pytest.raises(SlipdClientError) as silence:
+            client.status()
+    assert (type(refusal.value), type(silence.value)) == (RequestRefused, NoAnswer)
+
+
+def test_a_wrong_call_names_the_argument_the_rule_and_the_value() -> None:
+    with pytest.raises(CallError, match=r"^endpoint must be of the form .*, got 'nowhere'"):
+        Subscriber("nowhere")
+    with pytest.raises(CallError, match=r"^topics must be a sequence of strings, .*got 'slip'"):
+        Subscriber("ipc:///tmp/none", topics="slip")
+    with GripClient("ipc:///tmp/no-daemon") as client, pytest.raises(CallError, match=r"^seconds must be .*, got -1"):
+        client.tare("left", -1.0)
