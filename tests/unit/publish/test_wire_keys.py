@@ -12,7 +12,7 @@ from project import DAEMON
 
 from slipd.events import Publish, Reply
 from slipd.gripper.intent import IntentKind
-from slipd.requests.request_check import OPS
+from slipd_client.messages.schema.ops import ENVELOPE, OPS
 
 Run = Any
 
@@ -22,7 +22,7 @@ OTHER_FORMATS = {"devices", "sim", "recording", "config"}
 CLIENTS = {"cli.py", "demo.py"}
 #: Rooms that read requests.
 READERS = {"requests", "bus"}
-REQUEST_FIELDS = {"v", "id", "op", "boot", "deadline_ns"} | {name for fields in OPS.values() for name in fields}
+REQUEST_FIELDS = {field.name for field in ENVELOPE} | {name for op in OPS.values() for name in op.fields}
 #: Keys that are words of their own elsewhere: ops, kinds of intent, and the context of asyncio's exception handler.
 ALSO_WORDS = {*OPS, *get_args(IntentKind)}
 ASYNCIO = {("service.py", "message")}
