@@ -14,7 +14,7 @@ import zmq
 from slipd_client.client_base import GripClientBase
 from slipd_client.errors import ClientError
 from slipd_client.lease_keeper import LEASE_MS, LeaseKeeper
-from slipd_client.messages.typed import Message
+from slipd_client.messages.schema.topics import Message
 from slipd_client.request_protocol import Ask, Envelope, Result, Steps
 from slipd_client.subscriber import SubscriberBase
 from slipd_client.waker import Waker

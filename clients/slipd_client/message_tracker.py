@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from slipd_client.errors import CallError, MessageError, Silence, hint_for
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.reader import read, typed_message
-from slipd_client.messages.typed import Message
+from slipd_client.messages.schema.topics import Message
 
 SILENCE_S = 3.0
 """The daemon publishes ``status`` once a second: after so long without a message it is gone or cut off."""

@@ -14,7 +14,7 @@ from slipd_client.errors import CallError, ClientError, RequestRefused, SlipdCli
 from slipd_client.grip import GripClient
 from slipd_client.live_view import LiveView
 from slipd_client.messages import STATUS_TOPIC
-from slipd_client.messages.typed import Reply, StatusReply
+from slipd_client.messages.schema.replies import Reply, StatusReply
 from slipd_client.watch import print_view, watch
 
 DONE, FAULT = 0, 1  # a wrong call exits with argparse's own 2

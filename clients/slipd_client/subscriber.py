@@ -11,7 +11,7 @@ import zmq
 
 from slipd_client.link import Link
 from slipd_client.message_tracker import SILENCE_S, MessageTracker
-from slipd_client.messages.typed import Message
+from slipd_client.messages.schema.topics import Message
 from slipd_client.paths import publish_endpoint
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ def typed_reply(cls: type[AnyReply], raw: Mapping[str, Any]) -> AnyReply:
     return reply
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HelloReply(Reply):
     """The daemon's run and clock."""
 
@@ -48,7 +48,7 @@ class StatusReply(Reply, DaemonState):
     """The daemon, its fingers and its streams."""
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TareBegun(Reply):
     """A tare that has begun."""
 
@@ -59,7 +59,7 @@ class TareBegun(Reply):
     tare_ids: Mapping[str, int] = wire("stream → its tare still in use", default={})
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TareReply(Reply):
     """The tare in use of one stream, and whether another is in progress."""
 
@@ -80,14 +80,14 @@ class TareReply(Reply):
     given_up_reason: str | None = wire("the same as a word, see [Taring](#taring)", nil=True)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GravityReply(Reply):
     """Whether the finger's weight is compensated."""
 
     gravity: str | None = wire("as in a stream of `status`", default=None)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FrictionReply(Reply):
     """The friction in use."""
 
@@ -98,35 +98,35 @@ class FrictionReply(Reply):
     mu_t_ns: int | None = wire("when it was set", default=None)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LeaseReply(Reply):
     """The lease that was granted."""
 
     ttl_ms: int | None = wire("life of the lease without renewal, ms", default=None)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GripReply(Reply):
     """The grip force that a motion commands."""
 
     applied_n: float | None = wire("grip force that the gripper is sent: its setting for the one requested", nil=True)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HoldReply(Reply):
     """The grip force that is kept."""
 
     force_n: float | None = wire("grip force in force; nil where none is known", nil=True)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FaultReply(Reply):
     """The fault that was acknowledged."""
 
     fault: str | None = wire("fault that was latched; nil where none was", nil=True)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RecordingReply(Reply):
     """The file of a recording."""
 
