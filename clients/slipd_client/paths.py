@@ -1,4 +1,4 @@
-"""Where the daemon and its clients meet when nobody names an endpoint. The daemon imports this too."""
+"""Default endpoints of the daemon and its clients. The daemon imports this too."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from pathlib import Path
 
 
 def runtime_dir() -> Path:
-    """Directory of the daemon's sockets; it need not exist yet.
+    """Return the directory of the daemon's sockets; it need not exist yet.
 
-    ``$SLIPD_RUNTIME_DIR`` where set, else ``$XDG_RUNTIME_DIR/slipd``, else ``/tmp/slipd-<uid>``. Its maker
-    must own it and keep others from writing to it: the last one lies where anyone may create names.
+    ``$SLIPD_RUNTIME_DIR`` where set, else ``$XDG_RUNTIME_DIR/slipd``, else ``/tmp/slipd-<uid>``. Whoever creates it
+    must own it and keep others from writing to it, because anyone may create names in ``/tmp``.
     """
     if chosen := os.environ.get("SLIPD_RUNTIME_DIR"):
         return Path(chosen)
     if session := os.environ.get("XDG_RUNTIME_DIR"):
         return Path(session) / "slipd"
-    return Path(f"/tmp/slipd-{os.getuid()}")  # noqa: S108 - the maker of the directory checks its owner
+    return Path(f"/tmp/slipd-{os.getuid()}")  # noqa: S108 - whoever creates the directory checks its owner
 
 
 def publish_endpoint() -> str:
-    """ZeroMQ endpoint of the messages when none is configured."""
+    """Return the ZeroMQ endpoint of the messages when none is configured."""
     return f"ipc://{runtime_dir()}/publish"
 
 
 def requests_endpoint() -> str:
-    """ZeroMQ endpoint of the requests when none is configured."""
+    """Return the ZeroMQ endpoint of the requests when none is configured."""
     return f"ipc://{runtime_dir()}/requests"

@@ -36,14 +36,14 @@ def test_a_list_tells_which_secrets_can_be_used(tmp_path: Path, capsys: pytest.C
     (tmp_path / "c.key_secret").chmod(0o600)
     run("list", "--dir", str(tmp_path))
     a, b, c, d = capsys.readouterr().out.splitlines()
-    assert a == f"a {load_public(tmp_path / 'a.key').decode()} (public key alone)"
+    assert a == f"a {load_public(tmp_path / 'a.key').decode()} (public key only)"
     assert "chmod 600" in b
-    assert "another's" in c
+    assert "belongs to another public key" in c
     assert d.endswith("(with its secret key)")
 
 
 def test_a_directory_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match="nowhere: cannot be read"):
+    with pytest.raises(KeyFileError, match="nowhere: must be a readable directory"):
         run("list", "--dir", str(tmp_path / "nowhere"))
 
 

@@ -88,7 +88,7 @@ def test_the_public_half_in_place_of_the_secret_one_is_recognised(
     with pytest.raises(SystemExit) as ended:
         main(["--key", str(public), "--server-key", str(public), "status"])
     assert ended.value.code == 2
-    complaint = f"{public}: holds the public key alone; name the file of the secret one, which ends with .key_secret"
+    complaint = f"{public}: must hold a secret key (.key_secret), but holds only the public key"
     assert complaint in capsys.readouterr().err
 
 
