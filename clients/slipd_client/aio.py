@@ -129,7 +129,7 @@ class AsyncGripClient(GripClientBase):
         lease = AsyncLease(ttl_ms, time.monotonic_ns(), f"task {task.get_name()!r}" if task else "a callback")
         self._claim(lease)
         try:
-            await self._run(self._protocol.request("lease.acquire", {"ttl_ms": ttl_ms}))
+            await self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
             async with self._renewed(lease):
                 yield lease
         finally:
@@ -147,7 +147,7 @@ class AsyncGripClient(GripClientBase):
             await asyncio.wait([renewer])
             if not lease.lost:
                 with contextlib.suppress(ClientError):
-                    await self._run(self._protocol.request("lease.release", {}))
+                    await self._run(self._protocol.lease("lease.release", {}))
 
     async def _renew(self, lease: AsyncLease) -> None:
         while True:

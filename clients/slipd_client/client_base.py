@@ -97,7 +97,7 @@ class GripClientBase:
         # IMMEDIATE: without it ZeroMQ keeps a request for a daemon that starts later, and delivers it then
         where = requests_endpoint() if endpoint is None else endpoint
         self._link = Link(zmq.DEALER, where, keys, {zmq.IMMEDIATE: 1})
-        self._protocol = RequestProtocol(where, time.monotonic_ns)
+        self._protocol = RequestProtocol(where, time.monotonic_ns, self._check)
         self._lease: LeaseKeeper | None = None
         self._lease_slot = threading.Lock()
 
@@ -114,8 +114,6 @@ class GripClientBase:
     def _request(self, op: str, /, **fields: Any) -> Steps[Any]:
         """Send one request; fields that are None are left out."""
         lease = self._lease
-        if lease is not None:
-            lease.check_op(op)
         try:
             return (
                 yield from self._protocol.request(op, {name: each for name, each in fields.items() if each is not None})
@@ -124,6 +122,12 @@ class GripClientBase:
             if lease is not None and refusal.code in ("no_lease", "wrong_boot"):
                 lease.lose(str(refusal))
             raise
+
+    def _check(self, op: str) -> None:
+        """Raise where the calling thread or task may not send ``op`` now, because of the lease of this client."""
+        lease = self._lease
+        if lease is not None:
+            lease.check_op(op)
 
     def _claim(self, lease: LeaseKeeper) -> None:
         """Reserve the one lease of this client before it is requested; LeaseInUse where it is taken."""
@@ -140,7 +144,7 @@ class GripClientBase:
         self._lease_slot.release()
 
     def _renewal(self, lease: LeaseKeeper) -> Steps[Reply]:
-        return self._protocol.request("lease.renew", {}, max(0.0, lease.left_s))
+        return self._protocol.lease("lease.renew", {}, max(0.0, lease.left_s))
 
     @operation
     def request(self, op: str, /, **fields: Any) -> Steps[Any]:
@@ -218,12 +222,7 @@ class GripClientBase:
             TareGivenUp: The daemon began the tare and gave it up; ``reason`` says why.
             CallError: ``seconds`` is not a positive time.
         """
-        return self._tare(finger, seconds, stream, unloaded)
-
-    def _tare(self, finger: str, seconds: float, stream: str | None, unloaded: bool) -> Steps[TareResult]:
-        if self._lease is not None:
-            self._lease.check_op("tare")
-        return (yield from self._protocol.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded))
+        return self._protocol.tare(finger, seconds, self.timeout_s, stream, unloaded=unloaded)
 
     @operation
     def tare_get(self, finger: str, stream: str | None = None) -> Steps[TareReply]:

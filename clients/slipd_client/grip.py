@@ -66,7 +66,7 @@ class GripClient(GripClientBase):
         lease = Lease(ttl_ms, time.monotonic_ns(), f"thread {threading.current_thread().name!r}")
         self._claim(lease)
         try:
-            self._run(self._protocol.request("lease.acquire", {"ttl_ms": ttl_ms}))
+            self._run(self._protocol.lease("lease.acquire", {"ttl_ms": ttl_ms}))
             with self._renewed(lease):
                 yield lease
         finally:
@@ -87,7 +87,7 @@ class GripClient(GripClientBase):
             renewer.join()
             if not lease.lost:
                 with contextlib.suppress(ClientError):
-                    self._run(self._protocol.request("lease.release", {}))
+                    self._run(self._protocol.lease("lease.release", {}))
 
     def _renew(self, lease: Lease, ended: threading.Event, owner: threading.Thread) -> None:
         while not ended.wait(lease.period_s) and owner.is_alive() and not lease.lost:

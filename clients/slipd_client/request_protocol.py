@@ -41,11 +41,19 @@ Result = dict[str, Any]
 
 @dataclass(frozen=True)
 class Ask:
-    """A step: send this request and return its result."""
+    """A step: send this request and return its result.
+
+    Attributes:
+        op: Its operation.
+        fields: Its fields.
+        timeout_s: How long to wait for its reply; None: as long as the client waits for any.
+        unchecked: The client sends it for its own lease, which needs no check.
+    """
 
     op: str
     fields: dict[str, Any]
     timeout_s: float | None = None
+    unchecked: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,17 +82,19 @@ class RequestProtocol:
     Args:
         endpoint: Where they go, for errors.
         now_ns: CLOCK_MONOTONIC.
+        check: Raises where the calling thread or task may not send an op now, see `LeaseKeeper.check_op`.
 
     Attributes:
         clock: The daemon's clock.
         boot: The daemon's run; None until ``hello`` was answered.
     """
 
-    def __init__(self, endpoint: str, now_ns: Callable[[], int]) -> None:
+    def __init__(self, endpoint: str, now_ns: Callable[[], int], check: Callable[[str], None]) -> None:
         self.endpoint = endpoint
         self.clock = ServerClock()
         self.boot: str | None = None
         self._now_ns = now_ns
+        self._check = check
         self._unreadable = ""
         self._prefix = uuid.uuid4().hex[:16]
         self._numbers = itertools.count(1)
@@ -104,8 +114,17 @@ class RequestProtocol:
                 break
         return reply
 
-    def request(self, op: str, fields: dict[str, Any], timeout_s: float | None = None) -> Steps[Any]:
-        """Send one request, after ``hello`` where run or clock are not known; return the reply as the op's class.
+    def request(self, op: str, fields: dict[str, Any]) -> Steps[Any]:
+        """Send one request, after ``hello`` where run or clock are not known; return the reply as the op's class."""
+        self._check(op)
+        return (yield from self._request(Ask(op, fields)))
+
+    def lease(self, op: str, fields: dict[str, Any], timeout_s: float | None = None) -> Steps[Any]:
+        """Send a request for the client's own lease: to acquire it, renew it or give it back."""
+        return (yield from self._request(Ask(op, fields, timeout_s, unchecked=True)))
+
+    def _request(self, ask: Ask) -> Steps[Any]:
+        """Send one request.
 
         A clock that is read again never redirects a request to a restarted daemon. That request is refused, so that the
         program learns of the restart; the next request greets the new daemon.
@@ -116,13 +135,13 @@ class RequestProtocol:
         if boot is not None:
             self.boot = boot
         try:
-            result = yield Ask(op, fields, timeout_s)
+            result = yield ask
         except RequestRefused as refusal:
             if refusal.code in ("wrong_boot", "deadline_passed", "deadline_too_far"):
                 self.boot = None  # what hello returned is out of date
                 self.clock.forget()
             raise
-        return self._typed(op, result)
+        return self._typed(ask.op, result)
 
     def tare(
         self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
@@ -165,7 +184,10 @@ class RequestProtocol:
         Raises:
             MessageError: The fields make no acceptable message (NaN, a string that is too long).
             NoAnswer: The daemon's clock became unknown, so there is no deadline to send.
+            LeaseInUse, LeaseLost: The lease changed hands, or was lost, while the request waited for its turn.
         """
+        if not ask.unchecked:
+            self._check(ask.op)
         number = f"{self._prefix}-{next(self._numbers)}"
         now_ns = self._now_ns()
         body: dict[str, Any] = {"v": PROTOCOL_VERSION, "id": number, "op": ask.op}

@@ -176,7 +176,7 @@ async def test_a_late_reply_and_one_to_a_cancelled_request_are_not_taken_for_the
     async with AsyncGripClient(daemon.endpoint) as client:
         await client.hello()
         with pytest.raises(NoAnswer, match="may or may not"):
-            await client._run(client._protocol.request("silent", {}, 0.05))
+            await client._run(client._protocol.lease("silent", {}, 0.05))
         for told in range(20):
             asking = asyncio.create_task(client.request("echo", told=-1))
             await asyncio.sleep(0)

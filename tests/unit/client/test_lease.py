@@ -241,6 +241,22 @@ def test_a_thread_does_not_ride_on_the_lease_of_another(daemon: Daemon) -> None:
     assert daemon.ops.count("grip.set") == 1
 
 
+def test_a_request_that_waited_for_its_turn_while_the_lease_was_lost_is_not_sent(daemon: Daemon) -> None:
+    def move() -> None:
+        with pytest.raises(LeaseLost, match="in the meantime"):
+            client.grip_set(5.0)
+
+    with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(60_000) as lease:
+        context = contextvars.copy_context()
+        with client._turn:
+            waiting = threading.Thread(target=context.run, args=(move,))
+            waiting.start()
+            time.sleep(0.05)  # it waits for its turn
+            lease.lose("in the meantime")
+        waiting.join()
+    assert "grip.set" not in daemon.ops
+
+
 def test_a_thread_is_lent_the_lease_with_the_context_of_its_holder(daemon: Daemon) -> None:
     with GripClient(daemon.endpoint, timeout_s=PATIENCE_S) as client, client.lease(60_000):
         context = contextvars.copy_context()
