@@ -261,4 +261,4 @@ def test_an_early_end_does_not_open_the_gripper(daemon):
 def test_a_missing_daemon_is_reported():
     program = RobotProgram("ipc:///nowhere/publish", "ipc:///nowhere/requests")
     program.run()
-    assert "nobody takes requests" in program.report.error
+    assert "nobody accepts requests" in program.report.error
