@@ -19,7 +19,6 @@ from slipd_client.clock import ServerClock
 from slipd_client.errors import LeaseInUse, RequestRefused
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
 from slipd_client.link import Link
-from slipd_client.messages.schema.ops import TARE_S
 from slipd_client.messages.schema.replies import (
     FaultReply,
     FrictionReply,
@@ -33,6 +32,7 @@ from slipd_client.messages.schema.replies import (
     TareReply,
     TareResult,
 )
+from slipd_client.messages.schema.request_fields import TARE_S
 from slipd_client.paths import requests_endpoint
 from slipd_client.request_protocol import TIMEOUT_S, RequestProtocol, Steps
 

@@ -7,7 +7,8 @@ import math
 from collections.abc import Callable
 
 from slipd_client import keys_command
-from slipd_client.messages.schema.fields import FLAG, NUMBER, Field
+from slipd_client.messages.schema.fields import Field
+from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
 
 Add = Callable[[str, str], argparse.ArgumentParser]

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from slipd.events import Output, Publish, Reply, Request
-from slipd_client.messages.schema.fields import Field, Kind, fields_of
+from slipd_client.messages.schema.fields import Field, fields_of
+from slipd_client.messages.schema.kinds import Kind
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.topics import TOPICS
 

@@ -12,7 +12,8 @@ from typing import Any
 from slipd_client.errors import MessageError
 from slipd_client.messages.codec import MESSAGE_LIMITS, decode
 from slipd_client.messages.names import PROTOCOL_VERSION
-from slipd_client.messages.schema.fields import Mismatch, read_fields
+from slipd_client.messages.schema.fields import read_fields
+from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.topics import TOPICS, Message
 
 _HEADER = {"seq": int, "boot": str, "t_ns": int}

@@ -1,7 +1,7 @@
 """The classes of the messages and replies, for programs that steer a robot; `slipd_client.messages.schema` has them."""
 
 from slipd_client.messages.names import SlipLevel
-from slipd_client.messages.schema.fields import Pair, Triple
+from slipd_client.messages.schema.kinds import Pair, Triple
 from slipd_client.messages.schema.parts import (
     FingerStatus,
     GripperState,
@@ -24,6 +24,7 @@ from slipd_client.messages.schema.replies import (
     StatusReply,
     TareBegun,
     TareReply,
+    TareResult,
 )
 from slipd_client.messages.schema.topics import (
     Clock,
@@ -67,6 +68,7 @@ __all__ = [
     "Tactile",
     "TareBegun",
     "TareReply",
+    "TareResult",
     "Triple",
     "Wrench",
 ]

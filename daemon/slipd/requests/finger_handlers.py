@@ -16,7 +16,7 @@ from slipd.publish.replies import Result
 from slipd.refusal import Refusal
 from slipd.requests.gripper_handlers import Handler
 from slipd.signals.gravity import FRESH_NS, gravity_fault
-from slipd_client.messages.schema.ops import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
+from slipd_client.messages.schema.request_fields import SECONDS, STREAM, STREAM_OR_ALL, TARE_S
 
 _GRIP_IN_FORCE = "a grip is in force, so a tare may erase the load of the held object"
 

@@ -8,8 +8,10 @@ from typing import Any
 
 from slipd.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
-from slipd_client.messages.schema.fields import INTEGER, NUMBER, TEXT_OR_INTEGER, TRIPLE, Field, Kind
-from slipd_client.messages.schema.ops import ENVELOPE, OPEN_OPS, OPS
+from slipd_client.messages.schema.fields import Field
+from slipd_client.messages.schema.kinds import INTEGER, NUMBER, TEXT_OR_INTEGER, TRIPLE, Kind
+from slipd_client.messages.schema.ops import OPEN_OPS, OPS
+from slipd_client.messages.schema.request_fields import ENVELOPE
 
 #: A deadline may be this far ahead: a request that waited longer was meant for another situation.
 LONGEST_DEADLINE_NS = 500_000_000

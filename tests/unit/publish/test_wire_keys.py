@@ -12,7 +12,8 @@ from project import DAEMON
 
 from slipd.events import Publish, Reply
 from slipd.gripper.intent import IntentKind
-from slipd_client.messages.schema.ops import ENVELOPE, OPS
+from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.schema.request_fields import ENVELOPE
 
 Run = Any
 

@@ -1,4 +1,4 @@
-"""What a field of the wire is: its key, its kind, its range and its meaning."""
+"""What a field of the wire is: its key, its kind, its range and its meaning; and how dataclasses declare fields."""
 
 from __future__ import annotations
 
@@ -9,59 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from slipd_client.messages.names import ErrorCode, Health, SlipLevel
-
-Pair = tuple[float, float]
-Triple = tuple[float, float, float]
-Sextuple = tuple[float, float, float, float, float, float]
-
-
-class Mismatch(ValueError):  # noqa: N818 - it names what happened
-    """A value that is not of its field's kind.
-
-    Attributes:
-        code: The kind of fault, as in the ``error`` of a reply: "bad_type" or "missing_field".
-        path: Dotted path of the field.
-    """
-
-    def __init__(self, code: ErrorCode, rule: str, path: str = "") -> None:
-        self.code: ErrorCode = code
-        self.rule = rule
-        self.path = path
-        super().__init__(rule)
-
-    def within(self, key: str) -> Mismatch:
-        """Return the same fault as seen from the map or list that holds the value."""
-        return Mismatch(self.code, self.rule, f"{key}.{self.path}" if self.path else key)
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of value.
-
-    Attributes:
-        name: In the tables of ``docs/protocol.md``, e.g. "number".
-        phrase: In errors, e.g. "a number".
-        plural: Several of them, e.g. "numbers".
-        read: Returns a decoded value as Python has it, e.g. a list as a tuple; raises Mismatch for another kind.
-        part: Class that declares the fields of a map; None for every other kind.
-        inner: Kind of the entries of a list, or of a map with any keys.
-    """
-
-    name: str
-    phrase: str
-    plural: str
-    read: Callable[[Any], Any]
-    part: type[Any] | None = None
-    inner: Kind | None = None
-
-    def fits(self, value: Any) -> bool:
-        """Return whether a decoded value is of this kind."""
-        try:
-            self.read(value)
-        except Mismatch:
-            return False
-        return True
+from slipd_client.messages.schema.kinds import BY_ANNOTATION, Kind, Mismatch, list_of, map_of, wrong_kind
 
 
 @dataclass(frozen=True)
@@ -213,120 +161,13 @@ def _plan(cls: type[Any]) -> tuple[tuple[str, str, Callable[[Any], Any], bool], 
     return _PLANS[cls]
 
 
-def _mismatch(phrase: str, value: Any) -> Mismatch:
-    return Mismatch("bad_type", f"must be {phrase}, got {value!r:.60}")
-
-
-def _number(value: Any) -> float:
-    if type(value) is float:
-        return value
-    if type(value) is int:
-        return float(value)
-    raise _mismatch("a number", value)
-
-
-def _exactly(wanted: type[Any], phrase: str) -> Callable[[Any], Any]:
-    def read(value: Any) -> Any:
-        if type(value) is not wanted:
-            raise _mismatch(phrase, value)
-        return value
-
-    return read
-
-
-def _text_or_integer(value: Any) -> Any:
-    if type(value) not in (str, int):
-        raise _mismatch("a string or an integer", value)
-    return value
-
-
-def _vector(count: int, phrase: str) -> Callable[[Any], tuple[float, ...]]:
-    def read(value: Any) -> tuple[float, ...]:
-        if type(value) is not list or len(value) != count:
-            raise _mismatch(phrase, value)
-        return _entries(_number, value)
-
-    return read
-
-
-def _word(words: Mapping[Any, Any]) -> Callable[[Any], Any]:
-    phrase = f"one of {', '.join(map(str, words))}"
-
-    def read(value: Any) -> Any:
-        if type(value) not in (str, int) or value not in words:
-            raise _mismatch(phrase, value)
-        return words[value]
-
-    return read
-
-
-def _entries(read: Callable[[Any], Any], values: list[Any]) -> tuple[Any, ...]:
-    try:
-        return tuple(map(read, values))
-    except Mismatch:
-        for index, value in enumerate(values):
-            try:
-                read(value)
-            except Mismatch as mismatch:
-                raise mismatch.within(str(index)) from None
-        raise
-
-
-def _list_of(inner: Kind) -> Kind:
-    def read(value: Any) -> tuple[Any, ...]:
-        if type(value) is not list:
-            raise _mismatch(f"a list of {inner.plural}", value)
-        return _entries(inner.read, value)
-
-    return Kind(f"list of {inner.plural}", f"a list of {inner.plural}", "lists", read, inner=inner)
-
-
-def _map_of(inner: Kind) -> Kind:
-    def read(value: Any) -> dict[str, Any]:
-        if type(value) is not dict:
-            raise _mismatch("a map", value)
-        found = {}
-        for key, entry in value.items():
-            try:
-                found[key] = inner.read(entry)
-            except Mismatch as mismatch:
-                raise mismatch.within(key) from None
-        return found
-
-    return Kind(f"map of {inner.plural}", f"a map of {inner.plural}", "maps", read, inner=inner)
-
-
 def _part(cls: type[Any]) -> Kind:
     def read(value: Any) -> Any:
         if type(value) is not dict:
-            raise _mismatch("a map", value)
+            raise wrong_kind("a map", value)
         return cls(**read_fields(cls, value))
 
     return Kind("map", "a map", "maps", read, part=cls)
-
-
-NUMBER = Kind("number", "a number", "numbers", _number)
-INTEGER = Kind("integer", "an integer", "integers", _exactly(int, "an integer"))
-TEXT = Kind("string", "a string", "strings", _exactly(str, "a string"))
-FLAG = Kind("boolean", "true or false", "booleans", _exactly(bool, "true or false"))
-TEXT_OR_INTEGER = Kind("string or integer", "a string or an integer", "strings or integers", _text_or_integer)
-PAIR = Kind("[2]", "a list of two numbers", "[2]", _vector(2, "a list of two numbers"))
-TRIPLE = Kind("[3]", "a list of three numbers", "[3]", _vector(3, "a list of three numbers"))
-SEXTUPLE = Kind("[6]", "a list of six numbers", "[6]", _vector(6, "a list of six numbers"))
-LEVEL = Kind("string", "a level", "strings", _word({level.value: level for level in SlipLevel}))
-HEALTH = Kind("integer", "a health code", "integers", _word({int(health): health for health in Health}))
-
-_BY_ANNOTATION = {
-    "float": NUMBER,
-    "int": INTEGER,
-    "str": TEXT,
-    "bool": FLAG,
-    "Pair": PAIR,
-    "Triple": TRIPLE,
-    "Sextuple": SEXTUPLE,
-    "SlipLevel": LEVEL,
-    "Health": HEALTH,
-}
 
 
 def _kind_of(cls: type[Any], attribute: dataclasses.Field[Any]) -> Kind:
@@ -337,10 +178,10 @@ def _kind_of(cls: type[Any], attribute: dataclasses.Field[Any]) -> Kind:
 
 
 def _kind(annotation: str, names: Mapping[str, Any]) -> Kind:
-    if annotation in _BY_ANNOTATION:
-        return _BY_ANNOTATION[annotation]
+    if annotation in BY_ANNOTATION:
+        return BY_ANNOTATION[annotation]
     if annotation.startswith("tuple["):
-        return _list_of(_kind(annotation[len("tuple[") : -len(", ...]")], names))
+        return list_of(_kind(annotation[len("tuple[") : -len(", ...]")], names))
     if annotation.startswith("Mapping[str, "):
-        return _map_of(_kind(annotation[len("Mapping[str, ") : -1], names))
+        return map_of(_kind(annotation[len("Mapping[str, ") : -1], names))
     return _part(names[annotation])

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from slipd_client.messages.names import Health, SlipLevel
-from slipd_client.messages.schema.fields import Sextuple, wire
+from slipd_client.messages.schema.fields import wire
+from slipd_client.messages.schema.kinds import Sextuple
 
 
 @dataclass(frozen=True, slots=True)

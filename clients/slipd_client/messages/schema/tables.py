@@ -14,9 +14,10 @@ from typing import Any
 
 from slipd_client.messages.names import ERROR_MEANINGS, IMAGE_REASONS, LEVEL_MEANINGS, REASONS, TARE_REASONS, level_code
 from slipd_client.messages.schema.fields import Field, fields_of
-from slipd_client.messages.schema.ops import ENVELOPE, OPS
+from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.parts import FingerStatus, RecordingStatus, StreamStatus
 from slipd_client.messages.schema.replies import Reply, StatusReply
+from slipd_client.messages.schema.request_fields import ENVELOPE
 from slipd_client.messages.schema.topics import TOPICS, Message
 
 _MARKED = re.compile(r"(<!-- table: ([a-z_]+) -->\n).*?(<!-- end of table -->)", re.DOTALL)

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from slipd_client.messages.names import PROTOCOL_VERSION, SlipLevel
-from slipd_client.messages.schema.fields import Pair, Triple, wire
+from slipd_client.messages.schema.fields import wire
+from slipd_client.messages.schema.kinds import Pair, Triple
 from slipd_client.messages.schema.parts import DaemonState, GripperState
 
 
