@@ -64,7 +64,7 @@ class MessageTracker:
         return None if self.silence_s is None else max(self._since_s, self._last_s or 0.0) + self.silence_s
 
     def silence(self, endpoint: str) -> Silence:
-        """Return the error of a silence that lasted too long, and begin to count anew."""
+        """Return the error of a silence that lasted too long, and restart the count."""
         self._since_s = time.monotonic()
         unreadable = f"; {self.bad} could not be read, the last: {self.bad_reason}" if self.bad else ""
         return Silence(f"no message from {endpoint} for {self.silence_s} s{unreadable}. {hint_for(endpoint)}")

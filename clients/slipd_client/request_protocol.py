@@ -220,7 +220,7 @@ class RequestProtocol:
         if type(t_ns) is not int and type(result) is dict:
             t_ns = result.get("t_ns")
         if type(t_ns) is int:
-            self.clock.hear(envelope.sent_ns, self._now_ns(), t_ns)
+            self.clock.observe(envelope.sent_ns, self._now_ns(), t_ns)
         if reply.get("ok") is True and type(result) is dict:
             return result
         if type(fault) is not dict:

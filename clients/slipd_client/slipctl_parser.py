@@ -131,7 +131,7 @@ def _type(field: Field) -> Callable[[str], str | float]:
             raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
         if not math.isfinite(value):
             raise argparse.ArgumentTypeError(f"must be finite, got {text}")
-        if not field.has(value):
+        if not field.allows(value):
             raise argparse.ArgumentTypeError(f"must be {field.number_range}, got {text}")
         return value
 

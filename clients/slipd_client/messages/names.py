@@ -150,7 +150,7 @@ ERROR_CODES: tuple[ErrorCode, ...] = get_args(ErrorCode)
 
 ERROR_MEANINGS: dict[ErrorCode, str] = {
     "malformed": "not one msgpack map within the [limits](#limits)",
-    "unsupported_version": "the daemon does not speak this `v`",
+    "unsupported_version": "the daemon does not support this `v`",
     "unknown_op": "there is no such op",
     "missing_field": "a field that the op requires is missing",
     "unknown_field": "the op has no such field",

@@ -69,7 +69,7 @@ class FingerHandlers:
         if isinstance(tares, Refusal):
             return tares
         seconds = request.body.get("seconds", TARE_S)
-        if not SECONDS.has(seconds):
+        if not SECONDS.allows(seconds):
             return Refusal("out_of_range", f"seconds must be {SECONDS.number_range}, got {seconds:g}", "seconds")
         unloaded = request.body.get("unloaded", False)
         refusal = self._check_others_lease(request, t_ns, "tared") or tares.refuse(t_ns, unloaded=unloaded)

@@ -16,7 +16,7 @@ def test_the_clock_is_unknown_before_the_first_reply_and_after_another_daemon() 
     clock = ServerClock()
     for heard in (False, True):
         if heard:
-            clock.hear(0, 10, 5)
+            clock.observe(0, 10, 5)
             assert clock.known
             clock.forget()
         assert not clock.known
@@ -25,7 +25,7 @@ def test_the_clock_is_unknown_before_the_first_reply_and_after_another_daemon() 
 
 def test_the_error_is_half_the_way_there_and_back() -> None:
     clock = ServerClock()
-    clock.hear(1_000, 3_000, 502_000)
+    clock.observe(1_000, 3_000, 502_000)
     assert clock.error_ns(3_000) == 1_001, "half of 2 µs, and what the clocks may part meanwhile"
     assert clock.server_ns(2_000) == 502_000
     assert clock.local_ns(502_000) == 2_000
@@ -33,23 +33,23 @@ def test_the_error_is_half_the_way_there_and_back() -> None:
 
 def test_the_quicker_of_several_replies_tells_the_clock() -> None:
     clock = ServerClock()
-    clock.hear(0, 100_000, 99_000)
-    clock.hear(100_000, 102_000, 151_000)
+    clock.observe(0, 100_000, 99_000)
+    clock.observe(100_000, 102_000, 151_000)
     assert clock.error_ns(102_000) < 1_100
-    clock.hear(102_000, 902_000, 600_000)
+    clock.observe(102_000, 902_000, 600_000)
     assert clock.error_ns(902_000) < 1_300
 
 
 def test_the_error_grows_with_time() -> None:
     clock = ServerClock()
-    clock.hear(0, 0, 0)
+    clock.observe(0, 0, 0)
     assert clock.error_ns(10 * SECOND) == 10 * SECOND * DRIFT_PPM // 1_000_000
 
 
 def test_a_clock_that_steps_is_believed_anew() -> None:
     clock = ServerClock()
-    clock.hear(0, 1_000, 500)
-    clock.hear(2_000, 4_000, 50 * SECOND)
+    clock.observe(0, 1_000, 500)
+    clock.observe(2_000, 4_000, 50 * SECOND)
     assert abs(clock.server_ns(3_000) - 50 * SECOND) <= clock.error_ns(4_000)
 
 
@@ -63,7 +63,7 @@ def test_the_bounds_hold_whatever_the_line_does(offset_ns: int, ppm: int, ways: 
     for pause_ns, there_ns, back_ns in ways:
         sent_ns = now_ns + pause_ns
         now_ns = sent_ns + there_ns + back_ns
-        clock.hear(sent_ns, now_ns, drifted(sent_ns + there_ns, ppm) + offset_ns)
+        clock.observe(sent_ns, now_ns, drifted(sent_ns + there_ns, ppm) + offset_ns)
         later_ns = now_ns + pause_ns
         truth_ns = drifted(later_ns, ppm) + offset_ns
         assert abs(clock.server_ns(later_ns) - truth_ns) <= clock.error_ns(later_ns) + 2

@@ -183,5 +183,5 @@ def test_an_age_is_unknown_until_the_daemons_clock_is_known() -> None:
     clock = ServerClock()
     told = message("gripper")
     assert told.age_by(clock) is None
-    clock.hear(0, 0, 0)
+    clock.observe(0, 0, 0)
     assert told.age_by(clock) is not None

@@ -74,8 +74,8 @@ class Field:
             return self.omitted
         return str(self.default).lower() if isinstance(self.default, bool) else f"{self.default:g}"
 
-    def has(self, value: float) -> bool:
-        """Return whether a number is within the range that is the same on every rig; NaN never is."""
+    def allows(self, value: float) -> bool:
+        """Return whether a number is within the range that is the same on every rig."""
         return (
             (self.above is None or value > self.above)
             and (self.least is None or value >= self.least)

@@ -53,7 +53,7 @@ class Op:
         fields: Its fields by name, in the order in which they are checked.
         reply: Class of its result.
         lease: Who may send it.
-        open: It changes nothing and may come without ``boot`` and ``deadline_ns``; a copy is answered anew.
+        open: It changes nothing and may come without ``boot`` and ``deadline_ns``; a copy is answered again.
         urgent: It keeps a grip as it is or makes it safer: the lease holder never gets "busy" for it.
         needs: What must hold for it, with the code of its refusal.
     """

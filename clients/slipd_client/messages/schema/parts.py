@@ -93,7 +93,7 @@ class StreamStatus:
     bad: int | None = wire("damaged frames", default=None)
     lost: int | None = wire("readings that are missing by the device's own numbering", default=None)
     duplicates: int | None = wire("readings that arrived twice, or after a newer one; they are not used", default=None)
-    restarts: int | None = wire("times that the device's numbering began anew", default=None)
+    restarts: int | None = wire("times that the device's numbering restarted", default=None)
     bad_bytes: int | None = wire("bytes that belong to no frame", default=None)
     dropped: int | None = wire(
         "readings dropped because the device sends more than four times its expected rate", default=None

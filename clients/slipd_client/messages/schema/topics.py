@@ -42,7 +42,7 @@ class Message:
     restarted: bool = False
     v: int = wire("version of this API: 1", default=PROTOCOL_VERSION)
     seq: int = wire("number of the message in its topic, counting up by one: a gap means that messages were lost")
-    boot: str = wire("id of this run of the daemon; where it changes, `seq` begins anew")
+    boot: str = wire("id of this run of the daemon; where it changes, `seq` restarts")
     t_ns: int = wire("when the readings that the message is about were acquired")
     timestamp: float | None = wire(
         "the same instant in s since 1970, by the wall clock as it was at the daemon's start", default=None
