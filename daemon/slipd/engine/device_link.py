@@ -140,14 +140,14 @@ class DeviceLink:
         if len(samples) > self._allowed:
             samples = self._within_rate(samples, t_ns)
         self._allowed -= len(samples)
-        found = []
+        runs = []
         for run in [samples] if len(samples) == 1 else _runs(samples):
             stream = self.streams.get(run[0].source)
             if stream is not None:
                 kept, times_ns = stream.update(run, late_ns)
                 if kept:
-                    found.append((stream.name, kept, times_ns))
-        return found
+                    runs.append((stream.name, kept, times_ns))
+        return runs
 
     def due(self, t_ns: int) -> list[bytes]:
         """Return what the session writes at ``t_ns``, one item for each datagram that a device expects."""

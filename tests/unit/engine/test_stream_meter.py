@@ -17,7 +17,7 @@ T0 = 100_000_000_000
 Parse = Callable[[str], Config]
 
 
-def take(stream: StreamMeter, sample: Sample, late_ns: int = 0) -> int | None:
+def date(stream: StreamMeter, sample: Sample, late_ns: int = 0) -> int | None:
     """Time at which a single reading was acquired; None where it does not fit the stream."""
     kept, times_ns = stream.update([sample], late_ns)
     assert kept == [sample] * len(times_ns)
@@ -38,16 +38,16 @@ def test_L12_readings_that_arrive_in_bunches_get_times_of_their_own(stream: Stre
     for bunch in range(200):
         receipt_ns = T0 + (bunch + 1) * 16 * MS + int(rng.exponential(0.2 * MS))
         for k in range(16):
-            acquired = take(stream, reading(receipt_ns, (bunch * 16 + k) * MS))
+            acquired = date(stream, reading(receipt_ns, (bunch * 16 + k) * MS))
     assert acquired == pytest.approx(T0 + 200 * 16 * MS - 1 * MS, abs=1.5 * MS)
     assert stream.clock.state == "locked"
     assert 0 < (stream.clock.uncertainty_ns or 0) < 5 * MS
 
 
 def test_without_a_device_clock_the_time_is_the_receipt_less_the_wait(stream: StreamMeter) -> None:
-    assert take(stream, reading(T0, None)) == T0
-    assert take(stream, reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
-    assert take(stream, reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
+    assert date(stream, reading(T0, None)) == T0
+    assert date(stream, reading(T0 + 400 * MS, None), 300 * MS) == T0 + 100 * MS
+    assert date(stream, reading(T0 + 401 * MS, None), 310 * MS) == T0 + 100 * MS, "times never go back"
     assert stream.clock.state == "none"
     assert stream.clock.uncertainty_ns is None
 
@@ -55,12 +55,12 @@ def test_without_a_device_clock_the_time_is_the_receipt_less_the_wait(stream: St
 def test_a_configured_delay_is_subtracted(left: str, parse: Parse) -> None:
     text = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\ndelay_s = 0.002')
     stream = make_stream("left.wrench", parse(text).streams()["left.wrench"])
-    assert take(stream, reading(T0, None)) == T0 - 2 * MS
+    assert date(stream, reading(T0, None)) == T0 - 2 * MS
 
 
 def test_an_unusable_clock_is_reported(stream: StreamMeter) -> None:
     for k in range(20_000):
-        take(stream, reading(T0 + k * MS, k * 2 * MS))
+        date(stream, reading(T0 + k * MS, k * 2 * MS))
     assert stream.condition(T0 + k * MS) == (
         Health.WARN,
         "its clock is unusable (stuck, jumping, or off by more than 1000 ppm): receipt times are used",
@@ -71,9 +71,9 @@ def test_the_clock_of_a_scan_is_read_at_its_end(left: str, parse: Parse) -> None
     stream = make_stream("left.pad", parse(left).streams()["left.pad"])
     for k in range(400):
         image = TactileSample(T0 + k * 10 * MS, k * 10 * MS, np.zeros(16), dwell_ns=100_000)
-        acquired = take(stream, image)
+        acquired = date(stream, image)
     assert acquired == pytest.approx(T0 + k * 10 * MS, abs=0.1 * MS)
-    assert take(stream, TactileSample(T0, 0, np.zeros(9))) is None
+    assert date(stream, TactileSample(T0, 0, np.zeros(9))) is None
     assert stream.condition(T0) == (
         Health.ERROR,
         "images of 9 taxels of one axis, where the config says 16 taxels of one axis",
@@ -92,30 +92,30 @@ rate_hz = 1000.0
 
 def test_times_of_a_program_on_this_host_are_used_unless_they_lie_in_the_future(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
-    assert take(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
+    assert date(stream, reading(T0, T0 - 3 * MS)) == T0 - 3 * MS
     assert stream.host_clock
     assert stream.condition(T0) == (Health.OK, "")
-    assert take(stream, reading(T0, None)) == T0
-    assert take(stream, reading(T0, T0 - 2 * MS)) == T0, "times never go back"
+    assert date(stream, reading(T0, None)) == T0
+    assert date(stream, reading(T0, T0 - 2 * MS)) == T0, "times never go back"
     assert stream.condition(T0) == (Health.OK, "")
-    assert take(stream, reading(T0, T0 + MS)) == T0, "a time in the future is not used"
+    assert date(stream, reading(T0, T0 + MS)) == T0, "a time in the future is not used"
     assert stream.condition(T0)[0] == Health.WARN
-    assert take(stream, reading(T0 + BAD_TIME_SHOWN_NS, T0 + BAD_TIME_SHOWN_NS)) == T0 + BAD_TIME_SHOWN_NS
+    assert date(stream, reading(T0 + BAD_TIME_SHOWN_NS, T0 + BAD_TIME_SHOWN_NS)) == T0 + BAD_TIME_SHOWN_NS
     assert stream.condition(T0 + BAD_TIME_SHOWN_NS) == (Health.OK, "")
 
 
 def test_readings_of_another_kind_or_shape_are_refused_and_reported(parse: Parse) -> None:
     stream = make_stream("left.wrench", parse(EXTERNAL).streams()["left.wrench"])
-    assert take(stream, TactileSample(T0, T0, np.zeros(16))) is None
+    assert date(stream, TactileSample(T0, T0, np.zeros(16))) is None
     assert stream.condition(T0) == (Health.ERROR, "readings of kind TactileSample, which this stream does not have")
     pads = EXTERNAL.replace("wrench", "pad") + "rows = 2\ncols = 2\npitch_m = 0.004\nelectrode_m = 0.002\n"
     pads = pads.replace("[finger.left]\n", "[finger.left]\n[finger.left.wrench]\n", 1)
     pads = pads.replace("[finger.left.wrench]\n", EXTERNAL.partition("[finger.left]\n")[2], 1)
     pad = make_stream("left.pad", parse(pads.replace('"left.pad"', '"p"')).streams()["left.pad"])
-    assert take(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
+    assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     mixed: list[Sample] = [TactileSample(T0, T0, np.zeros(shape)) for shape in (4, (4, 3), 4)]
     assert pad.update(mixed, 0) == ([mixed[0], mixed[2]], [T0, T0]), "those that fit are kept"
     assert pad.condition(T0) == (Health.OK, ""), "the newest fits"
-    assert take(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
+    assert date(pad, TactileSample(T0, T0, np.zeros((4, 3)))) is None
     assert "4 taxels of three axes, where the config says 4 taxels of one axis" in pad.condition(T0)[1]
-    assert take(pad, TactileSample(T0, T0, np.zeros(4))) == T0
+    assert date(pad, TactileSample(T0, T0, np.zeros(4))) == T0
