@@ -19,8 +19,8 @@ from slipd.signals.gravity import FingerWeight, GravityCompensation
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import Tare
 
-#: Faults with which a reading says nothing. One that flickers is believed while it is there.
 UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
+"""Faults with which a reading is not used. Those of an intermittent stream are, while it runs."""
 GARBAGE, NOT_FINITE = ("garbage",), ("not_finite",)
 NO_WEIGHT = np.zeros(6)
 NO_DOUBT = Doubt()
