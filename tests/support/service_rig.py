@@ -1,0 +1,112 @@
+"""A daemon with two devices on pseudo-terminals, in this process or in one of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from daemon_peers import PATIENCE_S, Client, Device, until
+
+from slipd import config, service
+from slipd.service import Endpoints
+
+SLIPD = str(Path(sys.executable).with_name("slipd"))
+
+RIG = """
+[finger.left]
+mu = 0.5
+
+[finger.left.wrench]
+device = "bota"
+port = "{wrench}"
+rate_hz = 100.0
+
+[finger.left.pad]
+device = "pvdf"
+port = "{pad}"
+rate_hz = 100.0
+rows = 4
+cols = 4
+pitch_m = 0.004
+electrode_m = 0.002
+axis_scale = [0.01]
+threshold = 0.05
+
+[rates]
+status_hz = 50.0
+"""
+
+
+class Rig:
+    """Two devices on ptys, and the config of the daemon that reads them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.wrench, self.pad = Device(folder / "wrench"), Device(folder / "pad")
+        self.wrench.plug()
+        self.pad.plug()
+        self.file = folder / "rig.toml"
+        self.file.write_text(RIG.format(wrench=self.wrench.path, pad=self.pad.path), encoding="utf-8")
+
+    @property
+    def config(self) -> config.Config:
+        return config.load(self.file)
+
+    def send(self) -> None:
+        """Send one reading of each device, the image first."""
+        self.pad.send_image()
+        self.wrench.send_wrench()
+
+
+def left_in(folder: Path) -> list[str] | None:
+    """Return the names of the files in a folder; None if there is no folder."""
+    return sorted(path.name for path in folder.iterdir()) if folder.exists() else None
+
+
+@asynccontextmanager
+async def serving(rig: config.Config, **options: Any) -> AsyncIterator[Client]:
+    """Run the daemon in this loop for the duration of ``with``; yield a client."""
+    ready: asyncio.Future[Endpoints] = asyncio.get_running_loop().create_future()
+    stop = asyncio.Event()
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(service.serve(rig, on_ready=ready.set_result, stop=stop, **options))
+        client = Client(await asyncio.wait_for(ready, PATIENCE_S))
+        try:
+            yield client
+        finally:
+            client.close()
+            stop.set()
+
+
+async def asked(client: Client, op: str) -> dict[str, Any]:
+    """Return the reply to a request with a valid envelope."""
+    client.ask(op="hello")
+    hello = (await until(client.answer))["result"]
+    client.ask(op=op, id=hello["t_ns"], boot=hello["boot"], deadline_ns=time.monotonic_ns() + 400_000_000)
+    return await until(client.answer)
+
+
+@contextlib.contextmanager
+def start(rig: Path, *arguments: str, before: Sequence[str] = (), **options: Any) -> Iterator[subprocess.Popen[str]]:
+    """Start a daemon process, which ends even if the test fails."""
+    command = [*before, SLIPD, "run", "--config", str(rig), *arguments]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, text=True, **(pipes | options)) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+def client_of(process: subprocess.Popen[str]) -> Client:
+    """Return a client of a daemon that has just been started."""
+    assert process.stdout is not None
+    lines = [process.stdout.readline().strip() for _ in range(2)]
+    return Client(Endpoints(*(line.partition(": ")[2] for line in lines)))

@@ -1,0 +1,129 @@
+"""The daemon as a process: signals, a full disk, a second daemon."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import resource
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from daemon_peers import PATIENCE_S, until
+from service_rig import SLIPD, Rig, client_of, serving, start
+
+from slipd.recording.reader import open_recording
+from slipd.service import Endpoints
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+async def test_P4_a_signal_ends_the_process_well(
+    rig: Rig, runtime: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    with start(rig.file, "--record", str(tmp_path / "run.mcap")) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        client = client_of(process)
+        assert client.endpoints == Endpoints(f"ipc://{runtime}/publish", f"ipc://{runtime}/requests")
+        await until(lambda: client.hear("wrench.left"), rig.send)
+        assert client.hear("status")[-1]["run_recording"]["path"] == str(tmp_path / "run.mcap")
+        client.close()
+        process.send_signal(number)
+        assert process.wait(PATIENCE_S) == 0
+        assert process.stdout.read() == ""
+        assert "Traceback" not in process.stderr.read()
+    recorded = open_recording(tmp_path / "run.mcap")
+    assert recorded.closed
+    assert sum(1 for _ in recorded.entries()) > 0
+    assert recorded.complete
+
+
+@pytest.mark.process
+async def test_a_daemon_under_nohup_outlives_its_terminal(rig: Rig) -> None:
+    with start(rig.file, before=["nohup"]) as process:
+        client = client_of(process)
+        process.send_signal(signal.SIGHUP)
+        heard = len(client.hear("status"))
+        await until(lambda: len(client.hear("status")) > heard + 5)
+        client.close()
+        process.terminate()
+        assert process.wait(PATIENCE_S) == 0
+
+
+@pytest.mark.process
+async def test_K1_a_full_disk_ends_the_recording_and_says_so_and_the_run_goes_on(rig: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+
+    def stopped() -> dict[str, Any] | None:
+        recording = client.hear("status")[-1]["run_recording"] if client.hear("status") else None
+        return recording if recording and recording["state"] == "failed" else None
+
+    def send() -> None:
+        rig.send()
+        rig.wrench.send(os.urandom(1000))
+
+    with start(rig.file, "--record", str(path)) as process:
+        assert process.stderr is not None
+        client = client_of(process)
+        await until(lambda: sum(1 for _ in open_recording(path).entries()) > 10, rig.send)
+        most = open_recording(path).path.stat().st_size + 3000
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, most))  # no file of it may be longer
+        recording = await until(stopped, send)
+        reason = f"{path}: the recording stopped: File too large"
+        assert (recording["path"], recording["failure"]) == (str(path), reason)
+        assert recording["lost"] > 0
+        heard = len(client.hear("wrench.left"))
+        await until(lambda: len(client.hear("wrench.left")) > heard + 10, rig.send)
+        assert process.poll() is None
+        client.close()
+        process.terminate()
+        assert process.wait(PATIENCE_S) == 1
+        errors = process.stderr.read()
+    assert f"ERROR slipd.recording.recorder_watch: {reason}\n" in errors
+    assert re.search(rf"\nslipd: {reason}; (\d+) entries are missing\n$", errors)
+    recorded = open_recording(path)
+    assert sum(1 for _ in recorded.entries()) > 0
+    assert recorded.closed
+    assert recorded.lost > recording["lost"]
+    assert "stopped before the run did (File too large)" in str(recorded.fault)
+
+
+@pytest.mark.process
+def test_K1_a_disk_that_is_full_from_the_start_is_reported_at_once(rig: Rig) -> None:
+    with start(rig.file, "--record", "/dev/full") as process:
+        out, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out) == (1, "")
+    assert errors.endswith("slipd: /dev/full: cannot be written: No space left on device\n")
+
+
+@pytest.mark.process
+async def test_a_second_process_is_refused_in_words(rig: Rig, runtime: Path) -> None:
+    async with serving(rig.config) as client:
+        process = await asyncio.create_subprocess_exec(
+            *(SLIPD, "run", "--config", str(rig.file)),
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+        )
+        out, err = await asyncio.wait_for(process.communicate(), PATIENCE_S)
+        assert process.returncode == 1
+        assert out == b""
+        assert f"slipd: {runtime}: another slipd uses this directory (process {os.getpid()})" in err.decode()
+        assert b"Traceback" not in err
+        await until(lambda: client.hear("wrench.left"), rig.send)  # the first one serves on
+
+
+@pytest.mark.process
+def test_a_process_with_a_bad_config_reports_the_line(rig: Rig) -> None:
+    text = rig.file.read_text(encoding="utf-8").replace("rows = 4", "rows = 4.5")
+    rig.file.write_text(text, encoding="utf-8")
+    line = text.splitlines().index("rows = 4.5") + 1
+    done = subprocess.run(
+        [SLIPD, "run", "--config", str(rig.file)], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"{rig.file}:{line}: finger.left.pad.rows: ")

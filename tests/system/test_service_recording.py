@@ -1,0 +1,169 @@
+"""Recordings of the whole daemon, of a run and on request."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from daemon_peers import until
+from service_rig import Rig, asked, left_in, serving
+
+from slipd import config, service
+from slipd.errors import LinkError, RecordingError
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
+from slipd.service import Endpoints
+from slipd_client.messages import encode
+
+
+async def test_what_was_recorded_replays_as_it_was_published(rig: Rig, tmp_path: Path) -> None:
+    async with serving(rig.config, record=tmp_path / "run.mcap") as client:
+        await until(lambda: len(client.hear("slip.left")) > 10, rig.send)
+        rig.wrench.unplug()
+        client.ask(op="status")
+        await until(client.answer)
+        await until(lambda: client.hear("warning")[-1]["reasons"] == ["stale"])
+        live = [(topic, body) for topic, body in client.heard]
+    recording = open_recording(tmp_path / "run.mcap")
+    replayed = list(replay(recording))
+    assert recording.complete
+    assert [(topic, encode(body)) for topic, body in replayed] == list(open_recording(tmp_path / "run.mcap").messages())
+    heard = {(topic, body["seq"]): body for topic, body in live}
+    assert all(body == heard.get((topic, body["seq"]), body) for topic, body in replayed)
+    assert {(topic, body["seq"]) for topic, body in replayed} >= set(heard)
+
+
+async def test_a_recording_that_a_client_asks_for_holds_what_it_was_sent(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
+    async with serving(rig.config) as client:
+        await until(lambda: client.hear("slip.left"), rig.send)
+        client.ask(op="hello")
+        hello = (await until(client.answer))["result"]
+        envelope = {"boot": hello["boot"], "deadline_ns": time.monotonic_ns() + 400_000_000}
+        client.ask(op="record.start", **envelope)
+        result = (await until(client.answer))["result"]
+        name, path = result["name"], str(tmp_path / "state" / result["name"])
+        assert result["path"] == path
+        begun = len(client.hear("slip.left"))
+        await until(lambda: len(client.hear("slip.left")) > begun + 5, rig.send)
+        client.ask(op="status")
+        recording = (await until(client.answer))["result"]["recording"]
+        assert recording == {
+            "name": name,
+            "path": path,
+            "state": "running",
+            "running": True,
+            "failure": None,
+            "lost": 0,
+        }
+        heard = [encode(body) for body in client.hear("slip.left")[begun + 1 :]]
+    recorded = open_recording(tmp_path / "state" / name)
+    told = [payload for topic, payload in recorded.messages() if topic == "slip.left"]
+    assert recorded.complete
+    assert set(heard) <= set(told)
+    assert len(list(replay(recorded))) > 10, "its links are open, so its readings are heard"
+
+
+async def test_a_recording_is_never_overwritten(rig: Rig, tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"precious")
+    with pytest.raises(RecordingError):
+        await service.serve(rig.config, record=tmp_path / "run.mcap")
+    assert (tmp_path / "run.mcap").read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("scheme", ["ipc", "tcp"])
+async def test_a_run_whose_endpoint_is_in_use_leaves_no_recording_and_compiles_nothing(
+    rig: Rig, tmp_path: Path, scheme: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    endpoint = f"ipc://{tmp_path}/requests" if scheme == "ipc" else f"tcp://127.0.0.1:{port}"
+    bus = f'[bus]\npublish = "ipc://{tmp_path}/{{}}"\nrequests = "{endpoint}"\nallow_local_tcp = true\n'
+    text = rig.file.read_text(encoding="utf-8")
+    first, second = (config.parse(text + bus.format(name), "rig.toml") for name in ("first", "second"))
+    async with serving(first):
+        with monkeypatch.context() as patch:
+            patch.setattr(service, "warm_up", lambda: pytest.fail("the kernels are compiled"))
+            with pytest.raises(LinkError, match=f"{endpoint}: "):
+                await service.serve(second, record=tmp_path / "run.mcap")
+        assert not (tmp_path / "run.mcap").exists()
+    async with serving(second, record=tmp_path / "run.mcap"):
+        pass
+    assert open_recording(tmp_path / "run.mcap").complete
+
+
+async def test_a_run_that_fails_while_it_starts_leaves_no_recording(rig: Rig, tmp_path: Path) -> None:
+    def fail(_: Endpoints) -> None:
+        raise BrokenPipeError("nobody reads where it serves")
+
+    with pytest.raises(BaseExceptionGroup):
+        await service.serve(rig.config, record=tmp_path / "run.mcap", on_ready=fail)
+    assert not (tmp_path / "run.mcap").exists()
+
+
+@pytest.mark.parametrize("record", ["run.mcap", "nowhere/run.mcap"])
+async def test_a_recording_that_cannot_be_created_is_refused_before_the_kernels_are_compiled(
+    rig: Rig, tmp_path: Path, record: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"precious")
+    monkeypatch.setattr(service, "warm_up", lambda: pytest.fail("the kernels are compiled"))
+    with pytest.raises(RecordingError, match=rf"{record}: (exists already|cannot be created: there is no folder)"):
+        await service.serve(rig.config, record=tmp_path / record)
+
+
+async def test_a_recording_on_request_that_cannot_be_created_fails_in_its_reply(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", "/proc/slipd")
+    async with serving(rig.config) as client:
+        error = (await asked(client, "record.start"))["error"]
+        assert error["code"] == "record_failed"
+        assert error["message"] == "/proc/slipd: cannot be created: No such file or directory"
+        client.ask(op="status")
+        recording = (await until(client.answer))["result"]["recording"]
+        assert (recording["state"], recording["failure"]) == ("failed", error["message"])
+
+
+async def test_recordings_on_request_are_limited_in_number_and_size(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
+    text = rig.file.read_text(encoding="utf-8")
+    limits = "[recording]\nmax_bytes = 1_000_000\nmax_files = 1\nmin_free_bytes = 0\n"
+
+    def limited() -> dict[str, Any] | None:
+        recording = client.hear("status")[-1]["recording"]
+        return recording if recording["state"] == "limited" else None
+
+    async with serving(config.parse(text + limits, "rig.toml")) as client:
+        await until(lambda: client.hear("wrench.left"), rig.send)
+        path = Path((await asked(client, "record.start"))["result"]["path"])
+        recording = await until(limited, lambda: rig.wrench.send(os.urandom(3000)))
+        assert recording["failure"] == f"{path}: the recording reached recording.max_bytes, 1000000"
+        await until(lambda: open_recording(path).closed)
+        recorded = open_recording(path)
+        assert sum(1 for _ in recorded.entries()) > 100
+        assert recorded.complete
+        refused = (await asked(client, "record.start"))["error"]
+        assert refused["code"] == "no_room"
+        assert "holds 1 recordings, and recording.max_files is 1: move or delete some" in refused["message"]
+        await asyncio.to_thread(path.unlink)
+        assert (await asked(client, "record.start"))["ok"]
+
+
+async def test_a_disk_that_is_too_full_is_left_alone(rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SLIPD_STATE_DIR", str(tmp_path / "state"))
+    text = rig.file.read_text(encoding="utf-8") + f"[recording]\nmin_free_bytes = {2**62}\n"
+    async with serving(config.parse(text, "rig.toml")) as client:
+        refused = (await asked(client, "record.start"))["error"]
+        assert refused["code"] == "no_room"
+        assert "free bytes, less than recording.min_free_bytes" in refused["message"]
+        assert left_in(tmp_path / "state") == []
