@@ -11,10 +11,8 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals finger grasp gripper requests publish engine)
-# Tests that only compute or write files: two at a time. Those on real lines and sockets have the machine to themselves.
-PURE := $(addprefix tests/unit/,fusion config recording docs) \
-	$(addprefix tests/unit/sim/test_,every_emulator.py story.py scene.py true_contact.py) \
-	$(addprefix tests/lab/,chart fuzz motions simulation)
+# Tests of whole daemons under load, and of the programs that measure: they have the machine to themselves.
+ALONE := tests/system $(addprefix tests/lab/,bench soak)
 
 .PHONY: demo test lint portable bench chart fuzz soak clean
 
@@ -28,15 +26,15 @@ ifdef TESTS
 	@$(BIN)/pytest $(TESTS)
 else
 	@echo "== tests of the rooms from devices to the engine, with coverage"
-	@$(BIN)/pytest --numprocesses=2 --cov --cov-report= $(ROOMS)
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
-	@echo "== other tests that only compute"
-	@$(BIN)/pytest --numprocesses=2 $(PURE)
+	@echo "== the other tests that can share the machine"
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(ALONE))
 	@echo "== a share of the numeric tests, as on a processor without vector instructions"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
-	@echo "== tests on real lines and sockets"
-	@$(BIN)/pytest $(addprefix --ignore=,$(ROOMS) $(PURE))
+	@echo "== tests of whole daemons under load, one at a time"
+	@$(BIN)/pytest $(ALONE)
 endif
 
 lint: $(READY)
