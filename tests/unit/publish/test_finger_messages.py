@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from finger_bench import read_force
-from project import DOCS
 
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
@@ -18,25 +16,13 @@ from slipd.finite import finite_or_none
 from slipd.publish.finger_messages import slip_body, tactile_body, wrench_body
 from slipd.publish.wire_values import array
 from slipd.samples import TactileSample, WrenchSample
-from slipd_client.messages import IMAGE_REASONS, LEVELS
+from slipd_client.messages.schema.fields import fields_of
+from slipd_client.messages.schema.topics import Message, Slip
 
 MS = 1_000_000
 T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
-PROTOCOL = (DOCS / "protocol.md").read_text(encoding="utf-8")
 
-CONTRACT = {
-    *("finger", "level", "level_code", "reasons", "normal_n", "tangential_n", "spin_nm", "centroid_m"),
-    *("friction_ratio", "mu", "mu_source", "utilisation", "utilisation_lower", "utilisation_upper"),
-    *("torque_limit_nm", "pole_m", "tipping_margin_m", "grip_needed_n", "model", "tare_id", "age_s"),
-}
-EXTRAS = {"force_unit"} | {
-    "centroid_std_m",
-    "centroid_residual_m",
-    "tipping_margin_std_m",
-    "friction_ratio_std",
-    "gravity",
-}
 ONLY_IN_CONTACT = {
     *("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "centroid_residual_m"),
     *("utilisation", "utilisation_lower", "utilisation_upper", "torque_limit_nm", "pole_m"),
@@ -52,34 +38,18 @@ def finger(left: str, parse: Callable[[str], Config]) -> Finger:
     return Finger("left", parse(left).finger["left"], Levels())
 
 
-def fields_of(topic: str) -> set[str]:
-    """Fields of a topic in the protocol document."""
-    section = PROTOCOL.partition(f"### `{topic}")[2].partition("\n##")[0]
-    cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
-    return {name for cell in cells for name in re.findall(r"`(\w+)`", cell)}
-
-
 def nil(body: dict[str, Any]) -> set[str]:
     return {name for name, value in body.items() if value is None}
 
 
-def test_slip_has_the_same_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
+def test_slip_has_the_declared_fields_whatever_is_known(finger: Finger, wrench: Wrench, image: Image) -> None:
+    declared = {field.name for field in fields_of(Slip)} - {field.name for field in fields_of(Message)}
     for normal_n in (0.0, 10.0, math.nan):
         read_force(finger, wrench(T0, normal_n))
-        assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
+        assert set(slip_body(finger, finger.state)) == declared
         finger.update_image(image(T0, FULL))
     finger.disconnect(T0)
-    assert set(slip_body(finger, finger.state)) == CONTRACT | EXTRAS
-
-
-def test_the_protocol_document_lists_the_fields_that_are_sent(finger: Finger, image: Image) -> None:
-    finger.update_image(image(T0, FULL))
-    assert finger.image is not None
-    words = set(LEVELS) | {"level_code"}
-    listed = fields_of("slip.<finger>`: the verdict") - set(LEVELS)
-    assert set(slip_body(finger, finger.state)) <= listed
-    assert fields_of("wrench.<finger>") - words == set(wrench_body(finger, finger.state.force_reading))
-    assert fields_of("tactile.<finger>") - set(IMAGE_REASONS) == set(tactile_body(finger, finger.image))
+    assert set(slip_body(finger, finger.state)) == declared
 
 
 def test_slip_of_a_contact_has_no_nil(finger: Finger, wrench: Wrench, image: Image) -> None:
