@@ -19,7 +19,7 @@ from slipd.fusion import (
     utilisation,
 )
 from slipd.samples import TactileSample, WrenchSample
-from slipd.signals.charge import ChargeReconstruction
+from slipd.signals.charge_reconstruction import ChargeReconstruction
 
 
 def warm_up() -> None:

@@ -11,7 +11,7 @@ from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import Freshness
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_FREE, PAD_PULLED, WEIGHT_UNKNOWN
-from slipd.signals.agreement import CLEAR
+from slipd.signals.force_image_agreement import CLEAR
 
 
 class ContactPresence:

@@ -13,7 +13,7 @@ from slipd.finger.force_history import ForceHistory
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion import Contact, Doubt, contact_of
-from slipd.signals.agreement import STDS, Agreement
+from slipd.signals.force_image_agreement import STDS, Agreement
 
 COMPARE_NS = 10_000_000
 """At most one comparison in this time: a disagreement counts only once it has lasted for longer."""

@@ -11,13 +11,13 @@ from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.fusion import Contact, ContactShape, contact_shape
 from slipd.samples import UNTRUSTED, Array, TactileSample
 from slipd.signals.averaging import LARGEST_READING
-from slipd.signals.charge import ChargeReconstruction
+from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.frozen_image import FrozenImage
+from slipd.signals.missing_tare import UntaredWatch
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Offset, Tare
 from slipd.signals.taxel_health import TaxelHealth
-from slipd.signals.untared import UntaredWatch
 
 STALE: tuple[str, ...] = ("stale",)
 """Reason why an image that is too old, or missing, cannot be used."""

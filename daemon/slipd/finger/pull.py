@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from slipd.config import Finger
 from slipd.fusion import Doubt
-from slipd.signals.agreement import CLEAR, STDS
+from slipd.signals.force_image_agreement import CLEAR, STDS
 
 LARGEST_BIAS_N = 10.0
 """A force sensor may read this much without load before its first tare, N."""

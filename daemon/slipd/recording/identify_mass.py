@@ -23,9 +23,9 @@ from slipd.recording.reader import Recording, open_recording
 from slipd.samples import UNTRUSTED, Array, WrenchSample
 from slipd.signals.averaging import Average, most_std
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
-from slipd.signals.identify import Identification, identify
 from slipd.signals.mounting import Mounting
 from slipd.signals.tare import MIN_READINGS
+from slipd.signals.weight_identification import Identification, identify
 
 POSE_TOLERANCE_MPS2 = 0.5
 """A pose ends when gravity has changed by this much since its start, m/s²: 3° of tilt."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from slipd.signals.lowest_line import SLICES, STEP_SLICES, lowest_line
+from slipd.signals.clock_fit import SLICES, STEP_SLICES, lowest_line
 
 #: Length of a time slice, of which one reading is kept. A reset must be over within 1 s, so a line is needed soon.
 SLICE_NS = 125_000_000

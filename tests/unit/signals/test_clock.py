@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slipd.signals.clock import OLDEST_HOST_NS, PROBATION_NS, DeviceClock, host_time
-from slipd.signals.lowest_line import MAX_PPM
+from slipd.signals.clock_fit import MAX_PPM
 
 MS = 1_000_000
 S = 1_000_000_000

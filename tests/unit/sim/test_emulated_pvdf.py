@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slipd.devices import pvdf
-from slipd.signals.charge import ChargeReconstruction
+from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.sim.emulated_pvdf import FULL_SCALE, PvdfElectronics, PvdfPad
 from slipd.sim.true_contact import Pad, Patch
 

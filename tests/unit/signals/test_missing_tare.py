@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slipd.signals.untared import AHEAD_NS, UntaredWatch
+from slipd.signals.missing_tare import AHEAD_NS, UntaredWatch
 
 MS = 1_000_000
 

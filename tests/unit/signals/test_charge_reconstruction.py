@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.signal import lfilter
 
-from slipd.signals import charge as charge_module
-from slipd.signals.charge import ANCHOR_TAU_S, LOADED_SHARE, OFFSET_TAU_S, ChargeReconstruction
+from slipd.signals import charge_reconstruction as charge_module
+from slipd.signals.charge_reconstruction import ANCHOR_TAU_S, LOADED_SHARE, OFFSET_TAU_S, ChargeReconstruction
 from slipd.sim.true_contact import Pad, Patch
 
 TAU_S = 2.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slipd.fusion import Contact, contact_from_wrench, tipping_margin
-from slipd.signals.agreement import Agreement
+from slipd.signals.force_image_agreement import Agreement
 from slipd.sim.true_contact import Pad, Patch, pad_wrench
 
 MS = 1_000_000
