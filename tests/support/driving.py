@@ -1,4 +1,4 @@
-"""A session and an emulator on one line, and the time told to both."""
+"""A session and an emulator on one line, under one simulated clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion gate asked for tests that have a policy alone: a gripper that is ready, and free fingers that feel."""
+"""The motion gate for tests of the grip policy alone: a ready gripper, and fingers that are trusted and free."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A ZeroMQ context whose peers live in the test, and the patience to wait for them."""
+"""A ZeroMQ context for peers inside the test, and bounded waits for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shortest that a user could write, and the same algorithm in C: what the timed figures need beyond the chart."""
+"""Alternatives for the timing of the friction limit: the shortest code a user could write, and our algorithm in C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The way of a request to the daemon and back, beside a bare echo over the same kind of socket.
+"""Round trip of a request to the daemon, compared with a bare echo over the same kind of socket.
 
 One client asks the daemon, an echo that is nothing but a ROUTER in an asyncio loop, and one in C, in turns of a second,
 so that what else the machine does falls on all alike. The bytes and the pace are the same for all.

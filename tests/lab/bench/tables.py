@@ -1,4 +1,4 @@
-"""A table of the report, as text for a terminal and as markdown."""
+"""A table of a report, as text for a terminal and as Markdown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The C program that the compiled kernels are measured against finds what they find, to the same digits."""
+"""The C program of the benchmark gives the same limits as the compiled kernels, to the same digits."""
 
 from __future__ import annotations
 

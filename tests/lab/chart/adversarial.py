@@ -1,4 +1,4 @@
-"""Searches for contacts that make a method fail: thought finds the ways one knows, an adversary the others.
+"""Search for contacts on which a method fails, with differential evolution.
 
 A contact is drawn from genes in [0, 1], and differential evolution maximises what goes wrong on it. Worlds differ in
 what their genes may do: lengths, loads and distances run over decades, since that is where methods break. The right

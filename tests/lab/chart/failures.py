@@ -1,4 +1,4 @@
-"""The ways in which methods fail, a contact each: what the failure atlas asks of every method, and the tests of ours.
+"""Contacts on which methods fail, one for each way: the rows of the failure atlas and of its tests.
 
 Limits are closed forms where there is one: at a known pole, a hinge among them, Φ itself; on few taxels a triangle of
 forces. The other numbers are frozen from `chart.reference`, which the atlas asks again.

@@ -1,4 +1,4 @@
-"""The methods that a user could pick for the friction limit: one registry, asked alike by the chart and the atlas."""
+"""Registry of the methods for the friction limit that the chart and the failure atlas compare."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the answer costs that no solver can win back: the image, the load rule and the model against the contact itself.
+"""Errors that no solver can remove: of the image, the load rule and the contact model, against the continuous contact.
 
 A contact with a pressure at every point is read by the pad (8 × 16 electrodes of 1.5 mm at 3.2 mm, 5 % gain noise, a
 centroid wrong by 0.1 mm). Each load rule and each model makes a torque limit of that, and the continuous contact has

@@ -1,4 +1,4 @@
-"""The friction limit to 25 digits by another road: what the fast solver's certified bounds are checked against.
+"""Reference for the friction limit: 25 digits, by an algorithm independent of the fast solver.
 
 Nothing is shared with the solver: the doubles of a scene are taken as exact numbers, and the twist that begins to slide
 is found on the central path of the cone form. With c_i = μ F_i and e_i(q) the sliding velocity of taxel i under the

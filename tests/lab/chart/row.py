@@ -1,4 +1,4 @@
-"""What a row of the failure atlas is: a contact, why it is hard, and what is right."""
+"""A row of the failure atlas: a contact, why it is hard, and its true limit."""
 
 from __future__ import annotations
 

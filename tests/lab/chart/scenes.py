@@ -1,4 +1,4 @@
-"""Contacts to ask every method about: the ordinary ones, and each family in which methods are known to fail.
+"""Random contacts for every method: ordinary ones, and each family on which methods are known to fail.
 
 A scene is what the friction limit is asked of. The families stand in one table, drawn from a seed: the chart, the
 failure atlas, the long run over a million of them and the tests all draw from it.

@@ -1,4 +1,4 @@
-"""What it brings to bring the taxels of a scan to one instant, over the rate at which the load changes.
+"""Benefit of the scan-time correction of taxels, over the rate at which the load changes.
 
 Taxel k is sampled ``k`` dwells after the first. While the force rises, the last taxels feel more of it than the first:
 the image is tilted along the scan. The force sensor knows by how much, so each reading can be scaled by the force at

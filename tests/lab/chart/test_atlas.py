@@ -1,4 +1,4 @@
-"""The atlas tells every way in which a method can fail, and the search finds one where there is one."""
+"""The atlas shows every kind of failure of a method, and the search finds a failure where one exists."""
 
 from __future__ import annotations
 

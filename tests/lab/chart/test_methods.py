@@ -1,4 +1,4 @@
-"""The methods of the chart are the ones that they say they are: the chart would else compare with straw men."""
+"""The methods of the chart implement what they are named after, so that the comparison is fair."""
 
 from __future__ import annotations
 

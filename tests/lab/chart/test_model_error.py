@@ -1,4 +1,4 @@
-"""The continuous contact against what is known of it in closed form, and the figures of the model error."""
+"""The continuous contact against closed forms, and the figures of the model error."""
 
 from __future__ import annotations
 

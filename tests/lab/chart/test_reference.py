@@ -1,4 +1,4 @@
-"""The reference against contacts whose answer can be written down; it is what everything else is checked against."""
+"""The 25-digit reference against contacts with a closed-form answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measurements of times and skew against what is known of them in closed form."""
+"""The measurements of acquisition times and scan skew against closed forms."""
 
 from __future__ import annotations
 

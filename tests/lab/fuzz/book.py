@@ -1,4 +1,4 @@
-"""The oracle of the requests: what was allowed, kept from the outside, and whatever was done beyond it.
+"""Oracle of the request fuzzing: keeps its own record of what is allowed, and reports what was done beyond it.
 
 It hears the requests that were granted, the readings that were delivered and the frames that reached the gripper; it
 asks the daemon nothing. Where the daemon may know of something a moment later than this book, the book is the milder.

@@ -1,4 +1,4 @@
-"""What a device says when it is well: its emulator's readings, recorded through its own session or decoder."""
+"""Healthy traffic of each device: its emulator's bytes, recorded through its own session or decoder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bad line does to one reading on its way: every way in which bytes are changed, added, lost or mixed up."""
+"""Damage of a frame on a bad line: bytes changed, added, lost or reordered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damaged frames among good ones: nothing is raised, little is believed, and at most one good frame is lost."""
+"""Damaged frames among good ones: no exception, few accepted by chance, and at most one good frame lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random bytes: nothing is raised, and no more of them is taken for a reading than the device's check lets pass."""
+"""Random bytes: no exception, and no more false readings than the device's checksum lets pass by chance."""
 
 from __future__ import annotations
 

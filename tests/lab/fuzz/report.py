@@ -1,4 +1,4 @@
-"""The report of a run: tables, what was not as it must be, and both as a document."""
+"""Report of a fuzzing run: its tables, its faults, and the page with both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run of the fuzzing consists of: rounds, and how many of each."""
+"""The rounds of a fuzzing run, and how many of each."""
 
 from __future__ import annotations
 

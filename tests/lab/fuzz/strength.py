@@ -1,4 +1,4 @@
-"""How strong each device's check is: the one table that all bounds of the fuzzing come from.
+"""Strength of each device's checksum: the table from which all bounds of the fuzzing come.
 
 ``position_bits`` is n where a random position of a random stream passes for a reading with a probability of at most
 2⁻ⁿ; docs/devices.md says the same. ``mishap_bits`` is n where a reading that suffered one mishap of `fuzz.damage`

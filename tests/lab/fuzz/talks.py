@@ -1,4 +1,4 @@
-"""A session and its device over a bad line: nothing is raised, and once the line is good the readings come."""
+"""A session and its device on a bad line: no exception, and readings again once the line is good."""
 
 from __future__ import annotations
 

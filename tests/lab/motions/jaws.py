@@ -1,4 +1,4 @@
-"""Three grippers behind their own bytes, with something between the jaws now and then.
+"""Three emulated grippers behind their own protocols, with or without an object between the jaws.
 
 Each is the emulator of `slipd.sim`, so that what it is sent is obeyed, and a reader of its line that is written down a
 second time: whatever the daemon writes becomes a `Sent` in metres and newtons on one pad.

@@ -1,4 +1,4 @@
-"""Whatever is asked of whichever gripper, and whatever goes wrong: nothing moves that no rule allows.
+"""No gripper moves without a rule that allows it, for random requests, readings and faults.
 
 Requests, readings and faults in any order, through the engine and the bytes of three real grippers, beside the reflex.
 What must hold is looked at where it counts: on the gripper's wire, against the jaws as they really are. The usual run

@@ -1,4 +1,4 @@
-"""Policy, once and reflex against random clients, clocks, faults and readings; the oracle knows only the promises."""
+"""Grip policy, idempotency and reflex against random clients, clocks, faults and readings, judged by an oracle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fault after fault at random, and behind each of them the verdict must come back."""
+"""Random faults one after another; after each, the verdict must recover."""
 
 from __future__ import annotations
 

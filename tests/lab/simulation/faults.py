@@ -1,4 +1,4 @@
-"""What befalls bytes on their way, each fault drawn from the bed's own random numbers."""
+"""Faults of a line: bytes dropped, split, delayed, changed or added, drawn from the bed's random numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much memory something holds, exactly and without a clock: the sum over everything it alone leads to."""
+"""Memory that an object holds: the sum of the sizes of all objects that only it reaches."""
 
 from __future__ import annotations
 

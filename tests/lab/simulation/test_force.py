@@ -1,4 +1,4 @@
-"""Faults of the force sensors, group F: off, stuck, wrong, slow, late, by fits and starts; overload; disagreement."""
+"""Faults of the force sensors, group F: off, stuck, wrong, slow, late or intermittent; overload; disagreement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults of the lines, group L: what reaches the engine is torn, noisy, bunched, late, too much or nothing."""
+"""Faults of the lines, group L: bytes that arrive split, noisy, bunched, late, in excess or not at all."""
 
 from __future__ import annotations
 

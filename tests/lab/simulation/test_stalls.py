@@ -1,4 +1,4 @@
-"""A daemon that stands still while the devices go on, and a sensor that really falls silent: told apart.
+"""A stalled daemon is distinguished from a sensor that really falls silent.
 
 What came meanwhile is read as a real loop reads it: a piece of each line a turn, ticks between, until all are empty.
 """

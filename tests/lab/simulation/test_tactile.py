@@ -1,4 +1,4 @@
-"""Faults of the pads, group T: taxels, rows and whole arrays that lie, parts of images that are missing."""
+"""Faults of the pads, group T: faulty taxels, rows and arrays, and incomplete images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must hold of every message, whatever befalls the devices: checked as the messages come."""
+"""Invariants of every message under every fault, checked as the messages are published."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Peers that mean harm, each in a process of its own: ``python -m soak.hostile KIND ENDPOINT SECONDS``.
+"""Hostile peers, each in a process of its own: ``python -m soak.hostile KIND ENDPOINT SECONDS``.
 
 They speak ZMTP by themselves, on plain sockets, where a stock ZeroMQ client could not do the same.
 """

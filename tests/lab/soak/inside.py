@@ -1,4 +1,4 @@
-"""The daemon within this process, so that its loop, its memory and its files can be looked at."""
+"""The daemon within this process, so that its loop, memory and open files can be measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hostile peers at the real daemon: does it live, what memory do they take, and how long do others wait?
+"""Hostile peers at the real daemon: does it survive, how much memory do they take, how long do other peers wait?
 
 A lease holder renews, and a newcomer asks for the tare, while each kind of peer does its worst.
 """

@@ -1,4 +1,4 @@
-"""Reads the sensors of two fingers and does nothing with what it read: what the daemon's work is laid beside.
+"""Read the sensors of two fingers and discard the bytes: the baseline for the daemon's processor time.
 
 ``python -m soak.reading PLAN``, a JSON list of (force, pad) addresses; an event loop and a callback for each line.
 """

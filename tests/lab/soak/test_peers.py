@@ -1,4 +1,4 @@
-"""Peers that mean harm, at the real daemon: a short share of ``python -m soak --only peers``."""
+"""Hostile peers against the real daemon: a short share of ``python -m soak --only peers``."""
 
 from __future__ import annotations
 

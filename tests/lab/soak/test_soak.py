@@ -1,3 +1,5 @@
+"""A few quick cycles of ``python -m soak --only unplug`` measure every figure."""
+
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,3 +1,5 @@
+"""Stalled subscribers beside live ones: a short share of ``python -m soak --only subscribers``."""
+
 from __future__ import annotations
 
 import tempfile

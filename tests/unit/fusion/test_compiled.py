@@ -1,4 +1,4 @@
-"""Kernels: found stale by no cache, silent about none that cannot be written, and the same without compilation."""
+"""Compiled kernels: no stale cache, a warning without a writable cache, the same results without compilation."""
 
 from __future__ import annotations
 

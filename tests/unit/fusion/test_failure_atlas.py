@@ -1,4 +1,4 @@
-"""Every row of the failure atlas is a test of ours: certified to 1e-9 of the contact's torque, and right."""
+"""Every row of the failure atlas: certified to 1e-9 of the contact's torque, with the true limit inside the bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two fingers as one grasp, held against boxes of known weight and against rotations taken another way."""
+"""Two fingers as one grasp, compared with boxes of known weight and with an independent computation of rotations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many frames at once give what each gives alone, and a bad frame spoils none but itself."""
+"""A batch of frames gives the same results as single frames, and an invalid frame changes no other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Three rules for sharing the normal force, each balancing what it promises to."""
+"""Three rules that distribute the normal force over the taxels, each with the balance that it promises."""
 
 from __future__ import annotations
 

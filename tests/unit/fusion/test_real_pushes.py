@@ -1,4 +1,4 @@
-"""250 measured pushes of a sliding object: what slides has utilisation 1, and (6) as printed calls it safe."""
+"""250 measured pushes of a sliding object: utilisation is 1, and equation (6) as printed classifies most as safe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nobody grips but the holder of the lease, within the limits, and none of it ends by moving anything."""
+"""Only the holder of the lease changes the grip, within the limits; the end of a lease moves nothing."""
 
 from __future__ import annotations
 

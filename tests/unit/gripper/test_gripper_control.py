@@ -1,4 +1,4 @@
-"""Newtons and metres become commands that are within what was asked, or a reason why not."""
+"""Requests in newtons and metres become gripper commands within the request, or a refusal with its reason."""
 
 from __future__ import annotations
 

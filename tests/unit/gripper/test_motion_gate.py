@@ -1,4 +1,4 @@
-"""One table judges every motion: each rule by itself, and that nothing goes around the gate."""
+"""One table of rules decides on every motion: each rule by itself, and no motion bypasses the gate."""
 
 from __future__ import annotations
 

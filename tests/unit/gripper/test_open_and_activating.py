@@ -1,4 +1,4 @@
-"""`gripper.open` never closes, and nothing closes while the gripper is still activating; engine and bytes."""
+"""`gripper.open` never closes the jaws, and no close is accepted during activation; through engine and device bytes."""
 
 from __future__ import annotations
 

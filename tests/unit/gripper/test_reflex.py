@@ -1,4 +1,4 @@
-"""The reflex raises what is needed and no more, undoes only what it did itself, and never rings."""
+"""The reflex raises the grip by what is needed, lowers only its own raises, and never oscillates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The grasp is told as it changes, and the reflex raises a grip that warns, before anything is said of it."""
+"""The grasp is published as it changes; the reflex raises the grip before the warning is published."""
 
 from __future__ import annotations
 

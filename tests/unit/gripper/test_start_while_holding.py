@@ -1,4 +1,4 @@
-"""A daemon that starts beside a gripper that holds something takes that grip as the one in force; engine and bytes."""
+"""A daemon that starts while the gripper holds an object adopts that grip; through engine and device bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is no number stays out of a mean, and nothing denormal comes out of it."""
+"""Means leave out values that are not finite, and never return a denormal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A force that is held stays told, although its charge leaks away."""
+"""A charge pad measures a held force although its charge leaks away."""
 
 from __future__ import annotations
 

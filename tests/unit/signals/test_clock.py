@@ -1,4 +1,4 @@
-"""Times of acquisition stay right through whatever happens to clocks, reads and loops."""
+"""Times of acquisition stay within their bounds through drifts, resets, bunched reads and late loops."""
 
 from __future__ import annotations
 

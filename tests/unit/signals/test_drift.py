@@ -1,4 +1,4 @@
-"""A zero that drifts is followed while nothing touches; a load that is held is never eaten."""
+"""The zero of a force sensor is tracked without contact; a held load is never subtracted."""
 
 from __future__ import annotations
 

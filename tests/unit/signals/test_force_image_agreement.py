@@ -1,4 +1,4 @@
-"""Force sensor and image are held against each other: a wrong mounting shows, an edge or a tipping object does not."""
+"""Force sensor and image are compared: a wrong mounting is reported, an edge or a tipping object is not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stream that hangs, raves or flickers is told; one that repeats itself now and then is not."""
+"""A force stream that is stuck, out of range or intermittent is reported; occasional repeats are not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The finger's own weight is taken out where its direction is known, and is a bound where it is not."""
+"""The finger's own weight is subtracted if the direction of gravity is known, and bounds the error if not."""
 
 from __future__ import annotations
 

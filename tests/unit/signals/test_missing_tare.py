@@ -1,4 +1,4 @@
-"""A pad that was never tared and reads far from zero is told; a load that grows is not."""
+"""An untared pad that reads far from zero is reported; a growing load is not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever the mounting, the wrench that reaches the pad is the one that acts there."""
+"""Wrenches are transformed from the sensor frame to the pad frame, for every mounting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Taxels are where the config says, whichever way the pad is read."""
+"""Taxel positions follow the config, for every order in which a pad is read."""
 
 from __future__ import annotations
 

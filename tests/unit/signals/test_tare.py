@@ -1,4 +1,4 @@
-"""A tare is explicit, readable and reversible, and never made of less than it says."""
+"""A tare is explicit, readable and reversible, and uses all the readings of its duration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Blocks of images: where they end, what they keep, and what a silence or a flood of images makes of them."""
+"""Blocks of images: where they end, what they keep, and how silence or a flood of images affects them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Taxels that lie are found within a second, and those that merely feel nothing are left alone."""
+"""Faulty taxels are found within a second; taxels without load are not called faulty."""
 
 from __future__ import annotations
 

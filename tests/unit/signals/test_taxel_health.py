@@ -1,4 +1,4 @@
-"""What was judged bad is masked and mended, and believed again some seconds after it feels again."""
+"""Faulty taxels are masked and interpolated, and trusted again some seconds after they respond again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mass and centre of mass are found from poses that tell them, and refused from those that do not."""
+"""Mass and centre of mass are identified from sufficient poses; insufficient poses are refused."""
 
 from __future__ import annotations
 
