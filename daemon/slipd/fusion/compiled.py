@@ -1,17 +1,21 @@
 """How kernels are compiled: once, and cached on disk.
 
-A cache that cannot be written costs start-up time and nothing else, so it is a warning: set ``NUMBA_CACHE_DIR`` to a
-writable directory to get it back.
+Numba dates a cached kernel by the file that defines it, so a change in another file that the kernel calls into, or in
+the dtype of its rows, would go unseen. Here the date also covers every source file of this folder: after any change
+all kernels are compiled again. A kernel therefore calls only kernels of its own file and of `slipd.fusion`.
 
-The cache of a kernel is dated by the file it stands in: a kernel therefore calls only kernels of its own file, or a
-change in the other file would go unseen.
+A cache that cannot be written costs start-up time and nothing else, so it is a warning. Set ``NUMBA_CACHE_DIR`` to a
+writable directory to avoid it.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import warnings
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar, cast
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
@@ -20,22 +24,35 @@ R = TypeVar("R")
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compiles ``function`` with Numba on its first call, with IEEE arithmetic in the order written."""
+    """Compile ``function`` with Numba on its first call, with IEEE arithmetic in the order written."""
     return _compile(function, fastmath=False)
 
 
 def compiled_sum(function: Callable[P, R]) -> Callable[P, R]:
-    """Compiles a pass over the taxels whose sums may be taken in any order, so that it uses vector instructions.
+    """Compile a pass over the taxels whose sums may be taken in any order, so that it uses vector instructions.
 
-    Nothing else is relaxed: not-a-number, infinity and signed zero keep their meaning.
+    Nothing else is relaxed: NaN, infinity and signed zero keep their meaning.
     """
     return _compile(function, fastmath={"reassoc", "contract"})
+
+
+@functools.cache
+def source_stamp(folder: Path) -> str:
+    """Return a hash of the names and contents of all Python files in and below a folder."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        text = path.read_bytes()
+        digest.update(f"{path.relative_to(folder).as_posix()} {len(text)}\n".encode())
+        digest.update(text)
+    return digest.hexdigest()
 
 
 def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
     try:
         kernel = numba.njit(cache=True, error_model="numpy", fastmath=fastmath)(function)
-    except RuntimeError as error:
+        if kernel is not function:  # NUMBA_DISABLE_JIT returns the function itself
+            _date_by_folder(kernel)
+    except (RuntimeError, OSError, AttributeError) as error:
         warnings.warn(
             f"compiled kernels cannot be cached ({error}); set NUMBA_CACHE_DIR to a writable directory",
             RuntimeWarning,
@@ -43,3 +60,15 @@ def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P,
         )
         kernel = numba.njit(error_model="numpy", fastmath=fastmath)(function)
     return cast("Callable[P, R]", kernel)
+
+
+def _date_by_folder(kernel: Any) -> None:
+    """Add this folder's hash to the stamp with which a kernel's cache is compared.
+
+    Numba offers no public way to do this.
+
+    Raises:
+        AttributeError: This version of Numba keeps its stamps elsewhere: without ours the cache must not be used.
+    """
+    cache_file = kernel._cache._cache_file  # noqa: SLF001
+    cache_file._source_stamp = (cache_file._source_stamp, source_stamp(Path(__file__).parent))  # noqa: SLF001

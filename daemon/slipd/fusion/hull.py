@@ -1,20 +1,23 @@
-"""The smallest convex curve round the active taxels, and where a point lies against it (paper Fig. 2c)."""
+"""The convex hull of the active taxels, and where the contact centroid lies in it: tipping (paper Fig. 2c)."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
-
-Array = NDArray[np.float64]
+from slipd.fusion.rows import Rows
 
 
 @compiled
-def convex_hull(x: Array, y: Array) -> NDArray[np.int64]:
-    """Indices of the hull's corners, counter-clockwise, collinear points left out (monotone chain)."""
+def convex_hull(x: Array, y: Array) -> Indices:
+    """Return the indices of the hull's corners, counter-clockwise, without collinear points.
+
+    Source: Andrew's monotone chain, Inf. Process. Lett. 9(5), 1979.
+    """
     n = x.size
     by_y = np.argsort(y, kind="mergesort")
     order = by_y[np.argsort(x[by_y], kind="mergesort")]
@@ -43,9 +46,16 @@ def convex_hull(x: Array, y: Array) -> NDArray[np.int64]:
 
 @compiled
 def nearest_on_outline(x: Array, y: Array, px: float, py: float) -> tuple[float, float, float, int, int]:
-    """Signed distance of a point to a convex outline (positive inside), the nearest point on it, and its edge's ends.
+    """Find the nearest point on a convex outline.
 
-    The corners x, y run counter-clockwise; fewer than three have no inside.
+    Args:
+        x: Corners of the outline, counter-clockwise, shape (n,); fewer than three have no inside.
+        y: Likewise.
+        px: The point.
+        py: Likewise.
+
+    Returns:
+        Signed distance (positive inside), the nearest point (2), and the indices of the corners at its edge's ends.
     """
     size = x.size
     best, qx, qy, ea, eb = math.inf, x[0], y[0], 0, 0
@@ -66,18 +76,17 @@ def nearest_on_outline(x: Array, y: Array, px: float, py: float) -> tuple[float,
 
 
 @compiled
-def margins(x: Array, y: Array, points: Array) -> Array:
-    """Signed distance of each point to a convex outline, positive inside; NaN for points that are not finite."""
-    out = np.full(len(points), math.nan)
-    for k in range(len(points)):
-        px, py = points[k, 0], points[k, 1]
+def fill_margins(x: Array, y: Array, readings: Rows) -> None:
+    """Do the work of `Outline.fill_margins`."""
+    for k in range(len(readings)):
+        contact = readings[k]["contact"]
+        px, py = contact["cx_m"], contact["cy_m"]
         if math.isfinite(px + py):
-            out[k] = nearest_on_outline(x, y, px, py)[0]
-    return out
+            readings[k]["tipping_margin_m"] = nearest_on_outline(x, y, px, py)[0]
 
 
 class Outline:
-    """The convex outline through the centres of the active taxels, found once an image.
+    """The convex outline through the centres of the active taxels, found once per image.
 
     Args:
         x: Centres of the active taxels, shape (n,), n ≥ 1, finite, m.
@@ -89,23 +98,23 @@ class Outline:
         self._x, self._y = x[self.taxels], y[self.taxels]
 
     def margin_m(self, px: float, py: float) -> float:
-        """Signed distance of a point to the outline, m, positive inside; NaN for a point that is not finite."""
+        """Return the signed distance of a point to the outline, m, positive inside; NaN where it is not finite."""
         return nearest_on_outline(self._x, self._y, px, py)[0] if math.isfinite(px + py) else math.nan
 
-    def margins_m(self, points: Array) -> Array:
-        """`margin_m` of several points: the first two columns, shape (n, 2) or wider."""
-        return margins(self._x, self._y, points)
+    def fill_margins(self, readings: Rows) -> None:
+        """Fill in ``tipping_margin_m`` of rows of READING where the centroid is finite."""
+        fill_margins(self._x, self._y, readings)
 
     def nearest(self, px: float, py: float) -> tuple[float, float, float, int, int]:
-        """Signed distance of a point, the nearest point on the outline, and the taxels at the ends of its edge."""
+        """Return a point's signed distance, the nearest point on the outline, and the taxels at its edge's ends."""
         margin, qx, qy, a, b = nearest_on_outline(self._x, self._y, px, py)
         return margin, qx, qy, int(self.taxels[a]), int(self.taxels[b])
 
 
 def tipping_margin(x: ArrayLike, y: ArrayLike, point: ArrayLike) -> float:
-    """Finds how far a point lies inside the hull of the active taxels.
+    """Find how far a point lies inside the hull of the active taxels.
 
-    A hull of one point or of collinear taxels has no inside. A taxel senses over its electrode, so the hull itself is
+    The hull of one taxel or of collinear taxels has no inside. A taxel senses over its electrode, so the hull is
     uncertain by half a pitch.
 
     Args:
@@ -117,14 +126,14 @@ def tipping_margin(x: ArrayLike, y: ArrayLike, point: ArrayLike) -> float:
         Signed distance to the hull, m, positive inside; NaN without taxels or with data that is not finite.
 
     Raises:
-        ValueError: Wrong shapes.
+        ValueError: A shape is wrong.
 
     Source: paper, last paragraph of the integration section.
     """
     xs, ys = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     p = np.asarray(point, dtype=np.float64)
     if xs.ndim != 1 or xs.shape != ys.shape or p.shape != (2,):
-        raise ValueError(f"x and y must share one shape (n,) and point be (2,), not {xs.shape}, {ys.shape}, {p.shape}")
+        raise ValueError(f"x and y must share one shape (n,) and point be (2,), got {xs.shape}, {ys.shape}, {p.shape}")
     if xs.size == 0 or not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(p).all()):
         return math.nan
     return Outline(xs, ys).margin_m(float(p[0]), float(p[1]))

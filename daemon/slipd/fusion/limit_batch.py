@@ -1,6 +1,6 @@
-"""The friction limit of many frames at once, for offline work: the same kernels, one call.
+"""The friction limit of many frames in one call, for offline work.
 
-A frame of fewer taxels is filled up with loads of 0: a taxel that carries nothing is not in contact.
+A frame with fewer taxels is padded with loads of 0: a taxel that carries nothing is not in contact.
 """
 
 from __future__ import annotations
@@ -11,22 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slipd.fusion.limit_kernels import GOAL, KINDS, MAX_PASSES, solve_torque_limits, solve_utilisations
+from slipd.arrays import Array
+from slipd.fusion.limit.batch import solve_torque_limits, solve_utilisations
+from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES
+from slipd.fusion.rows import TORQUE_LIMIT, UTILISATION, new_rows
 
-Array = NDArray[np.float64]
 _NAMES = np.array(KINDS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TorqueLimits:
-    """:class:`~slipd.fusion.TorqueLimit` of many frames.
+    """`TorqueLimit` of many frames.
 
     Attributes:
         torque_nm: Shape (frames,), N·m.
         lower_nm: Certified lower bounds, shape (frames,), N·m.
         upper_nm: Certified upper bounds, shape (frames,), N·m.
         pole_m: Shape (frames, 2), m; NaN where there is none.
-        kind: Shape (frames,), words.
+        kind: As in `TorqueLimit`, shape (frames,).
     """
 
     torque_nm: Array
@@ -38,14 +40,14 @@ class TorqueLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Utilisations:
-    """:class:`~slipd.fusion.Utilisation` of many frames.
+    """`Utilisation` of many frames.
 
     Attributes:
         value: Shape (frames,).
         lower: Certified lower bounds, shape (frames,).
         upper: Certified upper bounds, shape (frames,).
         pole_m: Shape (frames, 2), m; NaN where there is none.
-        kind: Shape (frames,), words.
+        kind: As in `Utilisation`, shape (frames,).
         twist: Shape (frames, 3); NaN where there is none.
     """
 
@@ -69,7 +71,7 @@ def torque_limits(
     gap: float = GOAL,
     passes: int = MAX_PASSES,
 ) -> TorqueLimits:
-    """Finds :func:`~slipd.fusion.torque_limit` of every frame.
+    """Find the `torque_limit` of every frame.
 
     Args:
         x: Taxel centres in the pad frame, shape (n,) or (frames, n), m.
@@ -77,21 +79,23 @@ def torque_limits(
         loads: Normal forces, shape (frames, n), N; 0 where there is no contact.
         mu: Coefficient of static friction.
         tangential: f_t on the finger, shape (frames, 2), N.
-        about: The point the torque is taken about, shape (2,) or (frames, 2), m.
+        about: The point that the torque refers to, shape (2,) or (frames, 2), m.
         sense: +1 for a torque along +Z, −1 for one along −Z.
         gap: Gap of the bounds at which to stop, relative to the contact's torque without force.
         passes: Most passes over the taxels of each frame.
 
     Raises:
-        ValueError: Wrong shapes, μ not positive and finite, a sense other than ±1. Bad data of a frame is the kind
-            "none" of that frame.
+        ValueError: A shape is wrong, μ is not positive and finite, or the sense is not ±1. Bad data in a frame gives
+            that frame the kind "none".
     """
     xs, ys, fs, f, a = _frames(x, y, loads, mu, tangential, about)
     if sense not in (1, -1):
-        raise ValueError(f"sense must be +1 or -1, not {sense}")
-    kinds, out = np.empty(len(fs), np.int64), np.empty((len(fs), 5))
-    solve_torque_limits(xs, ys, fs, mu, f, a, sense, gap, passes, kinds, out)
-    return TorqueLimits(out[:, 0], out[:, 1], out[:, 2], out[:, 3:5], _NAMES[kinds])
+        raise ValueError(f"sense must be +1 or -1, got {sense}")
+    found = new_rows(TORQUE_LIMIT, len(fs))
+    solve_torque_limits(xs, ys, fs, mu, f, a, sense, gap, passes, found)
+    return TorqueLimits(
+        found["torque_nm"], found["lower_nm"], found["upper_nm"], found["pole_m"], _NAMES[found["kind"]]
+    )
 
 
 def utilisations(
@@ -106,47 +110,49 @@ def utilisations(
     gap: float = GOAL,
     passes: int = MAX_PASSES,
 ) -> Utilisations:
-    """Finds :func:`~slipd.fusion.utilisation` of every frame, each started from the twist of the one before.
+    """Find the `utilisation` of every frame, each started from the twist of the one before.
 
     Args:
-        x: Taxel centres in the pad frame, shape (n,) or (frames, n), m.
-        y: Likewise, m.
-        loads: Normal forces, shape (frames, n), N; 0 where there is no contact.
-        mu: Coefficient of static friction.
-        tangential: f_t on the finger, shape (frames, 2), N.
+        x: As in `torque_limits`, like all but the next.
+        y: Likewise.
+        loads: Likewise.
+        mu: Likewise.
+        tangential: Likewise.
         spin: Torque about the pad normal through ``about``, shape (frames,), N·m.
-        about: The point the spin is taken about, shape (2,) or (frames, 2), m.
+        about: Likewise.
         gap: Relative gap of the bounds at which to stop.
-        passes: Most passes over the taxels of each frame.
+        passes: Likewise.
 
     Raises:
-        ValueError: Wrong shapes, or μ not positive and finite. Bad data of a frame is NaN for that frame.
+        ValueError: A shape is wrong, or μ is not positive and finite. Bad data in a frame gives that frame NaN.
     """
     xs, ys, fs, f, a = _frames(x, y, loads, mu, tangential, about)
     m = np.ascontiguousarray(spin, dtype=np.float64)
     if m.shape != (len(fs),):
-        raise ValueError(f"spin must have shape ({len(fs)},), not {m.shape}")
-    kinds, out = np.empty(len(fs), np.int64), np.empty((len(fs), 8))
-    solve_utilisations(xs, ys, fs, mu, f, m, a, gap, passes, kinds, out)
-    return Utilisations(out[:, 0], out[:, 1], out[:, 2], out[:, 3:5], _NAMES[kinds], out[:, 5:8])
+        raise ValueError(f"spin must have shape ({len(fs)},), got {m.shape}")
+    found = new_rows(UTILISATION, len(fs))
+    solve_utilisations(xs, ys, fs, mu, f, m, a, gap, passes, found)
+    return Utilisations(
+        found["value"], found["lower"], found["upper"], found["pole_m"], _NAMES[found["kind"]], found["twist"]
+    )
 
 
 def _frames(
     x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float, tangential: ArrayLike, about: ArrayLike
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Checked arrays, those that all frames share with a first axis of 1."""
+    """Return the checked arrays; those that all frames share have a first axis of 1."""
     xs, ys, a = (np.atleast_2d(np.ascontiguousarray(v, dtype=np.float64)) for v in (x, y, about))
     fs, f = (np.ascontiguousarray(v, dtype=np.float64) for v in (loads, tangential))
     if fs.ndim != 2:
-        raise ValueError(f"loads must have shape (frames, n), not {fs.shape}")
+        raise ValueError(f"loads must have shape (frames, n), got {fs.shape}")
     frames, n = fs.shape
     for name, array, width in (("x", xs, n), ("y", ys, n), ("about", a, 2)):
         if array.shape not in ((1, width), (frames, width)):
-            raise ValueError(f"{name} must have shape ({width},) or ({frames}, {width}), not {array.shape}")
+            raise ValueError(f"{name} must have shape ({width},) or ({frames}, {width}), got {array.shape}")
     if xs.shape != ys.shape:
-        raise ValueError(f"x and y must share one shape, not {xs.shape} and {ys.shape}")
+        raise ValueError(f"x and y must share one shape, got {xs.shape} and {ys.shape}")
     if f.shape != (frames, 2):
-        raise ValueError(f"tangential must have shape ({frames}, 2), not {f.shape}")
+        raise ValueError(f"tangential must have shape ({frames}, 2), got {f.shape}")
     if not 0.0 < mu < math.inf:
-        raise ValueError(f"mu must be positive and finite, not {mu}")
+        raise ValueError(f"mu must be positive and finite, got {mu}")
     return xs, ys, fs, f, a

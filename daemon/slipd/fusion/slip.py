@@ -1,43 +1,52 @@
-"""The slip decision of one contact, reading by reading: how near the limit, over the edge, or slipping already.
+"""The slip decision of one contact, reading by reading: how near the limit, beyond it, or slipping already.
 
-Slip is told by the drop of R from the static to the dynamic friction coefficient (paper, after eq. (4)). R also falls
+At the onset of slip, R falls from the static to the dynamic friction coefficient (paper, after eq. (4)). R also falls
 when the grip is tightened, and the load falls when an object is set down. A drop counts as slip only when the load
-itself gives way, quickly, and came from near the friction limit.
+itself gives way, quickly, and from near the friction limit.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.rows import (
+    CAUTION,
+    FREE,
+    NO_CONTACT,
+    SLIPPING,
+    STABLE,
+    TOUCHING,
+    UNKNOWN,
+    UNSOLVED,
+    UNTRUSTED,
+    WARNING,
+    WATCH,
+    WINDOW,
+    Rows,
+    new_rows,
+)
 
-Array = NDArray[np.float64]
-
-#: Readings of the window that are kept at first; the ring grows when they come faster.
+#: Initial capacity of a window, in readings; it grows when they come faster.
 FIRST_CAPACITY = 64
-#: The spin is most of the load where translation alone explains less than this share of the utilisation.
+#: The load is mostly spin where translation alone explains less than this share of the utilisation.
 ROTATION_SHARE = 0.7
-STABLE, CAUTION, WARNING = range(3)
-#: Codes of a level: those of STABLE, CAUTION and WARNING lie one above them.
-NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
-#: Among the numbers that the kernel is told: what is kept of a load that slips; what changes from read to read.
-KEPT, TOLD = 3, 9
 
 
 @dataclass(frozen=True, slots=True)
 class SlipSettings:
-    """When a drop is a slip.
+    """When a drop counts as a slip.
 
     Attributes:
-        drop: Least relative fall of R and of the load, below the ratio of dynamic to static friction of most pairs.
+        drop: Minimum relative fall of R and of the load: less than the fall from static to dynamic friction of most
+            material pairs.
         window_s: The fall happens within this time; setting an object down takes longer, s.
-        armed_at: Least utilisation within the window: slip begins at 1, and the estimate of μ is a safe one.
-        hold_s: A slip told stays told this long, s.
+        armed_at: Minimum utilisation within the window: slip begins at 1, and the estimate of μ is a safe one.
+        hold_s: A slip stays reported for this long, s.
     """
 
     drop: float = 0.12
@@ -48,21 +57,21 @@ class SlipSettings:
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Utilisation at which a step is reached; it is left ``hysteresis`` below."""
+    """Utilisation at which the steps CAUTION and WARNING begin; each ends ``hysteresis`` below."""
 
     caution: float = 0.70
     warning: float = 0.85
     hysteresis: float = 0.05
 
 
-class Doubt(NamedTuple):
+class Uncertainty(NamedTuple):
     """How far a reading may be off: noise, and what an unknown load may add.
 
     Attributes:
         force_std_n: Standard deviation of each force component, N.
-        torque_std_nm: Likewise of each torque component, N·m.
-        force_n: Most that the unknown load adds, N.
-        torque_nm: Likewise, N·m.
+        torque_std_nm: Standard deviation of each torque component, N·m.
+        force_n: Most that the unknown load adds to the force, N.
+        torque_nm: Most that it adds to the torque, N·m.
     """
 
     force_std_n: float = 0.0
@@ -71,160 +80,157 @@ class Doubt(NamedTuple):
     torque_nm: float = 0.0
 
 
-class Found(NamedTuple):
-    """What is found of one reading, as a row of numbers.
+class Assessment(NamedTuple):
+    """Verdict on one reading: the fields of a row of ASSESSMENT.
 
     Attributes:
         level: NO_CONTACT, STABLE + 1, CAUTION + 1, WARNING + 1, SLIPPING or UNKNOWN.
-        step: What the utilisation asks for: STABLE, CAUTION or WARNING.
+        friction_step: Step that the utilisation asks for: STABLE, CAUTION or WARNING.
+        tipping_step: Step that the tipping margin asks for.
+        utilisation_upper: Upper bound of the utilisation with what the unknown load may add; NaN where unknown.
         slips: It slips, or did within ``hold_s``.
-        tipping: What the tipping margin asks for.
-        weighed: It asks for it only because of the unknown load.
-        upper: Upper bound of the utilisation with what the unknown load may add.
+        tipping_by_unknown_load: The tipping margin asks for its step only because of the unknown load.
     """
 
-    level: float
-    step: float
-    slips: float
-    tipping: float
-    weighed: float
-    upper: float
+    level: int
+    friction_step: int
+    tipping_step: int
+    utilisation_upper: float
+    slips: bool
+    tipping_by_unknown_load: bool
 
 
 class ContactWatch:
-    """Watches one contact; keeps what hysteresis and the windows of the slip need.
+    """Assesses the readings of one contact; keeps what the hysteresis and the windows of the slip need.
 
     Args:
         thresholds: Of the utilisation.
-        slip: When a drop is a slip.
-        half_pitch_m: Half the distance of the taxels: so far is the outline of an image uncertain. NaN without image.
+        slip: When a drop counts as a slip.
+        half_pitch_m: Half the distance between taxels, the uncertainty of an image's outline, m; NaN without image.
         least_n: Normal force at which a contact begins, N.
     """
 
     def __init__(self, thresholds: Thresholds, slip: SlipSettings, half_pitch_m: float, least_n: float) -> None:
-        fixed = (*astuple(thresholds), 1.0 - slip.drop, *astuple(slip)[1:], half_pitch_m, least_n)
-        self._settings = np.array((*fixed, *[math.nan] * 6))  # and what `follow` is told beside the readings
-        self._told: tuple[float, Doubt, float] | None = None
-        self._most_kept = 0  # in a ring; no more than so many
+        self._watch = new_rows(WATCH, 1)
+        for name in ("caution", "warning", "hysteresis"):
+            self._watch[name] = getattr(thresholds, name)
+        for name in ("window_s", "armed_at", "hold_s"):
+            self._watch[name] = getattr(slip, name)
+        self._watch["half_pitch_m"], self._watch["least_n"] = half_pitch_m, least_n
+        self._in_force: tuple[float, Uncertainty, float] | None = None  # friction and uncertainty in the row
+        self._most_kept = 0  # upper bound of the readings in a window
         self._capacity = FIRST_CAPACITY
-        self._rings = np.empty((2, FIRST_CAPACITY, 4))  # of force and of spin: time s, load, ratio, utilisation
-        self._windows = np.zeros((2, 2), np.int64)  # of each ring: first reading, how many
-        self._memory = np.zeros(3)  # step; until when a slip of force, of spin, is told
+        self._windows = np.zeros((2, FIRST_CAPACITY), WINDOW)  # rings, of force and of spin
+        self.set_drop(slip.drop)
         self.reset()
 
     def reset(self) -> None:
-        """Forgets everything: the contact ended."""
-        self._windows[:] = 0
-        self._memory[:] = STABLE, -math.inf, -math.inf
+        """Forget everything: the contact ended."""
+        self._watch["count"], self._watch["first"] = 0, 0
+        self._watch["step"], self._watch["slip_until_s"] = STABLE, -math.inf
 
     def set_drop(self, drop: float) -> None:
-        """Takes another least fall: the friction coefficients are known better now."""
-        self._settings[KEPT] = 1.0 - drop
+        """Set another minimum fall: the friction coefficients are known better now."""
+        self._watch["kept"] = 1.0 - drop
 
-    def follow(
-        self,
-        contacts: Array,
-        used: Array,
-        margins_m: Array,
-        mu: float,
-        doubt: Doubt,
-        turn: float,
-    ) -> Array:
-        """Takes the readings of one read.
+    def assess(self, readings: Rows, mu: float, uncertainty: Uncertainty, spin_utilisation_1n: float) -> None:
+        """Fill in the assessment of readings in sequence.
 
         Args:
-            contacts: As from `find_contacts`, shape (n, 15); the times rise.
-            used: As from `follow_readings`, shape (n, 9); shape (0, 9) where no image tells of the rotation.
-            margins_m: Tipping margin of each, shape (n,), m; shape (0,) where no image tells it.
-            mu: Coefficient of static friction; NaN: not known.
-            doubt: Of all of them.
-            turn: λ that the doubt of the torque alone has at a normal force of 1 N.
-
-        Returns:
-            `Found` of each, shape (n, 6).
+            readings: Rows of READING with contacts and, where an image shows the rotation, margins and utilisations,
+                shape (n,); their times rise.
+            mu: Coefficient of static friction; NaN: unknown.
+            uncertainty: Of all of them.
+            spin_utilisation_1n: λ of the uncertain torque alone at a normal force of 1 N.
         """
-        if self._told != (mu, doubt, turn):
-            self._told = mu, doubt, turn
-            self._settings[TOLD:] = (mu, *doubt, turn)
-        count = len(contacts)
+        if self._in_force != (mu, uncertainty, spin_utilisation_1n):
+            self._in_force = mu, uncertainty, spin_utilisation_1n
+            self._watch["mu"], self._watch["spin_utilisation_1n"] = mu, spin_utilisation_1n
+            for name, value in zip(Uncertainty._fields, uncertainty, strict=True):
+                self._watch[name] = value
+        count = len(readings)
         self._most_kept += count
         while self._most_kept > self._capacity:
-            self._most_kept = int(self._windows[:, 1].max()) + count
+            self._most_kept = int(self._watch["count"].max()) + count
             if self._most_kept > self._capacity:
                 self._grow()
-        out = np.zeros((count, 6))
-        _follow(out, self._memory, self._rings, self._windows, contacts, used, margins_m, self._settings)
-        return out
+        _assess(readings, self._watch, self._windows)
 
     def _grow(self) -> None:
-        """Doubles the rings, each begun anew at its first place."""
-        size = self._rings.shape[1]
-        grown = np.empty((2, 2 * size, 4))
-        for ring in range(2):
-            grown[ring, :size] = np.roll(self._rings[ring], -self._windows[ring, 0], axis=0)
-        self._rings, self._capacity, self._windows[:, 0] = grown, 2 * size, 0
+        """Double the capacity of the windows, with each window's first reading in front."""
+        grown = np.zeros((2, 2 * self._capacity), WINDOW)
+        for which, first in enumerate(self._watch["first"][0].tolist()):
+            grown[which, : self._capacity] = np.roll(self._windows[which], -first)
+        self._windows, self._capacity, self._watch["first"] = grown, 2 * self._capacity, 0
 
 
 @compiled
-def _follow(
-    out: Array, memory: Array, rings: Array, windows: NDArray[np.int64], contacts: Array, used: Array, margins: Array,
-    settings: Array,
-) -> None:  # fmt: skip
-    """The work of `ContactWatch.follow`."""
-    (caution, warning, hysteresis, kept, window_s, armed_at, hold_s, half_pitch, least, mu, force_std, torque_std,
-     doubt_n, doubt_nm, turn) = (
-        settings[0], settings[1], settings[2], settings[3], settings[4], settings[5], settings[6], settings[7],
-        settings[8], settings[9], settings[10], settings[11], settings[12], settings[13], settings[14],
-    )  # fmt: skip
-    for k in range(len(contacts)):
-        normal, touch, t_s = contacts[k, 4], contacts[k, 10], contacts[k, 14]
-        out[k, 0], out[k, 5] = UNKNOWN, math.nan
-        if touch == 0:  # UNTRUSTED
+def _assess(readings: Rows, watches: Rows, windows: Rows) -> None:
+    """Do the work of `ContactWatch.assess`."""
+    watch = watches[0]
+    mu, unknown_n, slip_until = watch["mu"], watch["force_n"], watch["slip_until_s"]
+    for k in range(len(readings)):
+        row = readings[k]
+        contact, found = row["contact"], row["assessment"]
+        normal, phase, t_s = contact["normal_n"], row["phase"], row["t_s"]
+        found["level"], found["friction_step"], found["tipping_step"] = UNKNOWN, STABLE, STABLE
+        found["utilisation_upper"], found["slips"], found["tipping_by_unknown_load"] = math.nan, False, False
+        if phase == UNTRUSTED:
             continue
-        if touch != 2:  # not TOUCHING
-            windows[:] = 0
-            memory[0], memory[1], memory[2] = STABLE, -math.inf, -math.inf
-            if touch == 1 and normal + doubt_n < least:
-                out[k, 0] = NO_CONTACT
+        if phase != TOUCHING:
+            _forget(watch)
+            if phase == FREE and normal + unknown_n < watch["least_n"]:
+                found["level"] = NO_CONTACT
             continue
         if math.isnan(mu):
             continue
-        spin, translation = contacts[k, 7], contacts[k, 8] / mu
-        exact = len(used) > 0 and not math.isnan(spin)
-        value = used[k, 1] if exact else translation
-        upper = translation
+        spin, translation = contact["spin_nm"], contact["friction_ratio"] / mu  # R / μ of paper eq. (4)
+        exact = row["utilisation"]["kind"] != UNSOLVED and not math.isnan(spin)
+        value = upper = translation
         if exact:
-            upper = math.inf if math.isnan(used[k, 3]) else used[k, 3]  # no number is no safety
-            if doubt_n > 0.0:  # the gauge grows by no more than its parts
-                free = normal - doubt_n
-                upper = (upper * normal + doubt_n / mu + turn) / free if free > 0.0 else math.inf
-        step = _gate(upper, int(memory[0]), caution, warning, hysteresis)
-        memory[0] = step
-        for ring in range(2):
-            load = math.hypot(contacts[k, 5], contacts[k, 6]) if ring == 0 else abs(spin)
-            armed = value if ring == 0 or translation < ROTATION_SHARE * value else math.nan
-            fell = _fell(
-                rings[ring], windows[ring], t_s, window_s, load, load / normal, armed, kept, armed_at
-            )  # fmt: skip
-            if fell:
-                memory[1 + ring] = t_s + hold_s
-        slips = t_s < max(memory[1], memory[2])
-        out[k, 1], out[k, 2], out[k, 5] = step, slips, upper
+            value, upper = row["utilisation"]["value"], row["utilisation"]["upper"]
+            upper = math.inf if math.isnan(upper) else upper  # an unknown bound is not a safe one
+            if unknown_n > 0.0:  # the gauge of a sum is at most the sum of the gauges
+                free = normal - unknown_n
+                upper = (
+                    (upper * normal + unknown_n / mu + watch["spin_utilisation_1n"]) / free if free > 0.0 else math.inf
+                )
+        step = _gate(upper, watch["step"], watch["caution"], watch["warning"], watch["hysteresis"])
+        watch["step"] = step
+        for which in range(2):
+            load = math.hypot(contact["fx_n"], contact["fy_n"]) if which == 0 else abs(spin)
+            armed = value if which == 0 or translation < ROTATION_SHARE * value else math.nan
+            if _fell(windows[which], watch, which, t_s, load, load / normal, armed):
+                slip_until[which] = t_s + watch["hold_s"]
+        slips = t_s < max(slip_until[0], slip_until[1])
+        found["friction_step"], found["slips"], found["utilisation_upper"] = step, slips, upper
         if exact:
-            reach = math.hypot(contacts[k, 0], contacts[k, 1])
-            std = math.hypot(torque_std, reach * force_std) / normal
-            tipping, weighed = _tips(
-                margins[k], 2.0 * std, half_pitch, (doubt_nm + reach * doubt_n) / max(normal - doubt_n, 1e-9)
+            reach = math.hypot(contact["cx_m"], contact["cy_m"])
+            std = math.hypot(watch["torque_std_nm"], reach * watch["force_std_n"]) / normal
+            tipping, by_unknown = _tips(
+                row["tipping_margin_m"],
+                2.0 * std,
+                watch["half_pitch_m"],
+                (watch["torque_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9),
             )
-            out[k, 3], out[k, 4] = tipping, weighed
-            out[k, 0] = SLIPPING if slips else max(step, tipping) + 1
-        elif slips or step == WARNING:  # translation alone can only prove a grip unsafe, never safe
-            out[k, 0] = SLIPPING if slips else WARNING + 1
+            found["tipping_step"], found["tipping_by_unknown_load"] = tipping, by_unknown
+            found["level"] = SLIPPING if slips else max(step, tipping) + 1
+        elif slips or step == WARNING:  # translation alone can prove a grip unsafe, never safe
+            found["level"] = SLIPPING if slips else WARNING + 1
+
+
+@compiled
+def _forget(watch: Rows) -> None:
+    """Forget a contact that ended."""
+    watch["step"] = STABLE
+    first, count, slip_until = watch["first"], watch["count"], watch["slip_until_s"]
+    for which in range(2):
+        first[which], count[which], slip_until[which] = 0, 0, -math.inf
 
 
 @compiled
 def _gate(used: float, step: int, caution: float, warning: float, hysteresis: float) -> int:
-    """Step of a utilisation that follows one of ``step``; infinity counts as over every threshold."""
+    """Return the step of a utilisation that follows one of ``step``; infinity exceeds every threshold."""
     reached = int(used >= caution) + int(used >= warning)
     while reached < step and used >= (caution if reached == 0 else warning) - hysteresis:
         reached += 1
@@ -233,10 +239,12 @@ def _gate(used: float, step: int, caution: float, warning: float, hysteresis: fl
 
 @compiled
 def _tips(margin: float, noise: float, half_pitch: float, shift: float) -> tuple[int, bool]:
-    """Step that the tipping margin asks for, and whether only the shift by an unknown load does.
+    """Return the step that the tipping margin asks for, and whether it does so only for the unknown load's shift.
 
-    Taxels sense over a cell, so the outline is uncertain by half a pitch. Noise excuses a centroid that lies outside;
-    an unknown load does not, for it may as well hide one.
+    Taxels sense over a cell, so the outline is uncertain by half a pitch. Noise excuses a centroid outside it; an
+    unknown load does not, because it may as well hide one.
+
+    Source: paper Fig. 2c.
     """
     outside = -(margin + noise) / half_pitch
     step = int(outside > 0.0) + int(outside > 1.0)
@@ -247,26 +255,40 @@ def _tips(margin: float, noise: float, half_pitch: float, shift: float) -> tuple
 
 @compiled
 def _fell(
-    ring: Array, window: NDArray[np.int64], t_s: float, window_s: float, load: float, ratio: float, used: float,
-    kept: float, armed_at: float,
-) -> bool:  # fmt: skip
-    """Drops what is older than the window, looks for a fall, and adds the reading; a fall forgets all before."""
-    size = len(ring)
-    while window[1] > 0 and ring[window[0], 0] < t_s - window_s:
-        window[0] = (window[0] + 1) % size
-        window[1] -= 1
+    window: Rows, watch: Rows, which: int, t_s: float, load: float, ratio: float, used: float
+) -> bool:
+    """Add a reading to a window and return whether load and ratio fell within it; a fall forgets all before.
+
+    Args:
+        window: Ring of rows of WINDOW.
+        watch: Settings, and where each ring begins and how many readings it holds.
+        which: The ring: 0 of force, 1 of spin.
+        t_s: Time of the reading, s.
+        load: Tangential force, N, or spin torque, N·m.
+        ratio: Load over normal force.
+        used: Utilisation; NaN where the reading arms no fall.
+
+    Source: paper, after eq. (4): R drops from the static to the dynamic coefficient.
+    """
+    size, kept, armed_at = len(window), watch["kept"], watch["armed_at"]
+    first, count = watch["first"], watch["count"]
+    while count[which] > 0 and window[first[which]]["t_s"] < t_s - watch["window_s"]:
+        first[which] = (first[which] + 1) % size
+        count[which] -= 1
     fell = False
-    at = window[0]
-    for _k in range(window[1]):
-        if ring[at, 3] >= armed_at and load <= kept * ring[at, 1] and ratio <= kept * ring[at, 2]:
+    at = first[which]
+    for _k in range(count[which]):
+        before = window[at]
+        if before["utilisation"] >= armed_at and load <= kept * before["load"] and ratio <= kept * before["ratio"]:
             fell = True
             break
         at += 1
         if at == size:
             at = 0
-    end = (window[0] + window[1]) % size
-    ring[end, 0], ring[end, 1], ring[end, 2], ring[end, 3] = t_s, load, ratio, used
+    end = (first[which] + count[which]) % size
+    row = window[end]
+    row["t_s"], row["load"], row["ratio"], row["utilisation"] = t_s, load, ratio, used
     if fell:
-        window[0], window[1] = end, 0
-    window[1] += 1
+        first[which], count[which] = end, 0
+    count[which] += 1
     return fell

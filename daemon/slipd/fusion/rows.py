@@ -1,0 +1,114 @@
+"""The rows that kernels fill and callers read: NumPy structured dtypes, so that every number has a name.
+
+A dtype is part of a kernel's compiled signature. Kernels address fields as ``rows[i]["t_s"]``, which compiled code and
+plain NumPy understand alike. Python code reads whole columns (``rows["phase"].tolist()``) or one row
+(``rows.item(i)``, a tuple in the order of the fields): a single field of a single row costs as much as a whole row.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rows = NDArray[np.void]
+
+#: Phase of a reading. Kernels find TOUCHING, FREE or PULLED for those that are PENDING.
+#: PULLED: the normal force is clearly negative, which no contact gives. LATE: too old; ends the contact.
+#: UNTRUSTED: says nothing, and is passed over.
+PENDING, TOUCHING, FREE, PULLED, LATE, UNTRUSTED = range(6)
+#: Steps of a margin that shrinks; the level of a contact that holds is its step + 1.
+STABLE, CAUTION, WARNING = range(3)
+#: Level codes beside those.
+NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
+#: ``kind`` of a utilisation that was not solved, because there is no image or no coefficient of friction.
+UNSOLVED = -1
+
+_FLOAT, _INTEGER, _FLAG = "f8", "i8", "?"
+
+
+def _floats(*names: str) -> list[tuple[str, str]]:
+    return [(name, _FLOAT) for name in names]
+
+
+#: `slipd.fusion.contact.Contact`, field by field; NaN but for the forces where ``valid`` is false.
+CONTACT = np.dtype(
+    [
+        *_floats("cx_m", "cy_m", "cx_std_m", "cy_std_m", "normal_n", "fx_n", "fy_n", "spin_nm"),
+        *_floats("friction_ratio", "friction_ratio_std"),
+        ("valid", _FLAG),
+    ],
+    align=True,
+)
+
+#: Torque limit of a frame, with certified bounds; ``kind`` is an index of `slipd.fusion.limit.solve.KINDS`.
+TORQUE_LIMIT = np.dtype(
+    [*_floats("torque_nm", "lower_nm", "upper_nm"), ("pole_m", _FLOAT, (2,)), ("kind", _INTEGER)], align=True
+)
+
+#: Utilisation of a frame or reading, with certified bounds; ``twist`` is the motion (2) + (1) that would begin.
+UTILISATION = np.dtype(
+    [
+        *_floats("value", "lower", "upper"),
+        ("pole_m", _FLOAT, (2,)),
+        ("twist", _FLOAT, (3,)),
+        ("kind", _INTEGER),
+    ],
+    align=True,
+)
+
+#: Verdict on a reading, see `slipd.fusion.slip.Assessment`.
+ASSESSMENT = np.dtype(
+    [
+        ("level", _INTEGER),
+        ("friction_step", _INTEGER),
+        ("tipping_step", _INTEGER),
+        ("utilisation_upper", _FLOAT),
+        ("slips", _FLAG),
+        ("tipping_by_unknown_load", _FLAG),
+    ],
+    align=True,
+)
+
+#: A force reading on its way to a verdict: the sensor's wrench goes in, each kernel fills its own part.
+#: ``wrench`` is (F, M) in N and N·m, of the sensor until `slipd.fusion.streaming.move_to_pad` or ``find_contacts``
+#: moves it into the pad frame; M is NaN where the sensor measures none. ``tipping_margin_m`` is NaN without an image.
+READING = np.dtype(
+    [
+        ("wrench", _FLOAT, (6,)),
+        ("t_s", _FLOAT),
+        ("phase", _INTEGER),
+        ("contact", CONTACT),
+        ("tipping_margin_m", _FLOAT),
+        ("utilisation", UTILISATION),
+        ("assessment", ASSESSMENT),
+    ],
+    align=True,
+)
+
+#: What `slipd.fusion.slip.ContactWatch` knows beside its windows: settings, the friction and uncertainty in force, and
+#: memory. Pairs are of force and of spin.
+WATCH = np.dtype(
+    [
+        *_floats("caution", "warning", "hysteresis", "kept", "window_s", "armed_at", "hold_s"),
+        *_floats("half_pitch_m", "least_n", "mu", "force_std_n", "torque_std_nm", "force_n", "torque_nm"),
+        *_floats("spin_utilisation_1n"),
+        ("step", _INTEGER),
+        ("slip_until_s", _FLOAT, (2,)),
+        ("first", _INTEGER, (2,)),
+        ("count", _INTEGER, (2,)),
+    ],
+    align=True,
+)
+
+#: A reading in the windows of a slip watch.
+WINDOW = np.dtype(_floats("t_s", "load", "ratio", "utilisation"), align=True)
+
+
+def new_rows(dtype: np.dtype[Any], count: int) -> Rows:
+    """Make ``count`` rows of zeros.
+
+    NumPy's own ``zeros`` visits every field of the dtype first, which costs more than the work on one reading.
+    """
+    return np.ndarray(count, dtype, bytearray(count * dtype.itemsize))
