@@ -8,9 +8,7 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Pad, Wrench
 from slipd.finger.finger import Finger
 from slipd.fusion import (
-    AS_IS,
-    carry,
-    contact_of,
+    contact_from_wrench,
     contact_shape,
     grip_needed_n,
     matched_loads,
@@ -18,6 +16,7 @@ from slipd.fusion import (
     torque_limit,
     utilisation,
 )
+from slipd.fusion.streaming import IDENTITY, move_to_pad, new_readings, spin_utilisation_1n
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 
@@ -31,8 +30,9 @@ def warm_up() -> None:
     utilisation(x, y, loads, 0.5, force, 0.001, centre)
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
     tipping_margin(x, y, centre)
-    contact_of((0.1, 0.0, -1.0, 0.0, 0.0, 0.001), 0.5)
-    carry(AS_IS, np.zeros((1, 8)))
+    contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
+    spin_utilisation_1n(x, y, loads, 0.5, 0.001)
+    move_to_pad(new_readings([(0.0,) * 6], [0.0]), IDENTITY)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)

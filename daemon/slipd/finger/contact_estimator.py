@@ -9,40 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import numpy as np
-
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.friction import Friction
 from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict_batch import VerdictBatch
-from slipd.fusion import (
-    FREE,
-    LATE,
-    PULLED,
-    TOUCH,
-    TOUCHING,
-    UNTRUSTED,
-    Contact,
-    ContactWatch,
-    Doubt,
-    SlipSettings,
-    Thresholds,
-    contact_told,
-    find_contacts,
-    follow_readings,
-    utilisation_of,
-)
-from slipd.fusion.slip import UNKNOWN
-from slipd.samples import Array
+from slipd.fusion import Contact
+from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
+from slipd.fusion.slip import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.fusion.streaming import contact_at, find_contacts, solve_readings, spin_utilisation_1n
 
 CONTACT_HYSTERESIS = 0.8
 """A contact lasts down to this share of the normal force at which it begins."""
 DECISION_GAP = 1e-6
 """Relative gap between the bounds of the utilisation; far below what a threshold or a message resolves."""
-_NO_UTILISATIONS: Array = np.empty((0, 9))
-_NO_MARGINS: Array = np.empty(0)
 
 
 class ContactEstimator:
@@ -88,7 +69,7 @@ class ContactEstimator:
     def estimate(
         self,
         readings: WrenchBatch,
-        doubt: Doubt,
+        uncertainty: Uncertainty,
         distribution_of: Callable[[Contact], LoadDistribution | None] | None,
         disagreement: tuple[str, ...],
         image_fault: str,
@@ -98,43 +79,49 @@ class ContactEstimator:
 
         Args:
             readings: The conditioned readings.
-            doubt: Their uncertainty, by noise and by the unknown weight of the finger.
+            uncertainty: Of the readings, by noise and by the unknown weight of the finger.
             distribution_of: Returns the shares of a contact's normal force on the taxels, None where the image cannot
                 give them. None without a fresh image.
             disagreement: What force sensor and image contradict each other about.
             image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
             pulled_n: The normal force is clearly negative below minus this, N.
         """
-        noise = doubt.force_std_n + doubt.force_n, doubt.torque_std_nm + doubt.torque_nm
-        contacts = find_contacts(readings.carrier, readings.rows, self._contact_n, self.in_contact, *noise, pulled_n)
-        phases = [int(phase) for phase in contacts[:, TOUCH].tolist()]
-        mu = self.friction.mu
-        distribution, utilisations, margins_m, turn = None, _NO_UTILISATIONS, _NO_MARGINS, 0.0
+        rows = readings.rows
+        find_contacts(
+            rows,
+            readings.transform,
+            self._contact_n,
+            self.in_contact,
+            uncertainty.force_std_n + uncertainty.force_n,
+            uncertainty.torque_std_nm + uncertainty.torque_nm,
+            pulled_n,
+        )
+        phases = rows["phase"].tolist()
+        mu, distribution, solved, spin_1n = self.friction.mu, None, False, 0.0
         if distribution_of is not None and TOUCHING in phases:
-            distribution = distribution_of(contact_told(contacts[phases.index(TOUCHING)].tolist()))
+            distribution = distribution_of(contact_at(rows, phases.index(TOUCHING)))
         if distribution is not None:
-            margins_m = distribution.outline.margins_m(contacts)
+            distribution.outline.fill_margins(rows)
         if distribution is not None and mu is not None:
-            x, y, loads = distribution.x, distribution.y, distribution.loads.loads
-            utilisations = follow_readings(x, y, loads, mu, contacts, self._twist, DECISION_GAP)
-            if doubt.force_n > 0.0:
-                turn = utilisation_of(x, y, loads, mu, (0.0, 0.0), doubt.torque_nm, (0.0, 0.0)).upper
+            x, y, loads, solved = distribution.x, distribution.y, distribution.loads.loads, True
+            solve_readings(rows, x, y, loads, mu, self._twist, DECISION_GAP)
+            if uncertainty.force_n > 0.0:
+                spin_1n = spin_utilisation_1n(x, y, loads, mu, uncertainty.torque_nm)
         known_mu = math.nan if mu is None else mu
-        found = self._watch.follow(contacts, utilisations, margins_m, known_mu, doubt, turn)
-        levels = [int(level) for level in found[:, 0].tolist()]
+        self._watch.assess(rows, known_mu, uncertainty, spin_1n)
+        levels = rows["assessment"]["level"].tolist()
         ends_at = _contact_end(phases, self.in_contact)
         if disagreement:
             levels = [
                 UNKNOWN if phase == TOUCHING and k < ends_at else level
                 for k, (level, phase) in enumerate(zip(levels, phases, strict=True))
             ]
-        self._remember(phases, utilisations)
+        self._remember(phases, rows, solved=solved)
         return VerdictBatch(
-            readings, phases, contacts, distribution, utilisations, margins_m, found, known_mu, self._caution,
-            image_fault, disagreement, ends_at, levels,
-        )  # fmt: skip
+            readings, phases, distribution, known_mu, self._caution, image_fault, disagreement, ends_at, levels
+        )
 
-    def _remember(self, phases: list[int], utilisations: Array) -> None:
+    def _remember(self, phases: list[int], rows: Rows, *, solved: bool) -> None:
         """Keep contact and slip velocity of the newest reading that could be trusted, for the next read."""
         k = len(phases) - 1
         while k >= 0 and phases[k] == UNTRUSTED:
@@ -142,9 +129,9 @@ class ContactEstimator:
         if k < 0:
             return
         self.in_contact, self._twist = phases[k] == TOUCHING, None
-        if self.in_contact and len(utilisations):
-            vx, vy, om = utilisations[k, 6:].tolist()
-            self._twist = vx, vy, om
+        if self.in_contact and solved:
+            vx, vy, omega = rows["utilisation"]["twist"][k].tolist()
+            self._twist = vx, vy, omega
 
 
 def _contact_end(phases: list[int], in_contact: bool) -> int:

@@ -8,11 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.config import Wrench
 from slipd.finger.freshness import Arrival
-from slipd.fusion import AS_IS, UNTRUSTED, USABLE, USE, Carrier, Doubt, carry
+from slipd.fusion.rows import PENDING, UNTRUSTED, Rows
+from slipd.fusion.slip import Uncertainty
+from slipd.fusion.streaming import IDENTITY, WrenchTransform, move_to_pad, new_readings
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
-from slipd.samples import Array, WrenchSample
+from slipd.samples import WrenchSample
 from slipd.signals.drift import DriftCompensation
 from slipd.signals.frozen import MOST, WrenchWatch
 from slipd.signals.gravity import FingerWeight, GravityCompensation
@@ -23,7 +26,7 @@ UNTRUSTED_FAULTS = frozenset({"stuck", "garbage"})
 """Faults with which a reading is not used. Those of an intermittent stream are, while it runs."""
 GARBAGE, NOT_FINITE = ("garbage",), ("not_finite",)
 NO_WEIGHT = np.zeros(6)
-NO_DOUBT = Doubt()
+NO_UNCERTAINTY = Uncertainty()
 
 
 class WrenchBatch(NamedTuple):
@@ -32,16 +35,16 @@ class WrenchBatch(NamedTuple):
     Attributes:
         times_ns: When each was acquired, CLOCK_MONOTONIC.
         received_ns: When they were received.
-        rows: As `find_contacts` takes them, shape (n, 8).
-        carrier: Moves them onto the pad.
-        untrusted: What speaks against the untrusted ones, by their place.
-        statuses: What the device reported with each.
+        rows: Rows of READING, shape (n,).
+        transform: Moves their wrenches into the pad frame.
+        untrusted: Reasons a reading is not trusted, by index.
+        statuses: Conditions that the device reported with each.
     """
 
     times_ns: Sequence[int]
     received_ns: int
-    rows: Array
-    carrier: Carrier
+    rows: Rows
+    transform: WrenchTransform
     untrusted: dict[int, tuple[str, ...]]
     statuses: Sequence[tuple[str, ...]]
 
@@ -67,10 +70,10 @@ class ForceChannel:
         self._noise = (wrench.force_std_n, wrench.torque_std_nm)
         self.tare = Tare(np.zeros(6), np.repeat(self._noise, 3))
         self._mass_kg = wrench.mass_kg
-        self._noise_alone = Doubt(*self._noise)
+        self._noise_alone = Uncertainty(*self._noise)
         self.gravity = GravityCompensation(FingerWeight(wrench.mass_kg, wrench.com_m))
         pose = wrench.pad_from_sensor
-        self._carrier = Carrier(
+        self._transform = WrenchTransform(
             Mounting(pose.xyz_m, pose.quat_xyzw, wrench.sign).matrix, self.tare.current.value, NO_WEIGHT
         )
         self.drift: DriftCompensation | None = None
@@ -110,23 +113,25 @@ class ForceChannel:
             times_ns: When each was acquired, CLOCK_MONOTONIC.
             untouched: Returns whether nothing touches the finger; None: unknown.
         """
-        readings, statuses = [sample.numbers for sample in samples], [sample.status for sample in samples]
-        rows = np.array([(*six, t_ns * 1e-9, USABLE) for six, t_ns in zip(readings, times_ns, strict=True)])
-        untrusted = self._check(readings, rows, statuses, times_ns)
+        numbers, statuses = [sample.numbers for sample in samples], [sample.status for sample in samples]
+        rows = new_readings(numbers, [t_ns * 1e-9 for t_ns in times_ns])
+        wrenches = rows["wrench"]
+        untrusted = self._check(numbers, wrenches, statuses, times_ns)
         for at in untrusted:
-            rows[at, USE] = UNTRUSTED
+            rows["phase"][at] = UNTRUSTED
         if self.tare.busy and 0 not in untrusted:
-            self.tare.apply(rows[0, :6], times_ns[0])
+            self.tare.apply(wrenches[0], times_ns[0])
         if self.tare.current is not self._offset:
             self._take_offset()
-        carrier = self._carries()
+        transform = self._current_transform()
         if self.drift is not None:
-            rows = self._less_drift(self.drift, carry(carrier, rows), times_ns, untouched())
-            carrier = AS_IS
+            move_to_pad(rows, transform)
+            self._subtract_drift(self.drift, rows, times_ns, untouched())
+            transform = IDENTITY
         for at, sample in enumerate(samples):
             if not sample.has_torque:
-                rows[at, 3:6] = math.nan
-        return WrenchBatch(times_ns, samples[-1].t_ns, rows, carrier, untrusted, statuses)
+                wrenches[at, 3:] = math.nan
+        return WrenchBatch(times_ns, samples[-1].t_ns, rows, transform, untrusted, statuses)
 
     def begin_read(self, first_ns: int, arrival: Arrival) -> None:
         """Note how a read reached the daemon; ``first_ns``: when its first reading was acquired.
@@ -137,39 +142,38 @@ class ForceChannel:
             self._watch.excuse(first_ns)
         self._waited_undated = arrival.waited_ns > 0 and not arrival.dated
 
-    def _carries(self) -> Carrier:
-        """What moves readings onto the pad, with the offset and the weight in force."""
+    def _current_transform(self) -> WrenchTransform:
+        """Return what moves readings into the pad frame, with the offset and the weight in force."""
         weight = self.gravity.correction
         if weight is None:
             weight = NO_WEIGHT
-        if weight is not self._carrier.weight or self._offset.value is not self._carrier.offset:
-            self._carrier = Carrier(self._carrier.matrix, self._offset.value, weight)
-        return self._carrier
+        if weight is not self._transform.weight or self._offset.value is not self._transform.offset:
+            self._transform = WrenchTransform(self._transform.matrix, self._offset.value, weight)
+        return self._transform
 
-    def _less_drift(
-        self, drift: DriftCompensation, rows: Array, times_ns: Sequence[int], untouched: bool | None
-    ) -> Array:
-        """Takes the drift from readings on the pad, and learns it from them."""
-        for row, t_ns in zip(rows, times_ns, strict=True):
-            learns = row[USE] == USABLE and self._may_learn(t_ns)
-            drift.update(row[:6], t_ns, untouched if learns else None)
-            row[:6] -= drift.value
-        return rows
+    def _subtract_drift(
+        self, drift: DriftCompensation, rows: Rows, times_ns: Sequence[int], untouched: bool | None
+    ) -> None:
+        """Subtract the drift from readings in the pad frame, and learn it from them."""
+        for wrench, phase, t_ns in zip(rows["wrench"], rows["phase"].tolist(), times_ns, strict=True):
+            learns = phase == PENDING and self._may_learn(t_ns)
+            drift.update(wrench, t_ns, untouched if learns else None)
+            wrench -= drift.value
 
     def _check(
         self,
         readings: Sequence[Sequence[float]],
-        rows: Array,
+        wrenches: Array,
         statuses: Sequence[tuple[str, ...]],
         times_ns: Sequence[int],
     ) -> dict[int, tuple[str, ...]]:
-        """What speaks against each reading, by its place."""
+        """Return the reasons a reading is not trusted, by index."""
         untrusted: dict[int, tuple[str, ...]] = {}
         self.status = statuses[-1]
         if any(statuses):
             words = (UNTRUSTED_WORDS.intersection(status) for status in statuses)
             untrusted = {at: tuple(sorted(found)) for at, found in enumerate(words) if found}
-        for at, fault in self._watch.update(readings, times_ns, rows).items():
+        for at, fault in self._watch.update(readings, times_ns, wrenches).items():
             if fault in UNTRUSTED_FAULTS:
                 untrusted[at] = (*untrusted.get(at, ()), fault)
         self.fault = self._watch.fault
@@ -202,11 +206,11 @@ class ForceChannel:
             if turned_n > self._noise[0]:
                 self.tare.abort("turned")
 
-    def doubt(self, t_ns: int) -> Doubt:
-        """How far a reading at ``t_ns`` may be off."""
+    def uncertainty(self, t_ns: int) -> Uncertainty:
+        """Return how far a reading at ``t_ns`` may be off."""
         if self._mass_kg == 0.0:
             return self._noise_alone
-        return Doubt(*self._noise, *self.gravity.uncertainty(t_ns))
+        return Uncertainty(*self._noise, *self.gravity.uncertainty(t_ns))
 
     def _may_learn(self, t_ns: int) -> bool:
         """Return whether the drift may be learned: nothing else about the readings is uncertain."""

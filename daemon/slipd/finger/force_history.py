@@ -9,7 +9,8 @@ from slipd.finger.finger_state import FingerState
 from slipd.finger.force_evidence import NO_EVIDENCE, ForceEvidence
 from slipd.finger.verdict import PAD_FREE, STREAM_STALE
 from slipd.finger.verdict_batch import VerdictBatch
-from slipd.fusion import UNTRUSTED, wrench_told
+from slipd.fusion.rows import FREE, TOUCHING
+from slipd.fusion.streaming import wrench_at
 
 MOVING_STDS = 6.0
 """The normal force moves where its range between two images exceeds this many standard deviations of its noise."""
@@ -32,12 +33,13 @@ class ForceHistory:
     def update(self, batch: VerdictBatch) -> None:
         """Add the readings of one read that can be trusted."""
         last_ns = self._past[-1][0] if self._past else -PAST_NS
-        for k, normal_n in enumerate(batch.contacts[:, 4].tolist()):
-            if batch.phases[k] <= UNTRUSTED:
+        rows = batch.readings.rows
+        for k, normal_n in enumerate(rows["contact"]["normal_n"].tolist()):
+            if batch.phases[k] not in (TOUCHING, FREE):
                 continue
             t_ns = batch.readings.times_ns[k]
             if t_ns - last_ns >= PAST_NS:
-                self._past.append((t_ns, wrench_told(batch.contacts[k].tolist())))
+                self._past.append((t_ns, wrench_at(rows, k)))
                 last_ns = t_ns
             if normal_n < self._low_n:
                 self._low_n = normal_n

@@ -12,7 +12,9 @@ from slipd.finger.force_evidence import ForceEvidence
 from slipd.finger.force_history import ForceHistory
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict_batch import VerdictBatch
-from slipd.fusion import Contact, Doubt, contact_of
+from slipd.fusion import Contact
+from slipd.fusion.contact import contact_of
+from slipd.fusion.slip import Uncertainty
 from slipd.signals.force_image_agreement import STDS, Agreement
 
 COMPARE_NS = 10_000_000
@@ -64,10 +66,10 @@ class ForceImageCheck:
         if t_ns - self._compared_ns < COMPARE_NS:
             return
         self._compared_ns = t_ns
-        doubt = self._force.doubt(t_ns)
-        contact = _contact(self._history.wrench_at(t_ns), doubt, least_normal_n)
+        uncertainty = self._force.uncertainty(t_ns)
+        contact = _contact(self._history.wrench_at(t_ns), uncertainty, least_normal_n)
         found = self._agreement.update(
-            t_ns, contact, doubt.force_std_n + doubt.force_n, image.x, image.y, image.pressure
+            t_ns, contact, uncertainty.force_std_n + uncertainty.force_n, image.x, image.y, image.pressure
         )
         self.disagreement = tuple(f"disagreement_{what}" for what in found)
 
@@ -77,13 +79,13 @@ class ForceImageCheck:
         self._agreement.reset()
 
 
-def _contact(wrench: tuple[float, ...], doubt: Doubt, least_normal_n: float) -> Contact:
+def _contact(wrench: tuple[float, ...], uncertainty: Uncertainty, least_normal_n: float) -> Contact:
     """Return the contact by the force sensor; without torque its centroid and spin are NaN.
 
     What the unknown weight of the finger may add counts fully: `Agreement` allows ``STDS`` standard deviations.
     """
-    force_std_n = doubt.force_std_n + doubt.force_n / STDS
-    torque_std_nm = doubt.torque_std_nm + doubt.torque_nm / STDS
+    force_std_n = uncertainty.force_std_n + uncertainty.force_n / STDS
+    torque_std_nm = uncertainty.torque_std_nm + uncertainty.torque_nm / STDS
     fx, fy, fz, *torque = wrench
     if math.isnan(torque[0]):
         contact = contact_of((fx, fy, fz, 0.0, 0.0, 0.0), least_normal_n, force_std_n, torque_std_nm)

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipd.fusion import Contact, Loads, Outline, active_loads, grey_loads
-from slipd.samples import Array
+from slipd.arrays import Array
+from slipd.fusion import Contact, Loads, grey_loads
+from slipd.fusion.hull import Outline
+from slipd.fusion.loads import active_loads
 
 
 @dataclass(slots=True, frozen=True, eq=False)

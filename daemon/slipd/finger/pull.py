@@ -6,7 +6,7 @@ Nothing pulls on a pad: such a force means a wrong sign, a wrong mounting, or a 
 from __future__ import annotations
 
 from slipd.config import Finger
-from slipd.fusion import Doubt
+from slipd.fusion.slip import Uncertainty
 from slipd.signals.force_image_agreement import CLEAR, STDS
 
 LARGEST_BIAS_N = 10.0
@@ -32,17 +32,17 @@ class PullDetector:
             taxels = 0 if pad is None else pad.rows * pad.cols
             self._drift_n = CLEAR * finger.min_normal_n + taxels * (0.0 if pad is None else pad.threshold)
 
-    def least_n(self, doubt: Doubt, *, tared: bool) -> float:
+    def least_n(self, uncertainty: Uncertainty, *, tared: bool) -> float:
         """Return the least pull that drift, noise, unknown weight and (before a tare) bias do not explain.
 
         Args:
-            doubt: Uncertainty of the reading.
+            uncertainty: Of the reading.
             tared: A tare was taken.
 
         Returns:
             The pull, positive, in the unit of the readings: N, or that of a pad without calibration.
         """
-        least_n = self._drift_n + STDS * doubt.force_std_n + doubt.force_n
+        least_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
         return least_n if tared or not self._by_force else least_n + LARGEST_BIAS_N
 
     def advice(self, normal_n: float, *, tared: bool, pressed: bool | None) -> str:

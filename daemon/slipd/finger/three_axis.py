@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.image_channel import ImageChannel
-from slipd.fusion import AS_IS, UNTRUSTED, USABLE
+from slipd.fusion.rows import UNTRUSTED
+from slipd.fusion.streaming import IDENTITY, new_readings
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.samples import TactileSample
 
@@ -31,6 +30,7 @@ def wrench_by_taxels(image: ImageChannel, sample: TactileSample, t_ns: int) -> W
         reasons = reasons or ("not_finite",)
     elif image.is_stuck(wrench, t_ns):
         reasons = ("stuck", *reasons)
-    use = UNTRUSTED if reasons else USABLE
-    rows = np.array([(*(_UNKNOWN if wrench is None else wrench), t_ns * 1e-9, use)])
-    return WrenchBatch((t_ns,), sample.t_ns, rows, AS_IS, {0: reasons} if reasons else {}, (sample.status,))
+    rows = new_readings([_UNKNOWN if wrench is None else wrench], [t_ns * 1e-9])
+    if reasons:
+        rows["phase"] = UNTRUSTED
+    return WrenchBatch((t_ns,), sample.t_ns, rows, IDENTITY, {0: reasons} if reasons else {}, (sample.status,))

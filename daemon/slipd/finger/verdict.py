@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slipd.fusion import Found
-from slipd.fusion.slip import STABLE, WARNING
+from slipd.fusion.rows import STABLE, WARNING
+from slipd.fusion.slip import Assessment
 
 SEVERITY = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
 """Severity of each level; "unknown" is worse than any level at which the grip holds."""
@@ -39,19 +39,19 @@ ROTATION_UNOBSERVED = Verdict("unknown", ("rotation_unobserved",))
 TRANSLATION_UNSAFE = Verdict("warning", ("translation",))
 
 
-def translation_verdict(found: Found, level: str) -> Verdict:
+def translation_verdict(found: Assessment, level: str) -> Verdict:
     """Return the verdict on a contact of which only the translation is known.
 
     Args:
         found: Result of the slip decision, from the friction ratio alone.
         level: Its level.
     """
-    known = ROTATION_UNOBSERVED if found.step < WARNING else TRANSLATION_UNSAFE
+    known = ROTATION_UNOBSERVED if found.friction_step < WARNING else TRANSLATION_UNSAFE
     return Verdict(level, ("slip_detected", *known.reasons)) if found.slips else known
 
 
 def exact_verdict(
-    found: Found, level: str, *, utilisation: float, upper: float, translation: float, caution: float
+    found: Assessment, level: str, *, utilisation: float, upper: float, translation: float, caution: float
 ) -> Verdict:
     """Return the verdict on a contact whose utilisation is known for force and spin together.
 
@@ -63,13 +63,14 @@ def exact_verdict(
         translation: R / μ, the utilisation by the tangential force alone.
         caution: Utilisation from which on the grip is in danger.
     """
-    if found.step == found.tipping == STABLE and not found.slips:
+    if found.friction_step == found.tipping_step == STABLE and not found.slips:
         return GRIP_HOLDS
-    reasons = danger_reasons(utilisation, translation, caution) if found.step > STABLE else ()
-    if found.step > STABLE and upper < caution and not found.weighed and found.upper > upper:
+    by_unknown_load = found.tipping_by_unknown_load
+    reasons = danger_reasons(utilisation, translation, caution) if found.friction_step > STABLE else ()
+    if found.friction_step > STABLE and upper < caution and not by_unknown_load and found.utilisation_upper > upper:
         reasons = (*reasons, "weight_unknown")
-    if found.tipping > STABLE:
-        reasons = (*reasons, "tipping", "weight_unknown") if found.weighed else (*reasons, "tipping")
+    if found.tipping_step > STABLE:
+        reasons = (*reasons, "tipping", "weight_unknown") if by_unknown_load else (*reasons, "tipping")
     return Verdict(level, ("slip_detected", *reasons) if found.slips else reasons)
 
 

@@ -1,4 +1,4 @@
-"""Verdicts on the readings of one read, as rows of numbers; states are made of the few that somebody asks for."""
+"""Verdicts on the readings of one read, as rows; states are made of the few that somebody asks for."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from slipd.finger.verdict import (
     exact_verdict,
     translation_verdict,
 )
-from slipd.fusion import FREE, LATE, PULLED, UNTRUSTED, Found, contact_told, utilisation_told, wrench_told
-from slipd.fusion.slip import UNKNOWN
-from slipd.samples import Array
+from slipd.fusion import Utilisation
+from slipd.fusion.rows import FREE, LATE, PULLED, UNKNOWN, UNTRUSTED
+from slipd.fusion.streaming import Reading, contact_at, reading_at, wrench_at
 from slipd_client.messages import LEVELS
 
 
@@ -30,14 +30,10 @@ class VerdictBatch:
     """Verdicts on the n readings of one read, in their order; ``batch[k]`` is the `FingerState` after reading k.
 
     Attributes:
-        readings: The conditioned readings.
+        readings: The conditioned readings, with all that was found in their rows.
         phases: Contact phase of each: PULLED, LATE, UNTRUSTED, FREE or TOUCHING.
-        contacts: Rows of `find_contacts`, shape (n, 15).
         load_distribution: Shares of the normal force on the taxels, for the readings that touch; None without a usable
             image.
-        utilisations: Rows of `follow_readings`, shape (n, 9), or (0, 9) where rotation or μ is unknown.
-        margins_m: Tipping margin of each, m, shape (n,), or (0,) where it is unknown.
-        found: Rows of `Found`, shape (n, 6).
         mu: Coefficient of static friction; NaN: unknown.
         caution: Utilisation from which on the grip is in danger.
         image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
@@ -48,11 +44,7 @@ class VerdictBatch:
 
     readings: WrenchBatch
     phases: list[int]
-    contacts: Array
     load_distribution: LoadDistribution | None
-    utilisations: Array
-    margins_m: Array
-    found: Array
     mu: float
     caution: float
     image_fault: str
@@ -76,12 +68,13 @@ class VerdictBatch:
 
     def force_reading(self, k: int) -> ForceReading:
         """Return the force of reading k, without the work of a whole state."""
-        readings, row = self.readings, self.contacts[k].tolist()
+        readings, phase = self.readings, self.phases[k]
         age_s = (readings.received_ns - readings.times_ns[k]) * 1e-9
-        if self.phases[k] == LATE:
+        if phase == LATE:
             return ForceReading(None, (), age_s)
-        known = self.phases[k] != UNTRUSTED or not math.isnan(row[4])
-        return ForceReading(wrench_told(row) if known else None, readings.statuses[k], age_s)
+        wrench = wrench_at(readings.rows, k)
+        known = phase != UNTRUSTED or not math.isnan(wrench[2])
+        return ForceReading(wrench if known else None, readings.statuses[k], age_s)
 
     def _make_state(self, k: int) -> FingerState:
         phase, t_ns = self.phases[k], self.readings.times_ns[k]
@@ -93,46 +86,45 @@ class VerdictBatch:
             return FingerState(t_ns, verdict, wrench, status=status, age_s=age_s)
         if phase == PULLED:
             return FingerState(t_ns, PAD_PULLED, wrench, status=status, age_s=age_s)
-        contact = contact_told(self.contacts[k].tolist())
         if phase == FREE:
             verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
+            contact = contact_at(self.readings.rows, k)
             return FingerState(t_ns, verdict, wrench, contact, status=status, age_s=age_s)
-        utilisation, margin_m, model = None, math.nan, "translation"
-        if len(self.margins_m):
-            margin_m = float(self.margins_m[k])
-        if self._is_exact(k):
-            model, utilisation = "exact", utilisation_told(self.utilisations[k].tolist())
-        elif math.isnan(self.mu):
-            model = "none"
+        reading = reading_at(self.readings.rows, k)
+        utilisation = None if math.isnan(reading.contact.spin_nm) else reading.utilisation
         return FingerState(
-            t_ns, self._verdict(k), wrench, contact, self.load_distribution, utilisation, margin_m, model, status, age_s
+            t_ns,
+            self._verdict(k, reading, utilisation),
+            wrench,
+            reading.contact,
+            self.load_distribution,
+            utilisation,
+            reading.tipping_margin_m,
+            "exact" if utilisation is not None else "none" if math.isnan(self.mu) else "translation",
+            status,
+            age_s,
         )
 
-    def _is_exact(self, k: int) -> bool:
-        """Return whether the utilisation of reading k takes the spin into account."""
-        return len(self.utilisations) > 0 and not math.isnan(self.contacts[k, 7])
-
-    def _verdict(self, k: int) -> Verdict:
-        """Return the verdict on a reading that touches."""
+    def _verdict(self, k: int, reading: Reading, utilisation: Utilisation | None) -> Verdict:
+        """Return the verdict on reading k, which touches; ``utilisation`` is None where it leaves out the spin."""
         if self.disagreement and k < self.ends_at:
             return Verdict("unknown", ("disagreement", *self.disagreement))
-        verdict = self._contact_verdict(k)
+        verdict = self._contact_verdict(LEVELS[self.levels[k]], reading, utilisation)
         if self.load_distribution is None and self.image_fault:
             return Verdict(verdict.level, (self.image_fault, *verdict.reasons))
         return verdict
 
-    def _contact_verdict(self, k: int) -> Verdict:
+    def _contact_verdict(self, level: str, reading: Reading, utilisation: Utilisation | None) -> Verdict:
         """Return the verdict on a contact of which force sensor and image do not disagree."""
         if math.isnan(self.mu):
             return NO_MU
-        found, level = Found(*self.found[k].tolist()), LEVELS[self.levels[k]]
-        if not self._is_exact(k):
-            return translation_verdict(found, level)
+        if utilisation is None:
+            return translation_verdict(reading.assessment, level)
         return exact_verdict(
-            found,
+            reading.assessment,
             level,
-            utilisation=float(self.utilisations[k, 1]),
-            upper=float(self.utilisations[k, 3]),
-            translation=float(self.contacts[k, 8]) / self.mu,
+            utilisation=utilisation.value,
+            upper=utilisation.upper,
+            translation=reading.contact.friction_ratio / self.mu,
             caution=self.caution,
         )

@@ -19,7 +19,7 @@ from slipd.config import Levels
 from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState
-from slipd.finger.force_channel import NO_DOUBT, ForceChannel, WrenchBatch
+from slipd.finger.force_channel import NO_UNCERTAINTY, ForceChannel, WrenchBatch
 from slipd.finger.force_evidence import NO_EVIDENCE
 from slipd.finger.force_image_check import ForceImageCheck
 from slipd.finger.freshness import Arrival, Freshness
@@ -29,7 +29,7 @@ from slipd.finger.tare_guard import TareGuard
 from slipd.finger.three_axis import wrench_by_taxels
 from slipd.finger.verdict import ROTATION_UNOBSERVED, STREAM_STALE
 from slipd.finger.verdict_batch import VerdictBatch
-from slipd.fusion import LATE, USE
+from slipd.fusion.rows import LATE
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.tare import Tare
 
@@ -117,14 +117,14 @@ class VerdictPath:
         force, image, check = self._force, self._image, self._check
         self._mark_late(readings, arrival)
         self._freshness.update(readings.received_ns, readings.times_ns[-1], arrival)
-        doubt = NO_DOUBT if force is None else force.doubt(readings.times_ns[-1])
+        uncertainty = NO_UNCERTAINTY if force is None else force.uncertainty(readings.times_ns[-1])
         batch = self.estimator.estimate(
             readings,
-            doubt,
+            uncertainty,
             image.load_distribution if image is not None and _serves(image, readings, arrival) else None,
             () if check is None else check.disagreement,
             "" if image is None else image.fault,
-            self.pull.least_n(doubt, tared=self.tares.main.current.id > 0),
+            self.pull.least_n(uncertainty, tared=self.tares.main.current.id > 0),
         )
         self._newest = batch
         if check is not None:
@@ -139,7 +139,7 @@ class VerdictPath:
         if arrival.waited_ns and not (arrival.dated and self.state.verdict is STREAM_STALE):
             usable_ns += arrival.waited_ns
         if received_ns - min(times_ns) > usable_ns:
-            readings.rows[received_ns - np.array(times_ns) > usable_ns, USE] = LATE
+            readings.rows["phase"][received_ns - np.array(times_ns) > usable_ns] = LATE
 
     def _is_untouched(self) -> bool | None:
         """Return whether nothing touches the finger; None: unknown."""

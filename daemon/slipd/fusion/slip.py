@@ -254,9 +254,7 @@ def _tips(margin: float, noise: float, half_pitch: float, shift: float) -> tuple
 
 
 @compiled
-def _fell(
-    window: Rows, watch: Rows, which: int, t_s: float, load: float, ratio: float, used: float
-) -> bool:
+def _fell(window: Rows, watch: Rows, which: int, t_s: float, load: float, ratio: float, used: float) -> bool:
     """Add a reading to a window and return whether load and ratio fell within it; a fall forgets all before.
 
     Args:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -92,13 +92,15 @@ def new_readings(wrenches: Sequence[Sequence[float]], times_s: Sequence[float]) 
 
 def reading_at(readings: Rows, index: int) -> Reading:
     """Return one row in Python's terms."""
-    wrench, t_s, phase, contact, margin_m, used, found = readings.item(index)
+    row: Any = readings.item(index)
+    wrench, t_s, phase, contact, margin_m, used, found = row
     return Reading(wrench, t_s, phase, Contact(*contact), margin_m, _utilisation(*used), Assessment(*found))
 
 
 def contact_at(readings: Rows, index: int) -> Contact:
     """Return the contact of one row."""
-    return Contact(*readings["contact"].item(index))
+    numbers: Any = readings["contact"].item(index)
+    return Contact(*numbers)
 
 
 def wrench_at(readings: Rows, index: int) -> tuple[float, ...]:
@@ -162,7 +164,7 @@ def solve_readings(
 
 
 def spin_utilisation_1n(x: Array, y: Array, shares: Array, mu: float, spin_nm: float) -> float:
-    """Return the upper bound of λ of a spin torque alone at a normal force of 1 N (arguments as in `solve_readings`)."""
+    """Return the upper bound of λ of a spin torque alone at a normal force of 1 N (see `solve_readings`)."""
     return solve_utilisation(x, y, shares, mu, 0.0, 0.0, spin_nm, 0.0, 0.0, *NO_TWIST, GOAL, MAX_PASSES)[3]
 
 

@@ -16,7 +16,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.friction_limits import needed_normal_n
 from slipd.finger.verdict import SEVERITY
 from slipd.finite import finite_or_none
-from slipd.fusion import (
+from slipd.fusion.grasp import (
     PadPose,
     asymmetry,
     external_wrench,

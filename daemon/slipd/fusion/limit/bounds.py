@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
-from slipd.fusion.limit.frame import U, Taxels
+from slipd.fusion.limit.frame import Taxels, U
 from slipd.fusion.limit.sweep import Field, Sweep, clip_to_circle, sweep
 
 

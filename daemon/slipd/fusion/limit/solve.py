@@ -106,9 +106,7 @@ def solve_torque_limit(
     passes: int,
 ) -> tuple[int, float, float, float, float, float]:  # fmt: skip
     """Find the largest spin torque beside (fx, fy) about (ax, ay), as the numbers of a `LimitAnswer`."""
-    a = torque_limit_of(
-        Patch(x, y, loads, mu), Load(fx, fy, 0.0, ax, ay), sense, Stop(gap, passes), allocate(x.size)
-    )
+    a = torque_limit_of(Patch(x, y, loads, mu), Load(fx, fy, 0.0, ax, ay), sense, Stop(gap, passes), allocate(x.size))
     return a.kind, a.torque, a.lower, a.upper, a.pole_x, a.pole_y
 
 
@@ -240,8 +238,7 @@ def utilisation_of(patch: Patch, load: Load, start: Twist, stop: Stop, taxels: T
     found, q, hinge = unit_gauge(patch, frame, taxels, q, force / grip, spin / (grip * mean), stop)
     # Turning about the load centroid carries what rounding adds to the spin, with twice the friction at most.
     slack = (
-        16.0 * U * ((abs(dx) + abs(dy)) * force + abs(m)) / (grip * mean)
-        + 2.0 * (patch.x.size + 16) * U * force / grip
+        16.0 * U * ((abs(dx) + abs(dy)) * force + abs(m)) / (grip * mean) + 2.0 * (patch.x.size + 16) * U * force / grip
     )
     value, lower, upper = found.value, max(found.lower - slack, 0.0), found.upper + slack
     vx, vy, om = mean * (ct * q.vx - st * q.vy), mean * (st * q.vx + ct * q.vy), q.omega  # of the load centroid
