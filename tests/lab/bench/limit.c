@@ -1,6 +1,6 @@
 /* The friction limit in C: what the compiled kernels are measured against.
  *
- * Line by line the algorithm of daemon/slipd/fusion/limit_kernels.py, under the same names. Units, derivations and the
+ * Line by line the algorithm of daemon/slipd/fusion/limit, under the same names. Units, derivations and the
  * rounding bounds stand there; comments here say only what differs:
  *
  *   - sums are taken in the order written (the kernels allow any order in their passes over the taxels);

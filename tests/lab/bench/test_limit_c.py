@@ -14,7 +14,7 @@ from chart.scenes import FAMILIES, PITCH_M, Scene, draw
 from numpy.typing import NDArray
 
 from slipd.fusion import torque_limits, utilisations
-from slipd.fusion.limit_kernels import KINDS
+from slipd.fusion.limit.solve import KINDS
 
 if shutil.which("cc") is None:
     pytest.skip("no C compiler named cc is here", allow_module_level=True)

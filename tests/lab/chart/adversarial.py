@@ -24,7 +24,7 @@ from chart.scenes import MU, PITCH_M, Array, Scene, turning_about
 from scipy.optimize import differential_evolution
 
 from slipd.fusion import torque_limit, utilisation
-from slipd.fusion.limit_kernels import MAX_PASSES
+from slipd.fusion.limit.solve import MAX_PASSES
 
 TAXELS = 4
 """Unless said otherwise: few are enough for every failure known, and can be read."""

@@ -10,7 +10,7 @@ from finger_bench import FULL, MS, T0, Image, Parse, make_finger, read_force
 
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.stream_health import force_conditions
-from slipd.fusion import carry
+from slipd.fusion.streaming import move_to_pad, wrench_at
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -50,7 +50,8 @@ def read(
 ) -> tuple[float, ...]:
     six = np.array(values, dtype=np.float64)
     taken = force.condition([WrenchSample(t_ns, None, six[:3], six[3:], status)], [t_ns], lambda: untouched)
-    return tuple(carry(taken.carrier, taken.rows)[0, :6].tolist())
+    move_to_pad(taken.rows, taken.transform)
+    return wrench_at(taken.rows, 0)
 
 
 def weigh(gravity: list[float]) -> list[float]:
@@ -65,7 +66,7 @@ def test_finger_weight_is_subtracted_at_every_pose(heavy: str, parse: Parse) -> 
         force.set_gravity(gravity, T0)
         assert read(force, weigh(gravity)) == pytest.approx([0.0] * 6, abs=1e-12)
     assert force.gravity.state(T0) == "compensated"
-    assert force.doubt(T0) == (0.0, 0.0, 0.0, 0.0)
+    assert force.uncertainty(T0) == (0.0, 0.0, 0.0, 0.0)
     assert force_conditions(force, T0) == []
 
 
@@ -86,14 +87,14 @@ def test_tare_at_a_known_pose_does_not_contain_the_weight(heavy: str, parse: Par
 
 def test_unknown_orientation_adds_uncertainty_and_is_reported(heavy: str, parse: Parse) -> None:
     force = side(heavy, parse)
-    assert force.doubt(T0)[2] == pytest.approx(0.1 * G)
+    assert force.uncertainty(T0)[2] == pytest.approx(0.1 * G)
     ((level, message),) = force_conditions(force, T0)
     assert level == Health.WARN
     assert "no fresh gravity.set: the finger's weight may add 0.98 N" in message
     force.begin_tare(T0, 0.01, "ann")
     for k in range(12):
         read(force, weigh(DOWN), T0 + k * MS)
-    assert force.doubt(T0)[2] == pytest.approx(2 * 0.1 * G)
+    assert force.uncertainty(T0)[2] == pytest.approx(2 * 0.1 * G)
     assert any("tare it once more while gravity.set runs" in text for _, text in force_conditions(force, T0))
 
 

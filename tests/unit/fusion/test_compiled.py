@@ -1,41 +1,96 @@
-"""Compiled kernels: no stale cache, a warning without a writable cache, the same results without compilation."""
+"""Kernels: a stale cache is never used, an unwritable one is no crash, and without compilation the results agree."""
 
 from __future__ import annotations
 
 import ast
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import slipd
 import slipd.fusion
 
+ROOT = Path(slipd.__file__).parent
 FUSION = Path(slipd.fusion.__file__).parent
 
 
-def kernels(tree: ast.Module) -> set[str]:
+def kernels(tree: ast.Module) -> dict[str, ast.FunctionDef]:
     return {
-        node.name
+        node.name: node
         for node in tree.body
-        if isinstance(node, ast.FunctionDef) and any(getattr(d, "id", "") == "compiled" for d in node.decorator_list)
+        if isinstance(node, ast.FunctionDef)
+        and any(getattr(d, "id", "") in ("compiled", "compiled_sum") for d in node.decorator_list)
     }
 
 
-def test_a_kernel_calls_only_kernels_of_its_own_file() -> None:
-    trees = {path: ast.parse(path.read_text()) for path in FUSION.glob("*.py")}
-    everywhere = {name: path for path, tree in trees.items() for name in kernels(tree)}
-    assert len(everywhere) > 8
-    for path, tree in trees.items():
-        for node in tree.body:
-            if isinstance(node, ast.FunctionDef) and node.name in kernels(tree):
-                called = {c.func.id for c in ast.walk(node) if isinstance(c, ast.Call) and isinstance(c.func, ast.Name)}
-                foreign = {name for name in called if everywhere.get(name, path) != path}
-                assert not foreign, f"{path.name}: {node.name} calls {foreign}"
+def test_a_kernel_calls_only_kernels_of_its_own_file_and_of_fusion() -> None:
+    """The stamp of the cache covers no more than that."""
+    found = {path: kernels(ast.parse(path.read_text())) for path in ROOT.rglob("*.py")}
+    names = {name: path for path, there in found.items() for name in there}
+    assert len(names) > 30
+    assert sum(len(there) for there in found.values()) == len(names), "each name stands once"
+    for path, there in found.items():
+        for kernel in there.values():
+            calls = {c.func.id for c in ast.walk(kernel) if isinstance(c, ast.Call) and isinstance(c.func, ast.Name)}
+            foreign = {name for name in calls & names.keys() if path != names[name]}
+            assert all(FUSION in names[name].parents for name in foreign), f"{path.name}: {kernel.name} calls {foreign}"
+
+
+ASKS = """
+import warnings
+warnings.simplefilter("error")
+import numpy as np
+from slipd.fusion import torque_limit
+from slipd.fusion.limit import solve
+limit = torque_limit([0.0, 0.01, 0.0, 0.01], [0.0, 0.0, 0.01, 0.01], [1.0] * 4, 0.5, (0.0, 0.0), (0.005, 0.005))
+print(round(limit.torque_nm, 6), *(sum(solve.solve_torque_limit.stats.cache_hits.values()),))
+"""
+
+
+def ask(package: Path, cache: Path) -> tuple[float, int]:
+    """The limit of a square, and how many kernels the process took from its cache."""
+    done = subprocess.run(
+        [sys.executable, "-c", ASKS],
+        env=os.environ | {"PYTHONPATH": str(package), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+    assert done.returncode == 0, done.stderr
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
 
 
 @pytest.mark.process
+def test_a_change_in_a_kernel_of_another_file_is_seen_in_spite_of_the_cache(tmp_path: Path) -> None:
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        pytest.skip("nothing is cached without compilation")
+    package, cache = tmp_path / "package", tmp_path / "cache"
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "fusion", package / "slipd" / "fusion", ignore=ignore)
+    for name in ("__init__.py", "arrays.py"):
+        shutil.copy(ROOT / name, package / "slipd" / name)
+    before, _ = ask(package, cache)
+    assert before == pytest.approx(2.0 * 0.01 / 2.0**0.5, abs=1e-6)
+    assert ask(package, cache) == (before, 1), "the second process compiles nothing"
+    frame = package / "slipd" / "fusion" / "limit" / "frame.py"
+    text = frame.read_text()
+    assert text.count("return Frame(total, cx, cy, ex, ey, mean, ct, st)") == 1
+    frame.write_text(
+        text.replace(
+            "return Frame(total, cx, cy, ex, ey, mean, ct, st)",
+            "return Frame(3.0 * total, cx, cy, ex, ey, mean, ct, st)",
+        )
+    )
+    assert ask(package, cache) == (pytest.approx(3.0 * before), 0)
+    assert ask(package, cache) == (pytest.approx(3.0 * before), 1)
+
+
 @pytest.mark.process
 def test_a_cache_that_cannot_be_written_is_a_warning_and_no_crash() -> None:
     """Numba looks for a place when it decorates; no permission stops a test that runs as root, so none is offered."""
@@ -54,16 +109,38 @@ def test_a_cache_that_cannot_be_written_is_a_warning_and_no_crash() -> None:
 
 
 @pytest.mark.process
+def test_a_numba_that_keeps_its_stamps_elsewhere_is_used_without_a_cache() -> None:
+    """Then nobody can tell whether a cached kernel is stale."""
+    code = (
+        "import numba.core.caching as c\n"
+        "kept = c.Cache.__init__\n"
+        "def elsewhere(self, function):\n"
+        "    kept(self, function)\n"
+        "    self._file = self.__dict__.pop('_cache_file')\n"
+        "c.Cache.__init__ = elsewhere\n"
+        "import warnings\n"
+        "with warnings.catch_warnings(record=True) as told:\n"
+        "    warnings.simplefilter('always')\n"
+        "    from slipd.fusion import tipping_margin\n"
+        "assert any('cannot be cached' in str(w.message) for w in told), told\n"
+        "assert tipping_margin([0, 1, 1, 0], [0, 0, 1, 1], (0.5, 0.5)) == 0.5\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.process
 def test_kernels_give_the_same_without_compilation() -> None:
     """The plain run is also what lets coverage see the kernels' lines."""
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         pytest.skip("this is the run without compilation")
-    file = Path(__file__).parent / "test_limit_surface.py"
-    run = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(file)]
-    run += ["-W", "ignore::RuntimeWarning"]  # what is not compiled warns of inf · 0, which the result tells
+    here = Path(__file__).parent
+    run = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here / "test_limit_surface.py")]
+    run += [str(here / "test_slip.py"), str(here / "test_contact.py")]
+    run += ["-W", "ignore::RuntimeWarning"]  # plain NumPy warns of inf · 0, which the result shows
+    words = "ring or points or obtuse or collinear or one_taxel or bad_data or duplicate or no_load or follow or moved"
     done = subprocess.run(
-        [*run, "-k", "ring or points or obtuse or collinear or one_taxel or bad_data or duplicate or no_load"],
+        [*run, "-k", f"{words} or level or slip"],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,

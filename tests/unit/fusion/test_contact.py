@@ -9,24 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.fusion import (
-    AS_IS,
-    FREE,
-    LATE,
-    TOUCH,
-    TOUCHING,
-    UNTRUSTED,
-    USABLE,
-    Carrier,
-    Contact,
-    carry,
-    contact_from_wrench,
-    contact_of,
-    contact_told,
+from slipd.fusion import Contact, contact_from_wrench
+from slipd.fusion.contact import contact_of
+from slipd.fusion.rows import FREE, LATE, PENDING, TOUCHING, UNTRUSTED
+from slipd.fusion.streaming import (
+    IDENTITY,
+    WrenchTransform,
     find_contacts,
-    wrench_told,
+    move_to_pad,
+    new_readings,
+    reading_at,
+    wrench_at,
 )
-from slipd.fusion.contact import CONTACT_TIME
 
 lengths = st.floats(-0.02, 0.02)
 forces = st.floats(-20.0, 20.0)
@@ -91,7 +85,7 @@ def test_a_bad_call_raises() -> None:
 #: Normal forces about those at which a contact begins and ends, and what is no number.
 READINGS = st.lists(
     st.tuples(
-        st.sampled_from((USABLE, USABLE, USABLE, UNTRUSTED, LATE)),
+        st.sampled_from((PENDING, PENDING, PENDING, UNTRUSTED, LATE)),
         st.sampled_from((-1.0, 0.0, 0.39, 0.4, 0.45, 0.5, 7.0, math.nan, math.inf)),
         st.tuples(forces, forces),
         st.one_of(st.none(), st.tuples(lengths, lengths, lengths)),
@@ -107,50 +101,59 @@ def test_readings_that_follow_each_other_have_the_contacts_that_each_has(
 ) -> None:
     """A contact begins at 0.5 N and lasts down to 0.4 N; without torque its centroid and spin are not known."""
     nan = (math.nan,) * 3
-    given = np.array(
-        [(*force, -normal, *(torque or nan), 0.1 * k, use) for k, (use, normal, force, torque) in enumerate(readings)]
+    rows = new_readings(
+        [(*force, -normal, *(torque or nan)) for _, normal, force, torque in readings],
+        [0.1 * k for k in range(len(readings))],
     )
-    rows = find_contacts(AS_IS, given, (0.5, 0.4), in_contact, 0.02, torque_std_nm)
-    for row, (*wrench, t_s, what), (*_, torque) in zip(rows, carry(AS_IS, given).tolist(), readings, strict=True):
-        *force, normal, mx, my, mz = wrench
-        found = contact_told(row.tolist())
-        none = (0.0, 0.0, 0.0)
+    rows["phase"] = [phase for phase, *_ in readings]
+    moved = rows.copy()
+    move_to_pad(moved, IDENTITY)
+    find_contacts(rows, IDENTITY, (0.5, 0.4), in_contact, 0.02, torque_std_nm)
+    for k, (phase, *_, torque) in enumerate(readings):
+        found, wrench = reading_at(rows, k), wrench_at(moved, k)
+        *force, fz = wrench[:3]
         expected = contact_of(
-            (*force, normal, *((mx, my, mz) if torque else none)), 0.4 if in_contact else 0.5, 0.02, torque_std_nm
+            (*force, fz, *(wrench[3:] if torque else (0.0, 0.0, 0.0))), 0.4 if in_contact else 0.5, 0.02, torque_std_nm
         )
-        if what != USABLE or not expected.valid:
-            expected = Contact(*nan, math.nan, -normal, *force, *nan, False)
+        if phase != PENDING or not expected.valid:
+            expected = Contact(*nan, math.nan, -fz, *force, *nan, False)
         elif torque is None:
             expected = expected._replace(
                 cx_m=math.nan, cy_m=math.nan, cx_std_m=math.nan, cy_std_m=math.nan, spin_nm=math.nan
             )
-        touch = what if what != USABLE else TOUCHING if expected.valid else FREE
-        assert row[TOUCH] == touch
-        assert row[CONTACT_TIME] == t_s
-        assert np.array_equal(wrench_told(row.tolist()), wrench, equal_nan=True)
-        assert np.array_equal(found, expected, equal_nan=True)
-        in_contact = in_contact if touch == UNTRUSTED else found.valid
+        found_phase = phase if phase != PENDING else TOUCHING if expected.valid else FREE
+        assert found.phase == found_phase
+        assert found.t_s == 0.1 * k
+        assert found.utilisation is None
+        assert math.isnan(found.tipping_margin_m)
+        assert np.array_equal(found.wrench, wrench, equal_nan=True)
+        assert np.array_equal(found.contact, expected, equal_nan=True)
+        in_contact = in_contact if found_phase == UNTRUSTED else found.contact.valid
 
 
 def test_a_batch_of_any_size_is_transformed_like_single_readings() -> None:
     rng = np.random.default_rng(3)
-    carrier = Carrier(rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6))
-    carrier.matrix[:3, 3:] = 0.0
-    readings = np.hstack((rng.normal(size=(50, 6)), np.arange(100.0).reshape(50, 2)))
-    carried = carry(carrier, readings)
-    assert carried[:, :6] == pytest.approx((readings[:, :6] - carrier.offset) @ carrier.matrix.T - carrier.weight)
-    assert np.array_equal(carried[:, 6:], readings[:, 6:])
-    singly = [carry(carrier, row.reshape(1, 8))[0] for row in readings]
-    assert np.array_equal(carried, singly), "to the last bit"
-    readings[:, 6:] = 0.0, USABLE
-    found = find_contacts(carrier, readings, (0.5, 0.4), False, 0.0, 0.0)
-    assert np.array_equal([wrench_told(row) for row in found.tolist()], carried[:, :6])
+    transform = WrenchTransform(rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6))
+    transform.matrix[:3, 3:] = 0.0
+    wrenches, times_s = rng.normal(size=(50, 6)), np.arange(50.0).tolist()
+    moved = new_readings(wrenches.tolist(), times_s)
+    move_to_pad(moved, transform)
+    expected = (wrenches - transform.offset) @ transform.matrix.T - transform.weight
+    assert moved["wrench"] == pytest.approx(expected)
+    assert moved["t_s"].tolist() == times_s
+    for k, wrench in enumerate(wrenches.tolist()):
+        alone = new_readings([wrench], [0.0])
+        move_to_pad(alone, transform)
+        assert wrench_at(alone, 0) == wrench_at(moved, k), "to the last bit"
+    found = new_readings(wrenches.tolist(), times_s)
+    find_contacts(found, transform, (0.5, 0.4), False, 0.0, 0.0)
+    assert np.array_equal(found["wrench"], moved["wrench"])
 
 
 def test_a_torque_that_is_not_measured_leaves_the_force_alone() -> None:
     matrix = np.eye(6)
     matrix[3:, :3] = 0.02
-    reading = np.array([(1.0, 2.0, -3.0, *[math.nan] * 3, 0.0, USABLE)])
-    (carried,) = carry(Carrier(matrix, np.zeros(6), np.zeros(6)), reading)
-    assert carried[:3].tolist() == [1.0, 2.0, -3.0]
-    assert np.isnan(carried[3:6]).all()
+    reading = new_readings([(1.0, 2.0, -3.0, *[math.nan] * 3)], [0.0])
+    move_to_pad(reading, WrenchTransform(matrix, np.zeros(6), np.zeros(6)))
+    assert reading["wrench"][0, :3].tolist() == [1.0, 2.0, -3.0]
+    assert np.isnan(reading["wrench"][0, 3:]).all()

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from slipd.fusion import (
+from slipd.fusion import utilisation
+from slipd.fusion.grasp import (
     PadPose,
     asymmetry,
     external_wrench,
@@ -18,7 +19,6 @@ from slipd.fusion import (
     grasp_utilisation,
     internal_force,
     load_share,
-    utilisation,
 )
 
 NAN, INF = math.nan, math.inf

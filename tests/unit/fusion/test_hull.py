@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from slipd.fusion import Outline, tipping_margin
+from slipd.fusion import tipping_margin
+from slipd.fusion.hull import Outline
+from slipd.fusion.rows import READING, new_rows
 
 
 @settings(max_examples=200, deadline=None)
@@ -36,13 +38,16 @@ def test_the_margin_of_a_square(point, margin) -> None:
 def test_the_margins_of_many_points_are_those_of_each(seed: int, taxels: int) -> None:
     rng = np.random.default_rng(seed)
     x, y = rng.integers(0, (8, 4), (taxels, 2)).astype(float).T.copy()
-    points = rng.uniform(-2.0, 10.0, (20, 3))
+    points = rng.uniform(-2.0, 10.0, (20, 2))
     points[::7, rng.integers(2)] = (math.nan, math.inf, -math.inf)
-    outline = Outline(x, y)
-    found = outline.margins_m(points)
-    assert np.array_equal(found, [outline.margin_m(px, py) for px, py, _ in points.tolist()], equal_nan=True)
+    outline, readings = Outline(x, y), new_rows(READING, 20)
+    readings["contact"]["cx_m"], readings["contact"]["cy_m"] = points.T
+    readings["tipping_margin_m"] = math.nan
+    outline.fill_margins(readings)
+    found = readings["tipping_margin_m"]
+    assert np.array_equal(found, [outline.margin_m(px, py) for px, py in points.tolist()], equal_nan=True)
     assert np.isnan(found[::7]).all()
-    for (px, py, _), margin in zip(points.tolist(), found, strict=True):
+    for (px, py), margin in zip(points.tolist(), found, strict=True):
         assert np.array_equal(margin, tipping_margin(x, y, (px, py)), equal_nan=True)
 
 

@@ -81,11 +81,11 @@ def test_no_frames_are_no_answers() -> None:
     ("change", "said"),
     [
         ({"loads": np.ones(20)}, r"loads must have shape \(frames, n\)"),
-        ({"x": np.ones(19)}, r"x must have shape \(20,\) or \(40, 20\), not \(1, 19\)"),
+        ({"x": np.ones(19)}, r"x must have shape \(20,\) or \(40, 20\), got \(1, 19\)"),
         ({"y": np.ones((40, 20))}, "x and y must share one shape"),
-        ({"tangential": np.ones((39, 2))}, r"tangential must have shape \(40, 2\), not \(39, 2\)"),
+        ({"tangential": np.ones((39, 2))}, r"tangential must have shape \(40, 2\), got \(39, 2\)"),
         ({"about": np.ones(3)}, r"about must have shape \(2,\) or \(40, 2\)"),
-        ({"spin": np.ones(3)}, r"spin must have shape \(40,\), not \(3,\)"),
+        ({"spin": np.ones(3)}, r"spin must have shape \(40,\), got \(3,\)"),
         ({"mu": 0.0}, "mu must be positive and finite"),
     ],
 )

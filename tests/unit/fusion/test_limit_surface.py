@@ -11,18 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from slipd.fusion import (
-    AS_IS,
-    FREE,
-    UNTRUSTED,
-    USABLE,
-    contact_told,
-    find_contacts,
-    follow_readings,
-    torque_limit,
-    utilisation,
-    utilisation_told,
-)
+from slipd.fusion import torque_limit, utilisation
+from slipd.fusion.rows import FREE, UNTRUSTED
+from slipd.fusion.streaming import IDENTITY, find_contacts, new_readings, reading_at, solve_readings
 
 MU = 0.5
 
@@ -316,20 +307,20 @@ def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed
     wrench = np.tile((*f / loads.sum(), -1.0, 0.0, 0.0, spin / loads.sum()), (12, 1)) * rng.uniform(0.5, 1.0, (12, 6))
     wrench *= rng.uniform(2.0, 9.0, (12, 1))
     wrench[4, 2] = 1.0
-    usable = np.full(12, USABLE)
-    usable[8] = UNTRUSTED
-    readings = np.column_stack((wrench, np.arange(12), usable))
-    contacts = find_contacts(AS_IS, readings, (0.5, 0.4), False, 0.0, 0.0)
-    assert contacts[[4, 8], 10].tolist() == [FREE, UNTRUSTED]
-    whole = follow_readings(x, y, shares, MU, contacts, None, 1e-9)
+    readings = new_readings(wrench.tolist(), np.arange(12.0).tolist())
+    readings["phase"][8] = UNTRUSTED
+    find_contacts(readings, IDENTITY, (0.5, 0.4), False, 0.0, 0.0)
+    assert readings["phase"][[4, 8]].tolist() == [FREE, UNTRUSTED]
+    assert reading_at(readings, 0).utilisation is None, "not solved yet"
+    singly = readings.copy()
+    solve_readings(readings, x, y, shares, MU, None, 1e-9)
     twist = None
-    for k, row in enumerate(whole):
-        assert np.array_equal(
-            row, follow_readings(x, y, shares, MU, contacts[k : k + 1], twist, 1e-9)[0], equal_nan=True
-        )
-        told, contact = utilisation_told(row.tolist()), contact_told(contacts[k].tolist())
+    for k in range(12):
+        solve_readings(singly[k : k + 1], x, y, shares, MU, twist, 1e-9)
+        assert repr(singly[k]) == repr(readings[k]), "to the last bit"
+        told, contact = reading_at(readings, k).utilisation, reading_at(readings, k).contact
         if not contact.valid:
-            assert (told.kind, math.isnan(told.value)) == ("none", True)
+            assert (told.kind, math.isnan(told.value), told.pole_m) == ("none", True, None)
             twist = twist if k == 8 else None
             continue
         alone = utilisation(

@@ -10,10 +10,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd.fusion import FREE, TOUCHING, ContactWatch, Doubt, Found, SlipSettings, Thresholds
-from slipd.fusion.slip import CAUTION, STABLE, WARNING
+from slipd.fusion.rows import CAUTION, FREE, READING, STABLE, TOUCHING, WARNING, Rows, new_rows
+from slipd.fusion.slip import Assessment, ContactWatch, SlipSettings, Thresholds, Uncertainty
 
 MU = 0.6
+
+
+def row_of(count: int, load_n: object, normal_n: float, used: object, t_s: object, phase: int = TOUCHING) -> Rows:
+    """Readings of a contact at the pad's centre, well inside its outline, pulled along X."""
+    rows = new_rows(READING, count)
+    contact, utilisation = rows["contact"], rows["utilisation"]
+    rows["t_s"], rows["phase"], rows["tipping_margin_m"] = t_s, phase, 0.01
+    contact["normal_n"], contact["fx_n"] = normal_n, load_n
+    contact["friction_ratio"] = contact["fx_n"] / normal_n
+    for name in ("value", "lower", "upper"):
+        utilisation[name] = used
+    return rows
 
 
 class Watch:
@@ -23,19 +35,17 @@ class Watch:
         self.watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), settings or SlipSettings(), 0.001, 0.3)
         self.k = 0
 
-    def take(self, load_n: float, normal_n: float, used: float, *, touch: int = TOUCHING) -> Found:
-        forces, torque, t_s = (normal_n, load_n, 0.0, 0.0, load_n / normal_n, 0.0), (0.0, 0.0, 0.0), self.k * 1e-3
-        contact = np.array([(0.0, 0.0, 0.0, 0.0, *forces, touch, *torque, t_s)])
-        row = np.array([(0.0, used, used, used, *[math.nan] * 5)])
+    def take(self, load_n: float, normal_n: float, used: float, *, phase: int = TOUCHING) -> Assessment:
+        row = row_of(1, load_n, normal_n, used, self.k * 1e-3, phase)
         self.k += 1
-        found = self.watch.follow(contact, row, np.array((0.01,)), MU, Doubt(), 0.0)
-        return Found(*found[0].tolist())
+        self.watch.assess(row, MU, Uncertainty(), 0.0)
+        return Assessment(*row["assessment"].item(0))
 
     def step(self, used: float) -> int:
-        return int(self.take(1.0, 10.0, used).step)
+        return self.take(1.0, 10.0, used).friction_step
 
     def slips(self, load_n: float, normal_n: float, used: float) -> bool:
-        return bool(self.take(load_n, normal_n, used).slips)
+        return self.take(load_n, normal_n, used).slips
 
 
 def told(tangential: np.ndarray, normal: np.ndarray, settings: SlipSettings | None = None) -> list[int]:
@@ -74,7 +84,7 @@ def test_a_level_is_left_a_hysteresis_below_it(gate: Watch, path: tuple[float, .
 
 def test_a_new_contact_begins_without_the_old_ones_hysteresis(gate: Watch) -> None:
     gate.step(0.86)
-    gate.take(0.0, 0.1, math.nan, touch=FREE)
+    gate.take(0.0, 0.1, math.nan, phase=FREE)
     assert gate.step(0.84) == CAUTION
 
 
@@ -133,7 +143,7 @@ def test_the_end_of_the_contact_forgets_a_slip() -> None:
     for k in range(60):
         slips = watch.slips(6.0 if k < 50 else 4.0, 10.0, 0.9)
     assert slips
-    watch.take(0.0, 0.1, math.nan, touch=FREE)
+    watch.take(0.0, 0.1, math.nan, phase=FREE)
     assert not watch.slips(4.0, 10.0, 0.7)
 
 
@@ -148,11 +158,7 @@ def test_a_smaller_fall_is_a_slip_once_the_coefficients_are_known_better() -> No
 def test_a_read_longer_than_the_window_is_followed_as_a_whole() -> None:
     count = 700
     load = np.where(np.arange(count) < 400, 6.0, 4.5)
-    contacts = np.zeros((count, 15))
-    contacts[:, 4], contacts[:, 5], contacts[:, 8], contacts[:, 10] = 10.0, load, load / 10.0, TOUCHING
-    contacts[:, 14] = np.arange(count) * 1e-4
-    rows = np.full((count, 9), math.nan)
-    rows[:, 1:4] = (load / 6.0)[:, None]
+    rows = row_of(count, load, 10.0, load / 6.0, np.arange(count) * 1e-4)
     watch = ContactWatch(Thresholds(), SlipSettings(), 0.001, 0.3)
-    found = watch.follow(contacts, rows, np.full(count, 0.01), MU, Doubt(), 0.0)
-    assert np.flatnonzero(found[:, 2])[0] == 400
+    watch.assess(rows, MU, Uncertainty(), 0.0)
+    assert np.flatnonzero(rows["assessment"]["slips"])[0] == 400
