@@ -63,12 +63,14 @@ def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P,
 
 
 def _date_by_folder(kernel: Any) -> None:
-    """Add this folder's hash to the stamp with which a kernel's cache is compared.
+    """Add this folder's hash to the version of Numba with which a kernel's cache is compared.
 
+    Numba reads that version before anything else and then leaves another version's cache alone. Its own date of the
+    source comes too late: to read it, the types of the cached signatures are loaded, which fails where one was renamed.
     Numba offers no public way to do this.
 
     Raises:
-        AttributeError: This version of Numba keeps its stamps elsewhere: without ours the cache must not be used.
+        AttributeError: This version of Numba keeps its cache in another way: without the hash it must not be used.
     """
     cache_file = kernel._cache._cache_file  # noqa: SLF001
-    cache_file._source_stamp = (cache_file._source_stamp, source_stamp(Path(__file__).parent))  # noqa: SLF001
+    cache_file._version = f"{cache_file._version} {source_stamp(Path(__file__).parent)}"  # noqa: SLF001

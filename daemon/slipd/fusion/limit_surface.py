@@ -111,11 +111,10 @@ def torque_limit(
 
     Source: paper eqs. (5) and (7) as the minimum of Φ; its (6) with the torque taken about the pole.
     """
-    contact = _checked(x, y, loads, mu, tangential)
-    ax, ay = _pair("about", about)
+    xs, ys, fs, fx, fy, ax, ay = _checked(x, y, loads, mu, tangential, about)
     if sense not in (1, -1):
         raise ValueError(f"sense must be +1 or -1, got {sense}")
-    kind, value, lower, upper, px, py = solve_torque_limit(*contact, ax, ay, sense, gap, passes)
+    kind, value, lower, upper, px, py = solve_torque_limit(xs, ys, fs, mu, fx, fy, ax, ay, sense, gap, passes)
     return TorqueLimit(value, lower, upper, pole_or_none(px, py), KINDS[kind])
 
 
@@ -155,10 +154,10 @@ def utilisation(
 
     Source: the gauge of the limit surface, whose sections are paper eqs. (4) and (5) to (7).
     """
-    contact = _checked(x, y, loads, mu, tangential)
-    ax, ay = _pair("about", about)
+    xs, ys, fs, fx, fy, ax, ay = _checked(x, y, loads, mu, tangential, about)
+    vx, vy, omega = start or NO_TWIST
     kind, value, lower, upper, px, py, vx, vy, omega = solve_utilisation(
-        *contact, float(spin), ax, ay, *(start or NO_TWIST), gap, passes
+        xs, ys, fs, mu, fx, fy, float(spin), ax, ay, vx, vy, omega, gap, passes
     )
     return Utilisation(value, lower, upper, pole_or_none(px, py), KINDS[kind], (vx, vy, omega))
 
@@ -200,8 +199,7 @@ def grip_needed_n(
     """
     if not (0.0 <= growth < math.inf and 1.0 <= safety < math.inf):
         raise ValueError(f"growth must be ≥ 0 and safety ≥ 1, got {growth} and {safety}")
-    xs, ys, fs, mu, fx, fy = _checked(x, y, loads, mu, tangential)
-    ax, ay = _pair("about", about)
+    xs, ys, fs, fx, fy, ax, ay = _checked(x, y, loads, mu, tangential, about)
     factor = solve_grip_factor(xs, ys, fs, mu, safety * fx, safety * fy, safety * float(spin), ax, ay, growth)
     return factor * float(fs.sum()) if math.isfinite(factor) else factor
 
@@ -220,9 +218,9 @@ def _pair(name: str, value: ArrayLike) -> tuple[float, float]:
 
 
 def _checked(
-    x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float, tangential: ArrayLike
-) -> tuple[Array, Array, Array, float, float, float]:
-    """Return a contact and its tangential force as the kernels take them."""
+    x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float, tangential: ArrayLike, about: ArrayLike
+) -> tuple[Array, Array, Array, float, float, float, float]:
+    """Return taxels, tangential force and point as the kernels take them."""
     xs = np.ascontiguousarray(x, dtype=np.float64)
     ys = np.ascontiguousarray(y, dtype=np.float64)
     fs = np.ascontiguousarray(loads, dtype=np.float64)
@@ -230,4 +228,6 @@ def _checked(
         raise ValueError(f"x, y and loads must share one shape (n,), got {xs.shape}, {ys.shape}, {fs.shape}")
     if not 0.0 < mu < math.inf:
         raise ValueError(f"mu must be positive and finite, got {mu}")
-    return xs, ys, fs, mu, *_pair("tangential", tangential)
+    fx, fy = _pair("tangential", tangential)
+    ax, ay = _pair("about", about)
+    return xs, ys, fs, fx, fy, ax, ay

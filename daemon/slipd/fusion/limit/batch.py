@@ -8,27 +8,20 @@ import numpy as np
 
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
-from slipd.fusion.limit.frame import Load, Patch, Taxels, allocate
+from slipd.fusion.limit.frame import Load
 from slipd.fusion.limit.solve import NONE, Stop, UtilisationAnswer, torque_limit_of, utilisation_of
 from slipd.fusion.limit.sweep import Twist
 from slipd.fusion.rows import TOUCHING, UNTRUSTED, Rows
 
 
 @compiled
-def gather(x: Array, y: Array, loads: Array, active: Taxels) -> int:
-    """Copy the taxels in contact, those whose load is not zero, into ``active``; return how many."""
-    ax, ay, f = active
+def gather(x: Array, y: Array, loads: Array, ax: Array, ay: Array, active: Array) -> int:
+    """Copy centres and loads of the taxels in contact, those whose load is not zero; return how many."""
     n = 0
     for i in range(x.size):
-        ax[n], ay[n], f[n] = x[i], y[i], loads[i]
+        ax[n], ay[n], active[n] = x[i], y[i], loads[i]
         n += loads[i] != 0.0
     return n
-
-
-@compiled
-def cut(memory: Array, n: int) -> Taxels:
-    """Split the first 3 n numbers of the working memory."""
-    return Taxels(memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n])
 
 
 @compiled
@@ -59,13 +52,14 @@ def solve_torque_limits(
         passes: Most passes over the taxels of a frame.
         out: Rows of TORQUE_LIMIT, shape (frames,).
     """
-    memory, active = np.empty(3 * x.shape[1]), allocate(x.shape[1])
+    width = x.shape[1]
+    memory, ax, ay, active = np.empty(3 * width), np.empty(width), np.empty(width), np.empty(width)
     for i in range(loads.shape[0]):
         k, a = min(i, x.shape[0] - 1), min(i, about.shape[0] - 1)
-        n = gather(x[k], y[k], loads[i], active)
-        patch = Patch(active.x[:n], active.y[:n], active.w[:n], mu)
+        n = gather(x[k], y[k], loads[i], ax, ay, active)
+        taxels = memory[: 3 * n].reshape((3, n))
         load = Load(tangential[i, 0], tangential[i, 1], 0.0, about[a, 0], about[a, 1])
-        found = torque_limit_of(patch, load, sense, Stop(gap, passes), cut(memory, n))
+        found = torque_limit_of(ax[:n], ay[:n], active[:n], mu, load, sense, Stop(gap, passes), taxels)
         row = out[i]
         row["kind"], row["torque_nm"], row["lower_nm"], row["upper_nm"] = (
             found.kind, found.torque, found.lower, found.upper
@@ -93,14 +87,15 @@ def solve_utilisations(
         passes: Likewise.
         out: Rows of UTILISATION, shape (frames,).
     """
-    memory, active = np.empty(3 * x.shape[1]), allocate(x.shape[1])
+    width = x.shape[1]
+    memory, ax, ay, active = np.empty(3 * width), np.empty(width), np.empty(width), np.empty(width)
     start = Twist(math.nan, math.nan, math.nan)
     for i in range(loads.shape[0]):
         k, a = min(i, x.shape[0] - 1), min(i, about.shape[0] - 1)
-        n = gather(x[k], y[k], loads[i], active)
-        patch = Patch(active.x[:n], active.y[:n], active.w[:n], mu)
+        n = gather(x[k], y[k], loads[i], ax, ay, active)
+        taxels = memory[: 3 * n].reshape((3, n))
         load = Load(tangential[i, 0], tangential[i, 1], spin[i], about[a, 0], about[a, 1])
-        found = utilisation_of(patch, load, start, Stop(gap, passes), cut(memory, n))
+        found = utilisation_of(ax[:n], ay[:n], active[:n], mu, load, start, Stop(gap, passes), taxels)
         start = Twist(found.vx, found.vy, found.omega)
         write_utilisation(out[i], found)
 
@@ -126,7 +121,7 @@ def solve_readings(
         gap: Gap of the bounds at which to stop.
         passes: Most passes over the taxels of a reading.
     """
-    taxels, patch, stop = allocate(x.size), Patch(x, y, shares, mu), Stop(gap, passes)
+    taxels, stop = np.empty((3, x.size)), Stop(gap, passes)
     nan = math.nan
     start = Twist(vx, vy, omega)
     for k in range(len(readings)):
@@ -142,6 +137,6 @@ def solve_readings(
             contact["fx_n"] / normal, contact["fy_n"] / normal, contact["spin_nm"] / normal, contact["cx_m"],
             contact["cy_m"],
         )  # fmt: skip
-        found = utilisation_of(patch, load, start, stop, taxels)
+        found = utilisation_of(x, y, shares, mu, load, start, stop, taxels)
         start = Twist(found.vx, found.vy, found.omega)
         write_utilisation(row["utilisation"], found)

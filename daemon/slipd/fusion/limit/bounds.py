@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
-from slipd.fusion.limit.frame import Taxels, U
-from slipd.fusion.limit.sweep import Field, Sweep, clip_to_circle, sweep
+from slipd.fusion.limit.frame import U, split
+from slipd.fusion.limit.sweep import Field, clip_to_circle, sweep
 
 
 class Plane(NamedTuple):
@@ -42,11 +42,9 @@ class Bracket(NamedTuple):
 
 
 @compiled
-def rounding(r: Sweep, h: float, vx: float, speed: float, om: float, slack: float) -> float:
-    """Bound the rounding of a sweep's Σ w c + h v_x; ``speed`` is |v| of the centroid and of the sweep's point."""
-    return slack * (r.excess + abs(h * vx) + abs(om)) + 16.0 * U * (
-        speed * (r.field.missing_x + r.field.cross) + abs(om)
-    )
+def rounding(excess: float, own: Field, h: float, vx: float, speed: float, om: float, slack: float) -> float:
+    """Bound the rounding of a sweep's Σ w c + h v_x (arguments as in `bounds`)."""
+    return slack * (excess + abs(h * vx) + abs(om)) + 16.0 * U * (speed * (own.missing_x + own.cross) + abs(om))
 
 
 @compiled
@@ -81,12 +79,15 @@ def gauge_upper(field: Field, lx: float, lm: float, slack: float) -> float:
 
 
 @compiled
-def bounds(r: Sweep, field: Field, vx: float, speed: float, om: float, plane: Plane, slack: float) -> Bracket:
+def bounds(
+    excess: float, own: Field, field: Field, vx: float, speed: float, om: float, plane: Plane, slack: float
+) -> Bracket:
     """Bracket the answer by a sweep's twist and a friction field.
 
     Args:
-        r: Sweep of the twist.
-        field: The friction field's wrench; that of the sweep, or of a field that is kept apart.
+        excess: Σ w c of the sweep.
+        own: What the sweep's own friction field carries.
+        field: What the bounding friction field carries: the sweep's own, or one that is kept apart.
         vx: v_x of the load centroid.
         speed: |v| of the load centroid plus that of the sweep's point.
         om: ω.
@@ -95,8 +96,8 @@ def bounds(r: Sweep, field: Field, vx: float, speed: float, om: float, plane: Pl
 
     Source: weak duality, ℓ·q ≤ D(q) for every twist and every admissible field.
     """
-    value = r.excess + plane.h * vx
-    error = rounding(r, plane.h, vx, speed, om, slack)
+    value = excess + plane.h * vx
+    error = rounding(excess, own, plane.h, vx, speed, om, slack)
     if plane.gauge:
         along = plane.am * vx - plane.ax * om
         return Bracket(
@@ -107,12 +108,12 @@ def bounds(r: Sweep, field: Field, vx: float, speed: float, om: float, plane: Pl
 
 @compiled
 def hinge_bounds(
-    taxels: Taxels, px: Array, py: Array, cx: float, cy: float, plane: Plane, slack: float
+    taxels: Array, px: Array, py: Array, cx: float, cy: float, plane: Plane, slack: float
 ) -> tuple[Bracket, float]:
     """Bracket the answer with the taxels at one point as a hinge, which carries what is missing up to its friction.
 
     Args:
-        taxels: Positions and weights.
+        taxels: The contact in its own units, shape (3, n).
         px: Positions seen from the hinge, shape (n,).
         py: Likewise.
         cx: The load centroid seen from the hinge.
@@ -129,13 +130,14 @@ def hinge_bounds(
     if abs(arm) < 1e-6:
         return Bracket(math.nan, math.nan, math.nan), math.nan
     om = 1.0 / arm
-    others = taxels.w.copy()
+    x, y, w = split(taxels)
+    others = w.copy()
     out = 0.0
     for i in range(px.size):
         if px[i] == 0.0 and py[i] == 0.0:
             out += others[i]
             others[i] = 0.0
-    r = sweep(taxels.x, taxels.y, others, px, py, 0.0, 0.0, om)
+    r = sweep(x, y, others, px, py, 0.0, 0.0, om)
     # The hinge stands at −c: the spin of a field without it lacks Σ w y there.
     gx, gy, gm = r.field.missing_x, r.field.force_y, r.field.spin - out * cy
     if plane.gauge:
@@ -148,4 +150,4 @@ def hinge_bounds(
     field = Field(
         gx + out * less, gy + out * ty, gm + out * (cy * (1.0 - less) - cx * ty), r.field.cross + abs(out * ty)
     )
-    return bounds(r, field, -om * cy, abs(om * cx) + abs(om * cy), om, plane, slack), om
+    return bounds(r.excess, r.field, field, -om * cy, abs(om * cx) + abs(om * cy), om, plane, slack), om

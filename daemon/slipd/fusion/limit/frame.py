@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled, compiled_sum
 
@@ -18,22 +16,6 @@ U = 2.0**-53  # unit roundoff of float64
 SMALLEST, LARGEST = 1e-130, 1e130  # lengths and forces whose squares and products neither overflow nor vanish
 NEAR_TRANSLATION = 0.02  # below this, 1 − ρ is computed in double-double
 SPLIT = 134217729.0  # 2²⁷ + 1: Dekker's constant
-
-
-class Patch(NamedTuple):
-    """Taxels in contact, as measured.
-
-    Attributes:
-        x: Taxel centres in the pad frame, shape (n,), m.
-        y: Likewise.
-        loads: Normal forces, shape (n,), N.
-        mu: Coefficient of friction.
-    """
-
-    x: Array
-    y: Array
-    loads: Array
-    mu: float
 
 
 class Load(NamedTuple):
@@ -52,14 +34,6 @@ class Load(NamedTuple):
     spin: float
     ax: float
     ay: float
-
-
-class Taxels(NamedTuple):
-    """Taxels in the contact's own units: positions x, y and weights w, shape (n,) each."""
-
-    x: Array
-    y: Array
-    w: Array
 
 
 class Frame(NamedTuple):
@@ -90,10 +64,9 @@ class Frame(NamedTuple):
 
 
 @compiled
-def allocate(n: int) -> Taxels:
-    """Allocate the working memory for n taxels."""
-    memory = np.empty((3, n))
-    return Taxels(memory[0], memory[1], memory[2])
+def split(taxels: Array) -> tuple[Array, Array, Array]:
+    """Return positions x, y and weights w, shape (n,) each, of taxels in the contact's own units, shape (3, n)."""
+    return taxels[0], taxels[1], taxels[2]
 
 
 @compiled_sum
@@ -128,10 +101,18 @@ def place(
 
 
 @compiled
-def normalise(patch: Patch, fx: float, fy: float, taxels: Taxels) -> Frame:
-    """Write the patch in its own units into ``taxels``, with the force (fx, fy) along +x."""
+def normalise(x: Array, y: Array, loads: Array, fx: float, fy: float, taxels: Array) -> Frame:
+    """Scale a contact to its own units, with the force (fx, fy) along +x.
+
+    Args:
+        x: Taxel centres in the pad frame, shape (n,), m.
+        y: Likewise.
+        loads: Normal forces, shape (n,), N.
+        fx: Tangential force, N.
+        fy: Likewise.
+        taxels: Filled with the contact in its own units, shape (3, n), see `split`.
+    """
     nan = math.nan
-    x, y, loads = patch.x, patch.y, patch.loads
     if x.size == 0:
         return Frame(0.0, nan, nan, 0.0, 0.0, 0.0, 1.0, 0.0)
     total, mx, my, negative = moments(x, y, loads, x[0], y[0])
@@ -144,8 +125,8 @@ def normalise(patch: Patch, fx: float, fy: float, taxels: Taxels) -> Frame:
     cx, cy = x[0] + mx / total, y[0] + my / total
     _, mx, my, _ = moments(x, y, loads, cx, cy)
     ex, ey = mx / total, my / total
-    xs, ys = taxels.x, taxels.y
-    mean, blocks = place(x, y, loads, cx, cy, ex, ey, ct, st, 1.0 / total, xs, ys, taxels.w)
+    xs, ys, w = split(taxels)
+    mean, blocks = place(x, y, loads, cx, cy, ex, ey, ct, st, 1.0 / total, xs, ys, w)
     if blocks == 0.0:
         return Frame(total, cx, cy, ex, ey, 0.0, ct, st)
     if not SMALLEST < mean < LARGEST:

@@ -118,7 +118,7 @@ def descend(
     r = sweep(x, y, w, x, y, q0, q1, q2)
     last_fall, done = math.inf, 1
     while True:
-        here = bounds(r, r.field, q0, abs(q0) + abs(q1), q2, plane, slack)
+        here = bounds(r.excess, r.field, r.field, q0, abs(q0) + abs(q1), q2, plane, slack)
         lower, upper = max(lower, here.lower), min(upper, here.upper)
         curvature = r.hxx + r.hyy  # Σ w/|u|
         if upper - lower <= goal * (upper if plane.gauge else 1.0):

@@ -14,7 +14,7 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled, compiled_sum
 from slipd.fusion.limit.bounds import Bracket, Plane, bounds, hinge_bounds
-from slipd.fusion.limit.frame import Frame, Patch, Taxels, U
+from slipd.fusion.limit.frame import Frame, U, split
 from slipd.fusion.limit.newton import RESOLUTION, RULING, newton_step, plane_model
 from slipd.fusion.limit.sweep import Field, Sweep, Twist, clip_to_circle, sharpest
 
@@ -126,16 +126,17 @@ def place_about(x: Array, y: Array, frame: Frame, px: Array, py: Array, j: int) 
 
 @compiled
 def follow_path(
-    patch: Patch, frame: Frame, taxels: Taxels, start: Twist, plane: Plane, goal: float, known: Bracket, steps: int
+    x: Array, y: Array, frame: Frame, taxels: Array, start: Twist, plane: Plane, goal: float, known: Bracket, steps: int
 ) -> tuple[Bracket, Twist, int, int]:
     """Follow the minimum of the smoothed sum as ε → 0.
 
     The origin lies in the taxel with the sharpest kink, so that its sliding velocity is exact to its own size.
 
     Args:
-        patch: The contact as given.
-        frame: Its units.
-        taxels: The contact in these units.
+        x: Taxel centres as given, shape (n,), m.
+        y: Likewise.
+        frame: The contact's own units.
+        taxels: The contact in these units, shape (3, n).
         start: The twist to start from; its velocity is that of the load centroid.
         plane: The question.
         goal: Gap of the bounds at which to stop.
@@ -146,7 +147,7 @@ def follow_path(
         The bounds; the last twist; the index of the taxel that is a hinge (−1: none); the steps made.
     """
     h, ax, am, gauge = plane.h, plane.ax, plane.am, plane.gauge
-    xs, ys, w = taxels
+    xs, ys, w = split(taxels)
     slack = (xs.size + 16) * U
     lower, upper = known.lower, known.upper
     missing, across, px, py = np.zeros(xs.size), np.zeros(xs.size), xs.copy(), ys.copy()
@@ -158,12 +159,12 @@ def follow_path(
         j = sharpest(px, py, w, ox, oy, om)
         if j != origin:
             ox, oy, cx, cy, origin = ox - om * py[j], oy + om * px[j], -xs[j], -ys[j], j
-            place_about(patch.x, patch.y, frame, px, py, j)
+            place_about(x, y, frame, px, py, j)
         if step == 0:
             update_field(px, py, missing, across, ox, oy, om, soft * soft, 0.0, 0.0, 0.0)
         r, carried = path_sweep(xs, ys, w, px, py, missing, across, ox, oy, om, soft * soft)
         vx, vy = ox - om * cy, oy + om * cx
-        here = bounds(r, carried, vx, abs(vx) + abs(vy) + abs(ox) + abs(oy), om, plane, slack)
+        here = bounds(r.excess, r.field, carried, vx, abs(vx) + abs(vy) + abs(ox) + abs(oy), om, plane, slack)
         estimate = here.value
         lower, upper = max(lower, here.lower), min(upper, here.upper)
         gap = (here.upper - here.lower) / (here.lower * here.upper) if gauge else here.upper - here.lower

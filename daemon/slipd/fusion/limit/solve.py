@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.limit.bounds import Bracket, Plane
-from slipd.fusion.limit.frame import Frame, Load, Patch, Taxels, U, allocate, normalise, slip_margin
+from slipd.fusion.limit.frame import Frame, Load, U, normalise, slip_margin, split
 from slipd.fusion.limit.newton import MET_AT_KINK, OPEN, descend
 from slipd.fusion.limit.path import BESIDE, follow_path
 from slipd.fusion.limit.sweep import Twist, sharpest
@@ -68,7 +70,7 @@ def disc_lean(rho: float) -> float:
 
 @compiled
 def minimise(
-    patch: Patch, frame: Frame, taxels: Taxels, start: Twist, plane: Plane, stop: Stop
+    x: Array, y: Array, frame: Frame, taxels: Array, start: Twist, plane: Plane, stop: Stop
 ) -> tuple[Bracket, Twist, int]:
     """Minimise Σ w c(q) + h v_x over the plane until the bounds meet.
 
@@ -76,9 +78,10 @@ def minimise(
     descend, so it converges from anywhere.
 
     Args:
-        patch: The contact as given.
-        frame: Its units.
-        taxels: The contact in these units.
+        x: Taxel centres as given, shape (n,), m.
+        y: Likewise.
+        frame: The contact's own units.
+        taxels: The contact in these units, shape (3, n).
         start: The twist to start from, in the plane.
         plane: The question.
         stop: When to stop; `Stop.passes` counts passes of the first part and steps of both.
@@ -86,17 +89,17 @@ def minimise(
     Returns:
         The bounds with the value of the last twist; that twist; the index of the taxel that is a hinge (−1: none).
     """
-    x, y, w = taxels
+    xs, ys, w = split(taxels)
     goal = max(stop.gap, GOAL_SLACKS * (x.size + 16) * U)
-    found, q, state, done = descend(x, y, w, start, plane, goal, stop.passes)
+    found, q, state, done = descend(xs, ys, w, start, plane, goal, stop.passes)
     hinge = -1
     if state == MET_AT_KINK:
-        j = sharpest(x, y, w, q.vx, q.vy, q.omega)
-        ux, uy = q.vx - q.omega * y[j], q.vy + q.omega * x[j]
+        j = sharpest(xs, ys, w, q.vx, q.vy, q.omega)
+        ux, uy = q.vx - q.omega * ys[j], q.vy + q.omega * xs[j]
         if abs(ux) + abs(uy) <= BESIDE * (abs(q.vx) + abs(q.vy) + abs(q.omega)):
             hinge = j
     elif state == OPEN and done < stop.passes:
-        found, q, hinge, _ = follow_path(patch, frame, taxels, q, plane, goal, found, stop.passes - done)
+        found, q, hinge, _ = follow_path(x, y, frame, taxels, q, plane, goal, found, stop.passes - done)
     return Bracket(found.lower, found.upper, min(max(found.value, found.lower), found.upper)), q, hinge
 
 
@@ -106,34 +109,39 @@ def solve_torque_limit(
     passes: int,
 ) -> tuple[int, float, float, float, float, float]:  # fmt: skip
     """Find the largest spin torque beside (fx, fy) about (ax, ay), as the numbers of a `LimitAnswer`."""
-    a = torque_limit_of(Patch(x, y, loads, mu), Load(fx, fy, 0.0, ax, ay), sense, Stop(gap, passes), allocate(x.size))
+    a = torque_limit_of(x, y, loads, mu, Load(fx, fy, 0.0, ax, ay), sense, Stop(gap, passes), np.empty((3, x.size)))
     return a.kind, a.torque, a.lower, a.upper, a.pole_x, a.pole_y
 
 
 @compiled
-def torque_limit_of(patch: Patch, load: Load, sense: int, stop: Stop, taxels: Taxels) -> LimitAnswer:
+def torque_limit_of(
+    x: Array, y: Array, loads: Array, mu: float, load: Load, sense: int, stop: Stop, taxels: Array
+) -> LimitAnswer:
     """Find the largest spin torque that friction carries beside a tangential force.
 
     Args:
-        patch: The contact.
+        x: Taxel centres, shape (n,), m.
+        y: Likewise.
+        loads: Normal forces, shape (n,), N.
+        mu: Coefficient of friction.
         load: The force and the point; its spin is not used.
         sense: ±1. Sense −1 is solved with the force reversed: the mirror image has the same pole.
         stop: When to stop.
-        taxels: Working memory of as many taxels.
+        taxels: Working memory, shape (3, n).
 
     Source: paper eqs. (5) and (7) as the minimum of the friction power over ω = 1.
     """
     nan = math.nan
     fx, fy, ax, ay = load.fx, load.fy, load.ax, load.ay
-    frame = normalise(patch, sense * fx, sense * fy, taxels)
+    frame = normalise(x, y, loads, sense * fx, sense * fy, taxels)
     if not frame.total > 0.0 or not math.isfinite(fx + fy + ax + ay):
         return LimitAnswer(NONE, nan, nan, nan, nan, nan)
     mean = frame.mean
-    grip, force = patch.mu * frame.total, math.hypot(fx, fy)
+    grip, force = mu * frame.total, math.hypot(fx, fy)
     dx, dy = (ax - frame.cx) - frame.ex, (ay - frame.cy) - frame.ey
     shift = -sense * (dx * fy - dy * fx)  # m about a = m about c − (a − c) × f
-    slack = (8.0 * U * (abs(dx) + abs(dy)) + (patch.x.size + 16) * U * mean) * force
-    h, h_error = slip_margin(patch.loads, patch.mu, fx, fy, grip)
+    slack = (8.0 * U * (abs(dx) + abs(dy)) + (x.size + 16) * U * mean) * force
+    h, h_error = slip_margin(loads, mu, fx, fy, grip)
     if h < 0.0:
         return LimitAnswer(TRANSLATING, nan, nan, nan, nan, nan)
     if h == 0.0:
@@ -141,13 +149,13 @@ def torque_limit_of(patch: Patch, load: Load, sense: int, stop: Stop, taxels: Ta
     if mean == 0.0:
         return LimitAnswer(HINGE, shift, shift - slack, shift + slack, frame.cx + frame.ex, frame.cy + frame.ey)
     start = Twist(disc_lean(1.0 - h) * (1.0 - h) / math.sqrt(h * (2.0 - h)), 0.0, 1.0)
-    found, q, hinge = minimise(patch, frame, taxels, start, Plane(h, h_error, 1.0, 0.0, False), stop)
+    found, q, hinge = minimise(x, y, frame, taxels, start, Plane(h, h_error, 1.0, 0.0, False), stop)
     unit = grip * mean
     lower, upper = unit * found.lower + shift, unit * found.upper + shift
     slack += 8.0 * U * (abs(lower) + abs(upper))
     value = unit * found.value + shift
     if hinge >= 0:
-        return LimitAnswer(HINGE, value, lower - slack, upper + slack, patch.x[hinge], patch.y[hinge])
+        return LimitAnswer(HINGE, value, lower - slack, upper + slack, x[hinge], y[hinge])
     px = frame.cx + (frame.ex - mean * (frame.ct * q.vy + frame.st * q.vx))
     py = frame.cy + (frame.ey + mean * (frame.ct * q.vx - frame.st * q.vy))
     return LimitAnswer(INTERIOR, value, lower - slack, upper + slack, px, py)
@@ -155,14 +163,15 @@ def torque_limit_of(patch: Patch, load: Load, sense: int, stop: Stop, taxels: Ta
 
 @compiled
 def unit_gauge(
-    patch: Patch, frame: Frame, taxels: Taxels, start: Twist, f: float, s: float, stop: Stop
+    x: Array, y: Array, frame: Frame, taxels: Array, start: Twist, f: float, s: float, stop: Stop
 ) -> tuple[Bracket, Twist, int]:
     """Find the gauge of the load (f, 0, s) in the contact's own units.
 
     Args:
-        patch: The contact as given.
-        frame: Its units.
-        taxels: The contact in these units.
+        x: Taxel centres as given, shape (n,), m.
+        y: Likewise.
+        frame: The contact's own units.
+        taxels: The contact in these units, shape (3, n).
         start: A twist to start from; NaN where there is none.
         f: Force.
         s: Spin.
@@ -180,7 +189,7 @@ def unit_gauge(
         lean = disc_lean(lx)
         power = lean * lx * lx + lm * lm
         q = Twist(lean * lx / power, 0.0, lm / power)
-    found, q, hinge = minimise(patch, frame, taxels, q, Plane(1.0, 0.0, -lm, lx, True), stop)
+    found, q, hinge = minimise(x, y, frame, taxels, q, Plane(1.0, 0.0, -lm, lx, True), stop)
     lower, upper = size * found.lower * (1.0 - 8.0 * U), size * found.upper * (1.0 + 8.0 * U)
     return Bracket(lower, upper, size * found.value), q, hinge
 
@@ -191,28 +200,32 @@ def solve_utilisation(
     vy: float, omega: float, gap: float, passes: int,
 ) -> tuple[int, float, float, float, float, float, float, float, float]:  # fmt: skip
     """Find the utilisation, as the numbers of a `UtilisationAnswer`; (vx, vy, omega) is a start, or NaN."""
-    a = utilisation_of(
-        Patch(x, y, loads, mu), Load(fx, fy, spin, ax, ay), Twist(vx, vy, omega), Stop(gap, passes), allocate(x.size)
-    )
+    load, start = Load(fx, fy, spin, ax, ay), Twist(vx, vy, omega)
+    a = utilisation_of(x, y, loads, mu, load, start, Stop(gap, passes), np.empty((3, x.size)))
     return a.kind, a.value, a.lower, a.upper, a.pole_x, a.pole_y, a.vx, a.vy, a.omega
 
 
 @compiled
-def utilisation_of(patch: Patch, load: Load, start: Twist, stop: Stop, taxels: Taxels) -> UtilisationAnswer:
+def utilisation_of(
+    x: Array, y: Array, loads: Array, mu: float, load: Load, start: Twist, stop: Stop, taxels: Array
+) -> UtilisationAnswer:
     """Find the gauge λ of the limit surface for a load.
 
     Args:
-        patch: The contact.
+        x: Taxel centres, shape (n,), m.
+        y: Likewise.
+        loads: Normal forces, shape (n,), N.
+        mu: Coefficient of friction.
         load: What friction has to carry.
         start: A twist about the load's point to start from; NaN where there is none.
         stop: When to stop.
-        taxels: Working memory of as many taxels.
+        taxels: Working memory, shape (3, n).
 
     Source: 1/λ = min D(q) over ℓ·q = 1; the limit surface generalises paper eqs. (4) to (7).
     """
     nan, inf = math.nan, math.inf
     fx, fy, m = load.fx, load.fy, load.spin
-    frame = normalise(patch, fx, fy, taxels)
+    frame = normalise(x, y, loads, fx, fy, taxels)
     total, mean = frame.total, frame.mean
     if math.isnan(total) or not math.isfinite(fx + fy + m + load.ax + load.ay):
         return UtilisationAnswer(NONE, nan, nan, nan, nan, nan, nan, nan, nan)
@@ -221,7 +234,7 @@ def utilisation_of(patch: Patch, load: Load, start: Twist, stop: Stop, taxels: T
         return UtilisationAnswer(NONE, 0.0, 0.0, 0.0, nan, nan, nan, nan, nan)
     if total == 0.0:
         return UtilisationAnswer(NONE, inf, inf, inf, nan, nan, nan, nan, nan)
-    grip = patch.mu * total
+    grip = mu * total
     ct, st = frame.ct, frame.st
     dx, dy = (load.ax - frame.cx) - frame.ex, (load.ay - frame.cy) - frame.ey
     spin = m + (dx * fy - dy * fx)  # about the load centroid
@@ -235,24 +248,22 @@ def utilisation_of(patch: Patch, load: Load, start: Twist, stop: Stop, taxels: T
         return UtilisationAnswer(TRANSLATING, ratio, low, high, nan, nan, ct, st, 0.0)
     vx, vy = (start.vx + start.omega * dy) / mean, (start.vy - start.omega * dx) / mean  # of the load centroid
     q = Twist(ct * vx + st * vy, ct * vy - st * vx, start.omega)
-    found, q, hinge = unit_gauge(patch, frame, taxels, q, force / grip, spin / (grip * mean), stop)
+    found, q, hinge = unit_gauge(x, y, frame, taxels, q, force / grip, spin / (grip * mean), stop)
     # Turning about the load centroid carries what rounding adds to the spin, with twice the friction at most.
-    slack = (
-        16.0 * U * ((abs(dx) + abs(dy)) * force + abs(m)) / (grip * mean) + 2.0 * (patch.x.size + 16) * U * force / grip
-    )
+    slack = 16.0 * U * ((abs(dx) + abs(dy)) * force + abs(m)) / (grip * mean) + 2.0 * (x.size + 16) * U * force / grip
     value, lower, upper = found.value, max(found.lower - slack, 0.0), found.upper + slack
     vx, vy, om = mean * (ct * q.vx - st * q.vy), mean * (st * q.vx + ct * q.vy), q.omega  # of the load centroid
     ux, uy = vx - om * dy, vy + om * dx
     if abs(om) * FAR <= math.sqrt(q.vx**2 + q.vy**2):
         return UtilisationAnswer(TRANSLATING, value, lower, upper, nan, nan, ux, uy, om)
     if hinge >= 0:
-        return UtilisationAnswer(HINGE, value, lower, upper, patch.x[hinge], patch.y[hinge], ux, uy, om)
+        return UtilisationAnswer(HINGE, value, lower, upper, x[hinge], y[hinge], ux, uy, om)
     px, py = frame.cx + (frame.ex - vy / om), frame.cy + (frame.ey + vx / om)
     return UtilisationAnswer(INTERIOR, value, lower, upper, px, py, ux, uy, om)
 
 
 @compiled
-def grown_gauge(patch: Patch, frame: Frame, taxels: Taxels, f: float, s: float, growth: float) -> float:
+def grown_gauge(x: Array, y: Array, frame: Frame, taxels: Array, f: float, s: float, growth: float) -> float:
     """Find the k with gauge(f, s / k^growth) = k: bracketed Newton on log k, each solve from the twist of the last.
 
     The slope of log gauge is the share of the power that the spin takes, times −growth.
@@ -261,7 +272,7 @@ def grown_gauge(patch: Patch, frame: Frame, taxels: Taxels, f: float, s: float, 
     low, high, log_k, upper = -math.inf, math.inf, 0.0, 0.0
     for _ in range(MAX_ROOT_STEPS):
         spin = s * math.exp(-growth * log_k)
-        found, q, _ = unit_gauge(patch, frame, taxels, q, f, spin, Stop(GOAL, MAX_PASSES))
+        found, q, _ = unit_gauge(x, y, frame, taxels, q, f, spin, Stop(GOAL, MAX_PASSES))
         upper = found.upper
         if growth == 0.0:
             return upper
@@ -285,8 +296,8 @@ def solve_grip_factor(
     x: Array, y: Array, loads: Array, mu: float, fx: float, fy: float, spin: float, ax: float, ay: float, growth: float
 ) -> float:
     """Find the least factor k on all loads that holds a load where the contact grows by k^growth about its centroid."""
-    patch, taxels = Patch(x, y, loads, mu), allocate(x.size)
-    frame = normalise(patch, fx, fy, taxels)
+    taxels = np.empty((3, x.size))
+    frame = normalise(x, y, loads, fx, fy, taxels)
     if math.isnan(frame.total) or not math.isfinite(fx + fy + spin + ax + ay):
         return math.nan
     force = math.hypot(fx, fy)
@@ -298,4 +309,4 @@ def solve_grip_factor(
     own_spin = spin + (((ax - frame.cx) - frame.ex) * fy - ((ay - frame.cy) - frame.ey) * fx)
     if frame.mean == 0.0:  # a point has no size that could grow
         return force / grip if own_spin == 0.0 else math.inf
-    return grown_gauge(patch, frame, taxels, force / grip, own_spin / (grip * frame.mean), growth)
+    return grown_gauge(x, y, frame, taxels, force / grip, own_spin / (grip * frame.mean), growth)
