@@ -1,12 +1,15 @@
-"""How the normal force is shared among the taxels: three rules, from what the image can be trusted with.
+"""Distribution of the normal force on the taxels: three rules, by what of the image can be trusted.
 
-* grey: proportional to the pressures (needs only that the gains are alike);
-* binary: linear in (x, y) over the active taxels, balancing f_n at C (needs no pressures);
-* matched: the image tilted by exp(a + b·r) until it balances f_n at C. The force sensor knows Σ F and Σ F r far better
-  than the image does, and the tilt keeps every load positive.
+* grey: proportional to the pressures; needs equal gains only.
+* binary: linear in (x, y) over the active taxels, balancing f_n at C; needs no pressures.
+* matched: the image tilted by exp(a + b·r) until it balances f_n at C. The force sensor measures Σ F and Σ F r far
+  better than the image does, and the tilt keeps every load positive.
 
-Binary and matched have a solution only when C lies inside the hull of the active taxels. Where it lies outside, which
-is ordinary at edges and with few taxels, C is projected into the hull and the distance is reported.
+Binary and matched have a solution only where C lies inside the hull of the active taxels. Outside, which is common at
+edges and with few taxels, C is projected into the hull and the distance is reported.
+
+Source: paper, integration section: pressure proportional to the image (grey), or linear from a binary image. The
+matched rule is ours.
 """
 
 from __future__ import annotations
@@ -15,19 +18,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
 from slipd.fusion.hull import Outline
 
-Array = NDArray[np.float64]
-
-#: Share of the contact's extent within which a centroid counts as lying on the hull: the tilt that meets it there
-#: would spread the loads over more than six decades, which no image supports.
+#: Share of the contact's extent within which a centroid counts as lying on the hull: the tilt that would meet it there
+#: spreads the loads over more than six decades, which no image supports.
 ON_HULL = 1e-6
 MAX_NEWTON_STEPS = 100  # both problems are convex and take 4–10
-#: A step of the tilt that changes some share's exponent by more than this may not overshoot: beyond the minimum one
-#: taxel carries all, the curvature vanishes, and no step leads back.
+#: A step of the tilt that changes the exponent of a load by more than this must not overshoot: beyond the minimum one
+#: taxel carries everything, the curvature vanishes, and no step leads back.
 LONGEST_OVERSHOOT = 8.0
 
 
@@ -37,8 +39,8 @@ class Loads:
 
     Attributes:
         loads: Shape (n,), N, none negative; they sum to the normal force ("no_image": all zero).
-        centroid_residual_m: Distance of the loads' centroid from the one asked for, m: 0 where it was met; NaN where
-            there is no image. The grey rule asks for none: 0.
+        centroid_residual_m: Distance of the loads' centroid from the requested one, m: 0 where it was met and for the
+            grey rule, which has none; NaN without an image.
         status: "ok", "projected" (the centroid lay outside the hull) or "no_image" (no active taxel).
     """
 
@@ -48,14 +50,14 @@ class Loads:
 
 
 def grey_loads(pressure: ArrayLike, normal_n: float) -> Loads:
-    """Shares the normal force in proportion to the pressures: F_i = f_n p_i / Σ p.
+    """Distribute the normal force in proportion to the pressures: F_i = f_n p_i / Σ p.
 
     Args:
         pressure: Taxel readings, shape (n,), any unit; negative ones count as zero.
         normal_n: f_n, N.
 
     Raises:
-        ValueError: Wrong shape, pressures that are not finite, a normal force that is negative or not finite.
+        ValueError: The shape is wrong, a pressure is not finite, or the normal force is negative or not finite.
     """
     p = _pressure(pressure)
     _check_normal(normal_n)
@@ -66,7 +68,7 @@ def grey_loads(pressure: ArrayLike, normal_n: float) -> Loads:
 
 
 def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:
-    """Shares the normal force linearly in (x, y) over the active taxels so that it acts at the centroid.
+    """Distribute the normal force linearly in (x, y) over the active taxels so that it acts at the centroid.
 
     Where the linear rule would pull on a taxel, that taxel carries nothing: F_i = max(0, a + b·r_i).
 
@@ -77,7 +79,7 @@ def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLik
         centroid: C, shape (2,), m.
 
     Raises:
-        ValueError: Wrong shapes, or values that are not finite.
+        ValueError: A shape is wrong, or a value is not finite.
     """
     xs, ys, c = _positions(x, y, centroid)
     _check_normal(normal_n)
@@ -85,7 +87,7 @@ def binary_loads(x: ArrayLike, y: ArrayLike, normal_n: float, centroid: ArrayLik
 
 
 def matched_loads(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, normal_n: float, centroid: ArrayLike) -> Loads:
-    """Tilts the image by exp(a + b·r) until it balances the normal force at the centroid.
+    """Tilt the image by exp(a + b·r) until it balances the normal force at the centroid.
 
     Args:
         x: Taxel centres, shape (n,), m.
@@ -95,18 +97,18 @@ def matched_loads(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, normal_n: flo
         centroid: C, shape (2,), m.
 
     Raises:
-        ValueError: Wrong shapes, or values that are not finite.
+        ValueError: A shape is wrong, or a value is not finite.
     """
     xs, ys, c = _positions(x, y, centroid)
     p = _pressure(pressure)
     if p.shape != xs.shape:
-        raise ValueError(f"pressure must have the shape of x, {xs.shape}, not {p.shape}")
+        raise ValueError(f"pressure must have the shape of x, {xs.shape}, got {p.shape}")
     _check_normal(normal_n)
     return _balance(xs, ys, p, normal_n, c)
 
 
 def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, float], outline: Outline) -> Loads:
-    """`matched_loads`, or without pressures `binary_loads`, of a force of 1 N for taxels that need no checking.
+    """Distribute 1 N as `matched_loads` or, without pressures, as `binary_loads`; nothing is checked.
 
     Args:
         x: Centres of the active taxels, shape (n,), n ≥ 1, finite, m.
@@ -130,7 +132,7 @@ def active_loads(x: Array, y: Array, p: Array | None, centroid: tuple[float, flo
 
 
 def _balance(x: Array, y: Array, p: Array, normal_n: float, c: Array, *, binary: bool = False) -> Loads:
-    """Shares the force over the taxels that carry anything."""
+    """Distribute the force over the taxels with a pressure."""
     active = np.flatnonzero(p > 0.0)
     loads = np.zeros(x.size)
     if active.size == 0:
@@ -141,8 +143,8 @@ def _balance(x: Array, y: Array, p: Array, normal_n: float, c: Array, *, binary:
     return Loads(loads, found.centroid_residual_m, found.status)
 
 
-def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: float) -> tuple[NDArray[np.int64], Array]:
-    """Taxels of the edge (or corner) that holds q, and their positions along it from q, shape (k, 1) or (k, 0)."""
+def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: float) -> tuple[Indices, Array]:
+    """Return the taxels of the hull's edge or corner at q, and their positions along it, shape (k, 1) or (k, 0)."""
     ex, ey = ax[b] - ax[a], ay[b] - ay[a]
     length = math.hypot(ex, ey)
     if length == 0.0:
@@ -159,7 +161,7 @@ def _edge(ax: Array, ay: Array, qx: float, qy: float, a: int, b: int, extent: fl
 
 
 def _clipped_linear(position: Array, _: Array) -> Array:
-    """Shares max(0, a + b·r) with Σ = 1 and Σ share r = 0, by Newton on the convex dual."""
+    """Return loads max(0, a + b·r) with Σ F = 1 and Σ F r = 0, by Newton's method on the convex dual."""
     basis = np.column_stack((np.ones(len(position)), position))
     target = np.zeros(basis.shape[1])
     target[0] = 1.0
@@ -187,7 +189,7 @@ def _clipped_linear(position: Array, _: Array) -> Array:
 
 
 def _tilted(position: Array, p: Array) -> Array:
-    """Shares p exp(b·r) / Σ with Σ share r = 0; ``position`` has shape (n, 0), (n, 1) or (n, 2)."""
+    """Return `tilt` for positions of shape (n, 0), (n, 1) or (n, 2)."""
     along = np.zeros((2, len(p)))  # a face of the hull has fewer directions, and nothing tilts the others
     along[: position.shape[1]] = position.T
     return tilt(along[0], along[1], p)
@@ -195,7 +197,7 @@ def _tilted(position: Array, p: Array) -> Array:
 
 @compiled
 def tilt(x: Array, y: Array, p: Array) -> Array:
-    """Shares p exp(b·r) / Σ with Σ share r = 0, by Newton on the convex log Σ p exp(b·r).
+    """Return loads p exp(b·r) / Σ p exp(b·r) with Σ F r = 0, by Newton's method on the convex log Σ p exp(b·r).
 
     Args:
         x: Positions from the centroid in units of the contact's extent, shape (n,): max x − min x ≤ 1.
@@ -236,7 +238,7 @@ def tilt(x: Array, y: Array, p: Array) -> Array:
 
 @compiled
 def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array) -> tuple[float, float, float]:
-    """Fills in the shares of a tilt; returns log Σ p exp(b·r) and its gradient, Σ share r."""
+    """Write the loads of a tilt into ``share``; return log Σ p exp(b·r) and its gradient, Σ F r."""
     top = -np.inf
     for i in range(logs.size):
         share[i] = logs[i] + bx * x[i] + by * y[i]
@@ -255,13 +257,15 @@ def _tilt_to(x: Array, y: Array, logs: Array, bx: float, by: float, share: Array
 
 def _check_normal(normal_n: float) -> None:
     if not 0.0 <= normal_n < math.inf:
-        raise ValueError(f"normal_n must be finite and not negative, not {normal_n}")
+        raise ValueError(f"normal_n must be finite and not negative, got {normal_n}")
 
 
 def _pressure(pressure: ArrayLike) -> Array:
     p = np.asarray(pressure, dtype=np.float64)
-    if p.ndim != 1 or not np.isfinite(p).all():
-        raise ValueError(f"pressure must be finite with shape (n,), not {p.shape}")
+    if p.ndim != 1:
+        raise ValueError(f"pressure must have shape (n,), got {p.shape}")
+    if not np.isfinite(p).all():
+        raise ValueError("pressure must be finite")
     return np.maximum(p, 0.0)
 
 
@@ -270,7 +274,7 @@ def _positions(x: ArrayLike, y: ArrayLike, centroid: ArrayLike) -> tuple[Array, 
     c = np.asarray(centroid, dtype=np.float64)
     if xs.ndim != 1 or xs.shape != ys.shape or c.shape != (2,):
         raise ValueError(
-            f"x and y must share one shape (n,) and centroid be (2,), not {xs.shape}, {ys.shape}, {c.shape}"
+            f"x and y must share one shape (n,) and centroid be (2,), got {xs.shape}, {ys.shape}, {c.shape}"
         )
     if not (np.isfinite(xs).all() and np.isfinite(ys).all() and np.isfinite(c).all()):
         raise ValueError("x, y and centroid must be finite")

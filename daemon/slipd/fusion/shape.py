@@ -1,4 +1,4 @@
-"""What the image tells of the contact's shape: area, centroid, axis, elongation, holes, corners."""
+"""Shape of the contact in the image: area, centroid, axis, elongation, holes, corners."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from slipd.arrays import Array
 from slipd.fusion.hull import convex_hull
 
-Array = NDArray[np.float64]
-
-#: A corner of the outline stands out by at least this share of a pitch from the chord of its neighbours: less is the
+#: A corner of the outline stands out from the chord of its neighbours by at least this share of a pitch; less is a
 #: staircase of the grid.
 CORNER_PITCHES = 0.6
 
@@ -24,14 +23,14 @@ class ContactShape:
 
     Attributes:
         active: Number of active taxels.
-        area_m2: Their area, each with its cell, m²; uncertain by half a pitch all round.
+        area_m2: Area of their cells, m²; uncertain by half a pitch all round.
         centroid_m: Centre of pressure of the image, shape (2,), m; NaN without contact.
         axis_rad: Direction of the longer principal axis, in (−π/2, π/2], rad; NaN where there is none.
         elongation: Ratio of the principal radii of gyration, ≥ 1 (inf: a line of taxels, each taken as a point); NaN
             without contact.
         holes: Regions of inactive taxels that the contact encloses.
-        corners_m: Corners of the convex outline through the taxel centres, shape (k, 2), counter-clockwise, m: 2 for a
-            line of taxels, 1 for one.
+        corners_m: Corners of the convex outline through the taxel centres, counter-clockwise, shape (k, 2), m; k is 2
+            for a line of taxels, 1 for one taxel.
     """
 
     active: int
@@ -44,7 +43,7 @@ class ContactShape:
 
 
 def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: float) -> ContactShape:
-    """Finds the shape of the contact from the image of a rectangular pad.
+    """Find the shape of the contact from the image of a rectangular pad.
 
     Args:
         x: Taxel centres, shape (rows, cols), m, on a grid of the pitch.
@@ -53,11 +52,11 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
         pitch_m: Distance between neighbouring taxels, m.
 
     Raises:
-        ValueError: Wrong shapes.
+        ValueError: A shape is wrong.
     """
     xs, ys, p = (np.asarray(a, dtype=np.float64) for a in (x, y, pressure))
     if p.ndim != 2 or xs.shape != p.shape or ys.shape != p.shape:
-        raise ValueError(f"x, y and pressure must share one shape (rows, cols), not {xs.shape}, {ys.shape}, {p.shape}")
+        raise ValueError(f"x, y and pressure must share one shape (rows, cols), got {xs.shape}, {ys.shape}, {p.shape}")
     on = p > 0.0
     count = int(on.sum())
     if count == 0:
@@ -70,7 +69,7 @@ def contact_shape(x: ArrayLike, y: ArrayLike, pressure: ArrayLike, pitch_m: floa
 
 
 def _principal_axis(dx: Array, dy: Array) -> tuple[float, float]:
-    """Axis and elongation of the binary shape: pressures would make a tilted grip look long."""
+    """Return axis and elongation of the binary shape: pressures would make a tilted grip look long."""
     dx, dy = dx - dx.mean(), dy - dy.mean()
     xx, yy, xy = float(dx @ dx), float(dy @ dy), float(dx @ dy)
     radius = math.hypot(0.5 * (xx - yy), xy)
@@ -82,13 +81,13 @@ def _principal_axis(dx: Array, dy: Array) -> tuple[float, float]:
 
 
 def _holes(on: NDArray[np.bool_]) -> int:
-    """Inactive regions that do not reach the border: taxels touch across corners, gaps only across sides."""
+    """Count inactive regions that do not reach the border; taxels connect across corners, gaps only across sides."""
     _, regions = ndimage.label(~np.pad(on, 1))
     return int(regions) - 1
 
 
 def _corners(ax: Array, ay: Array, pitch_m: float) -> Array:
-    """Corners of the hull of the active taxels, without those that the grid makes."""
+    """Return the corners of the hull of the active taxels, without those that the grid makes."""
     outline = [(float(ax[k]), float(ay[k])) for k in convex_hull(ax, ay)]
     while len(outline) > 3:
         heights = [_height(outline[k - 1], outline[k], outline[(k + 1) % len(outline)]) for k in range(len(outline))]
@@ -100,6 +99,6 @@ def _corners(ax: Array, ay: Array, pitch_m: float) -> Array:
 
 
 def _height(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Distance of b from the line through a and c."""
+    """Return the distance of b from the line through a and c."""
     ex, ey = c[0] - a[0], c[1] - a[1]
     return abs(ex * (b[1] - a[1]) - ey * (b[0] - a[0])) / math.hypot(ex, ey)
