@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slipd.arrays import Array
 
 UNTRUSTED = frozenset({"overload", "invalid", "raw"})
 """Status words of a reading whose value cannot be trusted."""

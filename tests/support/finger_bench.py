@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.fusion import torque_limit
-from slipd.samples import Array, TactileSample, WrenchSample
+from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 MS = 1_000_000

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from slipd.arrays import Array
 from slipd.devices import Device
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.sequence_tracker import FURTHEST_GAP
-from slipd.samples import Array, TactileSample
+from slipd.samples import TactileSample
 
 MAX_MESSAGE = 1 << 15
 """Longest message, characters; a hand of 368 taxels with calibrated values fills about 16,000."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
 from slipd.finger.force_evidence import NO_EVIDENCE, ForceEvidence
 from slipd.finger.freshness import PROMPT, Arrival, ImageFreshness
 from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.fusion import Contact, ContactShape, contact_shape
-from slipd.samples import UNTRUSTED, Array, TactileSample
+from slipd.samples import UNTRUSTED, TactileSample
 from slipd.signals.averaging import LARGEST_READING
 from slipd.signals.charge_reconstruction import ChargeReconstruction
 from slipd.signals.frozen import MOST, WrenchWatch

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from slipd.arrays import Array
 from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.friction_limits import needed_normal_n
@@ -25,7 +26,6 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
-from slipd.samples import Array
 
 _NO_WRENCH = (math.nan,) * 6
 

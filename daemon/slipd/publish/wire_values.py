@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from slipd.samples import Array
+from slipd.arrays import Array
 
 #: A map on the wire: a message, the result of a reply, or a part of either.
 Body = dict[str, Any]

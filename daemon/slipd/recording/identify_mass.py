@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from slipd import config
+from slipd.arrays import Array
 from slipd.config import Config, Wrench, device_options
 from slipd.devices import DEVICES
 from slipd.errors import RecordingError
 from slipd.events import Bytes, LinkDown, LinkUp, Request
 from slipd.recording.reader import Recording, open_recording
-from slipd.samples import UNTRUSTED, Array, WrenchSample
+from slipd.samples import UNTRUSTED, WrenchSample
 from slipd.signals.averaging import Average, most_std
 from slipd.signals.gravity import FRESH_NS, STANDARD_GRAVITY_MPS2, gravity_fault
 from slipd.signals.mounting import Mounting

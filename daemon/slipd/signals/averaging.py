@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slipd.arrays import Array
 
 #: No device reports more (a count has at most 32 bits), and sums of squares stay finite far beyond it.
 LARGEST_READING = 1e12

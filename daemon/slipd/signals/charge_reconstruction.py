@@ -18,11 +18,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
-
-Array = NDArray[np.float64]
 
 #: Time constant of learning the offset without contact, s: long compared to noise, short compared to warming.
 OFFSET_TAU_S = 0.5

@@ -11,11 +11,9 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.signals.averaging import LARGEST_READING, flushed
-
-Array = NDArray[np.float64]
 
 #: Readings are averaged over this block before they are learned: whole periods of 50, 60 and 100 Hz cancel mains hum.
 BLOCK_NS = 100_000_000

@@ -21,12 +21,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.fusion import Contact
 from slipd.signals.pad import STEPS, neighbours
-
-Array = NDArray[np.float64]
 
 INNER_PITCHES = 0.5
 """Tolerance of the centroid, in pitches, with an inner taxel."""

@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from operator import mul
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
-
-Array = NDArray[np.float64]
 
 CHANCE = 1e-12
 """Probability of a run by chance below which it is reported: at 4 kHz less than once in eight years."""

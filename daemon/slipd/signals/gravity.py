@@ -11,11 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.signals.averaging import flushed
-
-Array = NDArray[np.float64]
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 #: Largest apparent gravity: a larger one means a collision or a wrong unit.

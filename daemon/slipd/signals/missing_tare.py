@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slipd.arrays import Array
 
 #: A pad whose readings exceed this multiple of the least normal force of a contact, and this force in newtons, has an
 #: offset: noise and drift of a tared pad stay far below, and so do most held objects.

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.signals.averaging import MOVING_FACTOR, Average, most_std
 from slipd_client.messages import TareReason
-
-Array = NDArray[np.float64]
 
 #: Least number of readings of a tare.
 MIN_READINGS = 8

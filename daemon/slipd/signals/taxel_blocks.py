@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slipd.arrays import Array
 
 BLOCK_NS = 90_000_000
 """A block ends with the first image this long after the end of the previous block: three images at 30 Hz."""

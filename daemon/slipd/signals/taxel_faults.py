@@ -23,10 +23,10 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.signals.pad import STEPS, neighbours
 from slipd.signals.taxel_blocks import WINDOW, Blocks
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 STILL = 0.15

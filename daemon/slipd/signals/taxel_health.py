@@ -11,11 +11,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.signals.pad import neighbours
 from slipd.signals.taxel_blocks import WINDOW, Blocks
 from slipd.signals.taxel_faults import Kind, TaxelFaults
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 JUDGED_BLOCKS = 2

@@ -12,9 +12,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from slipd.arrays import Array
 from slipd.devices import bota
 from slipd.devices.bota import bota_text
-from slipd.samples import Array
 
 BOOT_NS = 200_000_000
 """Time from power-on to the first frame, ns; the banner comes in the middle."""

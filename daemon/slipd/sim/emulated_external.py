@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from slipd.arrays import Array
 from slipd.devices.external import encode_reading
-from slipd.samples import Array
 from slipd.sim.tactile_stream import TactileStream
 from slipd.sim.wrench_stream import WrenchStream
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices import gauges
-from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 
 FULL_SCALE = (1 << 23) - 1

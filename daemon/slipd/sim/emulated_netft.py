@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices.netft import netft_calibration
 from slipd.devices.shared import rdt_records as rdt
-from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 
 INTERNAL_HZ = 7000

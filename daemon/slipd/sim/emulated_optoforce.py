@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_decoder import UDP_COUNTS_PER_N, UDP_COUNTS_PER_NM
 from slipd.devices.optoforce.optoforce_session import UDP_PERIOD
 from slipd.devices.shared import rdt_records as rdt
-from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 
 COUNTS_PER_N, COUNTS_PER_NM = [80.0, 80.0, 20.0], [2500.0, 2500.0, 4000.0]

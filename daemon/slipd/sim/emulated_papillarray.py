@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices.papillarray import papillarray_frames as frames
 from slipd.devices.papillarray.papillarray_layout import DISPLACEMENT_FIRST, FORCE_FIRST
 from slipd.devices.papillarray.papillarray_session import RATES_HZ
-from slipd.samples import Array
 from slipd.sim.tactile_stream import TactileStream
 
 POWER_ON_HZ = 1000.0

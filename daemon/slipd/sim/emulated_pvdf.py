@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices import pvdf
-from slipd.samples import Array
 
 FULL_SCALE = 32_767
 ROWS, COLS = 8, 16

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices.robotous import robotous_packets as packets
 from slipd.devices.robotous.robotous_decoder import COUNTS_PER_N
 from slipd.devices.robotous.robotous_session import FILTERS_HZ, RATES_HZ
-from slipd.samples import Array
 from slipd.sim.wrench_stream import WrenchStream, whole
 
 COUNTS_PER_NM = 2000.0

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices import tsf85
 from slipd.devices.tsf85 import encode_block
-from slipd.samples import Array
 from slipd.sim.tactile_stream import TactileStream
 
 FIRMWARE = b"1.1.8"

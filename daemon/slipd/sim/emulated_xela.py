@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.devices import xela
-from slipd.samples import Array
 from slipd.sim.tactile_stream import TactileStream
 
 SENSORS = ("1", "2")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from slipd.samples import Array
+from slipd.arrays import Array
 
 
 class TactileStream:

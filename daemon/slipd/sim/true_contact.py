@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from slipd.arrays import Array
 from slipd.fusion import utilisation
-from slipd.samples import Array
 
 Load = tuple[float, float, float]
 """Tangential force along x and y, N, and spin torque about the centre of the contact, N·m."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.devices.shared.weiss_packets import Packet, PacketScanner
 from slipd.devices.shared.weiss_tactile import FULL_SCALE
-from slipd.samples import Array
 
 
 class WeissController(ABC):

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from chart.rivals.scaled import Scaled
 from chart.scenes import Scene
-from numpy.typing import NDArray
 from scipy.optimize import root
+
+from slipd.arrays import Array
 
 SOURCE = Path(__file__).with_name("limit.c")
 FLAGS = ("-std=c99", "-O3", "-ffp-contract=off")
@@ -27,8 +28,6 @@ LIMIT_OUT, USE_OUT = 6, 9
 
 NEAREST_M = 1e-15
 """Distances are at least so much: at a taxel (5) divides by nothing."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

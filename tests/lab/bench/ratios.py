@@ -18,8 +18,8 @@ import numpy as np
 from bench.alternatives import FLAGS, NATIVE, InC, compiled_c, hybr, plain_hybr
 from bench.tables import Table
 from chart.scenes import COLS, MU, PITCH_M, ROWS, Scene, grid, ordinary, scene
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.engine.warm_up import warm_up
 from slipd.fusion import TorqueLimit, torque_limit, torque_limits, utilisation, utilisations
 
@@ -37,7 +37,6 @@ WRONG = 1e-6
 FRAMES_OF_A_TURN = 2_000
 """The force of the moving scene turns once in so many frames: 2 s at 1000 readings/s."""
 
-Array = NDArray[np.float64]
 Times = dict[str, list[float]]
 """What was timed → µs for each contact, round by round."""
 

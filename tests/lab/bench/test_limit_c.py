@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from bench.alternatives import FLAGS, SOURCE, InC, compiled_c
 from chart.scenes import FAMILIES, PITCH_M, Scene, draw
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.fusion import torque_limits, utilisations
 from slipd.fusion.limit.solve import KINDS
 
@@ -25,8 +25,6 @@ SAME, CLOSED = 1e-12, 1e-9
 
 STEP_FOR_STEP, SHARE = 1e-14, 0.95
 """Bounds so near to each other were reached by the same steps; where sums cancel, rounding alone parts a few."""
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.devices import bota
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.sim.true_contact import Pad, Patch
-
-Array = NDArray[np.float64]
 
 INDEX_N = 2.0**-16
 """30 s at 1 kHz pull with 0.46 N at the end."""

@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from bench.tables import Table
 from chart.clocks_streams import BOOT_NS, Stream, Times
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.signals.clock import DeviceClock
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
-Array = NDArray[np.float64]
 
 SECONDS, QUICK_SECONDS = 120.0, 12.0
 SEEDS = 8

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from chart.scenes import COLS, PITCH_M, ROWS
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slipd.arrays import Array
+
 Random = np.random.Generator
 
 PAD_X_M, PAD_Y_M = COLS * PITCH_M, ROWS * PITCH_M

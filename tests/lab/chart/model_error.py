@@ -16,12 +16,12 @@ from bench.tables import Table
 from chart.continuous import SHAPES, image
 from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.fusion import binary_loads, grey_loads, matched_loads, torque_limit, utilisation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
-Array = NDArray[np.float64]
 Key = tuple[str, str]  # load rule and model, or load rule and stage
 
 MU, NORMAL_N = 0.5, 10.0  # nothing depends on them: every error is a share of the contact's own torque

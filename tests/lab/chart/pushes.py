@@ -18,12 +18,10 @@ from functools import cache
 
 import numpy as np
 from bench.tables import Table
-from numpy.typing import NDArray
 from project import DATA
 
+from slipd.arrays import Array
 from slipd.fusion import torque_limit, utilisation
-
-Array = NDArray[np.float64]
 
 PUSHES = DATA / "pushes"
 WEIGHT_N = 1.518 * 9.81

@@ -12,7 +12,7 @@ from chart.scenes import MU, Scene
 from chart.scores import timed
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slipd.arrays import Array
 
 ASKED = ("slipd", "batch", "hybr", "Clarabel", "Weiszfeld")
 MOST, QUICK_MOST = 4096, 256

@@ -17,13 +17,13 @@ import numpy as np
 from bench.tables import Table
 from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.fusion import grey_loads, matched_loads, tipping_margin, torque_limit, utilisation
 from slipd.sim.true_contact import ELECTRODE_SAMPLES, Pad, Patch
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
-Array = NDArray[np.float64]
 
 PAD = Pad()
 NORMAL_N, MU = 10.0, 0.5

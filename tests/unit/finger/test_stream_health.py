@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from finger_bench import MS, T0, NoisyFinger, Parse, make_finger, read_force, taxel_faults
 
-from slipd.samples import Array, TactileSample, WrenchSample
+from slipd.arrays import Array
+from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
 

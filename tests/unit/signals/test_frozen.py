@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.signals import frozen
 from slipd.signals.frozen import (
     DEFAULT_REPEATS,
@@ -20,7 +20,6 @@ from slipd.signals.frozen import (
 )
 
 MS = 1_000_000
-Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.devices.shared.partial_data import Incomplete, Malformed, arrived
-from slipd.samples import Array
 
 START = b"\x55\x66\x77\x88"
 END = b"\xaa\xbb\xcc\xdd"

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from chart.scenes import Scene
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slipd.arrays import Array
 
 NEAREST = 1e-12
 """Distances below this count as this: what keeps the formulas finite on a taxel."""
