@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slipd.arrays import Array
+from slipd.fusion.limit.grip_factor import solve_grip_factor
 from slipd.fusion.limit.solve import (
     GOAL,
     KINDS,
     MAX_PASSES,
     NO_TWIST,
-    solve_grip_factor,
     solve_torque_limit,
     solve_utilisation,
 )

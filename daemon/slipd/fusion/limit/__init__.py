@@ -22,7 +22,8 @@ about C with a torque about the pole and is not used (docs/decisions/0001-one-co
 `newton`           Newton's method with a line search. In most contacts the bounds meet after 3–7 passes.
 `path`             Primal-dual central path for kinks: a pole on or beside a taxel, one dominant load, thin contacts.
                    It smooths the kinks by ε and steps in twist and friction field together while ε → 0.
-`solve`            Torque limit, utilisation and grip factor of one contact.
+`solve`            Torque limit and utilisation of one contact.
+`grip_factor`      The factor on all loads that holds a load with a contact that grows.
 `batch`            The same for many frames, and for readings in sequence.
 =================  ====================================================================================================
 
