@@ -42,11 +42,12 @@ print(json.dumps((numpy_s, import_s, time.perf_counter() - start)))
 
 
 def run(*, quick: bool = False) -> Table:
-    """Measures in processes of their own."""
+    """Measure in new processes; ``quick``: once, with the cache as it is."""
     runs = QUICK_RUNS if quick else RUNS
     table = Table("Friction limit: the first call, s", ("what", "processes", "median", "least", "most"))
-    _fresh(IMPORT, CALLS)  # whatever the cache lacks
-    _fresh(WARM_UP_IMPORT, WARM_UP)
+    if not quick:  # fill the cache
+        _fresh(IMPORT, CALLS)
+        _fresh(WARM_UP_IMPORT, WARM_UP)
     warm = [_fresh(IMPORT, CALLS) for _ in range(runs)]
     everything = [_fresh(WARM_UP_IMPORT, WARM_UP) for _ in range(runs)]
     _row(table, "import NumPy", [took[0] for took in warm])

@@ -18,7 +18,7 @@ import sys
 from pathlib import Path
 
 from bench.tables import Table
-from fuzz import requests
+from fuzz import request_report, requests
 from fuzz.outcome import Outcome
 from fuzz.report import document, tables, verdicts
 from fuzz.rounds import SECONDS, Job, Results, Wish, cores, stages
@@ -56,10 +56,10 @@ def main(argv: list[str] | None = None) -> int:
         shown, found = tables(results, devices), verdicts(results)
     if options.only != "devices" and not options.device:
         asked = _requests(wish)
-        shown += requests.tables(asked, requests.STRICT if wish.strict else 1)
-        found += requests.verdicts(asked)
+        shown += request_report.tables(asked, requests.STRICT if wish.strict else 1)
+        found += request_report.verdicts(asked)
     print("\n".join(table.text() for table in shown))
-    print("\n".join(("", *(found or ["All is as it must be."]))))
+    print("\n".join(("", *(found or ["No faults found."]))))
     if options.report is not None:
         options.report.write_text(document(shown, found), encoding="utf-8")
     return 1 if found else 0
@@ -78,9 +78,9 @@ def _devices(wish: Wish) -> Results:
     return results
 
 
-def _requests(wish: Wish) -> requests.Found:
+def _requests(wish: Wish) -> request_report.Found:
     """The requests, on all cores."""
-    found = requests.Found()
+    found = request_report.Found()
     count = wish.rounds or (requests.STRICT // requests.ROUND if wish.strict else cores())
     seeds = range(wish.seed, wish.seed + count)
     with multiprocessing.get_context("spawn").Pool(min(cores(), count)) as pool:

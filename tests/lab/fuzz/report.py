@@ -101,12 +101,12 @@ def _bound(measure: str, device: str, amount: int) -> int | None:
 
 
 def verdicts(results: Results) -> list[str]:
-    """Whatever is not as it must be, in words."""
+    """Return one line for each kind of fault."""
     found = []
     for (measure, device), outcome in sorted(results.items()):
         bound = None if measure in ("splits", "talks") else _bound(measure, device, outcome.amount)
         if outcome.faults:
-            found.append(f"{device}: {measure}: {len(outcome.faults)} times not as it must be")
+            found.append(f"{device}: {measure}: {len(outcome.faults)} faults")
         if bound is not None and outcome.false > bound:
             found.append(f"{device}: {measure}: {outcome.false} believed, which is not within the bound of {bound}")
     return found
@@ -120,4 +120,4 @@ def document(shown: list[Table], found: list[str]) -> str:
         f"Python {platform.python_version()}, {cores()} cores, {measured}."
     )
     lines = ["# Fuzzing of the devices and of the requests", "", head, *(table.markdown() for table in shown), ""]
-    return "\n".join([*lines, *(found or ["All is as it must be."]), ""])
+    return "\n".join([*lines, *(found or ["No faults found."]), ""])

@@ -11,7 +11,6 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 from types import SimpleNamespace
@@ -19,11 +18,10 @@ from typing import Any, cast
 
 import msgpack
 import numpy as np
-from bench.tables import Cell, Table
-from fuzz.asking import CLIENTS, FINGERS, MOST_CAPTURED, Ask, Asker, Captured, Seen
+from fuzz.asking import FINGERS, MOST_CAPTURED, Ask, Asker, Captured, Seen
 from fuzz.book import BUDGET_N, CEILING_N, LEAST_N, LOWER_N_PER_S, MOST_N, RAISE_N_PER_S, REFLEX_N_PER_S, STEP_N, Book
 from fuzz.hand import FAULTS, FORCE_TABLE, OPEN_M, Hand, Said
-from numpy.typing import NDArray
+from fuzz.request_report import AGAIN, LOOKED_AT_NS, UNJUDGED, Found
 
 from slipd import config
 from slipd.bus.request_server import RequestServer
@@ -47,31 +45,20 @@ from slipd_client.messages import ERROR_CODES, MESSAGE_LIMITS, MessageError, dec
 
 MS = 1_000_000
 STRICT, ROUND = 1_000_000, 10_000
-"""Messages in all of a strict run, and of a round."""
+"""Messages of a strict run, and of one round."""
 
 RESTART_EVERY = 2_500
-"""Messages from one run of the daemon to the next: what was captured in one is sent to the others."""
+"""Messages per run of the daemon; what was captured in one run is also sent to the next ones."""
 
 BEGIN_NS = 1_000_000 * MS
 TICK_NS = 5 * MS
 READING_NS = 10 * MS
 REPLY_NS = 6 * MS
-WANTED_NS = 1_000_000
-LOOKED_AT_NS = 500_000
-"""A message that took longer is timed again, so that the machine is not taken for the daemon."""
-
-AGAIN = 3
-GROWTH_KB = 4096
-"""What a process may take up for good beyond its first round: arenas of the allocator, and no more."""
-
 OVERLOAD = 2
-"""Status bits with which the force sensor says that its reading is beyond its range."""
+"""Status bits of the force sensor for a reading beyond its range."""
 
 NEVER_DONE = ("hello", "status")
-"""Ask for nothing to be done, so that there is nothing to repeat."""
-
-UNJUDGED = ("busy", "deadline_too_far", "repeated_id", "replayed")
-"""Refused so, a request is as new to the daemon as before: sent again later, it is done for the first time."""
+"""Requests that change nothing, so that a repetition is harmless."""
 
 CONFIG = f"""
 [rates]
@@ -119,71 +106,14 @@ raise_n_per_s = {REFLEX_N_PER_S}
 calm_s = 0.1
 lower_n_per_s = 1.0
 """
-"""Of every second round: the object slips now and then, and the reflex acts on it."""
+"""Config of every second round: the object slips at times, and the reflex acts."""
 
 MOST_PULL = 0.6
-"""Of the grip; friction carries 0.5 of it."""
-
-
-@dataclass
-class Found:
-    """What one or more rounds found.
-
-    Attributes:
-        messages: Sent, by how they were made.
-        granted: By op; repetitions are not counted.
-        replays: Captured requests that were sent again.
-        cached: Those answered as the first time, with nothing done.
-        late: Those granted that had been refused without being judged.
-        commands: Frames that told the gripper something.
-        acts: Of the reflex.
-        violations: What was done beyond what is allowed, in words.
-        accepted_replays: Captured requests that were done again, in words.
-        took_ns: CPU time of each message, ns.
-        slowest: The slowest messages: ns, how it was made, seed, number.
-        memory_kb: Process → its memory behind the first and behind the last of its rounds.
-        faults: Whatever else must not happen, in words.
-    """
-
-    messages: Counter[str] = field(default_factory=Counter)
-    granted: Counter[str] = field(default_factory=Counter)
-    replays: int = 0
-    cached: int = 0
-    late: int = 0
-    commands: int = 0
-    acts: int = 0
-    violations: list[str] = field(default_factory=list)
-    accepted_replays: list[str] = field(default_factory=list)
-    took_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    slowest: list[tuple[int, str, int, int]] = field(default_factory=list)
-    memory_kb: dict[int, tuple[int, int]] = field(default_factory=dict)
-    faults: list[str] = field(default_factory=list)
-
-    @property
-    def bad(self) -> list[str]:
-        """All that must not be."""
-        return self.violations + self.accepted_replays + self.faults
-
-    def add(self, other: Found) -> None:
-        """Takes in another round."""
-        self.messages += other.messages
-        self.granted += other.granted
-        self.replays += other.replays
-        self.cached += other.cached
-        self.late += other.late
-        self.commands += other.commands
-        self.acts += other.acts
-        self.violations += other.violations
-        self.accepted_replays += other.accepted_replays
-        self.took_ns = np.concatenate((self.took_ns, other.took_ns))
-        self.slowest = sorted(self.slowest + other.slowest, reverse=True)[:5]
-        self.faults += other.faults
-        for process, (first, last) in other.memory_kb.items():
-            self.memory_kb[process] = self.memory_kb.get(process, (first, last))[0], last
+"""Largest pull as a share of the grip force; friction carries 0.5 of it."""
 
 
 class _Connection:
-    """What the request server looks at of a peer."""
+    """The part of a peer that the request server reads."""
 
     kind = b"DEALER"
     key = b""
@@ -192,7 +122,7 @@ class _Connection:
 
 
 class _Server(RequestServer):
-    """The request server's own judgement, without its socket, and without its limit of requests a second."""
+    """The real request server without its socket and without its rate limit."""
 
     def __init__(self, on_request: Callable[[bytes, dict[str, Any]], None]) -> None:
         super().__init__("", on_request, per_second=1e12)
@@ -494,62 +424,6 @@ def fuzz(seed: int, count: int = ROUND) -> Found:
     gc.collect()
     found.memory_kb = {os.getpid(): (_memory_kb(),) * 2}
     return found
-
-
-def tables(found: Found, wanted: int) -> list[Table]:
-    """What was sent and what came of it; ``wanted`` messages were to be sent."""
-    sent = Table(f"Requests: {sum(found.messages.values())} messages at a daemon without sockets", ("made", "messages"))
-    sent.rows += [(kind, count) for kind, count in found.messages.most_common()]
-    ops = ", ".join(f"{op} {count}" for op, count in found.granted.most_common())
-    sent.notes += [
-        f"Of {len(CLIENTS)} clients with clocks of their own, while sensors fall silent, saturate or are unplugged, "
-        "the gripper faults, lies, goes deaf or loses its power, the host sleeps, and the daemon starts anew.",
-        f"Granted: {ops}.",
-        f"{found.commands} command frames were sent to the gripper, each decoded by an independent implementation "
-        f"of the manual; the reflex, on in every second round, acted {found.acts} times.",
-    ]
-    head = ("requests", "found", "wanted", "reached")
-    figures = Table("Requests: what must hold", head)
-    p50, p999 = (float(np.percentile(found.took_ns, share)) * 1e-3 for share in (50, 99.9))
-    worst_ms = int(found.took_ns.max()) * 1e-6
-    grown_kb = max(last - first for first, last in found.memory_kb.values())
-    figures.rows += [
-        _figure("messages", sum(found.messages.values()), wanted, above=True),
-        _figure("limit violations", len(found.violations), 0),
-        _figure(f"captured requests done again, of {found.replays}", len(found.accepted_replays), 0),
-        _figure("raised, unanswered, or answered with nonsense", len(found.faults), 0),
-        ("CPU time of a message, p50, µs", p50, "", ""),
-        ("CPU time of a message, p99.9, µs", p999, "", ""),
-        _figure("CPU time of a message, worst, ms", worst_ms, WANTED_NS * 1e-6),
-        _figure("memory of a process behind its last round, beyond that behind its first, kB", grown_kb, GROWTH_KB),
-    ]
-    slowest = ", ".join(f"{ns * 1e-3:.0f} µs {kind}" for ns, kind, _, _ in found.slowest)
-    figures.notes += [
-        f"Captured requests: {found.cached} came from their own client within their deadline, and were answered as "
-        f"before with nothing done; {found.late} had been refused unjudged ({', '.join(UNJUDGED)}), and so were done "
-        "for the first time. hello and status are not counted: they do nothing.",
-        "CPU time: from a message's frames to its packed reply, all that it writes and publishes included; what took "
-        f"over {LOOKED_AT_NS * 1e-6:g} ms was done again up to {AGAIN} times from the same seed, and the least counts.",
-        f"The slowest: {slowest}.",
-    ]
-    return [sent, figures]
-
-
-def verdicts(found: Found) -> list[str]:
-    """Whatever is not as it must be, in words."""
-    told = []
-    if found.bad:
-        told.append(f"requests: {len(found.bad)} times not as it must be")
-    if found.took_ns.max() > WANTED_NS:
-        told.append(f"requests: the worst message takes {found.took_ns.max() * 1e-6:.2f} ms")
-    if max(last - first for first, last in found.memory_kb.values()) > GROWTH_KB:
-        told.append("requests: memory grows")
-    return told
-
-
-def _figure(what: str, found: float, wanted: float, *, above: bool = False) -> tuple[Cell, ...]:
-    reached = found >= wanted if above else found <= wanted
-    return what, found, f"at {'least' if above else 'most'} {wanted:g}", "yes" if reached else "no"
 
 
 def _memory_kb() -> int:

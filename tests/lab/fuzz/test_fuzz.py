@@ -164,7 +164,7 @@ def test_a_report_counts_what_was_done_and_lists_the_faults() -> None:
     results = {(job.measure, job.device): outcome for job, outcome in map(Job.run, jobs)}
     results["noise", "bota"] = Outcome("bota", amount=1 << 20, seconds=1.0)
     told = document(tables(results, ["bota"]), verdicts(results))
-    assert told.endswith("All is as it must be.\n")
+    assert told.endswith("No faults found.\n")
     assert told.count("| bota |") == 4
     results["noise", "bota"].false = 3
     assert verdicts(results) == ["bota: noise: 3 believed, which is not within the bound of 0"]

@@ -16,7 +16,8 @@ import pytest
 from fuzz import requests
 from fuzz.asking import BOMBS, FIELDS, LONGEST_BYTES, Asker, Captured, Seen
 from fuzz.hand import FORCE_TABLE, Hand, newtons
-from fuzz.requests import Found, fuzz, tables, verdicts
+from fuzz.request_report import Found, tables, verdicts
+from fuzz.requests import fuzz
 from permits import activate, move
 
 from slipd.devices.robotiq_2f import Session
@@ -156,5 +157,5 @@ def test_a_report_lists_what_was_found() -> None:
     assert sum(int(row[1]) for row in sent.rows) == 600
     assert [row[3] for row in figures.rows[:4]] == ["yes"] * 4
     found.violations.append("too much")
-    assert verdicts(found)[0] == "requests: 1 times not as it must be"
+    assert verdicts(found)[0] == "requests: 1 faults"
     assert tables(found, 1000)[1].rows[1][3] == "no"
