@@ -117,8 +117,8 @@ class ForceChannel:
         rows = new_readings(numbers, [t_ns * 1e-9 for t_ns in times_ns])
         wrenches = rows["wrench"]
         untrusted = self._check(numbers, wrenches, statuses, times_ns)
-        for at in untrusted:
-            rows["phase"][at] = UNTRUSTED
+        for k in untrusted:
+            rows["phase"][k] = UNTRUSTED
         if self.tare.busy and 0 not in untrusted:
             self.tare.apply(wrenches[0], times_ns[0])
         if self.tare.current is not self._offset:
@@ -128,9 +128,9 @@ class ForceChannel:
             move_to_pad(rows, transform)
             self._subtract_drift(self.drift, rows, times_ns, untouched())
             transform = IDENTITY
-        for at, sample in enumerate(samples):
+        for k, sample in enumerate(samples):
             if not sample.has_torque:
-                wrenches[at, 3:] = math.nan
+                wrenches[k, 3:] = math.nan
         return WrenchBatch(times_ns, samples[-1].t_ns, rows, transform, untrusted, statuses)
 
     def begin_read(self, first_ns: int, arrival: Arrival) -> None:
@@ -172,15 +172,15 @@ class ForceChannel:
         self.status = statuses[-1]
         if any(statuses):
             words = (UNTRUSTED_WORDS.intersection(status) for status in statuses)
-            untrusted = {at: tuple(sorted(found)) for at, found in enumerate(words) if found}
-        for at, fault in self._watch.update(readings, times_ns, wrenches).items():
+            untrusted = {k: tuple(sorted(found)) for k, found in enumerate(words) if found}
+        for k, fault in self._watch.update(readings, times_ns, wrenches).items():
             if fault in UNTRUSTED_FAULTS:
-                untrusted[at] = (*untrusted.get(at, ()), fault)
+                untrusted[k] = (*untrusted.get(k, ()), fault)
         self.fault = self._watch.fault
         if not self._watch.lively:
-            for at, reading in enumerate(readings):
-                if not all(map(math.isfinite, reading)) and untrusted.get(at, GARBAGE) == GARBAGE:
-                    untrusted[at] = NOT_FINITE
+            for k, reading in enumerate(readings):
+                if not all(map(math.isfinite, reading)) and untrusted.get(k, GARBAGE) == GARBAGE:
+                    untrusted[k] = NOT_FINITE
             if untrusted.get(len(readings) - 1) == NOT_FINITE:
                 self.fault = "not_finite"
         return untrusted

@@ -33,11 +33,11 @@ class ForceHistory:
     def update(self, batch: VerdictBatch) -> None:
         """Add the readings of one read that can be trusted."""
         last_ns = self._past[-1][0] if self._past else -PAST_NS
-        rows = batch.readings.rows
+        rows, times_ns, phases = batch.readings.rows, batch.readings.times_ns, batch.phases
         for k, normal_n in enumerate(rows["contact"]["normal_n"].tolist()):
-            if batch.phases[k] not in (TOUCHING, FREE):
+            if phases[k] not in (TOUCHING, FREE):
                 continue
-            t_ns = batch.readings.times_ns[k]
+            t_ns = times_ns[k]
             if t_ns - last_ns >= PAST_NS:
                 self._past.append((t_ns, wrench_at(rows, k)))
                 last_ns = t_ns
