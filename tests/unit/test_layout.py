@@ -12,8 +12,6 @@ from project import DAEMON, ROOT
 MOST_LINES = 300
 LONGER = {
     "devices/papillarray/papillarray_frames.py": "every block of one protocol",
-    "engine/device_link.py": "to be cut",
-    "fusion/limit_kernels.py": "to be cut",
 }
 """Longer files, and why."""
 
