@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from slipd.config.bounds import Fault
 from slipd.config.bus_model import Bus
 from slipd.config.model import Config
+from slipd.config.value_bounds import Fault
 
 _ENDPOINT = re.compile(r"ipc:///[^\0]+|tcp://(\d{1,3}(\.\d{1,3}){3}|localhost|\*):(\d{1,5}|\*)")
 _LOCAL = re.compile(r"tcp://(127\.|localhost:)")

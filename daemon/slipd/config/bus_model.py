@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from slipd.config.bounds import StrictModel
+from slipd.config.value_bounds import StrictModel
 
 File = Annotated[str, Field(pattern=r"^/[^\x00-\x1f]+$")]
 """An absolute path."""

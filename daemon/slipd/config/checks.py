@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import re
 
-from slipd.config.bounds import Fault
 from slipd.config.bus_checks import bus_faults
 from slipd.config.finger_checks import finger_faults
 from slipd.config.gripper_checks import grasp_faults, gripper_faults, reflex_faults
 from slipd.config.model import Config
 from slipd.config.stream_checks import stream_faults
 from slipd.config.stream_model import Stream
+from slipd.config.value_bounds import Fault
 
 _FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
 _PORT_KEYS = ("options", "baud", "hardware_id")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from slipd.config.bounds import LONGEST_PAD_M, MOST_MIN_NORMAL_N, Fault
 from slipd.config.finger_model import Finger, Pad, Wrench
 from slipd.config.stream_checks import stream_faults
 from slipd.config.stream_settings import axes_of
+from slipd.config.value_bounds import LONGEST_PAD_M, MOST_MIN_NORMAL_N, Fault
 from slipd.devices import DEVICES
 
 

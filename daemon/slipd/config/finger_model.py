@@ -6,7 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from slipd.config.bounds import (
+from slipd.config.stream_model import NotNegative, Positive, Stream
+from slipd.config.value_bounds import (
     MOST_FRICTION,
     DriftForce,
     DriftTime,
@@ -26,7 +27,6 @@ from slipd.config.bounds import (
     TorqueNoise,
     TorqueRange,
 )
-from slipd.config.stream_model import NotNegative, Positive, Stream
 
 MU_RAISE = 2.0
 """`friction.set` accepts up to this many times the configured μ, unless ``mu_max`` is given."""

@@ -6,10 +6,10 @@ import itertools
 import math
 from collections.abc import Iterator
 
-from slipd.config.bounds import GRIP, MARGIN, PLACE, SPEED, WIDTH, Fault, table_fault
 from slipd.config.gripper_model import Grasp, Gripper
 from slipd.config.model import Config
 from slipd.config.stream_model import Table
+from slipd.config.value_bounds import GRIP, MARGIN, PLACE, SPEED, WIDTH, Fault, table_fault
 from slipd.devices import DEVICES, Device, GripRange
 
 FACING = -0.98

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
-from slipd.config.bounds import Calm, Grip, LeadTime, Quaternion, Slew, StrictModel
 from slipd.config.stream_model import NotNegative, Stream, Table
+from slipd.config.value_bounds import Calm, Grip, LeadTime, Quaternion, Slew, StrictModel
 
 
 class Gripper(Stream):

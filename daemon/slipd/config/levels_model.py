@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from slipd.config.bounds import StrictModel
 from slipd.config.stream_model import Hertz
+from slipd.config.value_bounds import StrictModel
 
 
 class Levels(StrictModel):

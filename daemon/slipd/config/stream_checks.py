@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from urllib.parse import urlsplit
 
-from slipd.config.bounds import MARGIN, Fault
 from slipd.config.stream_model import Stream
 from slipd.config.stream_settings import device_options, stale_after_ns, transport_of
+from slipd.config.value_bounds import MARGIN, Fault
 from slipd.devices import DEVICES, Device
 
 _KINDS = {"wrench": ("wrench",), "tactile": ("tactile",), "gripper": ("gripper",), "any": ("wrench", "tactile")}
