@@ -118,7 +118,7 @@ class Pad(Stream):
 
 
 class Slip(StrictModel):
-    """``[finger.X.slip]``: when a drop of R counts as a slip (see `slipd.fusion.slip.SlipSettings`)."""
+    """``[finger.X.slip]``: when a drop of R counts as a slip (see `slipd.fusion.levels.SlipSettings`)."""
 
     drop: float = Field(default=0.12, gt=0.0, lt=1.0)
     window_s: SlipWindow = 0.04

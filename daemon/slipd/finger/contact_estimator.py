@@ -16,8 +16,8 @@ from slipd.finger.friction import Friction
 from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion import Contact
+from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
-from slipd.fusion.slip import ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.streaming import contact_at, find_contacts, solve_readings, spin_utilisation_1n
 
 CONTACT_HYSTERESIS = 0.8

@@ -11,8 +11,8 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.config import Wrench
 from slipd.finger.freshness import Arrival
+from slipd.fusion.levels import Uncertainty
 from slipd.fusion.rows import PENDING, UNTRUSTED, Rows
-from slipd.fusion.slip import Uncertainty
 from slipd.fusion.streaming import IDENTITY, WrenchTransform, move_to_pad, new_readings
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 from slipd.samples import WrenchSample

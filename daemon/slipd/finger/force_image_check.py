@@ -14,7 +14,7 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion import Contact
 from slipd.fusion.contact import contact_of
-from slipd.fusion.slip import Uncertainty
+from slipd.fusion.levels import Uncertainty
 from slipd.signals.force_image_agreement import STDS, Agreement
 
 COMPARE_NS = 10_000_000

@@ -6,7 +6,7 @@ Nothing pulls on a pad: such a force means a wrong sign, a wrong mounting, or a 
 from __future__ import annotations
 
 from slipd.config import Finger
-from slipd.fusion.slip import Uncertainty
+from slipd.fusion.levels import Uncertainty
 from slipd.signals.force_image_agreement import CLEAR, STDS
 
 LARGEST_BIAS_N = 10.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from slipd.fusion.levels import Assessment
 from slipd.fusion.rows import STABLE, WARNING
-from slipd.fusion.slip import Assessment
 
 SEVERITY = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
 """Severity of each level; "unknown" is worse than any level at which the grip holds."""

@@ -58,7 +58,7 @@ UTILISATION = np.dtype(
     align=True,
 )
 
-#: Verdict on a reading, see `slipd.fusion.slip.Assessment`.
+#: Verdict on a reading, see `slipd.fusion.levels.Assessment`.
 ASSESSMENT = np.dtype(
     [
         ("level", _INTEGER),
@@ -87,7 +87,7 @@ READING = np.dtype(
     align=True,
 )
 
-#: What `slipd.fusion.slip.ContactWatch` knows beside its windows: settings, the friction and uncertainty in force, and
+#: What `slipd.fusion.levels.ContactWatch` knows beside its windows: settings, the friction and uncertainty in force, and
 #: memory. Pairs are of force and of spin.
 WATCH = np.dtype(
     [

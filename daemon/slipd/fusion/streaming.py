@@ -2,7 +2,7 @@
 
 One read of a sensor gives some readings. `new_readings` makes a row of each, then every step fills in its own fields:
 `find_contacts`, `slipd.fusion.hull.Outline.fill_margins`, `solve_readings` and
-`slipd.fusion.slip.ContactWatch.assess`. Nothing here checks its arguments.
+`slipd.fusion.levels.ContactWatch.assess`. Nothing here checks its arguments.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 from slipd.fusion.contact import Contact, contact_numbers
+from slipd.fusion.levels import Assessment
 from slipd.fusion.limit import batch
 from slipd.fusion.limit.solve import GOAL, KINDS, MAX_PASSES, NO_TWIST, solve_utilisation
 from slipd.fusion.limit_surface import Twist, Utilisation, pole_or_none
@@ -30,7 +31,6 @@ from slipd.fusion.rows import (
     Rows,
     new_rows,
 )
-from slipd.fusion.slip import Assessment
 
 
 class WrenchTransform(NamedTuple):
@@ -62,7 +62,7 @@ class Reading(NamedTuple):
         contact: The contact; not valid unless TOUCHING.
         tipping_margin_m: Signed distance of the centroid to the outline of the contact, m; NaN without an image.
         utilisation: λ with its bounds; None where it was not solved.
-        assessment: What `slipd.fusion.slip.ContactWatch` found.
+        assessment: What `slipd.fusion.levels.ContactWatch` found.
     """
 
     wrench: Array

@@ -1,4 +1,4 @@
-"""The slip decision of one contact, reading by reading: how near the limit, beyond it, or slipping already.
+"""Level of one contact, reading by reading: utilisation against thresholds with hysteresis, tipping, and slip.
 
 At the onset of slip, R falls from the static to the dynamic friction coefficient (paper, after eq. (4)). R also falls
 when the grip is tightened, and the load falls when an object is set down. A drop counts as slip only when the load
@@ -33,7 +33,7 @@ from slipd.fusion.rows import (
 
 #: Initial capacity of a window, in readings; it grows when they come faster.
 FIRST_CAPACITY = 64
-#: The load is mostly spin where translation alone explains less than this share of the utilisation.
+#: The load is mostly spin if translation alone explains less than this fraction of the utilisation.
 ROTATION_SHARE = 0.7
 
 
@@ -57,11 +57,11 @@ class SlipSettings:
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Utilisation at which the steps CAUTION and WARNING begin; each ends ``hysteresis`` below."""
+    """Utilisation at which the steps CAUTION and WARNING begin; each ends ``hysteresis`` below that."""
 
-    caution: float = 0.70
-    warning: float = 0.85
-    hysteresis: float = 0.05
+    caution: float
+    warning: float
+    hysteresis: float
 
 
 class Uncertainty(NamedTuple):
@@ -195,7 +195,7 @@ def _assess(readings: Rows, watches: Rows, windows: Rows) -> None:
                 upper = (
                     (upper * normal + unknown_n / mu + watch["spin_utilisation_1n"]) / free if free > 0.0 else math.inf
                 )
-        step = _gate(upper, watch["step"], watch["caution"], watch["warning"], watch["hysteresis"])
+        step = _step_with_hysteresis(upper, watch["step"], watch["caution"], watch["warning"], watch["hysteresis"])
         watch["step"] = step
         for which in range(2):
             load = math.hypot(contact["fx_n"], contact["fy_n"]) if which == 0 else abs(spin)
@@ -229,7 +229,7 @@ def _forget(watch: Rows) -> None:
 
 
 @compiled
-def _gate(used: float, step: int, caution: float, warning: float, hysteresis: float) -> int:
+def _step_with_hysteresis(used: float, step: int, caution: float, warning: float, hysteresis: float) -> int:
     """Return the step of a utilisation that follows one of ``step``; infinity exceeds every threshold."""
     reached = int(used >= caution) + int(used >= warning)
     while reached < step and used >= (caution if reached == 0 else warning) - hysteresis:

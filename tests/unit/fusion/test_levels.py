@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slipd.fusion.levels import Assessment, ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import CAUTION, FREE, READING, STABLE, TOUCHING, WARNING, Rows, new_rows
-from slipd.fusion.slip import Assessment, ContactWatch, SlipSettings, Thresholds, Uncertainty
 
 MU = 0.6
 
@@ -159,6 +159,6 @@ def test_a_read_longer_than_the_window_is_followed_as_a_whole() -> None:
     count = 700
     load = np.where(np.arange(count) < 400, 6.0, 4.5)
     rows = row_of(count, load, 10.0, load / 6.0, np.arange(count) * 1e-4)
-    watch = ContactWatch(Thresholds(), SlipSettings(), 0.001, 0.3)
+    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
     watch.assess(rows, MU, Uncertainty(), 0.0)
     assert np.flatnonzero(rows["assessment"]["slips"])[0] == 400
