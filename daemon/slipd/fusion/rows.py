@@ -87,8 +87,8 @@ READING = np.dtype(
     align=True,
 )
 
-#: What `slipd.fusion.levels.ContactWatch` knows beside its windows: settings, the friction and uncertainty in force, and
-#: memory. Pairs are of force and of spin.
+#: State of `slipd.fusion.levels.ContactWatch` without its windows: settings, friction and uncertainty in force, memory.
+#: Pairs are (force, spin).
 WATCH = np.dtype(
     [
         *_floats("caution", "warning", "hysteresis", "kept", "window_s", "armed_at", "hold_s"),

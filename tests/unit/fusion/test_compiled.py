@@ -134,7 +134,7 @@ def test_kernels_give_the_same_without_compilation() -> None:
         pytest.skip("this is the run without compilation")
     here = Path(__file__).parent
     run = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here / "test_limit_surface.py")]
-    run += [str(here / "test_slip.py"), str(here / "test_contact.py")]
+    run += [str(here / "test_levels.py"), str(here / "test_contact.py")]
     run += ["-W", "ignore::RuntimeWarning"]  # plain NumPy warns of inf · 0, which the result shows
     words = "ring or points or obtuse or collinear or one_taxel or bad_data or duplicate or no_load or follow or moved"
     done = subprocess.run(
