@@ -47,6 +47,7 @@ def _judge_contact() -> None:
     finger = Finger("warm", FingerConfig(mu=0.5, wrench=wrench, pad=pad), Levels())
     finger.update_image(TactileSample(0, None, np.ones(4)))
     for torque in (np.zeros(3), None):
-        samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(2)]
-        for _ in finger.decide(samples, (0, 1)):
-            pass
+        samples = [WrenchSample(k, None, np.array((0.1, 0.0, -1.0 - k)), torque) for k in range(3)]
+        for read in (samples[:2], samples[2:]):  # readings that arrive together and alone take different paths
+            for _ in finger.decide(read, [sample.t_ns for sample in read]):
+                pass

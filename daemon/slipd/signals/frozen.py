@@ -11,8 +11,6 @@ import math
 from collections.abc import Sequence
 from operator import mul
 
-import numpy as np
-
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 
@@ -38,6 +36,9 @@ FORGET = 0.05
 """Part of an impossible reading that each good one offsets: garbage ends after 60 good readings."""
 _NEVER = 1 << 63
 """More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it."""
+
+_REPEATS, _JUMPS, _IMPOSSIBLE, _NOT_FINITE = 1, 2, 4, 8
+"""Findings about one reading; see `_compare`."""
 
 FLICKER_NS = 10_000_000_000
 FLICKERS = 3
@@ -134,8 +135,11 @@ class WrenchWatch:
         """
         if len(readings) > 1 and self._update_at_once(readings, times_ns[-1], rows):
             return {}
-        found = {}
         self.lively = True
+        if len(readings) == 1:
+            fault = self._update_one(readings[0], times_ns[0])
+            return {0: fault} if fault else {}
+        found = {}
         for at, reading in enumerate(readings):
             if self._update_one(reading, times_ns[at]):
                 found[at] = self.fault
@@ -143,25 +147,24 @@ class WrenchWatch:
 
     def _update_at_once(self, readings: Sequence[Sequence[float]], last_ns: int, rows: Array) -> bool:
         """Update with good readings at once; return False if one of them needs a closer look."""
-        if self._alert or last_ns - self._last_ns > self._gap_ns:
+        is_first = math.isnan(self._row[0])
+        if is_first or self._alert or last_ns - self._last_ns > self._gap_ns:
             return False
-        self.lively = _is_lively(np.array(self._row), rows, self._range_n**2, self._range_nm**2, self._jump_n**2)
-        if self.lively:
-            if self._equal:
-                self._end_run(honest=True)
-            self._row, self._last_ns, self._step, self.fault = readings[-1], last_ns, None, ""
-            self.suspect = self.rests = False
-        return self.lively
+        if _has_findings(self._row, rows, self._range_n, self._range_nm, self._jump_n):
+            return False
+        if self._equal:
+            self._end_run(honest=True)
+        self._row, self._last_ns, self._step, self.fault = readings[-1], last_ns, None, ""
+        self.lively, self.suspect, self.rests = True, False, False
+        return True
 
     def _update_one(self, row: Sequence[float], t_ns: int) -> str:
         """Update with one reading; return its fault."""
         before, self._row = self._row, row
-        force_n, last_n = row[:3], before[:3]
         gap = t_ns - self._last_ns > self._gap_ns
-        possible = math.hypot(*force_n) <= self._range_n and math.hypot(*row[3:]) <= self._range_nm  # false for NaN
-        jumps = math.dist(force_n, last_n) >= self._jump_n  # false for NaN, such as before the first reading
-        if gap or jumps or self._alert or row == before or not possible:
-            self._check_closely(before, t_ns, gap=gap, jumps=jumps)
+        findings = _compare(before, row, self._range_n, self._range_nm, self._jump_n)
+        if findings or gap or self._alert:
+            self._check_closely(before, t_ns, findings, gap=gap)
         else:
             if self._equal:
                 self._end_run(honest=True)
@@ -169,19 +172,18 @@ class WrenchWatch:
         self._last_ns = t_ns
         return self.fault
 
-    def _check_closely(self, before: Sequence[float], t_ns: int, *, gap: bool, jumps: bool) -> None:
-        """Check the newest reading for faults."""
+    def _check_closely(self, before: Sequence[float], t_ns: int, findings: int, *, gap: bool) -> None:
+        """Check the newest reading for faults; `_compare` returned ``findings``."""
         self.lively = False
-        row = self._row
-        wild = not math.hypot(*row[:3]) <= self._range_n or math.hypot(*row[3:]) > self._range_nm
-        self._count(t_ns, alike=row == before, gap=gap)
-        if jumps or wild:
-            self._count_impossible(row[:3], before[:3], wild=wild)
+        jumps, impossible = bool(findings & _JUMPS), bool(findings & _IMPOSSIBLE)
+        self._count(t_ns, alike=bool(findings & _REPEATS), gap=gap)
+        if jumps or impossible:
+            self._count_impossible(self._row[:3], before[:3], beyond_range=impossible)
         else:
             self._step = None
         stuck = self._is_stuck(t_ns)
         self.fault = self._find_fault(gap, stuck, t_ns) if gap or stuck or self._alert else ""
-        if wild and self.fault != "stuck" and all(map(math.isfinite, row)):
+        if impossible and self.fault != "stuck" and not findings & _NOT_FINITE:
             self.fault = "garbage"
         repeats = self._is_suspect(t_ns)
         self.suspect = jumps or repeats
@@ -215,11 +217,11 @@ class WrenchWatch:
             return False
         return self._equal > self._habit.repeats or t_ns - self._since_ns > RESTED_NS
 
-    def _count_impossible(self, force_n: Sequence[float], last_n: Sequence[float], *, wild: bool) -> None:
+    def _count_impossible(self, force_n: Sequence[float], last_n: Sequence[float], *, beyond_range: bool) -> None:
         """Count a reading out of range or a jump back and forth; a single jump may be a blow."""
         before, self._step = self._step, [now - last for now, last in zip(force_n, last_n, strict=True)]
         back = before is not None and sum(map(mul, before, self._step)) < 0.0
-        if back or wild:
+        if back or beyond_range:
             self._impossible = min(self._impossible + 1.0, JUMPS) + FORGET
             self._alert = True
 
@@ -266,19 +268,39 @@ class Habit:
 
 
 @compiled
-def _is_lively(before: Array, rows: Array, range2: float, torque2: float, jump2: float) -> bool:
-    """Return whether each reading is in range and differs from the one before, by less than a jump."""
-    for k in range(len(rows)):
-        last = before if k == 0 else rows[k - 1]
-        jump = force = torque = 0.0
-        alike = True
-        for i in range(6):
-            alike = alike and rows[k, i] == last[i]
-            if i < 3:
-                jump += (rows[k, i] - last[i]) ** 2
-                force += rows[k, i] ** 2
-            else:
-                torque += rows[k, i] ** 2
-        if alike or not (jump < jump2 and force <= range2 and torque <= torque2):  # true for NaN
-            return False
-    return True
+def _compare(before: Sequence[float], row: Sequence[float], range_n: float, range_nm: float, jump_n: float) -> int:
+    """Return the sum of the findings about a reading; 0 if it is in range, and differs from the last, by no jump.
+
+    Args:
+        before: Force and torque of the reading before; NaN if there is none.
+        row: Force and torque of the reading.
+        range_n: Largest possible force; NaN is impossible too.
+        range_nm: Largest possible torque; NaN is only not finite.
+        jump_n: Smallest change of the force that is a jump; a change from or to NaN is none.
+    """
+    repeats = finite = True
+    for i in range(6):
+        repeats = repeats and row[i] == before[i]
+        finite = finite and math.isfinite(row[i])
+    findings = 0
+    if repeats:
+        findings += _REPEATS
+    if not finite:
+        findings += _NOT_FINITE
+    if math.hypot(math.hypot(row[0] - before[0], row[1] - before[1]), row[2] - before[2]) >= jump_n:
+        findings += _JUMPS
+    force_is_possible = math.hypot(math.hypot(row[0], row[1]), row[2]) <= range_n
+    if not force_is_possible or math.hypot(math.hypot(row[3], row[4]), row[5]) > range_nm:
+        findings += _IMPOSSIBLE
+    return findings
+
+
+@compiled
+def _has_findings(before: Sequence[float], rows: Array, range_n: float, range_nm: float, jump_n: float) -> bool:
+    """Return whether `_compare` finds anything about one of several readings."""
+    if _compare(before, rows[0], range_n, range_nm, jump_n):
+        return True
+    for k in range(1, len(rows)):  # noqa: SIM110 - Numba knows no generators
+        if _compare(rows[k - 1], rows[k], range_n, range_nm, jump_n):
+            return True
+    return False

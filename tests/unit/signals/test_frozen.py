@@ -375,9 +375,35 @@ def test_readings_that_arrive_together_are_judged_as_if_they_arrived_singly(
 
 @given(kinds=st.lists(ROWS, min_size=1, max_size=5), seed=st.integers(0, 99))
 def test_the_kernel_does_what_it_does_without_compilation(kinds: list[str], seed: int) -> None:
-    before = np.full(6, 5.0)
-    rows = rows_of(kinds, np.random.default_rng(seed), before)
-    lively = frozen._is_lively(before, rows, 1e4, 100.0, 625.0)
-    plain = getattr(frozen._is_lively, "py_func", frozen._is_lively)
-    with np.errstate(invalid="ignore"):
-        assert plain(before, rows, 1e4, 100.0, 625.0) == lively == (set(kinds) == {"well"})
+    before, limits = (5.0,) * 6, (100.0, 10.0, 25.0)
+    rows = rows_of(kinds, np.random.default_rng(seed), np.array(before))
+    found = frozen._has_findings(before, rows, *limits)
+    assert found == (set(kinds) != {"well"})
+    if hasattr(frozen._has_findings, "py_func"):
+        assert frozen._has_findings.py_func(before, rows, *limits) == found
+    plain = getattr(frozen._compare, "py_func", frozen._compare)
+    for row, last in zip(rows, (before, *rows), strict=False):
+        with np.errstate(invalid="ignore"):
+            assert plain(last, row, *limits) == frozen._compare(tuple(last), tuple(row), *limits)
+
+
+@pytest.mark.parametrize(
+    ("row", "fault", "jumps"),
+    [
+        ((math.nan, 0.0, 0.0, 0.0, 0.0, 0.0), "garbage", False),
+        ((0.0, 0.0, 0.0, math.nan, 0.0, 0.0), "", False),
+        ((0.0, 0.0, 0.0, math.nan, math.inf, 0.0), "garbage", False),
+        ((math.inf, math.nan, 0.0, 0.0, 0.0, 0.0), "garbage", True),
+    ],
+)
+def test_N1_a_force_without_a_value_is_impossible_and_a_torque_without_one_is_not(
+    row: tuple[float, ...], fault: str, jumps: bool
+) -> None:
+    watch = WrenchWatch(100.0)
+    watch.update([(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)], [0], np.empty((0, 6)))
+    watch.update([row], [MS], np.empty((0, 6)))
+    assert not watch.lively
+    assert watch.suspect is jumps
+    for k in range(2, 6):
+        watch.update([row], [k * MS], np.empty((0, 6)))
+    assert watch.fault == fault
