@@ -21,16 +21,21 @@ from slipd.publish.status_publisher import StreamStatus
 from slipd.samples import Sample
 from slipd_client.messages import Health
 
-#: Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two.
 FLOOD_FACTOR = 4.0
-#: Readings that may arrive at once, as time at the expected rate: they waited in the kernel while the daemon stalled.
+"""Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two."""
+
 BURST_S = 1.0
-#: Least number of readings that may arrive at once: slow streams come in bunches too.
+"""Readings that may arrive at once, as time at the expected rate: they waited in the kernel while the daemon
+stalled."""
+
 LEAST_BURST = 32.0
-#: A flood, or an error in decoding, is reported for this long after it happened last.
+"""Least number of readings that may arrive at once: slow streams come in bunches too."""
+
 FAULT_SHOWN_NS = 1_000_000_000
-#: A longer silence of a stream is explained; bytes count as arriving for this long.
+"""A flood, or an error in decoding, is reported for this long after it happened last."""
+
 SILENT_NS = 1_000_000_000
+"""A longer silence of a stream is explained; bytes count as arriving for this long."""
 
 
 class DeviceLink:

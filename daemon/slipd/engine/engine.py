@@ -33,8 +33,9 @@ from slipd.requests.lease_handlers import policy_without_gripper
 from slipd.requests.recording_state import RecordingState
 from slipd.samples import GripperSample
 
-#: A longer sleep of the host makes every stream stale and ends the lease.
 SUSPENSION_NS = 50_000_000
+"""A longer sleep of the host makes every stream stale and ends the lease."""
+
 GRIPPER_LINK = "gripper"
 
 

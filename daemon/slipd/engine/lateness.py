@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from slipd.events import Event, Tick
 
-#: Least gap between ticks that counts as a stall. Ticks come every 5 ms; no stream is stale before twice this gap.
 LATE_NS = 10_000_000
-#: After a stall a line without readings counts as unread for as long as the stall, within these bounds. A daemon that
-#: has not caught up by then is overloaded, and a dead sensor must not hide behind that.
+"""Least gap between ticks that counts as a stall. Ticks come every 5 ms; no stream is stale before twice this gap."""
+
 LEAST_CATCH_UP_NS, MOST_CATCH_UP_NS = 100_000_000, 1_000_000_000
-#: A reading that waited longer is stale, whatever delayed it: its verdict comes too late.
+"""After a stall a line without readings counts as unread for as long as the stall, within these bounds. A daemon that
+has not caught up by then is overloaded, and a dead sensor must not hide behind that."""
+
 LONGEST_WAIT_NS = 1_000_000_000
-#: The worst stall is reported for this long.
+"""A reading that waited longer is stale, whatever delayed it: its verdict comes too late."""
+
 SHOWN_NS = 1_000_000_000
+"""The worst stall is reported for this long."""
 
 
 class Lateness:

@@ -15,12 +15,14 @@ from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock, host_time
 from slipd_client.messages import Health
 
-#: Relative deviation from the expected rate that is reported.
 RATE_TOLERANCE = 0.2
-#: Least time over which the rate is counted; a shorter one counts jitter.
+"""Relative deviation from the expected rate that is reported."""
+
 RATE_WINDOW_NS = 500_000_000
-#: Times that are not of this host's clock are reported for this long after the last one.
+"""Least time over which the rate is counted; a shorter one counts jitter."""
+
 BAD_TIME_SHOWN_NS = 1_000_000_000
+"""Times that are not of this host's clock are reported for this long after the last one."""
 
 
 @dataclass(slots=True)

@@ -24,16 +24,19 @@ from slipd.refusal import Refusal
 from slipd.samples import GripperSample
 from slipd_client.messages import Health
 
-#: A gripper that sends no reading for so long, or for three of its periods, does not answer. It exceeds the time in
-#: which a session gives up an unanswered command after two repeats.
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
-#: Longest pause between two calls: after a longer one the daemon itself stood still. Readings wait to be read, and
-#: unsent commands were meant for another situation.
+"""A gripper that sends no reading for so long, or for three of its periods, does not answer. It exceeds the time in
+which a session gives up an unanswered command after two repeats."""
+
 LONGEST_PAUSE_NS = 50_000_000
-#: A motion that no reading has shown for so long has ended, or never began.
+"""Longest pause between two calls: after a longer one the daemon itself stood still. Readings wait to be read, and
+unsent commands were meant for another situation."""
+
 LONGEST_BEGIN_NS = 1_000_000_000
-#: Fingers this close to their goal have arrived, m.
+"""A motion that no reading has shown for so long has ended, or never began."""
+
 ARRIVED_M = 5e-4
+"""Fingers this close to their goal have arrived, m."""
 
 
 class GripperControl:

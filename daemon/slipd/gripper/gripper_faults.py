@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from slipd.samples import GripperSample
 
-#: Wrong echoes in a row that count as a mismatch: a reading that crosses a command still echoes the previous one.
 ECHO_READINGS = 3
+"""Wrong echoes in a row that count as a mismatch: a reading that crosses a command still echoes the previous one."""
 
-#: An activation without an inactive reading for so long was immediate, or never happened.
 ACTIVATION_NS = 1_000_000_000
+"""An activation without an inactive reading for so long was immediate, or never happened."""
 
 COMMAND_LOST = "command_lost"
 LINK_LOST = "link_lost"

@@ -17,10 +17,11 @@ _NO_LIMIT = Refusal("no_limit", "gripper.max_force_n is not configured, so nothi
 _NO_ANSWER = Refusal("no_gripper", "the gripper does not answer; see status.streams.gripper")
 _NOTHING_GRIPPED = Refusal("not_ready", "no grip is in force: gripper.close begins one")
 
-#: Error texts round widths to this, m, towards what would be accepted.
 _SHOWN_M = 1e-4
-#: Fraction of `_SHOWN_M` within which a width counts as exact.
+"""Error texts round widths to this, m, towards what would be accepted."""
+
 _SHOWN_ROUNDING = 1e-6
+"""Fraction of `_SHOWN_M` within which a width counts as exact."""
 
 
 # -- the client, and whether the gripper can move at all

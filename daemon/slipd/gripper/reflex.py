@@ -12,16 +12,20 @@ from dataclasses import dataclass
 from slipd.finite import finite_or_none
 from slipd.gripper.grip_policy import ROUNDING_N, GripPolicy
 
-#: Least time between two acts, and the time over which one act ramps: grippers take about 50 commands a second.
 PERIOD_NS = 20_000_000
-#: A gripper shows the effect of a command after this long.
+"""Least time between two acts, and the time over which one act ramps: grippers take about 50 commands a second."""
+
 SETTLE_NS = 100_000_000
-#: After a longer pause between two decisions the calm time starts again.
+"""A gripper shows the effect of a command after this long."""
+
 LONGEST_GAP_NS = 250_000_000
-#: Smaller differences are noise of the needed force, or rounding by the gripper, N.
+"""After a longer pause between two decisions the calm time starts again."""
+
 DEAD_BAND_N = 0.1
-#: Factor above the needed force that lowering keeps: noise, or a gripper that rounds down, must not trigger a raise.
+"""Smaller differences are noise of the needed force, or rounding by the gripper, N."""
+
 KEEP = 1.1
+"""Factor above the needed force that lowering keeps: noise, or a gripper that rounds down, must not trigger a raise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from slipd.grasp.grasp_view import GraspView
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex import PERIOD_NS, Reflex, ReflexAct, ReflexSettings
 
-#: Levels at which the reflex is asked at once.
 ALARMS = frozenset({"warning", "slipping"})
+"""Levels at which the reflex is asked at once."""
 
 
 class ReflexController:

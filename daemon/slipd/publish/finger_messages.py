@@ -13,8 +13,8 @@ from slipd.finite import finite_or_none
 from slipd.publish.wire_values import Body, array, numbers, pair
 from slipd_client.messages import level_code
 
-#: ``force_unit``: the unit of every force in a message; torques are in this unit times metres.
 NEWTON, UNCALIBRATED = "N", "uncalibrated"
+"""``force_unit``: the unit of every force in a message; torques are in this unit times metres."""
 
 
 def slip_body(finger: Finger, state: FingerState) -> Body:

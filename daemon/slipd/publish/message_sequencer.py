@@ -7,8 +7,8 @@ from typing import Any
 from slipd.events import Publish
 from slipd_client.messages import PROTOCOL_VERSION
 
-#: Frame of messages without vectors.
 NO_FRAME = ""
+"""Frame of messages without vectors."""
 
 
 class MessageSequencer:

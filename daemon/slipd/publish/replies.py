@@ -15,8 +15,8 @@ from slipd.publish.wire_values import Body
 from slipd.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
 
-#: What a handler returns: the result of the request, or why it is refused.
 Result = Body | Refusal
+"""What a handler returns: the result of the request, or why it is refused."""
 
 
 def reply_body(number: object, result: Result, t_ns: int) -> Body:

@@ -8,8 +8,8 @@ from typing import Any
 
 from slipd.arrays import Array
 
-#: A map on the wire: a message, the result of a reply, or a part of either.
 Body = dict[str, Any]
+"""A map on the wire: a message, the result of a reply, or a part of either."""
 
 
 def array(values: Array | None) -> list[float] | None:

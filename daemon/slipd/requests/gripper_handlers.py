@@ -11,8 +11,8 @@ from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.refusal import Refusal
 
-#: Carries out a checked request at a time, or refuses it.
 Handler = Callable[[Request, int], Result]
+"""Carries out a checked request at a time, or refuses it."""
 
 
 def gripper_handlers(gripper: GripperControl | None) -> dict[str, Handler]:

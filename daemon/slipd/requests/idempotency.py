@@ -11,11 +11,12 @@ from typing import Any
 from slipd.refusal import Refusal
 from slipd_client.messages.schema.ops import OPEN_OPS
 
-#: Requests of one client that are kept at once: 50 per second with the longest deadline are 25, plus a burst.
 PER_CLIENT = 64
-#: Clients that are kept at once: several times as many as can be connected, as some reconnect. Beyond this number new
-#: clients are refused, and never one of those kept.
+"""Requests of one client that are kept at once: 50 per second with the longest deadline are 25, plus a burst."""
+
 MOST_CLIENTS = 1024
+"""Clients that are kept at once: several times as many as can be connected, as some reconnect. Beyond this number new
+clients are refused, and never one of those kept."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.requests.gripper_handlers import Handler
 
-#: Longest life of a lease without renewal on a rig without gripper; with one, it is ``gripper.max_lease_ms``.
 LONGEST_LEASE_MS = 200
+"""Longest life of a lease without renewal on a rig without gripper; with one, it is ``gripper.max_lease_ms``."""
 
 
 class LeaseHandlers:

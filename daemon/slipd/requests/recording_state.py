@@ -9,10 +9,11 @@ from slipd.events import Record, RecordingChanged, Request
 from slipd.refusal import Refusal
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-#: Largest wall time in a name, in the year 5138; a replayed file may contain any time.
 _SPAN_S = 10**11
-#: Error code of a `record.start` whose recording did not begin, by the state that was reported instead.
+"""Largest wall time in a name, in the year 5138; a replayed file may contain any time."""
+
 _CODES = {"limited": "no_room", "failed": "record_failed"}
+"""Error code of a `record.start` whose recording did not begin, by the state that was reported instead."""
 
 
 class RecordingState:

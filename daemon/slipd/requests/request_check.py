@@ -13,12 +13,12 @@ from slipd_client.messages.schema.kinds import INTEGER, NUMBER, TEXT_OR_INTEGER,
 from slipd_client.messages.schema.ops import OPEN_OPS, OPS
 from slipd_client.messages.schema.request_fields import ENVELOPE
 
-#: A deadline may be this far ahead: a request that waited longer was meant for another situation.
 LONGEST_DEADLINE_NS = 500_000_000
+"""A deadline may be this far ahead: a request that waited longer was meant for another situation."""
+
 _ENVELOPE = frozenset(field.name for field in ENVELOPE)
 
 
-#: Names of the types of msgpack, for refusals.
 _TYPES = {
     bool: "a boolean",
     int: "an integer",
@@ -28,6 +28,7 @@ _TYPES = {
     list: "a list",
     dict: "a map",
 }
+"""Names of the types of msgpack, for refusals."""
 
 
 def check_request(body: dict[str, Any], boot: str, t_ns: int) -> Refusal | None:
