@@ -1,4 +1,4 @@
-"""A number, or None where it is not known; a leaf, so that every room can ask."""
+"""Convert numbers that are not finite to None; a leaf module, so that every room can use it."""
 
 from __future__ import annotations
 

@@ -236,7 +236,7 @@ class Engine:
             self._publish_status(t_ns, out)
 
     def _handle_wake_up(self, t_ns: int, out: list[Output]) -> None:
-        """The host slept, and CLOCK_MONOTONIC stood still: readings that look fresh are old, and the lease ends."""
+        """Handle the end of a suspend, in which CLOCK_MONOTONIC stood still: all readings are old, and the lease ends."""
         self._policy.end_lease()
         if self._gripper is not None:
             self._gripper.wake()

@@ -1,6 +1,6 @@
 """Both fingers as one grasp: the grip force, the load on the object, and the grip force that would hold it.
 
-What rests on a finger whose readings are stale or doubtful is not known.
+A quantity that depends on a finger with stale or untrusted readings is not known.
 """
 
 from __future__ import annotations

@@ -95,8 +95,8 @@ class GripPolicy:
         self._raising = _Allowance(limits.raise_n_per_s, limits.step_n)
         self._lowering = _Allowance(limits.lower_n_per_s, limits.step_n)
         self._force_n: float | None = None
-        self._unknown = self._letting_go = False
-        self._asked_n: float | None = None
+        self._unknown = self._releasing = False
+        self._requested_n: float | None = None
         self._raised_n = 0.0
         self._fault = ""
 
@@ -165,31 +165,31 @@ class GripPolicy:
         """Return the snapshot for the motion gate at ``t_ns``."""
         now_ns = self._now(t_ns)
         return GripState(
-            self.holder(t_ns),
-            self._fault,
-            self._force_n,
-            self._unknown,
-            self._letting_go,
-            self._asked_n,
-            self._raising.left_n(now_ns),
-            self._lowering.left_n(now_ns),
-            self._budget_left_n(),
+            holder=self.holder(t_ns),
+            fault=self._fault,
+            force_n=self._force_n,
+            unknown=self._unknown,
+            releasing=self._releasing,
+            requested_n=self._requested_n,
+            raise_left_n=self._raising.left_n(now_ns),
+            lower_left_n=self._lowering.left_n(now_ns),
+            budget_left_n=self._budget_left_n(),
         )
 
     @property
     def force_n(self) -> float | None:
         """Force last sent to the gripper, or found in force, N; None: no grip, or not known."""
-        return None if self._letting_go else self._force_n
+        return None if self._releasing else self._force_n
 
     @property
     def unknown(self) -> bool:
         """An object is held with a force that is not known."""
-        return self._unknown and not self._letting_go
+        return self._unknown and not self._releasing
 
     @property
     def releasing(self) -> bool:
         """A release was commanded and is not confirmed yet."""
-        return self._letting_go
+        return self._releasing
 
     @property
     def grips(self) -> bool:
@@ -199,7 +199,7 @@ class GripPolicy:
     @property
     def requested_n(self) -> float | None:
         """Force that a client requested last, N; the reflex does not lower below it. None if nothing is gripped."""
-        return self._asked_n
+        return self._requested_n
 
     @property
     def most_n(self) -> float | None:
@@ -223,23 +223,23 @@ class GripPolicy:
             change_n = force_n - self._force_n
             self._raised_n += max(change_n, 0.0)
             (self._raising if change_n > 0.0 else self._lowering).spend(abs(change_n), now_ns)
-        self._force_n, self._unknown, self._letting_go = force_n, False, False
+        self._force_n, self._unknown, self._releasing = force_n, False, False
         if not reflex:
-            self._asked_n = force_n
+            self._requested_n = force_n
 
     def adopt(self, force_n: float | None) -> None:
         """Adopt a grip that no command of this run began; ``force_n`` is None if its force is not known.
 
         It counts as a new grasp: its budget is whole, and the reflex does not lower it.
         """
-        self._force_n = self._asked_n = force_n
-        self._unknown, self._letting_go = force_n is None, False
+        self._force_n = self._requested_n = force_n
+        self._unknown, self._releasing = force_n is None, False
         self._raised_n = 0.0
 
     def restore(self, force_n: float | None, *, unknown: bool = False) -> None:
         """Restore the force in force after a command that never reached the gripper; what it spent stays spent."""
-        self._force_n, self._unknown, self._letting_go = force_n, unknown, False
-        self._asked_n = force_n if force_n is None or self._asked_n is None else min(self._asked_n, force_n)
+        self._force_n, self._unknown, self._releasing = force_n, unknown, False
+        self._requested_n = force_n if force_n is None or self._requested_n is None else min(self._requested_n, force_n)
 
     def begin_release(self, force_n: float | None = None) -> None:
         """Record a release command, sent with ``force_n`` if a force was sent.
@@ -247,14 +247,14 @@ class GripPolicy:
         From here on no grip is reported as in force. But a new grip before the release is confirmed still counts as a
         change of the old force, so that it is no way around step, slew and budget.
         """
-        self._letting_go = self._letting_go or self.grips
-        if force_n is not None and self._letting_go:
+        self._releasing = self._releasing or self.grips
+        if force_n is not None and self._releasing:
             self._force_n, self._unknown = force_n, False
 
     def end_grasp(self) -> None:
         """Record the end of the grasp: the gripper opened, lost its object or is inactive; its budget ends too."""
-        self._force_n = self._asked_n = None
-        self._unknown = self._letting_go = False
+        self._force_n = self._requested_n = None
+        self._unknown = self._releasing = False
 
     def _budget_left_n(self) -> float:
         return max(self.limits.budget_n - self._raised_n, 0.0)

@@ -146,16 +146,16 @@ class GripperControl:
     def acknowledge(self) -> Refusal | None:
         """Clear the latched fault; refused while a gripper with a grip in force does not answer."""
         if self.sample is None and self.policy.grips:
-            return Refusal("not_ready", "nothing is heard of the gripper, which had a grip in force: wait until it is")
+            return Refusal("not_ready", "the gripper had a grip in force and does not answer: wait until it answers")
         self.policy.acknowledge()
         self._faults.acknowledge()
         self._session.acknowledge()
         return None
 
     def conditions(self) -> list[tuple[Health, str]]:
-        """What ails the gripper, for the status of its stream."""
+        """Return the latched fault, for the status of the stream."""
         fault = self.policy.fault
-        return [(Health.ERROR, f"{fault} is latched: say fault.ack once it was looked at")] if fault else []
+        return [(Health.ERROR, f"{fault} is latched: clear its cause, then request fault.ack")] if fault else []
 
     def _latch(self, fault: str) -> None:
         if fault:

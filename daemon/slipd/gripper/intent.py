@@ -45,7 +45,7 @@ class GripperState:
 
     Attributes:
         answers: It sends readings.
-        active: It takes commands.
+        active: It accepts commands.
         activating: An activation is under way.
         fault: The fault that it reports, or "".
         moving: The fingers move, or a move was sent and no reading has come since.
@@ -53,7 +53,7 @@ class GripperState:
             replaced an older one before it was sent. None: the fingers rest, or their goal is not known.
         closed_to_m: Commanded width of the grip in force, m; None: not known.
         width_range_m: Widths between the pads, m; (0, inf) while it has not reported them.
-        speed_range_mps: Speeds, m/s; None: the gripper takes no speed.
+        speed_range_mps: Speeds, m/s; None: the gripper accepts no speed.
         force_range_n: Forces on one pad, N; (0, inf) while it has not reported them.
         stops_at_lease_end: The config wants moving fingers stopped at the end of a lease.
     """
@@ -79,7 +79,7 @@ class Situation:
         limits: Limits from the config.
         grip: Lease, force in force, remaining slew and budget, latched fault.
         gripper: State of the gripper.
-        blind: Fingers whose sensors are stale or doubtful.
+        blind: Fingers whose sensors are stale or not trusted.
         not_free: Fingers that are pressed, or are not known to be free.
     """
 

@@ -194,7 +194,7 @@ def gripper_has_the_speed(intent: Intent, situation: Situation) -> Refusal | Non
     if speed_mps is None:
         return None
     if speeds is None:
-        return Refusal("out_of_range", "this gripper takes no speed: leave speed_mps out", "speed_mps")
+        return Refusal("out_of_range", "speed_mps must be left out: this gripper accepts no speed", "speed_mps")
     if speeds[0] <= speed_mps <= speeds[1]:
         return None
     allowed = f"speed_mps must be from {speeds[0]:g} to {speeds[1]:g} m/s"

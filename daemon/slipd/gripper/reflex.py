@@ -49,13 +49,13 @@ class ReflexSettings:
 
 @dataclass(frozen=True, slots=True)
 class ReflexAct:
-    """A force to tell the gripper now.
+    """A force that the reflex sends to the gripper.
 
     Attributes:
         force_n: On one pad, N.
         from_n: Force in force, N.
-        reason: "needed" (a finger warns, and this is on the way to what is needed), "slipping" (it slips although the
-            grip should hold) or "calm" (less is needed for long).
+        reason: "needed" (a finger warns, and its load needs more force), "slipping" (a finger slips although the force
+            should hold) or "calm" (less force has been enough for some time).
     """
 
     force_n: float
@@ -64,12 +64,12 @@ class ReflexAct:
 
 
 class Reflex:
-    """Decides on the force of one grasp; to be asked at each reading and tick, whatever the level. Time is an argument.
+    """Decides on the force of one grasp; call `decide` at every reading and tick, whatever the level.
 
     Args:
         settings: How it acts.
-        policy: The force in force, what was asked for, and what limits and budget leave. Whether an act may happen is
-            for the motion gate to say.
+        policy: The force in force, the force that a client requested, and the rest of limits and budget. The motion
+            gate decides whether an act may happen.
     """
 
     def __init__(self, settings: ReflexSettings, policy: GripPolicy) -> None:

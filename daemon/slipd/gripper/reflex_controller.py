@@ -1,4 +1,4 @@
-"""The reflex at work: when it is asked, what it is asked with, and its commands to the gripper."""
+"""Run the reflex: decide when it acts, collect its inputs, and send its commands through the motion gate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex import PERIOD_NS, Reflex, ReflexAct, ReflexSettings
 
 ALARMS = frozenset({"warning", "slipping"})
-"""Levels at which the reflex is asked at once."""
+"""Levels at which the reflex decides at once."""
 
 
 class ReflexController:
@@ -31,7 +31,7 @@ class ReflexController:
         self._due_ns = 0
 
     def react(self, t_ns: int) -> ReflexAct | None:
-        """Ask the reflex: at once where a finger begins to warn, else once in a control period.
+        """Let the reflex decide: at once when a finger begins to warn, else once in a control period.
 
         Returns:
             The act whose command the gripper's session has accepted; None where there was none.

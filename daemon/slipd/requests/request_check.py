@@ -1,4 +1,4 @@
-"""Checks a request against the schema of the wire, and its envelope, which keeps stale requests out."""
+"""Check the envelope of a request, which keeps stale requests out, and its fields, by the schema of the wire."""
 
 from __future__ import annotations
 
