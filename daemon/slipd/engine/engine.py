@@ -161,7 +161,7 @@ class Engine:
                     publisher.publish_batch(batch, out)
                 publisher.publish_image(acquired_ns, out)
                 if arrival.waited_ns:
-                    self._publish_batches(finger.decide_held(t_ns, arrival.unread_ns), publisher, t_ns, out)
+                    self._publish_batches(finger.decide_delayed(t_ns, arrival.unread_ns), publisher, t_ns, out)
         if self._grasp_publisher is not None:
             self._grasp_publisher.publish(t_ns, out)
 
@@ -218,7 +218,7 @@ class Engine:
         unread_ns = self._lateness.unread_ns(t_ns)
         for name, finger in self._fingers.items():
             publisher = self._finger_publishers[name]
-            self._publish_batches(finger.decide_held(t_ns, unread_ns), publisher, t_ns, out)
+            self._publish_batches(finger.decide_delayed(t_ns, unread_ns), publisher, t_ns, out)
             state = finger.check_silence(t_ns, unread_ns)
             if state is not None:
                 publisher.publish_state(state, out)
@@ -236,7 +236,7 @@ class Engine:
             self._publish_status(t_ns, out)
 
     def _handle_wake_up(self, t_ns: int, out: list[Output]) -> None:
-        """Handle the end of a suspend, in which CLOCK_MONOTONIC stood still: all readings are old, and the lease ends."""
+        """Handle the end of a suspend, in which CLOCK_MONOTONIC stood still: readings are old, the lease ends."""
         self._policy.end_lease()
         if self._gripper is not None:
             self._gripper.wake()

@@ -8,11 +8,11 @@ from typing import cast
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Stream, in_newtons, stale_after_ns
+from slipd.finger.delayed_reads import DelayedRead, DelayedReads
 from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.finger.friction import Friction
-from slipd.finger.held_reads import HeldRead, HeldReads
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.stream_health import Condition, force_conditions, image_conditions
 from slipd.finger.trust import RaiseTrust, is_trusted
@@ -59,7 +59,7 @@ class Finger:
         self.tare = self._existing_channel(None).tare
         stream = cast("Stream", config.wrench or config.pad)
         self._freshness = Freshness(stale_after_ns(stream))
-        self._held = HeldReads(self.image)
+        self._delayed = DelayedReads(self.image)
         self._path = VerdictPath(config, levels, self.force, self.image, self.tare, self._freshness)
         self._trust = RaiseTrust(stream, config.pad, self.force, self.image, self._freshness)
 
@@ -68,7 +68,7 @@ class Finger:
     ) -> Iterator[VerdictBatch]:
         """Yield the verdicts on the force readings of one read.
 
-        Readings that waited for the daemon may first wait for the image of their time; see `decide_held`.
+        Readings that waited for the daemon may first wait for the image of their time; see `decide_delayed`.
 
         Args:
             samples: The readings, received together.
@@ -80,20 +80,20 @@ class Finger:
         """
         if self.force is None:
             raise ValueError(f"finger {self.name} has no force sensor")
-        if arrival.waited_ns or self._held:
-            self._held.hold(HeldRead(samples, times_ns, arrival))
-            return self.decide_held(samples[-1].t_ns, arrival.unread_ns)
+        if arrival.waited_ns or self._delayed:
+            self._delayed.add(DelayedRead(samples, times_ns, arrival))
+            return self.decide_delayed(samples[-1].t_ns, arrival.unread_ns)
         return self._path.decide(self.force, samples, times_ns, arrival)
 
-    def decide_held(self, t_ns: int, unread_ns: int | None = None) -> Iterator[VerdictBatch]:
+    def decide_delayed(self, t_ns: int, unread_ns: int | None = None) -> Iterator[VerdictBatch]:
         """Yield the verdicts on the force readings that need not wait for an image any more.
 
         Args:
             t_ns: Now.
             unread_ns: How long the image's line counts as unread; None: it is empty.
         """
-        if self.force is not None and self._held:
-            for samples, times_ns, arrival in self._held.release(t_ns, unread_ns):
+        if self.force is not None and self._delayed:
+            for samples, times_ns, arrival in self._delayed.release(t_ns, unread_ns):
                 yield from self._path.decide(self.force, samples, times_ns, arrival, t_ns)
 
     def update_image(
@@ -139,7 +139,7 @@ class Finger:
     def disconnect(self, t_ns: int) -> FingerState:
         """Return the state at ``t_ns`` without the force stream, which ended; its tare would average across the gap."""
         self.tare.abort("ended")
-        self._held.clear()
+        self._delayed.clear()
         return self._path.lose_force(t_ns)
 
     def disconnect_image(self) -> None:
@@ -185,7 +185,9 @@ class Finger:
         if state.verdict is PAD_PULLED and stream == self.main_stream:
             normal_n = math.nan if state.wrench is None else -state.wrench[2]
             shown = presence.shown_by_image()
-            found.append((Health.ERROR, self._path.pull.advice(normal_n, tared=presence.zero_known, pressed=shown)))
+            found.append(
+                (Health.ERROR, self._path.negative_force.advice(normal_n, tared=presence.zero_known, pressed=shown))
+            )
         return found
 
     def is_pressed(self) -> bool | None:

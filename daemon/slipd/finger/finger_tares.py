@@ -8,8 +8,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.refusal import Refusal
-
-STREAMS = ("wrench", "pad")
+from slipd_client.messages.schema.request_fields import STREAM
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Tares:
             finger: The finger.
             stream: "wrench", "pad" or "all"; None: the stream that measures the force.
         """
-        channels = {name: channel for name in STREAMS if (channel := finger.channel(name)) is not None}
+        channels = {name: channel for name in STREAM.words if (channel := finger.channel(name)) is not None}
         if stream == "all":
             return cls(finger, channels)
         name = finger.main_stream if stream is None else stream

@@ -6,7 +6,7 @@ import math
 from collections import deque
 
 from slipd.finger.finger_state import FingerState
-from slipd.finger.force_evidence import NO_EVIDENCE, ForceEvidence
+from slipd.finger.force_summary import NO_SUMMARY, ForceSummary
 from slipd.finger.verdict import PAD_FREE, STREAM_STALE
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion.rows import FREE, TOUCHING
@@ -46,7 +46,7 @@ class ForceHistory:
             if normal_n > self._high_n:
                 self._high_n = normal_n
 
-    def take_evidence(self, state: FingerState, *, agrees: bool) -> ForceEvidence:
+    def take_summary(self, state: FingerState, *, agrees: bool) -> ForceSummary:
         """Return what the force sensor measured since the image before, and begin the next interval.
 
         Args:
@@ -55,10 +55,10 @@ class ForceHistory:
         """
         contact = state.contact
         if contact is None or state.verdict is STREAM_STALE:
-            return NO_EVIDENCE
+            return NO_SUMMARY
         moving = self._high_n - self._low_n > self._moving_n
         self._low_n = self._high_n = contact.normal_n
-        return ForceEvidence(state.verdict is PAD_FREE, contact.normal_n, moving, agrees)
+        return ForceSummary(state.verdict is PAD_FREE, contact.normal_n, moving, agrees)
 
     def wrench_at(self, t_ns: int) -> tuple[float, ...]:
         """Return the wrench of the kept reading nearest to ``t_ns``, in the pad frame: N and N·m, six numbers.

@@ -8,8 +8,8 @@ from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
 from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import ForceChannel
-from slipd.finger.force_evidence import ForceEvidence
 from slipd.finger.force_history import ForceHistory
+from slipd.finger.force_summary import ForceSummary
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion import Contact
@@ -47,9 +47,9 @@ class ForceImageCheck:
             self.reset()
         self._history.update(batch)
 
-    def take_evidence(self, state: FingerState) -> ForceEvidence:
+    def take_summary(self, state: FingerState) -> ForceSummary:
         """Return what the force sensor measured since the image before; ``state`` is that of the newest reading."""
-        return self._history.take_evidence(state, agrees=not self.disagreement)
+        return self._history.take_summary(state, agrees=not self.disagreement)
 
     def update_image(self, t_ns: int, state: FingerState, least_normal_n: float) -> None:
         """Compare the newest image with the force at its time.

@@ -6,7 +6,7 @@ import numpy as np
 
 from slipd.arrays import Array
 from slipd.config import Finger, Pad, axes_of, stale_after_ns
-from slipd.finger.force_evidence import NO_EVIDENCE, ForceEvidence
+from slipd.finger.force_summary import NO_SUMMARY, ForceSummary
 from slipd.finger.freshness import PROMPT, Arrival, ImageFreshness
 from slipd.finger.load_distribution import LoadDistribution, distribute
 from slipd.fusion import Contact, ContactShape, contact_shape
@@ -96,7 +96,7 @@ class ImageChannel:
         self,
         sample: TactileSample,
         acquired_ns: int | None = None,
-        evidence: ForceEvidence = NO_EVIDENCE,
+        summary: ForceSummary = NO_SUMMARY,
         arrival: Arrival = PROMPT,
     ) -> None:
         """Update with an image.
@@ -104,12 +104,12 @@ class ImageChannel:
         Args:
             sample: The image, of as many taxels as the pad has.
             acquired_ns: When it was acquired, CLOCK_MONOTONIC; None: when it was received.
-            evidence: What the force sensor measured since the image before.
+            summary: What the force sensor measured since the image before.
             arrival: How the image reached the daemon.
         """
         t_ns = sample.t_ns if acquired_ns is None else acquired_ns
         doubtful = not UNTRUSTED.isdisjoint(sample.status)
-        self.is_frozen = self._frozen.update(sample.values, t_ns, evidence.normal_n)
+        self.is_frozen = self._frozen.update(sample.values, t_ns, summary.normal_n)
         before = self.tare.current
         values = self.tare.apply(sample.values, sample.t_ns, trusted=not doubtful and not self.is_frozen)
         self._apply_new_offset(before)
@@ -119,17 +119,17 @@ class ImageChannel:
         readings = -values[:, 2] if self.three_axis else values
         pressure = None
         if self._charge is not None:
-            anchored = evidence.agrees and not doubtful and not self.taxel_health.masks
-            if self._calibrated and anchored and evidence.normal_n is not None:
-                self._charge.anchor(evidence.normal_n)
-            values = pressure = self._charge.update(values, t_ns * 1e-9, evidence.no_contact)
-        free = evidence.normal_n is not None and evidence.no_contact and evidence.normal_n > -self._least_n
-        self.taxel_health.update(readings, t_ns, free, evidence.moving, pressure)
+            anchored = summary.agrees and not doubtful and not self.taxel_health.masks
+            if self._calibrated and anchored and summary.normal_n is not None:
+                self._charge.anchor(summary.normal_n)
+            values = pressure = self._charge.update(values, t_ns * 1e-9, summary.no_contact)
+        free = summary.normal_n is not None and summary.no_contact and summary.normal_n > -self._least_n
+        self.taxel_health.update(readings, t_ns, free, summary.moving, pressure)
         if not doubtful and not self.zero_known:
-            self._watch_for_missing_tare(values, readings, t_ns, evidence)
+            self._watch_for_missing_tare(values, readings, t_ns, summary)
         self._set_pressure(values, sample)
         self.t_ns, self.status = t_ns, sample.status
-        self._assumed_free = self._charge is not None and evidence.no_contact
+        self._assumed_free = self._charge is not None and summary.no_contact
         self.freshness.update(sample.t_ns, t_ns, arrival)
 
     def _set_pressure(self, values: Array, sample: TactileSample) -> None:
@@ -188,12 +188,12 @@ class ImageChannel:
         if self._charge is not None:
             self._charge.shift(self._scale * (self.tare.current.value - before.value))
 
-    def _watch_for_missing_tare(self, values: Array, readings: Array, t_ns: int, evidence: ForceEvidence) -> None:
+    def _watch_for_missing_tare(self, values: Array, readings: Array, t_ns: int, summary: ForceSummary) -> None:
         """Check whether the pad reads a load that does not exist."""
         if self._alone and self.three_axis:
             self._untared.update_alone(values)
         else:
-            self._untared.update_beside_force(readings, t_ns, free=evidence.no_contact)
+            self._untared.update_beside_force(readings, t_ns, free=summary.no_contact)
 
     def _find_reasons(self, values: Array, sample: TactileSample) -> tuple[str, ...]:
         """Return why an image with these forces on its taxels, in one row, cannot be used."""

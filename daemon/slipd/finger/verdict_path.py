@@ -1,4 +1,4 @@
-"""The way of one reading, from sample to verdict.
+"""Turn one sample into a verdict: the order of all steps.
 
 A force reading passes `ForceChannel.condition` (checks, tare, mounting, weight, drift), is marked if it is too late,
 and goes with the newest image of its time through `ContactEstimator.estimate`, whose rows `VerdictBatch` turns into
@@ -20,11 +20,11 @@ from slipd.finger.contact_estimator import ContactEstimator
 from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import NO_UNCERTAINTY, ForceChannel, WrenchBatch
-from slipd.finger.force_evidence import NO_EVIDENCE
 from slipd.finger.force_image_check import ForceImageCheck
+from slipd.finger.force_summary import NO_SUMMARY
 from slipd.finger.freshness import Arrival, Freshness
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.pull import PullDetector
+from slipd.finger.negative_force import NegativeForceDetector
 from slipd.finger.tare_guard import TareGuard
 from slipd.finger.three_axis import wrench_by_taxels
 from slipd.finger.verdict import ROTATION_UNOBSERVED, STREAM_STALE
@@ -48,7 +48,7 @@ class VerdictPath:
     Attributes:
         estimator: The contact, read by read.
         presence: Whether something presses on the pad.
-        pull: Limit of a negative normal force.
+        negative_force: Limit of a negative normal force.
         tares: Tares of both channels while they are measured.
     """
 
@@ -68,7 +68,7 @@ class VerdictPath:
             self._check = ForceImageCheck(config, config.pad, force, image)
         self.estimator = ContactEstimator(config, levels)
         self.presence = ContactPresence(config, force, image, self.estimator, freshness)
-        self.pull = PullDetector(config)
+        self.negative_force = NegativeForceDetector(config)
         self.tares = TareGuard(tare, image, freshness, self.presence)
 
     @property
@@ -92,7 +92,7 @@ class VerdictPath:
             samples: The readings.
             times_ns: When each was acquired, CLOCK_MONOTONIC.
             arrival: How they reached the daemon.
-            t_ns: Now, if they were held; None: they were just received.
+            t_ns: Now, if they were delayed; None: they were just received.
         """
         force.begin_read(times_ns[0], arrival)
         step = 1 if force.tare.busy else len(samples)
@@ -105,7 +105,7 @@ class VerdictPath:
     ) -> VerdictBatch | None:
         """Update with an image; return the verdict where its three-axis taxels are what measures the force."""
         check, t_ns = self._check, sample.t_ns if acquired_ns is None else acquired_ns
-        image.update(sample, t_ns, NO_EVIDENCE if check is None else check.take_evidence(self.state), arrival)
+        image.update(sample, t_ns, NO_SUMMARY if check is None else check.take_summary(self.state), arrival)
         if check is not None:
             check.update_image(t_ns, self.state, self.estimator.least_normal_n)
         if self._force is not None or not image.three_axis:
@@ -124,7 +124,7 @@ class VerdictPath:
             image.load_distribution if image is not None and _serves(image, readings, arrival) else None,
             () if check is None else check.disagreement,
             "" if image is None else image.fault,
-            self.pull.least_n(uncertainty, tared=self.tares.main.current.id > 0),
+            self.negative_force.least_n(uncertainty, tared=self.tares.main.current.id > 0),
         )
         self._newest = batch
         if check is not None:

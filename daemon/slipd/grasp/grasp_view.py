@@ -35,7 +35,6 @@ class GraspState:
     """What is known of a grasp; None is unknown.
 
     Attributes:
-        t_ns: Time of the `update`, CLOCK_MONOTONIC.
         level: Level of the worse finger.
         reasons: Reasons of every finger at that level.
         internal_n: Grip force, N on one pad.
@@ -45,7 +44,6 @@ class GraspState:
         width_m: Width between the pads, m.
     """
 
-    t_ns: int
     level: str
     reasons: tuple[str, ...]
     internal_n: float | None
@@ -89,7 +87,7 @@ class GraspView:
         self._fingers = first, second
         self._places = tuple(_Place(place) for place in config.pads.values())
         self._least_n = max(finger.config.min_normal_n for finger in self._fingers)
-        self.state = self.update(0, None)
+        self.state = self.update(None)
 
     @property
     def names(self) -> tuple[str, str]:
@@ -102,11 +100,10 @@ class GraspView:
         first, second = (finger.state.verdict.level for finger in self._fingers)
         return first if SEVERITY[first] >= SEVERITY[second] else second
 
-    def update(self, t_ns: int, width_m: float | None) -> GraspState:
+    def update(self, width_m: float | None) -> GraspState:
         """Combine the newest readings of both fingers.
 
         Args:
-            t_ns: Now, CLOCK_MONOTONIC.
             width_m: Width between the pads, m; None where it is not known.
         """
         first, second = self._fingers
@@ -115,7 +112,6 @@ class GraspView:
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)
         normal_n = _normal_n(first), _normal_n(second)
         self.state = GraspState(
-            t_ns,
             level,
             tuple(reasons),
             finite_or_none(internal_force(*normal_n)),

@@ -8,7 +8,7 @@ from typing import NamedTuple, cast
 
 from slipd.devices import GripperSession
 from slipd.finite import finite_or_none
-from slipd.gripper.finger_contact import FingerContact
+from slipd.gripper.all_fingers import AllFingers
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.intent import IntentKind
 from slipd.permit import Permit
@@ -38,15 +38,15 @@ class GripInForce:
     Args:
         policy: Keeps the force in force.
         session: Session with the gripper.
-        contact: Contact state of the fingers.
+        fingers: Contact and trust of all fingers.
 
     Attributes:
         command_n: Force last sent to the gripper, N; None if none was sent or the gripper is inactive.
         closed_to_m: Commanded width of the grip in force, m; None: no grip, or not known.
     """
 
-    def __init__(self, policy: GripPolicy, session: GripperSession, contact: FingerContact) -> None:
-        self._policy, self._session, self._contact = policy, session, contact
+    def __init__(self, policy: GripPolicy, session: GripperSession, fingers: AllFingers) -> None:
+        self._policy, self._session, self._fingers = policy, session, fingers
         self.command_n: float | None = None
         self.closed_to_m: float | None = None
         self._held = False  # in this grasp, an object stopped the gripper or pressed on a finger
@@ -69,7 +69,7 @@ class GripInForce:
         elif answers_command:
             if sample.object.startswith("contact"):
                 self._held = True
-            elif self._held and sample.object == "none" and not self._contact.pressed():
+            elif self._held and sample.object == "none" and not self._fingers.pressed():
                 self._end_grasp()
             if not self._claimed:
                 self._adopt(sample)
@@ -118,9 +118,9 @@ class GripInForce:
 
     def _is_released(self, sample: GripperSample) -> bool:
         """Return whether the release is confirmed; while the fingers move, only fingers known to be free confirm it."""
-        if sample.object == "contact_closing" or self._contact.pressed_n(sample.t_ns) is not None:
+        if sample.object == "contact_closing" or self._fingers.pressed_n(sample.t_ns) is not None:
             return False
-        return not sample.moving or not self._contact.not_free(sample.t_ns)
+        return not sample.moving or not self._fingers.not_free(sample.t_ns)
 
     def _end_grasp(self) -> None:
         """End the grasp, its force and its budget."""
@@ -135,7 +135,7 @@ class GripInForce:
         reports, or else the larger force that the fingers measure. A force outside the limits counts as the nearer
         limit, so that every step from there can be judged.
         """
-        measured_n = self._contact.pressed_n(sample.t_ns)
+        measured_n = self._fingers.pressed_n(sample.t_ns)
         if not sample.object.startswith("contact") and measured_n is None:
             return
         self._held, self.closed_to_m = True, None

@@ -13,7 +13,7 @@ from slipd.config import Gripper as GripperConfig
 from slipd.devices import GripperSession
 from slipd.finger.finger import Finger
 from slipd.finite import finite_or_none
-from slipd.gripper.finger_contact import FingerContact
+from slipd.gripper.all_fingers import AllFingers
 from slipd.gripper.grip_in_force import GripInForce
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
@@ -55,11 +55,11 @@ class GripperControl:
     def __init__(self, config: GripperConfig, session: GripperSession, fingers: Mapping[str, Finger]) -> None:
         self._config = config
         self._session = session
-        self._contact = FingerContact(fingers)
+        self._fingers = AllFingers(fingers)
         self._faults = GripperFaultDetector()
         self._silence_ns = max(SILENCE_NS, round(SILENT_PERIODS * 1e9 / config.rate_hz))
         self.policy = GripPolicy(_limits(config), config.max_lease_ms)
-        self._grip = GripInForce(self.policy, session, self._contact)
+        self._grip = GripInForce(self.policy, session, self._fingers)
         self.sample: GripperSample | None = None
         self._goal_m: float | None = None  # of the last motion; None: not known
         self._goals_m: tuple[float, float] | None = None  # of the motions that may be under way
@@ -199,8 +199,8 @@ class GripperControl:
             force_range_n=session.force_range_n,
             stops_at_lease_end=self._config.lease_end == "stop",
         )
-        contact, policy = self._contact, self.policy
-        return Situation(policy.limits, policy.state(t_ns), gripper, contact.blind(t_ns), contact.not_free(t_ns))
+        fingers, policy = self._fingers, self.policy
+        return Situation(policy.limits, policy.state(t_ns), gripper, fingers.blind(t_ns), fingers.not_free(t_ns))
 
     def _applied_n(self, force_n: float | None) -> float | None:
         """Return the force of the gripper setting for ``force_n``, N: settings may be steps."""

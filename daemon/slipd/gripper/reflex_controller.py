@@ -40,7 +40,7 @@ class ReflexController:
         if t_ns < self._due_ns and (before or not self._alarmed):
             return None
         self._due_ns = t_ns + PERIOD_NS
-        state = self._view.update(t_ns, self._gripper.width_m)
+        state = self._view.update(self._gripper.width_m)
         trusted = all(finger.is_trusted_for_raise(t_ns) for finger in self._fingers)
         act = self._reflex.decide(state.level, state.grip_needed_n, state.internal_n, trusted, t_ns)
         if act is None or self._gripper.carry_out("reflex", t_ns, force_n=act.force_n) is not None:

@@ -38,13 +38,13 @@ class GraspPublisher:
         if not self._pace.passes(t_ns, now=changed):
             return
         self._level = level
-        width_m = None if self._gripper is None else self._gripper.width_m
-        out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, grasp_body(self._view, t_ns, width_m)))
+        self._view.update(None if self._gripper is None else self._gripper.width_m)
+        out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, grasp_body(self._view, t_ns)))
 
 
-def grasp_body(view: GraspView, t_ns: int, width_m: float | None) -> Body:
-    """Return ``grasp``: both fingers together at ``t_ns``, with their pads at a width."""
-    state, load = view.update(t_ns, width_m), view.load(t_ns)
+def grasp_body(view: GraspView, t_ns: int) -> Body:
+    """Return ``grasp``: both fingers together at ``t_ns``, as of the last `GraspView.update`."""
+    state, load = view.state, view.load(t_ns)
     first, second = view.names
     share = load.first_share
     return {

@@ -20,12 +20,11 @@ class MessageSequencer:
         wall_minus_monotonic_ns: Wall clock less CLOCK_MONOTONIC at the start of the run.
 
     Attributes:
-        boot: As given.
         published: Number of messages so far.
     """
 
     def __init__(self, boot: str, config_id: str, wall_minus_monotonic_ns: int) -> None:
-        self.boot = boot
+        self._boot = boot
         self._config_id = config_id
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._seq: dict[str, int] = {}
@@ -46,7 +45,7 @@ class MessageSequencer:
         head: dict[str, Any] = {
             "v": PROTOCOL_VERSION,
             "seq": seq,
-            "boot": self.boot,
+            "boot": self._boot,
             "t_ns": t_ns,
             "timestamp": (t_ns + self._wall_minus_monotonic_ns) * 1e-9,
             "frame": frame,

@@ -64,7 +64,8 @@ class Hand:
         self.press("right", 10.0, (1.2, 0.0), t_ns=t_ns)
 
     def body(self, t_ns: int = T0, width_m: float | None = WIDTH_M) -> dict[str, Any]:
-        body = grasp_body(self.view, t_ns, width_m)
+        self.view.update(width_m)
+        body = grasp_body(self.view, t_ns)
         assert decode(encode(body), MESSAGE_LIMITS) == body, "plain finite values"
         return body
 
@@ -140,7 +141,9 @@ def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None
     for name, centre in (("left", at), ("right", (at[0], -at[1]))):
         force, torque = pad_wrench(finger_load(load, right=name == "right"), normal_n, centre)
         read_force(hand.fingers[name], WrenchSample(T0, None, force, torque, ()))
-    body = grasp_body(GraspView(grasp, hand.fingers), T0, WIDTH_M)
+    view = GraspView(grasp, hand.fingers)
+    view.update(WIDTH_M)
+    body = grasp_body(view, T0)
     assert body["external_force_n"] == pytest.approx([-0.7, 0.0, 2.5])
     where = np.array((-at[1], 0.0, at[0]))
     torque = np.cross(where, np.array((-0.7, 0.0, 2.5))) - np.array((0.0, 0.03, 0.0))

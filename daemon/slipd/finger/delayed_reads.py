@@ -1,7 +1,7 @@
 """Force readings that wait for the image of their time.
 
-After a stall both lines of a finger hold readings, and the force may be read first. To decide on it with the image from
-before the stall would call safe what nobody saw; to decide without an image would call a healthy pad silent.
+After a stall both lines of a finger hold readings, and the force may be read first. A verdict with the image from
+before the stall could call a slipping grip safe, and one without an image would report a healthy pad as silent.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.samples import WrenchSample
 
 
-class HeldRead(NamedTuple):
+class DelayedRead(NamedTuple):
     """Arguments of `slipd.finger.finger.Finger.decide`."""
 
     samples: Sequence[WrenchSample]
@@ -23,7 +23,7 @@ class HeldRead(NamedTuple):
     arrival: Arrival
 
 
-class HeldReads:
+class DelayedReads:
     """Force readings that wait, in their order.
 
     Args:
@@ -32,20 +32,20 @@ class HeldReads:
 
     def __init__(self, image: ImageChannel | None) -> None:
         self._image = image
-        self._reads: deque[HeldRead] = deque()
+        self._reads: deque[DelayedRead] = deque()
 
     def __len__(self) -> int:
         return len(self._reads)
 
-    def hold(self, read: HeldRead) -> None:
-        """Add a read behind those that wait."""
+    def add(self, read: DelayedRead) -> None:
+        """Append a read."""
         self._reads.append(read)
 
     def clear(self) -> None:
         """Forget the reads: their stream ended."""
         self._reads.clear()
 
-    def release(self, t_ns: int, unread_ns: int | None) -> Iterator[HeldRead]:
+    def release(self, t_ns: int, unread_ns: int | None) -> Iterator[DelayedRead]:
         """Yield the reads that need not wait any more, in order, with how long they waited until ``t_ns``.
 
         Args:
@@ -58,4 +58,4 @@ class HeldReads:
         while self._reads and (until_ns is None or self._reads[0].times_ns[-1] <= until_ns):
             samples, times_ns, arrival = self._reads.popleft()
             waited_ns = arrival.waited_ns + t_ns - samples[-1].t_ns
-            yield HeldRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))
+            yield DelayedRead(samples, times_ns, Arrival(waited_ns, unread_ns, arrival.dated))

@@ -1,4 +1,4 @@
-"""What the force sensor tells the pad beside it."""
+"""Summary of the force readings between two images, for the pad in front of the sensor."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(slots=True, frozen=True)
-class ForceEvidence:
+class ForceSummary:
     """Measurements of the finger's force sensor since the image before.
 
     Attributes:
@@ -22,5 +22,5 @@ class ForceEvidence:
     agrees: bool = False
 
 
-NO_EVIDENCE = ForceEvidence()
-"""There is no force sensor, or nothing is known of its contact."""
+NO_SUMMARY = ForceSummary()
+"""No force sensor, or its contact is not known."""

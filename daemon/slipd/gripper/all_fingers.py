@@ -1,4 +1,4 @@
-"""Contact state of all fingers, as far as the motion gate needs it."""
+"""Contact and trust of all fingers together, for the motion gate and the grip in force."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from slipd.finger.finger import Finger
 
 
-class FingerContact:
-    """The fingers as the motion gate sees them.
+class AllFingers:
+    """All fingers of the gripper.
 
     Args:
         fingers: The fingers by name.

@@ -13,7 +13,7 @@ LARGEST_BIAS_N = 10.0
 """A force sensor may read this much without load before its first tare, N."""
 
 
-class PullDetector:
+class NegativeForceDetector:
     """Limit of the negative normal force beyond which only a fault explains it.
 
     The zero of a force sensor may drift by the least normal force of a contact plus the drift that is compensated, that
@@ -33,14 +33,14 @@ class PullDetector:
             self._drift_n = CLEAR * finger.min_normal_n + taxels * (0.0 if pad is None else pad.threshold)
 
     def least_n(self, uncertainty: Uncertainty, *, tared: bool) -> float:
-        """Return the least pull that drift, noise, unknown weight and (before a tare) bias do not explain.
+        """Return the least negative force that drift, noise, unknown weight and (before a tare) bias do not explain.
 
         Args:
             uncertainty: Of the reading.
             tared: A tare was taken.
 
         Returns:
-            The pull, positive, in the unit of the readings: N, or that of a pad without calibration.
+            Its absolute value, in the unit of the readings: N, or that of a pad without calibration.
         """
         least_n = self._drift_n + STDS * uncertainty.force_std_n + uncertainty.force_n
         return least_n if tared or not self._by_force else least_n + LARGEST_BIAS_N

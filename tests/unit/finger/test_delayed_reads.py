@@ -15,7 +15,7 @@ from slipd.finger.freshness import Arrival
 STALE_NS, IMAGE_STALE_NS = 20 * MS, 30 * MS
 
 
-class TestHeldReads:
+class TestDelayedReads:
     """The daemon stood still from T0 on; a force reading is read first, and its image afterwards."""
 
     @pytest.fixture
@@ -32,7 +32,7 @@ class TestHeldReads:
         arrival = Arrival(read_ms * MS, read_ms * MS)
         return len(list(finger.decide([sample], [T0 + acquired_ms * MS], arrival)))
 
-    def test_reading_of_the_time_of_the_image_is_not_held(self, finger: Finger, wrench: Wrench) -> None:
+    def test_reading_of_the_time_of_the_image_is_not_delayed(self, finger: Finger, wrench: Wrench) -> None:
         assert self.late(finger, wrench, 200, 30) == 1
         assert finger.state.verdict.level == "stable"
         assert finger.state.age_s == pytest.approx(0.17)
@@ -42,14 +42,14 @@ class TestHeldReads:
     ) -> None:
         assert self.late(finger, wrench, 200, 100) == 0
         assert self.late(finger, wrench, 201, 120) == 0
-        assert list(finger.decide_held(T0 + 202 * MS, 202 * MS)) == []
+        assert list(finger.decide_delayed(T0 + 202 * MS, 202 * MS)) == []
         assert finger.check_silence(T0 + 202 * MS, 202 * MS) is None
         finger.update_image(image(T0 + 203 * MS), T0 + 75 * MS, Arrival(203 * MS, 203 * MS))
-        (batch,) = finger.decide_held(T0 + 203 * MS, 203 * MS)
+        (batch,) = finger.decide_delayed(T0 + 203 * MS, 203 * MS)
         assert (batch[0].t_ns, batch[0].verdict.level) == (T0 + 100 * MS, "stable")
         assert batch[0].age_s == pytest.approx(0.103), "its age when it is reported"
         finger.update_image(image(T0 + 204 * MS), T0 + 110 * MS, Arrival(204 * MS, 204 * MS))
-        assert len(list(finger.decide_held(T0 + 204 * MS, 204 * MS))) == 1
+        assert len(list(finger.decide_delayed(T0 + 204 * MS, 204 * MS))) == 1
 
     def test_prompt_reading_does_not_overtake_held_ones(self, finger: Finger, wrench: Wrench) -> None:
         assert self.late(finger, wrench, 200, 100) == 0
@@ -61,7 +61,7 @@ class TestHeldReads:
         self, finger: Finger, wrench: Wrench
     ) -> None:
         assert self.late(finger, wrench, 200, 100) == 0
-        (batch,) = finger.decide_held(T0 + 202 * MS)
+        (batch,) = finger.decide_delayed(T0 + 202 * MS)
         assert batch[0].verdict.reasons == ("rotation_unobserved",)
 
     def test_reading_does_not_wait_for_a_pad_that_was_silent_before(self, finger: Finger, wrench: Wrench) -> None:
@@ -78,7 +78,7 @@ class TestHeldReads:
         assert self.late(finger, wrench, 200, 100) == 0
         undated = Arrival(201 * MS, 201 * MS, dated=False)
         finger.update_image(image(T0 + 201 * MS), T0 + 1 * MS, undated)
-        (batch,) = finger.decide_held(T0 + 201 * MS, 201 * MS)
+        (batch,) = finger.decide_delayed(T0 + 201 * MS, 201 * MS)
         assert batch[0].verdict.level == "stable"
 
     def test_held_reading_is_not_decided_on_an_image_too_old_for_it(
@@ -94,7 +94,7 @@ class TestHeldReads:
     def test_held_reading_is_dropped_with_its_stream(self, finger: Finger, wrench: Wrench) -> None:
         assert self.late(finger, wrench, 200, 100) == 0
         finger.disconnect(T0 + 201 * MS)
-        assert list(finger.decide_held(T0 + 202 * MS)) == []
+        assert list(finger.decide_delayed(T0 + 202 * MS)) == []
 
     def test_stall_does_not_excuse_an_image_that_was_too_old_before(
         self, finger: Finger, wrench: Wrench, image: Image
