@@ -23,17 +23,12 @@ from slipd_client.messages import Health
 
 FLOOD_FACTOR = 4.0
 """Multiple of its expected rate at which a device floods; a rate in a config is easily wrong by two."""
-
 BURST_S = 1.0
-"""Readings that may arrive at once, as time at the expected rate: they waited in the kernel while the daemon
-stalled."""
-
+"""Readings that may arrive at once after a stall of the daemon, as time at the expected rate."""
 LEAST_BURST = 32.0
 """Least number of readings that may arrive at once: slow streams come in bunches too."""
-
 FAULT_SHOWN_NS = 1_000_000_000
 """A flood, or an error in decoding, is reported for this long after it happened last."""
-
 SILENT_NS = 1_000_000_000
 """A longer silence of a stream is explained; bytes count as arriving for this long."""
 
