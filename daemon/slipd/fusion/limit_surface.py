@@ -93,7 +93,7 @@ def torque_limit(
 
     Args:
         x: Taxel centres in the pad frame, shape (n,), m.
-        y: Likewise, shape (n,), m.
+        y: Taxel centres in the pad frame, shape (n,), m.
         loads: Normal force on each taxel, shape (n,), N.
         mu: Coefficient of static friction.
         tangential: f_t on the finger, shape (2,), N.
@@ -134,16 +134,16 @@ def utilisation(
     """Find which share of the friction limit a tangential force and a spin torque use together.
 
     Args:
-        x: As in `torque_limit`, like all but the next two.
-        y: Likewise.
-        loads: Likewise.
-        mu: Likewise.
-        tangential: Likewise.
+        x: As in `torque_limit`.
+        y: As in `torque_limit`.
+        loads: As in `torque_limit`.
+        mu: As in `torque_limit`.
+        tangential: As in `torque_limit`.
         spin: Torque about the pad normal through ``about``, N·m.
-        about: Likewise.
+        about: As in `torque_limit`.
         start: A twist to start from, such as that of the frame before: a scene that moves little needs fewer passes.
         gap: Relative gap of the bounds at which to stop.
-        passes: Likewise.
+        passes: As in `torque_limit`.
 
     Returns:
         The gauge λ of the limit surface with its certified bounds; λ · Σ loads is the least normal force that holds
@@ -180,13 +180,13 @@ def grip_needed_n(
     (f / f_n)^growth about the load centroid, and the larger contact resists more spin.
 
     Args:
-        x: As in `utilisation`, like all but the last two.
-        y: Likewise.
-        loads: Likewise.
-        mu: Likewise.
-        tangential: Likewise.
-        spin: Likewise.
-        about: Likewise.
+        x: As in `utilisation`.
+        y: As in `utilisation`.
+        loads: As in `utilisation`.
+        mu: As in `utilisation`.
+        tangential: As in `utilisation`.
+        spin: As in `utilisation`.
+        about: As in `utilisation`.
         growth: Exponent γ ≥ 0 of the contact's size; 0 is rigid, 1/3 is Hertz.
         safety: Factor ≥ 1 on the load.
 
@@ -210,7 +210,7 @@ def pole_or_none(px: float, py: float) -> Array | None:
 
 
 def _pair(name: str, value: ArrayLike) -> tuple[float, float]:
-    array = np.asarray(value, dtype=np.float64)
+    array = np.asarray(value, np.float64)
     if array.shape != (2,):
         raise ValueError(f"{name} must have shape (2,), got {array.shape}")
     first, second = array.tolist()
@@ -221,9 +221,9 @@ def _checked(
     x: ArrayLike, y: ArrayLike, loads: ArrayLike, mu: float, tangential: ArrayLike, about: ArrayLike
 ) -> tuple[Array, Array, Array, float, float, float, float]:
     """Return taxels, tangential force and point as the kernels take them."""
-    xs = np.ascontiguousarray(x, dtype=np.float64)
-    ys = np.ascontiguousarray(y, dtype=np.float64)
-    fs = np.ascontiguousarray(loads, dtype=np.float64)
+    xs = np.ascontiguousarray(x, np.float64)
+    ys = np.ascontiguousarray(y, np.float64)
+    fs = np.ascontiguousarray(loads, np.float64)
     if xs.ndim != 1 or not xs.shape == ys.shape == fs.shape:
         raise ValueError(f"x, y and loads must share one shape (n,), got {xs.shape}, {ys.shape}, {fs.shape}")
     if not 0.0 < mu < math.inf:
