@@ -6,12 +6,12 @@ import numpy as np
 
 from slipd.arrays import Array
 
-#: No device reports more (a count has at most 32 bits), and sums of squares stay finite far beyond it.
 LARGEST_READING = 1e12
-#: Far below the resolution of any device in any unit. Arithmetic on denormals is ten times slower.
+"""No device reports more (a count has at most 32 bits), and sums of squares stay finite far beyond it."""
 LEAST_VALUE = 1e-30
-#: Readings whose spread exceeds this multiple of the stated noise have moved; motors and mains hum stay below.
+"""Far below the resolution of any device in any unit. Arithmetic on denormals is ten times slower."""
 MOVING_FACTOR = 5.0
+"""Readings whose spread exceeds this multiple of the stated noise have moved; motors and mains hum stay below."""
 
 
 def flushed(values: Array) -> Array:

@@ -22,23 +22,23 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 
-#: Time constant of learning the offset without contact, s: long compared to noise, short compared to warming.
 OFFSET_TAU_S = 0.5
-#: The third largest reading stands for the largest: one or two hot taxels must not make the others look unloaded. A
-#: contact of one or two taxels is therefore neither corrected nor erased.
+"""Time constant of learning the offset without contact, s: long compared to noise, short compared to warming."""
 PEAK_RANK = 3
-#: A taxel belongs to the contact while it reads more than this fraction of the largest reading.
+"""The third largest reading stands for the largest: one or two hot taxels must not make the others look unloaded. A
+contact of one or two taxels is therefore neither corrected nor erased."""
 LOADED_SHARE = 0.05
-#: The common charge needs at least this fraction of the pad, and this many taxels, outside the contact.
+"""A taxel belongs to the contact while it reads more than this fraction of the largest reading."""
 UNLOADED_SHARE, UNLOADED_TAXELS = 0.125, 8
-#: Time constant of following the common charge, s: long compared to a press, short compared to warming.
+"""The common charge needs at least this fraction of the pad, and this many taxels, outside the contact."""
 COMMON_TAU_S = 1.0
-#: Time constant of forgetting what a taxel outside the contact accumulates, s: long compared to a creeping contact.
+"""Time constant of following the common charge, s: long compared to a press, short compared to warming."""
 UNLOADED_TAU_S = 30.0
-#: Time constant of following the force sensor, s: a bias of it is reported long before it is followed.
+"""Time constant of forgetting what a taxel outside the contact accumulates, s: long compared to a creeping contact."""
 ANCHOR_TAU_S = 5.0
-#: The integral cannot be carried over a gap longer than this many leak time constants.
+"""Time constant of following the force sensor, s: a bias of it is reported long before it is followed."""
 LONGEST_GAP_TAUS = 0.1
+"""The integral cannot be carried over a gap longer than this many leak time constants."""
 _NEVER_S = -math.inf
 
 

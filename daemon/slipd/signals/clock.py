@@ -17,30 +17,30 @@ from collections import deque
 
 from slipd.signals.clock_fit import SLICES, STEP_SLICES, lowest_line
 
-#: Length of a time slice, of which one reading is kept. A reset must be over within 1 s, so a line is needed soon.
 SLICE_NS = 125_000_000
-#: Least time and least number of receipts before a line is fitted.
+"""Length of a time slice, of which one reading is kept. A reset must be over within 1 s, so a line is needed soon."""
 SETTLE_NS, SETTLE_RECEIPTS = 500_000_000, 8
-#: Time for which a failed clock must run well before it is used again.
+"""Least time and least number of receipts before a line is fitted."""
 PROBATION_NS = 10_000_000_000
-#: This many backward jumps without a steady time in between are a jumping clock, not restarts.
+"""Time for which a failed clock must run well before it is used again."""
 JUMPS, STEADY_NS = 4, 2_000_000_000
-#: Reads are polls if more than this fraction of them holds several readings.
+"""This many backward jumps without a steady time in between are a jumping clock, not restarts."""
 SHARED_READS = 0.2
-#: Times are rounded if more than this fraction of the steps differs from the grid; a smaller one is lost readings.
+"""Reads are polls if more than this fraction of them holds several readings."""
 UNEVEN_STEPS = 0.05
-#: Weight of one read in these averages.
+"""Times are rounded if more than this fraction of the steps differs from the grid; a smaller one is lost readings."""
 READ_SHARE = 1.0 / 32.0
-#: Fraction of the open interval between two readings that the bound includes: half of it, and the line's own error.
+"""Weight of one read in these averages."""
 OPEN_SHARE = 0.6
-#: Slices that are searched for a read that came just before the next reading; the phase drifts little meanwhile.
+"""Fraction of the open interval between two readings that the bound includes: half of it, and the line's own error."""
 OPEN_SLICES = 8
-#: A reading earlier than the line by 3 bounds plus this belongs to another time line; the second holds while settling.
+"""Slices that are searched for a read that came just before the next reading; the phase drifts little meanwhile."""
 EARLY_NS, EARLY_SETTLING_NS = 1_000_000, 50_000_000
-#: Rounding of device times to a finer grid than this does not matter.
+"""A reading earlier than the line by 3 bounds plus this belongs to another line; the second holds while settling."""
 FINEST_GRID_NS = 1_000
-#: Oldest time that another process may state: the longest wait of a reading for a stalled loop.
+"""Rounding of device times to a finer grid than this does not matter."""
 OLDEST_HOST_NS = 10_000_000_000
+"""Oldest time that another process may state: the longest wait of a reading for a stalled loop."""
 
 _NEVER = 1 << 200  # no previous reading: every device time lies behind it
 _NOTHING_OPEN = (_NEVER, 0)

@@ -12,24 +12,24 @@ from dataclasses import dataclass
 from itertools import pairwise
 from operator import mul
 
-#: Largest rate error of a clock, ppm: twice that of crystals in use.
 MAX_PPM = 1_000.0
-#: Number of slices that are fitted (8 s without gaps): long enough to resolve some ppm, short compared to warming.
+"""Largest rate error of a clock, ppm: twice that of crystals in use."""
 SLICES = 64
-#: Weight of a slice relative to the next one: a changed rate is followed within seconds.
+"""Number of slices that are fitted (8 s without gaps): long enough to resolve some ppm, short compared to warming."""
 FADE = 0.97
-#: Least bound: the wake-up time varies by this much, however even the readings look.
+"""Weight of a slice relative to the next one: a changed rate is followed within seconds."""
 LEAST_BOUND_NS = 20_000
-#: Bound relative to the mean delay of the kept readings; measured on the delays in docs/time.md.
+"""Least bound: the wake-up time varies by this much, however even the readings look."""
 BOUND_FACTOR = 4.0
-#: Number of slices at which the bound doubles, because the mean delay is not known well.
+"""Bound relative to the mean delay of the kept readings; measured on the delays in docs/time.md."""
 FEW = 4.0
-#: Largest change of a crystal's rate during a stall.
+"""Number of slices at which the bound doubles, because the mean delay is not known well."""
 WANDER = 1e-6
-#: This many slices with an equal delay of at least this much are a backward step of less than a period.
+"""Largest change of a crystal's rate during a stall."""
 STEP_SLICES, STEP_NS = 6, 500_000
-#: Tolerance of the rate limit: this factor times mean delay, plus the slack, over the length.
+"""This many slices with an equal delay of at least this much are a backward step of less than a period."""
 RATE_FACTOR, RATE_SLACK_NS = 6.0, 4_000_000
+"""Tolerance of the rate limit: this factor times mean delay, plus the slack, over the length."""
 
 _WEIGHTS = [FADE**age for age in reversed(range(SLICES))]
 

@@ -15,18 +15,18 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.signals.averaging import LARGEST_READING, flushed
 
-#: Readings are averaged over this block before they are learned: whole periods of 50, 60 and 100 Hz cancel mains hum.
 BLOCK_NS = 100_000_000
-#: Blocks wait for 2 s before they are learned, and are dropped if a contact is detected meanwhile: a press that is
-#: detected within that time loses nothing.
+"""Readings are averaged over blocks before they are learned: whole periods of 50, 60 and 100 Hz cancel mains hum."""
 LOOK_BACK_BLOCKS = 20
-#: Wait after a contact: a released pad creeps back for seconds, and a hand that lets go still trembles.
+"""Blocks wait for 2 s before they are learned, and are dropped if a contact is detected meanwhile: a press that is
+detected within that time loses nothing."""
 HOLD_OFF_NS = 2_000_000_000
-#: After a longer gap it is not known what touched the finger meanwhile.
+"""Wait after a contact: a released pad creeps back for seconds, and a hand that lets go still trembles."""
 LONGEST_GAP_NS = 1_000_000_000
-#: Least time for the whole limit, s. With a limit of 1 N the baseline moves by at most 1.7 mN/s: ten times a drift of
-#: 0.5 N an hour, and a hundredth of a press of 0.2 N/s.
+"""After a longer gap it is not known what touched the finger meanwhile."""
 FULL_SWING_S = 600.0
+"""Least time for the whole limit, s. With a limit of 1 N the baseline moves by at most 1.7 mN/s: ten times a drift of
+0.5 N an hour, and a hundredth of a press of 0.2 N/s."""
 
 
 class DriftCompensation:

@@ -12,10 +12,8 @@ from collections.abc import Sequence
 from operator import mul
 
 from slipd.arrays import Array
-from slipd.fusion.compiled import compiled
+from slipd.signals.reading_comparison import IMPOSSIBLE, JUMPS, NOT_FINITE, REPEATS, any_finding, compare
 
-CHANCE = 1e-12
-"""Probability of a run by chance below which it is reported: at 4 kHz less than once in eight years."""
 STUCK_NS = 20_000_000
 """Shortest reported run, whatever the noise: a device may send several readings of one conversion."""
 HANG_NS = 70_000_000
@@ -26,45 +24,21 @@ HABIT_NS = 10_000_000_000
 RESTED_NS = 50_000_000
 """Age at which a repeated reading, which is as old as the first of its run, becomes suspect."""
 DEFAULT_REPEATS = 50
-"""Result of `repeats_of_a_stuck_sensor` for six components with a noise of 0.3 counts."""
+"""With six components of normal noise of 0.3 counts, so many have a probability of 1e-12: less than once in eight years
+at 4 kHz. A component with a noise of s counts repeats with a probability of at most erf(1 / (2 √2 s))."""
 
 MOST = 1e6
 """Default range, N or N·m: no sensor on a gripper measures more."""
-JUMPS = 3.0
-"""Impossible readings, minus forgotten ones, from which a stream is garbage: a single one is a bit error."""
+MOST_IMPOSSIBLE = 3.0
+"""Number of impossible readings, minus forgotten ones, from which a stream is garbage: a single one is a bit error."""
 FORGET = 0.05
-"""Part of an impossible reading that each good one offsets: garbage ends after 60 good readings."""
+"""Number of impossible readings that each good one offsets: garbage ends after 60 good readings."""
 _NEVER = 1 << 63
 """More repeats than ever occur; before the first reading, a time later than any, so that no gap ends with it."""
-
-_REPEATS, _JUMPS, _IMPOSSIBLE, _NOT_FINITE = 1, 2, 4, 8
-"""Findings about one reading; see `_compare`."""
 
 FLICKER_NS = 10_000_000_000
 FLICKERS = 3
 """A stream that failed this often within ``FLICKER_NS`` is intermittent until it has been good for as long."""
-
-
-def repeats_of_a_stuck_sensor(std_counts: float, components: int = 6) -> int:
-    """Return how many equal readings in a row show a stuck sensor, for normal and independent noise.
-
-    A component repeats most often while its mean lies in the middle of a count: P = erf(1 / (2 √2 s)), where s is its
-    noise in counts.
-
-    Args:
-        std_counts: Standard deviation of a component's noise in counts (or in steps of its resolution).
-        components: Number of compared components.
-
-    Returns:
-        The smallest number whose probability is below ``CHANCE``, at least 4.
-
-    Raises:
-        ValueError: The noise is not positive, or so small that a sensor at rest repeats itself for over 1e6 readings.
-    """
-    alike = math.erf(0.5 / (math.sqrt(2.0) * std_counts)) ** components if std_counts > 0.0 else 1.0
-    if not 0.0 <= alike < 1.0 or math.log(CHANCE) / math.log(max(alike, 1e-300)) > 1e6:
-        raise ValueError(f"std_counts must be large enough that readings at rest change, got {std_counts}: too small")
-    return max(math.ceil(math.log(CHANCE) / math.log(max(alike, 1e-300))), 4)
 
 
 class WrenchWatch:
@@ -75,9 +49,9 @@ class WrenchWatch:
         range_nm: Likewise the largest torque, N·m.
         jump_n: Change of the force from one reading to the next, N, that no real force makes back and forth; None: a
             quarter of the range.
-        repeats: Repeats of a reading that mean a stuck sensor; see `repeats_of_a_stuck_sensor`. Up to
-            `DEFAULT_REPEATS`, a run of `HANG_NS` that is longer than usual for the sensor also counts. 0: never stuck,
-            for a sensor whose readings may rest; they are suspect all the same.
+        repeats: Repeats of a reading that mean a stuck sensor. Up to `DEFAULT_REPEATS`, a run of `HANG_NS` that is
+            longer than usual for the sensor also counts. 0: never stuck, for a sensor whose readings may rest; they are
+            suspect all the same.
         gap_ns: A longer silence is a failure of the stream.
 
     Raises:
@@ -150,7 +124,7 @@ class WrenchWatch:
         is_first = math.isnan(self._row[0])
         if is_first or self._alert or last_ns - self._last_ns > self._gap_ns:
             return False
-        if _has_findings(self._row, rows, self._range_n, self._range_nm, self._jump_n):
+        if any_finding(self._row, rows, self._range_n, self._range_nm, self._jump_n):
             return False
         if self._equal:
             self._end_run(honest=True)
@@ -162,7 +136,7 @@ class WrenchWatch:
         """Update with one reading; return its fault."""
         before, self._row = self._row, row
         gap = t_ns - self._last_ns > self._gap_ns
-        findings = _compare(before, row, self._range_n, self._range_nm, self._jump_n)
+        findings = compare(before, row, self._range_n, self._range_nm, self._jump_n)
         if findings or gap or self._alert:
             self._check_closely(before, t_ns, findings, gap=gap)
         else:
@@ -173,17 +147,17 @@ class WrenchWatch:
         return self.fault
 
     def _check_closely(self, before: Sequence[float], t_ns: int, findings: int, *, gap: bool) -> None:
-        """Check the newest reading for faults; `_compare` returned ``findings``."""
+        """Check the newest reading for faults; `compare` returned ``findings``."""
         self.lively = False
-        jumps, impossible = bool(findings & _JUMPS), bool(findings & _IMPOSSIBLE)
-        self._count(t_ns, alike=bool(findings & _REPEATS), gap=gap)
+        jumps, impossible = bool(findings & JUMPS), bool(findings & IMPOSSIBLE)
+        self._count(t_ns, alike=bool(findings & REPEATS), gap=gap)
         if jumps or impossible:
             self._count_impossible(self._row[:3], before[:3], beyond_range=impossible)
         else:
             self._step = None
         stuck = self._is_stuck(t_ns)
         self.fault = self._find_fault(gap, stuck, t_ns) if gap or stuck or self._alert else ""
-        if impossible and self.fault != "stuck" and not findings & _NOT_FINITE:
+        if impossible and self.fault != "stuck" and not findings & NOT_FINITE:
             self.fault = "garbage"
         repeats = self._is_suspect(t_ns)
         self.suspect = jumps or repeats
@@ -222,12 +196,12 @@ class WrenchWatch:
         before, self._step = self._step, [now - last for now, last in zip(force_n, last_n, strict=True)]
         back = before is not None and sum(map(mul, before, self._step)) < 0.0
         if back or beyond_range:
-            self._impossible = min(self._impossible + 1.0, JUMPS) + FORGET
+            self._impossible = min(self._impossible + 1.0, MOST_IMPOSSIBLE) + FORGET
             self._alert = True
 
     def _find_fault(self, gap: bool, stuck: bool, t_ns: int) -> str:
         self._impossible = max(self._impossible - FORGET, 0.0)
-        self._garbage = self._impossible >= JUMPS or (self._garbage and self._impossible > 0.0)
+        self._garbage = self._impossible >= MOST_IMPOSSIBLE or (self._garbage and self._impossible > 0.0)
         failing = stuck or gap or self._garbage
         if failing and not self._failing:
             self._failed_ns = [*self._failed_ns[1 - FLICKERS :], t_ns]
@@ -265,42 +239,3 @@ class Habit:
             self._before = self._longest[0] if age_ns <= 2 * HABIT_NS else 0
             self._longest, self._since_ns = [0, 0, 0], t_ns
         self.repeats = max(self._before, self._longest[0])
-
-
-@compiled
-def _compare(before: Sequence[float], row: Sequence[float], range_n: float, range_nm: float, jump_n: float) -> int:
-    """Return the sum of the findings about a reading; 0 if it is in range, and differs from the last, by no jump.
-
-    Args:
-        before: Force and torque of the reading before; NaN if there is none.
-        row: Force and torque of the reading.
-        range_n: Largest possible force; NaN is impossible too.
-        range_nm: Largest possible torque; NaN is only not finite.
-        jump_n: Smallest change of the force that is a jump; a change from or to NaN is none.
-    """
-    repeats = finite = True
-    for i in range(6):
-        repeats = repeats and row[i] == before[i]
-        finite = finite and math.isfinite(row[i])
-    findings = 0
-    if repeats:
-        findings += _REPEATS
-    if not finite:
-        findings += _NOT_FINITE
-    if math.hypot(math.hypot(row[0] - before[0], row[1] - before[1]), row[2] - before[2]) >= jump_n:
-        findings += _JUMPS
-    force_is_possible = math.hypot(math.hypot(row[0], row[1]), row[2]) <= range_n
-    if not force_is_possible or math.hypot(math.hypot(row[3], row[4]), row[5]) > range_nm:
-        findings += _IMPOSSIBLE
-    return findings
-
-
-@compiled
-def _has_findings(before: Sequence[float], rows: Array, range_n: float, range_nm: float, jump_n: float) -> bool:
-    """Return whether `_compare` finds anything about one of several readings."""
-    if _compare(before, rows[0], range_n, range_nm, jump_n):
-        return True
-    for k in range(1, len(rows)):  # noqa: SIM110 - Numba knows no generators
-        if _compare(rows[k - 1], rows[k], range_n, range_nm, jump_n):
-            return True
-    return False

@@ -16,11 +16,11 @@ from slipd.arrays import Array
 from slipd.signals.averaging import flushed
 
 STANDARD_GRAVITY_MPS2 = 9.80665
-#: Largest apparent gravity: a larger one means a collision or a wrong unit.
 MOST_GRAVITY_MPS2 = 5.0 * STANDARD_GRAVITY_MPS2
-#: Time for which an orientation is valid. A stream of 10 Hz may lose one message; meanwhile a wrist that turns at
-#: 1 rad/s changes the weight components by a quarter of the weight.
+"""Largest apparent gravity: a larger one means a collision or a wrong unit."""
 FRESH_NS = 250_000_000
+"""Time for which an orientation is valid. A stream of 10 Hz may lose one message; meanwhile a wrist that turns at 1
+rad/s changes the weight components by a quarter of the weight."""
 
 
 def gravity_fault(gravity_mps2: object) -> str | None:

@@ -12,13 +12,13 @@ import numpy as np
 
 from slipd.arrays import Array
 
-#: A pad whose readings exceed this multiple of the least normal force of a contact, and this force in newtons, has an
-#: offset: noise and drift of a tared pad stay far below, and so do most held objects.
 FAR, FAR_N = 20.0, 10.0
-#: With nothing on the pad, half of its taxels read less than this multiple of the threshold of an active taxel.
+"""A pad whose readings exceed this multiple of the least normal force of a contact, and this force in newtons, has an
+offset: noise and drift of a tared pad stay far below, and so do most held objects."""
 MANY_THRESHOLDS = 10.0
-#: Time by which the pad may show a touch before the force sensor measures it, ns.
+"""With nothing on the pad, half of its taxels read less than this multiple of the threshold of an active taxel."""
 AHEAD_NS = 200_000_000
+"""Time by which the pad may show a touch before the force sensor measures it, ns."""
 
 
 class UntaredWatch:

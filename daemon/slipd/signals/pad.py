@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from slipd.arrays import Array
 
-#: Steps (rows, columns) to the eight neighbours of a taxel, in the order of `neighbours`.
 STEPS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+"""Steps (rows, columns) to the eight neighbours of a taxel, in the order of `neighbours`."""
 
 
 @dataclass(frozen=True, slots=True)

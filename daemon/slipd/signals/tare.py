@@ -10,11 +10,10 @@ from slipd.arrays import Array
 from slipd.signals.averaging import MOVING_FACTOR, Average, most_std
 from slipd_client.messages import TareReason
 
-#: Least number of readings of a tare.
 MIN_READINGS = 8
-#: Author of the offset that comes from the config.
+"""Least number of readings of a tare."""
 BY_CONFIG = "config"
-#: Text for each reason to abort a tare.
+"""Author of the offset that comes from the config."""
 _TEXTS: dict[TareReason, str] = {
     "contact": "a contact began",
     "pulled": "the normal force became negative, as if the pad were pulled",
@@ -24,6 +23,7 @@ _TEXTS: dict[TareReason, str] = {
     "ended": "the stream ended",
     "undone": "undone before it was taken",
 }
+"""Text for each reason to abort a tare."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

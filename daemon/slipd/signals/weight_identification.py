@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 
 from slipd.arrays import Array
 
-#: Least number of poses: two lie on a line.
 MIN_POSES = 3
-#: Least root-mean-square change of gravity across every direction, m/s², about 12°. With less, an orientation error of
-#: one degree changes the result by a tenth.
+"""Least number of poses: two lie on a line."""
 LEAST_CHANGE_MPS2 = 2.0
-#: Standard errors by which a mass must differ from zero.
+"""Least root-mean-square change of gravity across every direction, m/s², about 12°. With less, an orientation error of
+one degree changes the result by a tenth."""
 LEAST_SIGNIFICANCE = 5.0
+"""Standard errors by which a mass must differ from zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
