@@ -12,7 +12,7 @@ LEAST_CATCH_UP_NS, MOST_CATCH_UP_NS = 100_000_000, 1_000_000_000
 has not caught up by then is overloaded, and a dead sensor must not hide behind that."""
 
 LONGEST_WAIT_NS = 1_000_000_000
-"""A reading that waited longer is stale, whatever delayed it: its verdict comes too late."""
+"""A reading that waited longer is stale: its verdict would come too late."""
 
 SHOWN_NS = 1_000_000_000
 """The worst stall is reported for this long."""

@@ -27,7 +27,7 @@ class DelayedReads:
     """Force readings that wait, in their order.
 
     Args:
-        image: The pad beside the force sensor; None: nothing is worth waiting for.
+        image: The pad beside the force sensor; None: no reading waits.
     """
 
     def __init__(self, image: ImageChannel | None) -> None:

@@ -1,4 +1,4 @@
-"""One finger of the gripper: samples in, verdicts out, and the questions that the other rooms ask of it."""
+"""One finger of the gripper: samples in, verdicts out, and its state for the other rooms."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class Finger:
         return None if self.image is None else self._path.update_image(self.image, sample, acquired_ns, arrival)
 
     def check_silence(self, t_ns: int, unread_ns: int | None = None) -> FingerState | None:
-        """Notice that a stream on which the verdict rests fell silent.
+        """Update the verdict if a stream that it depends on fell silent.
 
         Args:
             t_ns: Now.
@@ -206,7 +206,7 @@ class Finger:
     def contact_force_n(self, t_ns: int) -> float | None:
         """Return the normal force of a contact at ``t_ns``, N; None without contact, or where the force is not trusted.
 
-        An image alone does not count: it may hum or drift.
+        An image alone does not count: its noise or drift may look like a contact.
         """
         contact = self.state.contact
         if contact is None or not (self._path.presence.zero_known and self._path.estimator.in_contact):
@@ -215,21 +215,21 @@ class Finger:
 
     @property
     def is_trusted(self) -> bool:
-        """The newest force reading is fresh, and nothing speaks against its sensor."""
+        """The newest force reading is fresh, and its sensor shows no fault."""
         return is_trusted(self.state.verdict)
 
     def is_trusted_for_raise(self, t_ns: int) -> bool:
-        """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and beyond doubt.
+        """Return whether a grip may be raised at ``t_ns``: readings and images are fresh, usable and trusted.
 
-        A late daemon is no excuse: what it has not read yet, or reads late, may be another situation. Nor is a sensor
-        that may rest: one that hangs looks the same.
+        A stall of the daemon excuses nothing: a reading that it has not read, or reads late, may show something else.
+        Nor is a repeated reading of a sensor whose readings may rest enough: one that hangs looks the same.
         """
         return self._trust.allows(self.state.verdict, t_ns, at_rest=False)
 
     def is_trusted_at_rest(self, t_ns: int) -> bool:
-        """Return whether `is_trusted_for_raise`, or only a repeated reading that the config allows stands against it.
+        """Return whether readings are trusted as in `is_trusted_for_raise`, or repeat as the config allows.
 
-        This is enough to open the gripper, for otherwise nothing opens at rest.
+        This is enough to open the gripper: at rest the readings of some sensors always repeat.
         """
         return self._trust.allows(self.state.verdict, t_ns, at_rest=True)
 

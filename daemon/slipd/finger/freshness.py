@@ -1,4 +1,4 @@
-"""Decide when a stream is stale: its readings are missing, not merely unread by a daemon that stood still.
+"""Decide when a stream is stale: its readings are missing, not merely unread because the daemon stalled.
 
 Silence and age count against a stream only for the time in which the daemon read its line. From a gap between the
 daemon's ticks until its lines are read empty (see `slipd.engine.lateness`), that time is taken off both.
@@ -13,7 +13,7 @@ class Arrival(NamedTuple):
     """How the readings of one read reached the daemon.
 
     Attributes:
-        waited_ns: How long they may have waited to be read; 0 while the daemon runs freely.
+        waited_ns: How long they may have waited to be read; 0 without a stall.
         unread_ns: How long another line that brought nothing counts as unread by then; None: it is empty.
         dated: Their times are those of a device clock, not of their receipt.
     """
@@ -24,7 +24,7 @@ class Arrival(NamedTuple):
 
 
 PROMPT = Arrival()
-"""The daemon ran freely."""
+"""The daemon did not stall."""
 
 
 class Freshness:
@@ -91,7 +91,7 @@ class ImageFreshness(Freshness):
         self._dated = True
 
     def update(self, received_ns: int, acquired_ns: int, arrival: Arrival = PROMPT) -> None:
-        """Update with the newest image; behind a late one, only a prompt one is believed again."""
+        """Update with the newest image; after a late one, only one that came in time counts."""
         excused_ns = 0 if self.late and arrival.dated else arrival.waited_ns
         self.late = received_ns - acquired_ns - excused_ns > self.stale_ns
         self._dated = arrival.dated
@@ -100,8 +100,8 @@ class ImageFreshness(Freshness):
     def serves_until_ns(self, since_ns: int) -> int | None:
         """Return the latest acquisition time of a force reading that the newest image serves; None: any.
 
-        An image that has no time of its own, and was read after a stall, serves any reading: nobody knows better when
-        it was acquired.
+        An image without a device time that was read after a stall serves any reading, as the time of its acquisition
+        is not known.
 
         Args:
             since_ns: The force readings waited from here on.

@@ -18,7 +18,7 @@ class Friction:
     Attributes:
         mu: Coefficient of static friction in use; None: unknown.
         drop: Relative fall of the friction ratio R that counts as slip.
-        set_by: Client that set the coefficients last; None: nobody but the config.
+        set_by: Client that set the coefficients last; None: only the config did.
         set_t_ns: When it did, CLOCK_MONOTONIC; None likewise.
     """
 

@@ -1,6 +1,6 @@
 """What friction can carry on one pad: the torque limit and the grip force that a load needs.
 
-They are found only where somebody asks, as each takes a search on the limit surface.
+Each takes a search on the limit surface, so they are computed only for messages and the reflex.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ class ImageChannel:
         self._distributed = False
 
     def begin_tare(self, t_ns: int, seconds: float, by: str) -> None:
-        """Begin to average images, but for those that the device marks as invalid."""
+        """Begin to average images, except those that the device marks as invalid."""
         self.tare.begin(t_ns, seconds, by)
 
     def undo_tare(self) -> bool:
@@ -272,7 +272,7 @@ class ImageChannel:
     def load_distribution(self, contact: Contact) -> LoadDistribution | None:
         """Return the shares of the normal force on the taxels; None without a usable image.
 
-        They are found once for each image, with the first valid contact that asks.
+        They are computed once for each image, with the first valid contact.
         """
         if not self._usable or self.t_ns is None:
             return None

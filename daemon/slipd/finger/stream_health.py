@@ -58,9 +58,9 @@ def image_conditions(image: ImageChannel) -> list[Condition]:
     faults = image.taxel_health.report().items()
     masked = "; ".join(f"{kind} {', '.join(map(str, taxels))}" for kind, taxels in faults if taxels)
     if masked and not image.taxel_health.usable:
-        found.append((Health.ERROR, f"too many taxels cannot be believed: {masked}"))
+        found.append((Health.ERROR, f"too many taxels are masked: {masked}"))
     elif masked:
-        found.append((Health.WARN, f"taxels that are not believed: {masked}"))
+        found.append((Health.WARN, f"taxels are masked: {masked}"))
     return found + _aborted_tare(image.tare)
 
 

@@ -9,7 +9,7 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.signals.tare import Tare
 
 LONGEST_GAP_NS = 500_000_000
-"""A tare goes on over a shorter silence of its stream; after a longer one nobody knows what touched the finger."""
+"""Longest silence of its stream that a tare survives; during a longer one a contact may have come and gone."""
 
 
 class TareGuard:

@@ -10,15 +10,15 @@ from slipd.finger.verdict import Verdict
 from slipd.samples import UNTRUSTED as UNTRUSTED_WORDS
 
 DOUBTS = frozenset({"stale", "not_finite", "disagreement", "not_tared", "pulled"}) | UNTRUSTED_WORDS | UNTRUSTED_FAULTS
-"""Reasons of a verdict with which the force on the finger is not known."""
+"""Reasons of a verdict that leave the force on the finger unknown."""
 OLDEST_S = 0.05
-"""A grip is raised only on readings no older than this, beside the delay of the line."""
+"""Largest age of a reading on which a grip is raised, s, in addition to the delay of the stream."""
 OLDEST_PERIODS = 2.5
-"""Likewise in periods of the stream; the longer of both counts."""
+"""Likewise in periods of the stream; the longer of the two applies."""
 
 
 def is_trusted(verdict: Verdict) -> bool:
-    """Return whether the reading of a verdict was fresh, and nothing speaks against its sensor."""
+    """Return whether the reading of a verdict was fresh, and its sensor shows no fault."""
     return DOUBTS.isdisjoint(verdict.reasons)
 
 
@@ -46,9 +46,9 @@ class RaiseTrust:
         self._oldest_image_ns = _oldest_ns(pad or stream)
 
     def allows(self, verdict: Verdict, t_ns: int, *, at_rest: bool) -> bool:
-        """Return whether the newest readings and images are fresh, usable and beyond doubt at ``t_ns``.
+        """Return whether the newest readings and images are fresh, usable and trusted at ``t_ns``.
 
-        A late daemon is no excuse: what it has not read yet, or reads late, may be another situation.
+        A stall of the daemon excuses nothing: a reading that it has not read, or reads late, may show something else.
 
         Args:
             verdict: On the newest force reading.

@@ -1,4 +1,4 @@
-"""Verdicts on the readings of one read, as rows; states are made of the few that somebody asks for."""
+"""Verdicts on the readings of one read, as rows; a state is made only for the readings that need one."""
 
 from __future__ import annotations
 

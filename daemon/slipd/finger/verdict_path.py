@@ -113,7 +113,7 @@ class VerdictPath:
         return self._estimate(wrench_by_taxels(image, sample, t_ns), arrival)
 
     def _estimate(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
-        """Return the verdicts on conditioned readings, and update what rests on them."""
+        """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
         force, image, check = self._force, self._image, self._check
         self._mark_late(readings, arrival)
         self._freshness.update(readings.received_ns, readings.times_ns[-1], arrival)
@@ -134,7 +134,10 @@ class VerdictPath:
         return batch
 
     def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:
-        """Mark readings that are too old by more than they waited for the daemon; behind a stale stream, too old."""
+        """Mark readings that are too old.
+
+        Time in which they waited for the daemon does not count, unless the stream was stale before them.
+        """
         received_ns, times_ns, usable_ns = readings.received_ns, readings.times_ns, self._freshness.stale_ns
         if arrival.waited_ns and not (arrival.dated and self.state.verdict is STREAM_STALE):
             usable_ns += arrival.waited_ns

@@ -75,7 +75,7 @@ class GripInForce:
                 self._adopt(sample)
 
     def lose_sight(self) -> None:
-        """Record that the gripper is out of sight: others may move it, and grip if no grip is in force."""
+        """Record that the gripper does not answer: others may move it, and grip if no grip is in force."""
         self._claimed = self._claimed and self._policy.grips
 
     def prepare(self) -> None:

@@ -25,15 +25,15 @@ from slipd.samples import GripperSample
 from slipd_client.messages import Health
 
 SILENCE_NS, SILENT_PERIODS = 400_000_000, 3.0
-"""A gripper that sends no reading for so long, or for three of its periods, does not answer. It exceeds the time in
-which a session gives up an unanswered command after two repeats."""
+"""A gripper that sends no reading for this time, or for three of its periods, does not answer. A session gives up
+an unanswered command earlier, after two repeats."""
 
 LONGEST_PAUSE_NS = 50_000_000
-"""Longest pause between two calls: after a longer one the daemon itself stood still. Readings wait to be read, and
+"""Longest pause between two calls: after a longer one the daemon stalled. Readings wait to be read, and
 unsent commands were meant for another situation."""
 
 LONGEST_BEGIN_NS = 1_000_000_000
-"""A motion that no reading has shown for so long has ended, or never began."""
+"""A motion that no reading has shown within this time has ended, or never began."""
 
 ARRIVED_M = 5e-4
 """Fingers this close to their goal have arrived, m."""
@@ -78,7 +78,7 @@ class GripperControl:
         self._grip.update(sample, answers_command=sample.t_ns > self._moved_ns)
 
     def drop_after_stall(self, t_ns: int) -> None:
-        """Drop unsent commands if the daemon stood still since the last call; call it before anything is written."""
+        """Drop unsent commands if the daemon stalled since the last call; call it before anything is written."""
         passed_ns, self._last_call_ns = t_ns - self._last_call_ns, t_ns
         self._silent_ns += min(passed_ns, LONGEST_PAUSE_NS)
         if passed_ns > LONGEST_PAUSE_NS:

@@ -8,7 +8,7 @@ ECHO_READINGS = 3
 """Wrong echoes in a row that count as a mismatch: a reading that crosses a command still echoes the previous one."""
 
 ACTIVATION_NS = 1_000_000_000
-"""An activation without an inactive reading for so long was immediate, or never happened."""
+"""After this time without an inactive reading an activation was immediate, or never happened."""
 
 COMMAND_LOST = "command_lost"
 LINK_LOST = "link_lost"

@@ -170,7 +170,7 @@ def reflex_needs_trusted_sensors(_: Intent, situation: Situation) -> Refusal | N
 
 
 def reflex_keeps_the_requested_force(intent: Intent, situation: Situation) -> Refusal | None:
-    """Refuse to let the reflex lower below the force a client asked for."""
+    """Refuse to let the reflex lower below the force that a client requested."""
     requested_n = situation.grip.requested_n
     if requested_n is None or _change_n(intent) >= 0.0 or (intent.force_applied_n or 0.0) >= requested_n - ROUNDING_N:
         return None

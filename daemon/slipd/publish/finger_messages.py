@@ -18,7 +18,7 @@ NEWTON, UNCALIBRATED = "N", "uncalibrated"
 
 
 def slip_body(finger: Finger, state: FingerState) -> Body:
-    """Return ``slip.<finger>``: the verdict on one contact, with what it rests on."""
+    """Return ``slip.<finger>``: the verdict on one contact, and the quantities behind it."""
     contact = state.contact if state.contact is not None and state.contact.valid else None
     used, distribution = state.utilisation, state.load_distribution
     return {

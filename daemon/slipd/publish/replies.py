@@ -63,7 +63,7 @@ def force_held(gripper: GripperControl) -> Body:
 
 
 def fault_acknowledged(fault: str) -> Body:
-    """Return the fault that was latched until now; "" is none."""
+    """Return the fault that was latched until now, or "" if there was none."""
     return {"fault": fault or None}
 
 

@@ -76,7 +76,7 @@ def test_T1_dead_taxel_is_masked_and_reported_within_a_second(noisy: NoisyFinger
     assert noisy.finger.image is not None
     assert taxel_faults(noisy.finger) == {"dead": [5]}
     assert noisy.finger.image.pressure[5] > 0.3, "replaced by its neighbours"
-    assert (Health.WARN, "taxels that are not believed: dead 5") in noisy.conditions("pad")
+    assert (Health.WARN, "taxels are masked: dead 5") in noisy.conditions("pad")
     assert noisy.verdict == ("stable", ())
 
 
@@ -101,7 +101,7 @@ def test_T1_image_with_too_many_bad_taxels_is_not_used(make_noisy: Callable[...,
     assert noisy.verdict == ("unknown", ("rotation_unobserved",))
     level, message = noisy.conditions("pad")[0]
     assert level == Health.ERROR
-    assert message.startswith("too many taxels cannot be believed")
+    assert message.startswith("too many taxels are masked")
 
 
 @pytest.mark.parametrize(("force_n", "torque_nm"), [(3e38, 0.0), (-3e38, 0.0), (0.0, 3e38), (1e120, 1e120)])

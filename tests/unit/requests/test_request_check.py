@@ -141,17 +141,17 @@ def test_what_a_client_sends_is_repeated_in_short(changes: dict[str, Any]) -> No
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": "1"}, "ttl_ms must be an integer, not a string"),
-        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": 0.5}, "ttl_ms must be an integer, not a number"),
-        ({"force_n": True}, "force_n must be a number, not a boolean"),
-        ({"force_n": None}, "force_n must be a number, not nil"),
-        ({"force_n": b"5"}, "force_n must be a number, not a byte string"),
-        ({"op": "gripper.open", "force_n": ..., "drop": 1}, "drop must be true or false, not an integer"),
-        ({"op": "tare", "force_n": ..., "finger": {}}, "finger must be a string, not a map"),
-        ({"id": []}, "id must be a string or an integer, not a list"),
-        ({"v": ...}, "v must be 1, and is missing"),
-        ({"v": 2}, "v must be 1, not 2"),
-        ({"deadline_ns": "soon"}, "deadline_ns must be an integer, not a string"),
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": "1"}, "ttl_ms must be an integer, got a string"),
+        ({"op": "lease.acquire", "force_n": ..., "ttl_ms": 0.5}, "ttl_ms must be an integer, got a number"),
+        ({"force_n": True}, "force_n must be a number, got a boolean"),
+        ({"force_n": None}, "force_n must be a number, got nil"),
+        ({"force_n": b"5"}, "force_n must be a number, got a byte string"),
+        ({"op": "gripper.open", "force_n": ..., "drop": 1}, "drop must be true or false, got an integer"),
+        ({"op": "tare", "force_n": ..., "finger": {}}, "finger must be a string, got a map"),
+        ({"id": []}, "id must be a string or an integer, got a list"),
+        ({"v": ...}, "v must be 1, but it is missing"),
+        ({"v": 2}, "v must be 1, got 2"),
+        ({"deadline_ns": "soon"}, "deadline_ns must be an integer, got a string"),
     ],
 )
 def test_a_refusal_says_what_would_be_right_and_what_was_found(changes: dict[str, Any], message: str) -> None:
