@@ -67,7 +67,7 @@ class GripState:
 
     @property
     def grips(self) -> bool:
-        """A grip is in force, whether or not its force is known."""
+        """A grip is in force or its release is not confirmed, whether or not its force is known."""
         return self.unknown or self.force_n is not None
 
 
@@ -193,7 +193,7 @@ class GripPolicy:
 
     @property
     def grips(self) -> bool:
-        """A grip is in force, whether or not its force is known."""
+        """A grip is in force and not being released, whether or not its force is known."""
         return self.unknown or self.force_n is not None
 
     @property

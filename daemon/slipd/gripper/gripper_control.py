@@ -124,6 +124,7 @@ class GripperControl:
             Why it was refused, and then nothing has changed; None where it was carried out.
         """
         situation, applied_n = self._situation(t_ns), self._applied_n(force_n)
+        # a close before a release is confirmed is a change of the force that may still act
         held_n = situation.grip.force_n if kind == "close" else self.policy.force_n
         intent = Intent(kind, who, self.width_m, width_m, held_n, force_n, applied_n, speed_mps, drop)
         found = judge(intent, situation)

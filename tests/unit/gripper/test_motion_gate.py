@@ -259,24 +259,24 @@ class TestCloseOnlyNarrows:
             assert judge(close, seen) == Permit("move", 0.0, None, 6.0)
 
 
-def test_permits_are_issued_by_the_gate_alone() -> None:
-    """Whoever could make one would go around every rule."""
-    makers = set()
+def callers(*functions: str) -> set[str]:
+    """Return the files of the daemon that call a function, class or method, such as ``session.execute``."""
+    found = set()
     for path in DAEMON.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2] == "Permit":
-                makers.add(path.relative_to(DAEMON).as_posix())
-    assert makers == {"gripper/motion_gate.py"}
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(functions):
+                found.add(path.relative_to(DAEMON).as_posix())
+    return found
 
 
-@pytest.mark.parametrize("method", ["activate", "move", "set_force", "halt", "execute"])
-def test_sessions_are_moved_by_the_gripper_control_alone(method: str) -> None:
-    callers = set()
-    for path in (DAEMON / "pipeline").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) in (
-                f"session.{method}",
-                f"self._session.{method}",
-            ):
-                callers.add(path.name)
-    assert callers <= {"gripper.py"}
+def test_only_the_gate_issues_permits() -> None:
+    assert callers("Permit") == {"gripper/motion_gate.py"}
+
+
+def test_only_the_gripper_control_hands_permits_to_a_session() -> None:
+    assert callers("session.execute") == {"gripper/gripper_control.py"}
+
+
+@pytest.mark.parametrize("method", ["activate", "move", "set_force", "halt"])
+def test_no_other_method_moves_a_session(method: str) -> None:
+    assert callers(f"session.{method}") == set()
