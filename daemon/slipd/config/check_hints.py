@@ -15,12 +15,12 @@ W_FIRST = ([1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0])
 def hints(config: Config) -> Iterator[str]:
     """Yield keys that are missing or look wrong, and the consequence."""
     for name, finger in config.finger.items():
-        yield from _of_finger(f"finger.{name}", finger)
+        yield from _finger_hints(f"finger.{name}", finger)
     if config.gripper is not None and config.gripper.max_force_n is None:
         yield "gripper: no max_force_n: no request can move the gripper"
 
 
-def _of_finger(path: str, finger: Finger) -> Iterator[str]:
+def _finger_hints(path: str, finger: Finger) -> Iterator[str]:
     if finger.mu is None:
         yield f'{path}: no mu: its level is always "unknown"'
     if finger.pad is None:

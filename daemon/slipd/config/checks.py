@@ -17,7 +17,7 @@ _FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
 _PORT_KEYS = ("options", "baud", "hardware_id")
 
 
-def meaning_faults(config: Config) -> list[Fault]:
+def semantic_faults(config: Config) -> list[Fault]:
     """Find the faults that no single value shows."""
     faults = [*_name_faults(config), *_port_faults(config), *bus_faults(config)]
     for name, finger in config.finger.items():

@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from slipd.config.checks import meaning_faults
+from slipd.config.checks import semantic_faults
 from slipd.config.fault_texts import explain
 from slipd.config.model import Config
 from slipd.config.path_trust import trust_faults
@@ -63,9 +63,9 @@ def parse(text: str, file: str) -> Config:
         for fault in errors:
             _remove_value(tree, fault["loc"])
         with contextlib.suppress(ValidationError):  # the valid values may still not fit each other
-            found += _meaning_faults(Config.model_validate(tree))
+            found += _semantic_faults(Config.model_validate(tree))
         raise _config_error(file, text, found) from None
-    if faults := _meaning_faults(config):
+    if faults := _semantic_faults(config):
         raise _config_error(file, text, faults)
     return config.with_text(text)
 
@@ -76,8 +76,8 @@ def shipped(name: str) -> Path:
     return source_tree if source_tree.is_file() else Path(str(resources.files("slipd") / "shipped_config" / name))
 
 
-def _meaning_faults(config: Config) -> list[tuple[tuple[str, ...], str]]:
-    return [(tuple(path.split(".")), message) for path, message in meaning_faults(config)]
+def _semantic_faults(config: Config) -> list[tuple[tuple[str, ...], str]]:
+    return [(tuple(path.split(".")), message) for path, message in semantic_faults(config)]
 
 
 def _config_error(file: str, text: str, found: list[tuple[tuple[str, ...], str]]) -> ConfigError:

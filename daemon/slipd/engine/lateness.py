@@ -22,7 +22,7 @@ class Lateness:
     """Measures the gaps between ticks.
 
     Attributes:
-        late_ns: The longest stall since the lines were last read empty; 0 while the daemon runs freely.
+        late_ns: The longest stall since the lines were last read empty; 0 without one.
     """
 
     def __init__(self) -> None:

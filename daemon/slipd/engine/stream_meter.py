@@ -56,7 +56,6 @@ class StreamMeter:
     rate_hz: float | None = None
     damage: int = 0
     misfit: str = ""
-    _acquired_ns: int = field(default=0, repr=False)
     _bad_time_ns: int | None = field(default=None, repr=False)
     _since_ns: int | None = field(default=None, repr=False)
     _counted: int = field(default=0, repr=False)
@@ -80,10 +79,9 @@ class StreamMeter:
         self.last_ns = received_ns = samples[-1].t_ns
         self.count += len(samples)
         times_ns = self._host_times(samples) if self.host_clock else self._device_times(samples, late_ns)
-        if self.host_clock or times_ns[0] < self._acquired_ns:
+        if self.host_clock or times_ns[0] < self.freshness.acquired_ns:
             # charge and drift are integrated: their times must never go back
-            times_ns = list(accumulate(times_ns, max, initial=self._acquired_ns))[1:]
-        self._acquired_ns = times_ns[-1]
+            times_ns = list(accumulate(times_ns, max, initial=self.freshness.acquired_ns))[1:]
         self.freshness.update(received_ns, times_ns[-1], Arrival(late_ns, dated=self.dated) if late_ns else PROMPT)
         return samples, times_ns
 

@@ -18,7 +18,7 @@ from slipd.gripper.grip_in_force import GripInForce
 from slipd.gripper.grip_policy import GripLimits, GripPolicy
 from slipd.gripper.gripper_faults import COMMAND_LOST, LINK_LOST, NO_ANSWER, GripperFaultDetector
 from slipd.gripper.intent import GripperState, Intent, IntentKind, Situation
-from slipd.gripper.motion_gate import judge, not_taken
+from slipd.gripper.motion_gate import judge, why_not_sent
 from slipd.permit import Permit
 from slipd.refusal import Refusal
 from slipd.samples import GripperSample
@@ -131,7 +131,7 @@ class GripperControl:
         if isinstance(found, Refusal):
             return found
         if found is not None and not self._carry_out(found, kind, t_ns):
-            return not_taken(situation)
+            return why_not_sent(situation)
         return None
 
     @property

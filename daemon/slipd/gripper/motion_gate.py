@@ -68,8 +68,8 @@ def judge(intent: Intent, situation: Situation) -> Refusal | Permit | None:
     return _permit(intent, situation)
 
 
-def not_taken(situation: Situation) -> Refusal:
-    """Return why a session sends nothing for a permit: the gripper cannot receive commands."""
+def why_not_sent(situation: Situation) -> Refusal:
+    """Return why a session sent nothing for a permit: the gripper cannot receive commands."""
     for rule in (rules.limit_is_configured, rules.no_fault_is_latched, rules.gripper_answers):
         if (refusal := rule(Intent("stop"), situation)) is not None:
             return refusal

@@ -14,7 +14,7 @@ from judging import READY
 import slipd
 from slipd.gripper.grip_policy import GripLimits, GripState
 from slipd.gripper.intent import Intent, IntentKind, Situation
-from slipd.gripper.motion_gate import KINDS, TABLE, judge, not_taken
+from slipd.gripper.motion_gate import KINDS, TABLE, judge, why_not_sent
 from slipd.permit import Permit
 from slipd.refusal import Refusal
 
@@ -126,7 +126,7 @@ def test_nothing_is_sent_where_nothing_moves() -> None:
     ],
 )
 def test_a_session_that_takes_nothing_is_explained(refused: str, seen: Situation) -> None:
-    assert not_taken(seen).code == refused
+    assert why_not_sent(seen).code == refused
 
 
 @pytest.mark.parametrize("kind", ["open", "activate"])
