@@ -18,9 +18,9 @@ from slipd.publish.replies import error_body
 from slipd.refusal import Refusal
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
+from slipd.zmtp.loop_time_accounts import SHARE
 from slipd.zmtp.peer import Peer
 from slipd.zmtp.peer_rules import PeerRules
-from slipd.zmtp.time_accounts import SHARE
 from slipd.zmtp.wire import ProtocolError
 from slipd_client.messages import REQUEST_LIMITS, MessageError, decode, encode
 from slipd_client.messages.schema.ops import URGENT_OPS

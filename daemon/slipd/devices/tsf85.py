@@ -15,6 +15,7 @@ from slipd.arrays import Array
 from slipd.devices import Device
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.frame_scanner import FrameScanner
+from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
 from slipd.samples import TactileSample
@@ -196,8 +197,7 @@ class Session(SensorSession[TactileSample]):
     decoder: Decoder
 
     def __init__(self, period_ms: int = 1, timestamp_unit_ns: int | None = None) -> None:
-        if not (isinstance(period_ms, int) and 1 <= period_ms <= LONGEST_PERIOD_MS):
-            raise ValueError(f"period_ms must be an integer from 1 to {LONGEST_PERIOD_MS}, got {period_ms!r}")
+        check_integer("period_ms", period_ms, 1, LONGEST_PERIOD_MS)
         stop = encode_packet(AUTOSEND, b"\0")
         steps = [
             Step("stop", stop, "none", _STOP_PAUSE_NS),

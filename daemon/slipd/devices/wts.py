@@ -15,6 +15,7 @@ import numpy as np
 
 from slipd.devices import Device
 from slipd.devices.shared import weiss_tactile as tactile
+from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, STATUS_WORDS, encode
 from slipd.devices.shared.weiss_tactile import FULL_SCALE, MAX_CELLS, Query, TactileDecoder, TactileSession, Words
 from slipd.samples import TactileSample
@@ -136,8 +137,7 @@ class Session(TactileSession):
     decoder: Decoder
 
     def __init__(self, interval_ms: int = 10) -> None:
-        if not (isinstance(interval_ms, int) and 0 <= interval_ms <= MAX_INTERVAL_MS):
-            raise ValueError(f"interval_ms must be an integer from 0 to {MAX_INTERVAL_MS}, got {interval_ms!r}")
+        check_integer("interval_ms", interval_ms, 0, MAX_INTERVAL_MS)
         stop = encode_query(STOP)
         queries = [
             Query(

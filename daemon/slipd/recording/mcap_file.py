@@ -155,9 +155,8 @@ class RecordingFile:
             entries: Number of entries, lost ones included.
             reason: Why the others are missing.
         """
-        reason = reason.encode(
-            errors="replace"
-        ).decode()  # an error text of the system may contain undecodable bytes of a file name
+        # An error text of the system may contain undecodable bytes of a file name.
+        reason = reason.encode(errors="replace").decode()
         builder = RecordBuilder()
         Metadata(name=END, metadata={ENTRIES: str(entries), STOPPED: reason}).write(builder)
         DataEnd(data_section_crc=0).write(builder)

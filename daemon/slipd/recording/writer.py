@@ -163,7 +163,7 @@ class Recorder:
         self.end()
         self._thread.join(within_s)
         if self._thread.is_alive():
-            raise RecordingError(f"{self.path}: the disk did not take the last entries in time")
+            raise RecordingError(f"{self.path}: the disk did not write the last entries in time")
         if self.failure:
             raise RecordingError(f"{self.failure}; {self.lost} entries are missing" if self.lost else self.failure)
 

@@ -103,16 +103,16 @@ async def emulated(devices: Sequence[tuple[str, Emulator, str]]) -> AsyncIterato
         lines = []
         for name, device, address in devices:
             lines.append((device, await stack.enter_async_context(open_line(address))))
-            asked = _inquiry(name, device)
-            if asked is not None:
+            inquiry = _inquiry(name, device)
+            if inquiry is not None:
                 host = urlsplit(address).hostname
-                await stack.enter_async_context(await _serve_inquiries(cast("Inquired", device), host, asked.port))
+                await stack.enter_async_context(await _serve_inquiries(cast("Inquired", device), host, inquiry.port))
         yield Emulation(lines)
 
 
 def _inquiry(name: str, device: Emulator) -> Inquiry | None:
-    asks = DEVICES[name].inquiry
-    return asks(**device.options) if asks is not None and hasattr(device, "inquire") else None
+    make = DEVICES[name].inquiry
+    return make(**device.options) if make is not None and hasattr(device, "inquire") else None
 
 
 async def _serve_inquiries(device: Inquired, host: str | None, port: int) -> asyncio.Server:

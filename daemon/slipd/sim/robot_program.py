@@ -190,7 +190,7 @@ class RobotProgram(threading.Thread):
             if refused.code in NOT_DONE_IN_TIME:
                 raise
             refusal, self._wanted_n = str(refused), 0.0
-        self.report.raises.append(Raise(requested_ns, time.monotonic_ns(), requested_n, result, refusal, before_n))
+        self.report.raises.append(Raise(requested_ns, requested_n, result, refusal, before_n))
 
     def _choose_force(self, alarm: Change) -> None:
         """Choose the force that holds the object, or the limit of the plan if no force is known to hold it."""

@@ -38,7 +38,6 @@ class Raise:
 
     Attributes:
         requested_ns: When the request was sent, CLOCK_MONOTONIC.
-        answered_ns: When its reply was received, CLOCK_MONOTONIC.
         requested_n: The requested force, N on one pad.
         result: Result in the reply; None if the daemon refused.
         refusal: Why the daemon refused; "" if it did not.
@@ -47,7 +46,6 @@ class Raise:
     """
 
     requested_ns: int
-    answered_ns: int
     requested_n: float
     result: dict[str, Any] | None
     refusal: str

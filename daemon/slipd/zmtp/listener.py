@@ -13,10 +13,10 @@ from collections.abc import Callable
 from types import TracebackType
 
 from slipd.zmtp.endpoint import USER_ALONE, Access, bind, release
+from slipd.zmtp.loop_time_accounts import SHARE, TimeAccount, TimeAccounts
 from slipd.zmtp.mechanisms import Curve, Mechanism, Null
 from slipd.zmtp.peer import Peer
 from slipd.zmtp.peer_rules import PeerRules
-from slipd.zmtp.time_accounts import SHARE, TimeAccount, TimeAccounts
 from slipd.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256

@@ -11,10 +11,10 @@ import socket
 import time
 from collections.abc import Callable
 
+from slipd.zmtp.loop_time_accounts import TimeAccount
 from slipd.zmtp.mechanisms import MAX_HANDSHAKE_BYTES, SEAL_BYTES, KeyRefusedError, Mechanism
 from slipd.zmtp.outbox import Message, Outbox
 from slipd.zmtp.peer_rules import PeerRules
-from slipd.zmtp.time_accounts import TimeAccount
 from slipd.zmtp.wire import (
     COMMAND,
     GREETING_BYTES,

@@ -54,8 +54,13 @@ FAULTS = [
         "sinc_length must be an integer from 64",
     ),
     ("rate_hz = 800", "rate_hz = 800\noptions = { sinc_length = 64.5 }", "finger.left.wrench.options", "64.5"),
-    ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { unit = 300 }", "gripper.options", "1 to 247, a Modbus address"),
-    ("rate_hz = 50.0", 'rate_hz = 50.0\noptions = { unit = "9" }', "gripper.options", "a Modbus address, got '9'"),
+    (
+        "rate_hz = 50.0",
+        "rate_hz = 50.0\noptions = { unit = 300 }",
+        "gripper.options",
+        "an integer from 1 to 247",
+    ),
+    ("rate_hz = 50.0", 'rate_hz = 50.0\noptions = { unit = "9" }', "gripper.options", "from 1 to 247, got '9'"),
     ("rate_hz = 50.0", "rate_hz = 50.0\noptions = { poll_period_s = 1e300 }", "gripper.options", ""),
     ("rate_hz = 800", "rate_hz = 800\noptions = { speed = 9 }", "finger.left.wrench.options", "speed"),
 ]

@@ -12,8 +12,8 @@ import pytest
 import zmq
 
 from slipd.zmtp.listener import Listener
+from slipd.zmtp.loop_time_accounts import TimeAccount, TimeAccounts
 from slipd.zmtp.peer import MOST_FRAMES, Peer, PeerRules
-from slipd.zmtp.time_accounts import TimeAccount, TimeAccounts
 from slipd.zmtp.wire import COMMAND, MORE, encode_command, encode_frame, encode_greeting, encode_metadata
 
 if TYPE_CHECKING:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from slipd.devices.bota import bota_text
 from slipd.devices.bota.bota_decoder import Decoder
+from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
 from slipd.samples import WrenchSample
@@ -53,9 +54,7 @@ class Session(SensorSession[WrenchSample]):
     decoder: Decoder
 
     def __init__(self, sinc_length: int = 64, temperature_compensation: bool = False) -> None:
-        shortest, longest = SINC_LENGTHS
-        if not (isinstance(sinc_length, int) and shortest <= sinc_length <= longest):
-            raise ValueError(f"sinc_length must be an integer from {shortest} to {longest}, got {sinc_length!r}")
+        check_integer("sinc_length", sinc_length, *SINC_LENGTHS)
         commands = (
             bota_text.CONFIGURE,
             bota_text.communication(temperature_compensation=temperature_compensation),

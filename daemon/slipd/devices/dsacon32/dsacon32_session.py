@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.dsacon32.dsacon32_decoder import MAX_MATRICES, Decoder, matrices_problem
+from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.startup_sequence import ANSWER_NS
 from slipd.devices.shared.weiss_tactile import Query, TactileSession
 
@@ -31,8 +32,7 @@ class Session(TactileSession):
     decoder: Decoder
 
     def __init__(self, rate_hz: int = MAX_RATE_HZ, rle: bool = True) -> None:
-        if not (isinstance(rate_hz, int) and 1 <= rate_hz <= MAX_RATE_HZ):
-            raise ValueError(f"rate_hz must be an integer from 1 to {MAX_RATE_HZ}, got {rate_hz!r}")
+        check_integer("rate_hz", rate_hz, 1, MAX_RATE_HZ)
         stop, start = messages.acquire(0, rle=rle), messages.acquire(rate_hz, rle=rle)
         queries = [
             Query(

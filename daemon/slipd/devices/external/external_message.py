@@ -25,7 +25,7 @@ from slipd.devices.shared.msgpack_bounds import (
     map_end,
     text_end,
 )
-from slipd.devices.shared.partial_data import Malformed, arrived, byte_at, message_length
+from slipd.devices.shared.partial_message import Malformed, arrived, byte_at, message_length
 
 MAX_MESSAGE = 1 << 16
 """Longest message, bytes; a pad of 64 by 64 taxels fills 37,000."""

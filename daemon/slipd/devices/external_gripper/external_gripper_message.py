@@ -15,7 +15,7 @@ from typing import Any
 import msgpack
 
 from slipd.devices.shared.msgpack_bounds import FIXARRAY, FIXSTR, NIL, NUMBER_LENGTHS, STR8, map_end, text_end
-from slipd.devices.shared.partial_data import Malformed, arrived, byte_at, message_length
+from slipd.devices.shared.partial_message import Malformed, arrived, byte_at, message_length
 
 VERSION = 1
 

@@ -10,6 +10,7 @@ from slipd.devices.external_gripper.external_gripper_message import Foreign, Reg
 from slipd.devices.external_gripper.external_gripper_setpoint_queue import SetpointQueue
 from slipd.devices.external_gripper.external_gripper_states import ACTIVATION, TRANSITIONS, Event, State
 from slipd.devices.shared.gripper_session_base import GripperSessionBase, check_range
+from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.state_machine import StateMachine
 from slipd.samples import GripperSample
 
@@ -38,7 +39,7 @@ class Session(GripperSessionBase):
     first. An impossible report (before a registration, with a width beyond the registered range, or an answer without
     the applied force) is `bad` and ignored.
 
-    ``echo_ok`` of a sample tells whether the force that the driver applied last is at most the requested one.
+    ``echo_ok`` of a sample is whether the force that the driver applied last is at most the requested one.
 
     Args:
         answer_ms: Time allowed for the answer to a set-point, 5 to 1000 ms; then it is sent again with the same id.
@@ -50,8 +51,7 @@ class Session(GripperSessionBase):
     _activation = ACTIVATION
 
     def __init__(self, answer_ms: int = ANSWER_MS) -> None:
-        if not (isinstance(answer_ms, int) and SHORTEST_MS <= answer_ms <= LONGEST_MS):
-            raise ValueError(f"answer_ms must be an integer from {SHORTEST_MS} to {LONGEST_MS}, got {answer_ms!r}")
+        check_integer("answer_ms", answer_ms, SHORTEST_MS, LONGEST_MS)
         self.decoder = Decoder()
         self.health = self.decoder.health
         self._queue = SetpointQueue(answer_ms * 1_000_000, self.health)

@@ -7,7 +7,7 @@ from typing import Any
 from slipd.devices.optoforce import optoforce_frames as frames
 from slipd.devices.optoforce.optoforce_decoder import Decoder
 from slipd.devices.shared import rdt_records as rdt
-from slipd.devices.shared.reply_text import reply_text
+from slipd.devices.shared.padded_text import strip_padding
 from slipd.devices.shared.sensor_session import SensorSession
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
 from slipd.samples import WrenchSample
@@ -63,7 +63,7 @@ class Session(SensorSession[WrenchSample]):
             if (header, self._startup.awaited) == (frames.ACK, _CONFIGURATION):
                 self._startup.handle_answer(now_ns, f"refused {_CONFIGURATION}: code {body[0]}" if body[0] else "")
             elif (header, self._startup.awaited) == (frames.SERIAL_NUMBER, _SERIAL_NUMBER):
-                serial = reply_text(body)
+                serial = strip_padding(body)
                 self.identity = f"S/N {serial}" if serial else ""
                 self._startup.handle_answer(now_ns)
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.arrays import Array
-from slipd.devices.shared.partial_data import Incomplete, Malformed, arrived
+from slipd.devices.shared.partial_message import Incomplete, Malformed, arrived
 
 START = b"\x55\x66\x77\x88"
 END = b"\xaa\xbb\xcc\xdd"

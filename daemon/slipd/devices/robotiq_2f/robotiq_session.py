@@ -10,6 +10,7 @@ from slipd.devices.robotiq_2f.robotiq_write_queue import Goal, RegisterWrite, Wr
 from slipd.devices.shared import modbus
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.gripper_session_base import GripperSessionBase
+from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.state_machine import StateMachine
 from slipd.samples import GripperSample
 
@@ -31,7 +32,7 @@ class Session(GripperSessionBase):
         command_lost: Whether the last command was refused, was never acknowledged, or reached a gripper that was no
             longer active.
 
-    ``echo_ok`` of a sample tells whether the gripper echoes the position sent last. Force and speed are not echoed;
+    ``echo_ok`` of a sample is whether the gripper echoes the position sent last. Force and speed are not echoed;
     only the acknowledgement of the write shows that they arrived.
 
     Args:
@@ -58,8 +59,7 @@ class Session(GripperSessionBase):
     ) -> None:
         if not poll_period_s * 1e9 >= COMMAND_PAUSE_NS:
             raise ValueError(f"poll_period_s must be at least 0.005, got {poll_period_s}")
-        if not (isinstance(unit, int) and 1 <= unit <= LAST_UNIT):
-            raise ValueError(f"unit must be an integer from 1 to {LAST_UNIT}, a Modbus address, got {unit!r}")
+        check_integer("unit", unit, 1, LAST_UNIT)
         self.health = DecoderHealth()
         self._units = Units(force_table, width_table, speed_table)
         self._line = RobotiqLine(unit, round(poll_period_s * 1e9), self.health)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-from slipd.devices.shared.reply_text import reply_text
+from slipd.devices.shared.padded_text import strip_padding
 
 SYNC = b"\x55"
 RESPONSE_LENGTH = 19
@@ -68,7 +68,7 @@ def parse_reading(buffer: bytes, at: int) -> tuple[tuple[int, ...], int, bytes]:
 
 def parse_name(content: bytes) -> str:
     """Return the text in the answer to a request for a name; "" if it is not printable."""
-    return reply_text(content[:_NAME_LENGTH])
+    return strip_padding(content[:_NAME_LENGTH])
 
 
 def parse_commands(received: bytes) -> tuple[list[tuple[int, bytes]], bytes]:

@@ -1,15 +1,15 @@
 """Bounds of the parts of a msgpack map, checked before anything is unpacked, for messages from other processes.
 
-msgpack accepts nested huge lists, extension types and duplicate keys, and cannot tell early that the bytes received so
-far will never become a message. So the bounds of a message are checked first: a map of known keys, each once, each with
-a value of its own type.
+msgpack accepts nested huge lists, extension types and duplicate keys, and cannot detect early that the bytes received
+so far will never become a message. So the bounds of a message are checked first: a map of known keys, each once, each
+with a value of its own type.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 
-from slipd.devices.shared.partial_data import Incomplete, Malformed, arrived, byte_at
+from slipd.devices.shared.partial_message import Incomplete, Malformed, arrived, byte_at
 
 FIXMAP, FIXARRAY, FIXSTR, STR8, ARRAY16, NIL = 0x80, 0x90, 0xA0, 0xD9, 0xDC, 0xC0
 FLOAT32, FLOAT64 = 0xCA, 0xCB

@@ -6,6 +6,7 @@ import math
 
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.gripper_session_base import GripperSessionBase, check_range
+from slipd.devices.shared.integer_option import check_integer
 from slipd.devices.shared.startup_sequence import StartupSequence, Step
 from slipd.devices.shared.state_machine import StateMachine
 from slipd.devices.wsg import wsg_messages as wire
@@ -42,7 +43,7 @@ class Session(GripperSessionBase):
     Attributes:
         health: Its ``lost`` counts unanswered commands.
 
-    ``echo_ok`` of a sample tells whether the force limit was read back as it was set. Widths are between the gripper's
+    ``echo_ok`` of a sample is whether the force limit was read back as it was set. Widths are between the gripper's
     own fingers, without pads. The largest force is the nominal one, because it is unknown whether more requires a
     setting of the gripper.
 
@@ -56,8 +57,7 @@ class Session(GripperSessionBase):
     _activation = ACTIVATION
 
     def __init__(self, period_ms: int = PERIOD_MS) -> None:
-        if not (isinstance(period_ms, int) and SHORTEST_MS <= period_ms <= LONGEST_MS):
-            raise ValueError(f"period_ms must be an integer from {SHORTEST_MS} to {LONGEST_MS}, got {period_ms!r}")
+        check_integer("period_ms", period_ms, SHORTEST_MS, LONGEST_MS)
         self.decoder = Decoder()
         self.health = self.decoder.health
         self._startup = StartupSequence(

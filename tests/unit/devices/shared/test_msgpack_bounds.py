@@ -6,7 +6,7 @@ import msgpack
 import pytest
 
 from slipd.devices.shared.msgpack_bounds import NUMBER_LENGTHS, ValueEnd, map_end, text_end
-from slipd.devices.shared.partial_data import Incomplete, Malformed, arrived
+from slipd.devices.shared.partial_message import Incomplete, Malformed, arrived
 
 
 def byte_end(buffer: bytes, at: int) -> int:

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from slipd.zmtp.time_accounts import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
+from slipd.zmtp.loop_time_accounts import BURST_S, MOST_ACCOUNTS, TimeAccount, TimeAccounts
 
 SHARE = 0.25
 

@@ -1,6 +1,6 @@
-"""Checks of data that may not have arrived completely: every read either succeeds or tells why it cannot.
+"""Checks of a message that may not have arrived completely.
 
-A parser of partial data raises `Incomplete` if more bytes may complete a message, and `Malformed` if they cannot.
+A parser of such a message raises `Incomplete` if more bytes may complete a message, and `Malformed` if they cannot.
 """
 
 from __future__ import annotations
