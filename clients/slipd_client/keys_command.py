@@ -3,37 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 
 from slipd_client.errors import KeyFileError
 from slipd_client.keys import PUBLIC_SUFFIX, SECRET_SUFFIX, create, load_public, load_secret
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the commands to a parser; ``command`` of the parsed arguments is "keys new", "keys list" or "keys show"."""
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name, what in (
-        ("new", "create a pair of keys"),
-        ("list", "show the public keys in a directory"),
-        ("show", "show one public key, and whether its secret key can be used"),
-    ):
-        command = commands.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
-        command.set_defaults(command=f"keys {name}")
-        if name != "list":
-            command.add_argument("name", metavar="NAME")
-        command.add_argument(
-            "--dir",
-            type=Path,
-            default=default_directory(),
-            metavar="DIRECTORY",
-            help="directory of the keys (default: %(default)s)",
-        )
-
-
-def default_directory() -> Path:
-    """Return ``$XDG_CONFIG_HOME/slipd/keys``, or ``~/.config/slipd/keys`` where that is not set."""
-    return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "slipd" / "keys"
 
 
 def run(chosen: argparse.Namespace) -> None:

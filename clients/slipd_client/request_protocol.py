@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-import uuid
+import os
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any, TypeVar, Union
@@ -97,7 +97,7 @@ class RequestProtocol:
         self._now_ns = now_ns
         self._check = check
         self._unreadable = ""
-        self._prefix = uuid.uuid4().hex[:16]
+        self._prefix = os.urandom(8).hex()
         self._numbers = itertools.count(1)
 
     def hello(self) -> Steps[HelloReply]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Callable
+from pathlib import Path
 
-from slipd_client import keys_command
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
+from slipd_client.paths import publish_endpoint, requests_endpoint
 
 Add = Callable[[str, str], argparse.ArgumentParser]
 """Adds a command, given its name and help text."""
@@ -21,8 +23,11 @@ _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 def parser() -> argparse.ArgumentParser:
     """Return the parser; ``command`` of the parsed arguments is the whole command, e.g. "grip set"."""
     top = argparse.ArgumentParser(prog="slipctl", description="Show the state of a running slipd and send it requests.")
-    top.add_argument("--publish", metavar="ENDPOINT", help="where slipd publishes")
-    top.add_argument("--requests", metavar="ENDPOINT", help="where slipd accepts requests")
+    for name, what, default in (
+        ("--publish", "endpoint on which slipd publishes", publish_endpoint()),
+        ("--requests", "endpoint on which slipd accepts requests", requests_endpoint()),
+    ):
+        top.add_argument(name, metavar="ENDPOINT", help=f"{what} (default: {_escaped(default)})")
     top.add_argument("--key", metavar="FILE", help="secret key of this client, for a daemon across a network")
     top.add_argument("--server-key", metavar="FILE", help="public key of the daemon")
     add = _commands(top, "")
@@ -41,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
     record = _commands(add("record", "record what the daemon receives and publishes"), "record ")
     record("start", "start a recording; the daemon names the file")
     record("stop", "end the recording")
-    keys_command.add_arguments(add("keys", "manage the keys for a daemon across a network"))
+    _keys(_commands(add("keys", "manage the keys for a daemon across a network"), "keys "))
     return top
 
 
@@ -71,6 +76,27 @@ def _tare(add: Add) -> None:
     _fields(take, "tare", "seconds", "unloaded", "finger", "stream")
     _fields(add("get", "show the tare in use"), "tare.get", "finger", "stream")
     _fields(add("undo", "return to the tare before the last one"), "tare.undo", "finger", "stream")
+
+
+def _keys(add: Add) -> None:
+    new = add("new", "create a pair of keys")
+    listed = add("list", "show the public keys in a directory")
+    show = add("show", "show one public key, and whether its secret key can be used")
+    for each in (new, show):
+        each.add_argument("name", metavar="NAME", help="name of the files NAME.key (public) and NAME.key_secret")
+    for each in (new, listed, show):
+        each.add_argument(
+            "--dir",
+            type=Path,
+            default=keys_directory(),
+            metavar="DIRECTORY",
+            help="directory of the keys (default: %(default)s)",
+        )
+
+
+def keys_directory() -> Path:
+    """Return ``$XDG_CONFIG_HOME/slipd/keys``, or ``~/.config/slipd/keys`` where that is not set."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "slipd" / "keys"
 
 
 def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
@@ -116,7 +142,12 @@ def _help(field: Field) -> str:
         )
         if part
     )
-    return (f"{field.meaning} ({facts})" if facts else field.meaning).replace("`", "").replace("%", "%%")
+    return _escaped(f"{field.meaning} ({facts})" if facts else field.meaning).replace("`", "")
+
+
+def _escaped(text: str) -> str:
+    """Return a text as argparse wants it in a help text."""
+    return text.replace("%", "%%")
 
 
 def _type(field: Field) -> Callable[[str], str | float]:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -8,14 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from slipd_client import keys_command
+from slipd_client import keys_command, slipctl_parser
 from slipd_client.keys import KeyFileError, create, load_public, load_secret
 
 
 def run(*arguments: str) -> None:
-    parser = argparse.ArgumentParser()
-    keys_command.add_arguments(parser)
-    keys_command.run(parser.parse_args(arguments))
+    keys_command.run(slipctl_parser.parser().parse_args(["keys", *arguments]))
 
 
 def test_keys_are_made_and_no_secret_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,10 +46,10 @@ def test_a_directory_that_is_not_there_is_told(tmp_path: Path) -> None:
 
 def test_the_directory_is_the_users_own_unless_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", "/home/r/conf")
-    assert keys_command.default_directory() == Path("/home/r/conf/slipd/keys")
+    assert slipctl_parser.keys_directory() == Path("/home/r/conf/slipd/keys")
     monkeypatch.setenv("XDG_CONFIG_HOME", "")
     monkeypatch.setenv("HOME", "/home/r")
-    assert keys_command.default_directory() == Path("/home/r/.config/slipd/keys")
+    assert slipctl_parser.keys_directory() == Path("/home/r/.config/slipd/keys")
 
 
 def test_slipctl_makes_keys_and_refuses_to_overwrite_them(tmp_path: Path) -> None:

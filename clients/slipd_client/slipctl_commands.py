@@ -1,0 +1,110 @@
+"""The commands of ``slipctl``: each sends its requests and prints the replies."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+
+from slipd_client import keys, keys_command
+from slipd_client.errors import CallError, RequestRefused
+from slipd_client.grip import GripClient
+from slipd_client.messages import STATUS_TOPIC
+from slipd_client.messages.schema.replies import Reply, StatusReply
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """Carry out one command and print what it returns.
+
+    Raises:
+        ClientError: The daemon refused, or did not answer.
+        CallError: An endpoint is not one, or one of two options is missing.
+        KeyFileError: A key file cannot be used or created.
+    """
+    command: str = chosen.command
+    if command.startswith("keys "):
+        keys_command.run(chosen)
+    elif command == "watch":
+        from slipd_client.watch import watch  # here: requests need no subscriber
+
+        watch(chosen.publish, keys=_keys(chosen), as_json=chosen.json, once=chosen.once)
+    else:
+        with GripClient(chosen.requests, keys=_keys(chosen)) as client:
+            if command == "status":
+                _print_status(client.status(), chosen.json)
+            elif command.startswith("grip "):
+                _grip(client, chosen)
+            else:
+                _print_result(_request(client, chosen))
+
+
+def _request(client: GripClient, chosen: argparse.Namespace) -> Reply:
+    """Return the reply to a command that needs no lease, or not always."""
+    command = chosen.command
+    if command == "tare take":
+        return client.tare(chosen.finger, chosen.seconds, chosen.stream, unloaded=chosen.unloaded)
+    if command == "tare get":
+        return client.tare_get(chosen.finger, chosen.stream)
+    if command in ("tare undo", "friction"):
+        return _request_with_lease_if_free(client, chosen)
+    return client.record_start() if command == "record start" else client.record_stop()
+
+
+def _request_with_lease_if_free(client: GripClient, chosen: argparse.Namespace) -> Reply:
+    """Return the reply to a command that sometimes needs the lease; acquire it unless another client holds it."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(RequestRefused):
+            stack.enter_context(client.lease())
+        if chosen.command == "tare undo":
+            return client.tare_undo(chosen.finger, chosen.stream)
+        return client.friction_set(chosen.finger, chosen.mu_s, chosen.mu_d)
+
+
+def _grip(client: GripClient, chosen: argparse.Namespace) -> None:
+    with client.lease() as lease:
+        _print_result(_move(client, chosen))
+        if seconds := getattr(chosen, "hold", 0.0):
+            lease.wait(seconds)
+
+
+def _move(client: GripClient, chosen: argparse.Namespace) -> Reply:
+    """Return the reply to a command that needs the lease."""
+    command = chosen.command
+    if command == "grip set":
+        return client.grip_set(chosen.force_n)
+    if command == "grip adjust":
+        return client.grip_adjust(chosen.delta_n)
+    if command == "grip hold":
+        return client.grip_hold()
+    if command == "grip close":
+        return client.gripper_close(chosen.force_n, chosen.width_m, chosen.speed_mps)
+    if command == "grip open":
+        return client.gripper_open(drop=chosen.drop, width_m=chosen.width_m, speed_mps=chosen.speed_mps)
+    if command == "grip activate":
+        return client.gripper_activate(drop=chosen.drop)
+    return client.gripper_stop() if command == "grip stop" else client.fault_ack()
+
+
+def _keys(chosen: argparse.Namespace) -> keys.Keys | None:
+    if (chosen.key is None) != (chosen.server_key is None):
+        raise CallError("--key (secret key of this client) and --server-key (public key of the daemon) go together")
+    return None if chosen.key is None else keys.load(chosen.key, chosen.server_key)
+
+
+def _print_status(status: StatusReply, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(status))
+        return
+    from slipd_client.live_view import LiveView
+    from slipd_client.watch import print_view
+
+    view = LiveView()
+    view.update(STATUS_TOPIC, status)
+    print_view(view)
+
+
+def _print_result(result: Reply) -> None:
+    if not result:
+        print("done", flush=True)
+    for field, value in result.items():
+        print(f"{field}: {json.dumps(value)}", flush=True)
