@@ -9,14 +9,14 @@ from __future__ import annotations
 import functools
 import threading
 import time
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 import zmq
 
 from slipd_client.clock import ServerClock
-from slipd_client.errors import LeaseInUse, RequestRefused
+from slipd_client.errors import LeaseInUse, RequestRefused, check_seconds
 from slipd_client.lease_keeper import ONE_CLIENT_EACH, LeaseKeeper
 from slipd_client.link import Link
 from slipd_client.messages.schema.replies import (
@@ -72,9 +72,9 @@ class GripClientBase:
 
     Every method raises RequestRefused when the daemon refuses, NoAnswer when it does not answer, LeaseLost instead of
     moving the gripper without its lease, LeaseInUse where another thread or task holds the lease of this client, and
-    MessageError for arguments that no message can carry. A request is never sent a second time, nor kept for a daemon
-    that is not there yet. The first request is preceded by ``hello``. A daemon accepts 50 requests a second from one
-    client, including the renewals of its lease (15 a second).
+    MessageError or CallError for arguments that no message can carry. A request is never sent a second time, nor kept
+    for a daemon that is not there yet. The first request is preceded by ``hello``. A daemon accepts 50 requests a
+    second from one client, including the renewals of its lease (15 a second).
 
     **The lease belongs to the thread or task that acquired it** (and to tasks created within its block). While it is
     held, other threads and tasks that share the client may read, send gravity and record, and may stop: ``grip_hold``
@@ -89,10 +89,11 @@ class GripClientBase:
         timeout_s: The same; may be changed.
 
     Raises:
-        CallError: The endpoint is not one.
+        CallError: The endpoint is not one, or ``timeout_s`` is not a positive time.
     """
 
     def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
+        check_seconds("timeout_s", timeout_s, TIMEOUT_S)
         self.timeout_s = timeout_s
         # IMMEDIATE: without it ZeroMQ keeps a request for a daemon that starts later, and delivers it then
         where = requests_endpoint() if endpoint is None else endpoint
@@ -237,7 +238,8 @@ class GripClientBase:
     @operation
     def gravity_set(self, finger: str, gravity_mps2: Sequence[float]) -> Steps[GravityReply]:
         """Report gravity minus the finger's acceleration, m/s², in the frame of its pad; at 10 Hz or more."""
-        return self._request("gravity.set", finger=finger, gravity_mps2=list(gravity_mps2))
+        vector = list(gravity_mps2) if isinstance(gravity_mps2, Iterable) else gravity_mps2
+        return self._request("gravity.set", finger=finger, gravity_mps2=vector)
 
     @operation
     def friction_set(self, finger: str, mu_s: float, mu_d: float | None = None) -> Steps[FrictionReply]:

@@ -18,7 +18,8 @@ The text of an error names the subject, the rule and what was found.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from slipd_client.messages.names import ErrorCode
@@ -114,6 +115,16 @@ def fault_text(code: str, message: str, field: str) -> str:
     """Return a fault in one line for people; the field is named once."""
     named = not field or message.startswith((f"{field} ", f"{field}: "))
     return f"{code}: {message}" if named else f"{code}: {field}: {message}"
+
+
+def check_seconds(name: str, value: Any, example: float) -> None:
+    """Do nothing for a positive, finite time.
+
+    Raises:
+        CallError: The value is anything else.
+    """
+    if not isinstance(value, (int, float)) or not 0 < value < math.inf:
+        raise CallError(f"{name} must be a positive time in seconds, e.g. {example:g}, got {value!r:.60}")
 
 
 def hint_for(endpoint: str) -> str:

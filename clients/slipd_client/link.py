@@ -55,7 +55,7 @@ class Link:
             if keys is not None:
                 keys.apply(self.socket)
             self.socket.connect(endpoint)
-        except zmq.ZMQError as error:
+        except (zmq.ZMQError, TypeError) as error:
             self.close()
             raise CallError(
                 "endpoint must be of the form ipc:///run/slipd/publish or tcp://127.0.0.1:5555, "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from slipd_client.errors import CallError, MessageError, Silence, hint_for
+from slipd_client.errors import CallError, MessageError, Silence, check_seconds, hint_for
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.reader import read, typed_message
 from slipd_client.messages.schema.topics import Message
@@ -30,12 +30,15 @@ class MessageTracker:
         prefixes: Beginnings of the topics to subscribe to.
 
     Raises:
-        CallError: ``topics`` is a string instead of a sequence of strings.
+        CallError: ``topics`` is not a sequence of strings, or ``silence_s`` is not a positive time.
     """
 
     def __init__(self, topics: Sequence[str], silence_s: float | None) -> None:
-        if isinstance(topics, str):
-            raise CallError(f'topics must be a sequence of strings, e.g. ("{topics}",), got {topics!r}')
+        strings = isinstance(topics, Sequence) and all(isinstance(each, str) for each in topics)
+        if not strings or isinstance(topics, str):
+            raise CallError(f'topics must be a sequence of strings, e.g. ("slip",), got {topics!r:.60}')
+        if silence_s is not None:
+            check_seconds("silence_s", silence_s, SILENCE_S)
         self.silence_s = silence_s
         self.bad = 0
         self.bad_reason = ""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, Union
 
 from slipd_client.clock import ServerClock
-from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, hint_for
+from slipd_client.errors import CallError, MessageError, NoAnswer, RequestRefused, TareGivenUp, check_seconds, hint_for
 from slipd_client.messages import MESSAGE_LIMITS, PROTOCOL_VERSION, TARE_REASONS, decode, encode
 from slipd_client.messages.schema.kinds import Mismatch
 from slipd_client.messages.schema.ops import OPS
@@ -148,8 +148,7 @@ class RequestProtocol:
         self, finger: str, seconds: float, timeout_s: float, stream: str | None = None, *, unloaded: bool = False
     ) -> Steps[TareResult]:
         """Start a tare of one stream, or of "all", and wait until it is taken."""
-        if not 0 < seconds < math.inf:
-            raise CallError(f"seconds must be a positive time, e.g. {TARE_S}, got {seconds}")
+        check_seconds("seconds", seconds, TARE_S)
         named = {} if stream is None else {"stream": stream}
         confirmed = {"unloaded": True} if unloaded else {}
         begun: TareBegun = yield from self.request("tare", {"finger": finger, "seconds": seconds} | named | confirmed)
@@ -184,6 +183,7 @@ class RequestProtocol:
 
         Raises:
             MessageError: The fields make no acceptable message (NaN, a string that is too long).
+            CallError: A field is of a type that no message can carry, e.g. a NumPy array.
             NoAnswer: The daemon's clock became unknown, so there is no deadline to send.
             LeaseInUse, LeaseLost: The lease changed hands, or was lost, while the request waited for its turn.
         """
@@ -197,7 +197,7 @@ class RequestProtocol:
             if earliest_ns is None:
                 raise NoAnswer(f"the clock of {self.endpoint} is no longer known; nothing was sent")
             body |= {"boot": self.boot, "deadline_ns": earliest_ns + DEADLINE_NS}
-        data = encode(body | ask.fields)
+        data = _encoded(body, ask)
         decode(data)
         return Envelope(number, now_ns, data)
 
@@ -252,3 +252,19 @@ class RequestProtocol:
     def _error_ns(self) -> float:
         error_ns = self.clock.error_ns(self._now_ns())
         return math.inf if error_ns is None else error_ns
+
+
+def _encoded(body: dict[str, Any], ask: Ask) -> bytes:
+    """Return the bytes of a request; CallError names the field that cannot be packed."""
+    try:
+        return encode(body | ask.fields)
+    except (TypeError, ValueError, OverflowError) as error:
+        for name, value in ask.fields.items():
+            try:
+                encode({name: value})
+            except (TypeError, ValueError, OverflowError):
+                raise CallError(
+                    f"{name} of {ask.op} must be a plain number, boolean, string or list of these, got {value!r:.60} "
+                    f"({error}); float() and .tolist() convert NumPy values"
+                ) from error
+        raise

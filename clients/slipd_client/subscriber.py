@@ -31,7 +31,8 @@ class SubscriberBase:
             ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon.
 
     Raises:
-        CallError: The endpoint is not one, or ``topics`` is a string.
+        CallError: The endpoint is not one, ``topics`` is not a sequence of strings, or ``silence_s`` is not a positive
+            time.
     """
 
     def __init__(

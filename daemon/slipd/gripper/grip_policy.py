@@ -15,7 +15,9 @@ ROUNDING_N = 1e-9
 """Tolerance of force comparisons, N: 5.1 N - 3.1 N is not exactly 2 N. Far below the resolution of any gripper."""
 
 _MS = 1_000_000
-NO_LEASE = Refusal("no_lease", "acquire the lease first: lease.acquire {ttl_ms}; it may have expired")
+NO_LEASE = Refusal(
+    "no_lease", "this client does not hold the lease, or its lease has ended: acquire it first (lease.acquire)"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,3 +72,32 @@ def test_a_wrong_call_names_the_argument_the_rule_and_the_value() -> None:
         Subscriber("ipc:///tmp/none", topics="slip")
     with GripClient("ipc:///tmp/no-daemon") as client, pytest.raises(CallError, match=r"^seconds must be .*, got -1"):
         client.tare("left", -1.0)
+
+
+@pytest.mark.parametrize("value", [1j, {1.0}, object(), 2**64])
+def test_a_value_that_no_message_can_carry_is_named_with_its_field(daemon: Daemon, value: object) -> None:
+    with GripClient(daemon.endpoint) as client:
+        with pytest.raises(CallError, match=r"^force_n of grip.set must be a plain number"):
+            client.grip_set(value)  # type: ignore[arg-type]
+        with pytest.raises(CallError, match=r"^gravity_mps2 of gravity.set must be .* list"):
+            client.gravity_set("left", [0.0, 0.0, value])  # type: ignore[list-item]
+    assert daemon.ops == ["hello"]
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, float("nan"), float("inf"), "1"])
+def test_a_duration_must_be_a_positive_time(seconds: float) -> None:
+    with pytest.raises(CallError, match=r"^timeout_s must be a positive time in seconds, e.g. 1, got"):
+        GripClient("ipc:///tmp/none", timeout_s=seconds)
+    with pytest.raises(CallError, match=r"^silence_s must be a positive time in seconds, e.g. 3, got"):
+        Subscriber("ipc:///tmp/none", silence_s=seconds)
+
+
+@pytest.mark.parametrize("topics", [b"slip", (b"slip",), None, 1])
+def test_topics_that_are_no_strings_are_a_wrong_call(topics: object) -> None:
+    with pytest.raises(CallError, match=r"^topics must be a sequence of strings, e.g. "):
+        Subscriber("ipc:///tmp/none", topics=topics)  # type: ignore[arg-type]
+
+
+def test_an_endpoint_of_another_type_is_a_wrong_call() -> None:
+    with pytest.raises(CallError, match=r"^endpoint must be of the form .*, got 3"):
+        GripClient(3)  # type: ignore[arg-type]
