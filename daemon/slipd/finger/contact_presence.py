@@ -21,7 +21,7 @@ class ContactPresence:
         config: ``[finger.X]``.
         force: The force sensor; None where the pad measures the force.
         image: The pad; None where there is none.
-        estimator: Knows whether the force is that of a contact.
+        estimator: Decides whether the force is that of a contact.
         freshness: Of the force readings.
     """
 
@@ -63,7 +63,7 @@ class ContactPresence:
     def is_measured(self, state: FingerState) -> bool | None:
         """Return whether the force sensor alone measures a contact; None also where there is no such sensor.
 
-        It is the witness while the pad beside it is tared, whose own image has no zero yet.
+        It decides while the pad in front of the sensor is tared, because the image has no zero yet.
         """
         if self._force is None or state.contact is None or state.verdict is WEIGHT_UNKNOWN:
             return None
@@ -84,7 +84,7 @@ class ContactPresence:
     def is_untouched(self, state: FingerState, *, disagreement: bool) -> bool | None:
         """Return whether nothing touches the finger, so that its zero may be learned.
 
-        The image counts by itself where it is known. It must not vouch for a force that it does not show.
+        A known image decides together with the force: a force that the image does not show is not taken for a zero.
         """
         if disagreement or state.contact is None:
             return None

@@ -29,7 +29,7 @@ class GripperFaultDetector:
         self._command_lost = False
 
     def forget(self) -> None:
-        """Forget the activation state: the gripper does not answer, and only a later reading shows it."""
+        """Forget the activation state: the gripper does not answer, so a later reading decides whether it is active."""
         self._active, self._activation = False, ""
 
     def activate(self, t_ns: int) -> None:
