@@ -10,15 +10,7 @@ from slipd.transport.address import connected
 from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
 from slipd.transport.link import OnBytes
 from slipd.transport.nonblocking_writer import NonblockingWriter
-
-KEEPALIVE_S = 1
-"""Silence after which the kernel probes the connection, and period of the probes, s."""
-
-KEEPALIVE_PROBES = 2
-"""Consecutive unanswered probes that end the connection: a cut cable is noticed within 3 s."""
-
-UNACKNOWLEDGED_MS = 3000
-"""Written bytes that stay unacknowledged this long end the connection too, ms; the kernel default is 15 minutes."""
+from slipd.zmtp.tcp_options import set_tcp_options
 
 DRAIN_TIMEOUT_S = 0.2
 """Longest wait for the rest of a partial write when closing, s."""
@@ -33,15 +25,7 @@ async def open_tcp(spec: LinkSpec, on_bytes: OnBytes) -> TcpConnection:
         LinkError: The address is invalid, or nothing answers there.
     """
     opened = await connected(spec.address, socket.SOCK_STREAM)
-    for level, option, value in (
-        (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
-        (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
-        (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, KEEPALIVE_S),
-        (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, KEEPALIVE_S),
-        (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, KEEPALIVE_PROBES),
-        (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS),
-    ):
-        opened.setsockopt(level, option, value)
+    set_tcp_options(opened)
     return TcpConnection(spec.address, opened, on_bytes)
 
 

@@ -17,6 +17,7 @@ from slipd.zmtp.loop_time_accounts import SHARE, TimeAccount, TimeAccounts
 from slipd.zmtp.mechanisms import Curve, Mechanism, Null
 from slipd.zmtp.peer import Peer
 from slipd.zmtp.peer_rules import PeerRules
+from slipd.zmtp.tcp_options import set_tcp_options
 from slipd.zmtp.wire import ProtocolError
 
 MAX_CONNECTIONS = 256
@@ -33,12 +34,6 @@ ACCEPTED_PER_WAKE = 4
 
 HANDSHAKE_S = 2.0
 """Longest handshake, s; then the connection is dropped, which frees its descriptor."""
-
-KEEPALIVE_S, KEEPALIVE_PROBES = 1, 2
-"""Silence after which the kernel probes the other machine, and period of the probes, s; number of probes."""
-
-UNANSWERED_MS = 3000
-"""The kernel ends a TCP connection whose peer acknowledges or reads nothing for this long, ms."""
 
 LINGER_S = 0.2
 """Longest wait for the last messages before a stop, s; a stalled peer delays the exit by no more."""
@@ -169,7 +164,7 @@ class Listener:
     def _welcome(self, connection: socket.socket, address: object) -> None:
         connection.setblocking(False)
         if isinstance(address, tuple):
-            _set_tcp_options(connection)
+            set_tcp_options(connection)
             name = str(address[0]).encode()
         else:
             process, user, group = _CREDENTIALS.unpack(
@@ -242,18 +237,6 @@ class Listener:
             self._logged_s = now_s
             who = name.decode(errors="replace")
             _log.warning("%s: connection of %s ended: %s (%d so far)", self.endpoint, who, reason, self.refused)
-
-
-def _set_tcp_options(connection: socket.socket) -> None:
-    for option, value in (
-        (socket.TCP_NODELAY, 1),
-        (socket.TCP_KEEPIDLE, KEEPALIVE_S),
-        (socket.TCP_KEEPINTVL, KEEPALIVE_S),
-        (socket.TCP_KEEPCNT, KEEPALIVE_PROBES),
-        (socket.TCP_USER_TIMEOUT, UNANSWERED_MS),
-    ):
-        connection.setsockopt(socket.IPPROTO_TCP, option, value)
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
 def _flush(peers: list[Peer]) -> None:

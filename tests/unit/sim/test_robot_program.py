@@ -138,7 +138,6 @@ def test_a_rotation_warning_makes_it_ask_for_the_grip_that_is_needed(daemon):
     assert [body["force_n"] for body in daemon.requests("grip.set")] == [9.5]
     (made,) = report.raises
     assert (made.requested_n, made.before_n, made.result, made.refusal) == (9.5, 6.9, {"applied_n": 9.5}, "")
-
     assert report.rotation_warning.level == "warning"
     assert report.rotation_warning.t_ns < report.rotation_warning.received_ns <= made.requested_ns
     assert report.slip_report.level == "slipping"

@@ -27,13 +27,13 @@ class Session(GripperSessionBase):
     `state` is "closed", "waiting" (for a status), "inactive", "activating", "active", "command lost" or "no reply".
     `robotiq_states` lists what the gripper accepts in each state.
 
+    ``echo_ok`` of a sample is whether the gripper echoes the position sent last. Force and speed are not echoed;
+    only the acknowledgement of the write shows that they arrived.
+
     Attributes:
         health: Its ``lost`` counts unanswered transactions.
         command_lost: Whether the last command was refused, was never acknowledged, or reached a gripper that was no
             longer active.
-
-    ``echo_ok`` of a sample is whether the gripper echoes the position sent last. Force and speed are not echoed;
-    only the acknowledgement of the write shows that they arrived.
 
     Args:
         unit: Modbus address of the gripper.

@@ -40,12 +40,12 @@ class Session(GripperSessionBase):
     lost" with the reason, or the request that the gripper refuses; "active" is followed by the gripper's warnings.
     `identity` is its serial number. `wsg_states` lists what the gripper accepts in each state.
 
-    Attributes:
-        health: Its ``lost`` counts unanswered commands.
-
     ``echo_ok`` of a sample is whether the force limit was read back as it was set. Widths are between the gripper's
     own fingers, without pads. The largest force is the nominal one, because it is unknown whether more requires a
     setting of the gripper.
+
+    Attributes:
+        health: Its ``lost`` counts unanswered commands.
 
     Args:
         period_ms: Time from one update to the next, 5 to 200 ms.
