@@ -27,6 +27,8 @@ FRAME_LENGTH = 36
 
 LARGEST_ENTRY = 1e6
 """Largest matrix entry, N or N·m per count: far beyond any gauge, and the sum of six products stays finite."""
+LARGEST_OFFSET = 2.0**32
+"""Largest offset, counts: the span of a count of 32 bits."""
 LARGEST_CONDITION = 1e6
 """Largest condition number of the matrix with rows of length one; beyond it the channels are hardly independent."""
 
@@ -64,7 +66,7 @@ class Decoder:
         self, matrix: Sequence[Sequence[float]] | None = None, offset: Sequence[float] = (0.0,) * CHANNELS
     ) -> None:
         self._matrix = np.eye(CHANNELS) if matrix is None else _checked_matrix(matrix)
-        self._offset = _array("offset", offset, (CHANNELS,), float(_US_SPAN))
+        self._offset = _array("offset", offset, (CHANNELS,), LARGEST_OFFSET)
         self.health = DecoderHealth()
         self._sequence = SequenceTracker(_SEQUENCE_SPAN, self.health, in_order=True)
         self._frames = FixedLengthScanner(_SYNC, FRAME_LENGTH, _checksum_matches, self.health)
@@ -143,6 +145,6 @@ DEVICE = Device(
     rates_hz=(1.0, 10_000.0),
     baud=921_600,
     frame_bytes=FRAME_LENGTH,
-    clock_span_ns=(1 << 32) * 1_000,
+    clock_span_ns=_US_SPAN * 1_000,
     frame="a frame of strain gauges",
 )

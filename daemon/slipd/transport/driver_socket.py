@@ -17,10 +17,7 @@ from slipd.errors import LinkError
 from slipd.events import LinkSpec
 from slipd.transport.link import OnBytes
 from slipd.transport.tcp import TcpConnection
-from slipd.zmtp.endpoint import check_directory
-
-MAX_PATH_BYTES = 107
-"""Longest path of a Unix socket (``sun_path`` without its final zero)."""
+from slipd.zmtp.endpoint import MAX_IPC_PATH_BYTES, check_directory
 
 WAITING = 8
 """Connections that the kernel queues until they are accepted."""
@@ -73,9 +70,9 @@ class DriverConnection(TcpConnection):
 
 def _bind(address: str, path: str) -> socket.socket:
     size = len(os.fsencode(path))
-    if not path.startswith("/") or size > MAX_PATH_BYTES:
+    if not path.startswith("/") or size > MAX_IPC_PATH_BYTES:
         raise LinkError(
-            f"{address}: must be an absolute path of at most {MAX_PATH_BYTES} bytes, such as unix:///run/slipd/gripper"
+            f"{address}: must be an absolute path of at most {MAX_IPC_PATH_BYTES} bytes, such as unix:///run/slipd/gripper"
         )
     if not Path(path).parent.is_dir():
         raise LinkError(f"{address}: there is no directory {Path(path).parent}; create it, or name another")

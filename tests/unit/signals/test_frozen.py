@@ -293,6 +293,16 @@ def test_F1_a_run_that_ends_with_readings_that_come_together_is_a_habit_too() ->
         six = rng.normal(size=6)
 
 
+def test_readings_that_arrive_together_and_differ_are_lively() -> None:
+    watch = WrenchWatch(200.0)
+    rows = np.random.default_rng(8).normal(size=(6, 6))
+    for read in (slice(0, 1), slice(1, 4), slice(4, 6)):
+        times_ns = [MS * k for k in range(6)][read]
+        assert watch.update([*map(tuple, rows[read].tolist())], times_ns, rows[read]) == {}
+    assert watch.lively
+    assert not watch.suspect
+
+
 @pytest.mark.parametrize("repeats", [0, 200])
 def test_F1_a_sensor_whose_readings_rest_is_not_stuck_by_time(repeats: int) -> None:
     watch = WrenchWatch(200.0, repeats=repeats)

@@ -12,7 +12,8 @@ import pytest
 
 from slipd.errors import LinkError
 from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp
-from slipd.transport.driver_socket import MAX_PATH_BYTES, open_driver_socket
+from slipd.transport.driver_socket import open_driver_socket
+from slipd.zmtp.endpoint import MAX_IPC_PATH_BYTES
 
 if TYPE_CHECKING:
     from conftest import Eventually, Serving
@@ -154,7 +155,7 @@ async def test_a_directory_in_which_others_could_serve_a_driver_is_refused(open_
     ("address", "words"),
     [
         ("unix://relative", "must be an absolute path of at most 107 bytes, such as unix:///run/slipd/gripper"),
-        ("unix:///" + "x" * MAX_PATH_BYTES, "107 bytes"),
+        ("unix:///" + "x" * MAX_IPC_PATH_BYTES, "107 bytes"),
         ("unix:///nowhere/at/all", "there is no directory /nowhere/at"),
     ],
 )
