@@ -1,7 +1,6 @@
 """What clients ask: sensible requests, nonsense, and what was made to hurt.
 
-Everything is drawn from one seed. The tables are written down a second time, so that what the daemon forgets to check
-is still asked for.
+Everything is drawn from one seed. Ops and fields are those of the schema; names and values that it forbids are added.
 """
 
 from __future__ import annotations
@@ -14,6 +13,8 @@ from typing import Any
 
 import msgpack
 
+from slipd_client.messages.schema.ops import OPS
+
 MS = 1_000_000
 CLIENTS = (b"alpha", b"beta", b"gamma", b"\x00del\xff")
 LONGEST_BYTES = 16 * 1024
@@ -24,28 +25,7 @@ MOST_CAPTURED = 400
 READY_NS = 150 * MS
 """An activation takes some time; asked for again meanwhile, it would never end."""
 
-FIELDS: dict[str, tuple[str, ...]] = {
-    "hello": (),
-    "status": (),
-    "tare": ("finger", "seconds", "stream", "unloaded"),
-    "tare.get": ("finger", "stream"),
-    "tare.undo": ("finger", "stream"),
-    "gravity.set": ("finger", "gravity_mps2"),
-    "friction.set": ("finger", "mu_s", "mu_d"),
-    "lease.acquire": ("ttl_ms",),
-    "lease.renew": (),
-    "lease.release": (),
-    "grip.set": ("force_n",),
-    "grip.adjust": ("delta_n",),
-    "grip.hold": (),
-    "gripper.activate": ("drop",),
-    "gripper.close": ("force_n", "width_m", "speed_mps"),
-    "gripper.open": ("width_m", "speed_mps", "drop"),
-    "gripper.stop": (),
-    "fault.ack": (),
-    "record.start": (),
-    "record.stop": (),
-}
+FIELDS: dict[str, tuple[str, ...]] = {name: tuple(op.fields) for name, op in OPS.items()}
 """Every op and its fields."""
 
 _NUMBERS: tuple[Any, ...] = (

@@ -13,6 +13,9 @@ from typing import Any
 from fuzz.asking import FIELDS, FINGERS
 from fuzz.hand import Said, Told, newtons
 
+from slipd_client.messages.schema.ops import OPS
+from slipd_client.messages.schema.request_fields import ENVELOPE as ENVELOPE_FIELDS
+
 MS = 1_000_000
 LEAST_N, MOST_N = 4.0, 22.0
 STEP_N, RAISE_N_PER_S, LOWER_N_PER_S, BUDGET_N = 2.0, 10.0, 2.0, 8.0
@@ -37,27 +40,9 @@ EPS_N = 1e-6
 MOST_TOLD = 50
 
 FORCING = ("grip.set", "grip.adjust", "gripper.close")
-NEEDS_LEASE = (
-    *FORCING,
-    "grip.hold",
-    "gripper.open",
-    "gripper.activate",
-    "gripper.stop",
-    "lease.renew",
-    "lease.release",
-)
-ENVELOPE = {"v", "id", "op", "boot", "deadline_ns"}
-REQUIRED = {
-    "tare": {"finger"},
-    "tare.get": {"finger"},
-    "tare.undo": {"finger"},
-    "gravity.set": {"finger", "gravity_mps2"},
-    "friction.set": {"finger"},
-    "lease.acquire": {"ttl_ms"},
-    "grip.set": {"force_n"},
-    "grip.adjust": {"delta_n"},
-    "gripper.close": {"force_n"},
-}
+NEEDS_LEASE = {op.name for op in OPS.values() if op.lease == "holder"}
+ENVELOPE = {field.name for field in ENVELOPE_FIELDS}
+REQUIRED = {op.name: {field.name for field in op.fields.values() if field.required} for op in OPS.values()}
 NUMBERS = ("force_n", "delta_n", "width_m", "speed_mps", "seconds", "mu_s", "mu_d", "ttl_ms", "deadline_ns")
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import msgpack
 import pytest
 from fuzz import requests
-from fuzz.asking import BOMBS, FIELDS, LONGEST_BYTES, Asker, Captured, Seen
+from fuzz.asking import BOMBS, LONGEST_BYTES, Asker, Captured, Seen
 from fuzz.hand import FORCE_TABLE, Hand, newtons
 from fuzz.request_report import Found, tables, verdicts
 from fuzz.requests import fuzz
@@ -26,7 +26,6 @@ from slipd.gripper import motion_gate, reflex
 from slipd.permit import Permit
 from slipd.requests.handlers import RequestHandlers
 from slipd.requests.idempotency import IdempotencyCache
-from slipd_client.messages.schema.ops import OPS
 
 SEED = 20261122  # the same every time; `python -m fuzz` draws others
 AGAIN = f"PYTHONPATH=tests/support:tests/lab python -m fuzz --only requests --seed {SEED} --rounds 1"
@@ -106,10 +105,6 @@ def test_what_is_broken_is_found(
 ) -> None:
     monkeypatch.setattr(owner, name, broken)
     assert any(what in fault for seed in BROKEN_SEEDS for fault in fuzz(seed, BROKEN).bad)
-
-
-def test_every_op_and_each_of_its_fields_is_asked_for() -> None:
-    assert {op: set(fields) for op, fields in FIELDS.items()} == {name: set(op.fields) for name, op in OPS.items()}
 
 
 def test_what_is_asked_is_of_every_kind_and_mostly_within_the_size_that_is_read() -> None:
