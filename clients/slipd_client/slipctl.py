@@ -24,6 +24,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = slipctl_parser.parser()
     chosen = parser.parse_args(arguments)
+    if not chosen.command:
+        chosen.refuse()
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")  # type: ignore[union-attr] # a terminal that lacks a character shows "?"
     try:

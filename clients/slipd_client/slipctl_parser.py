@@ -21,7 +21,11 @@ _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the parser; ``command`` of the parsed arguments is the whole command, e.g. "grip set"."""
+    """Return the parser.
+
+    ``command`` of the parsed arguments is the whole command, e.g. "grip set", or "" where it is missing. Then
+    ``refuse`` prints the commands that there are, and exits with 2.
+    """
     top = argparse.ArgumentParser(prog="slipctl", description="Show the state of a running slipd and send it requests.")
     for name, what, default in (
         ("--publish", "endpoint on which slipd publishes", publish_endpoint()),
@@ -100,7 +104,8 @@ def keys_directory() -> Path:
 
 
 def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
-    group = parent.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    group = parent.add_subparsers(title="commands", metavar="COMMAND")
+    parent.set_defaults(command="", refuse=lambda: parent.error(f"COMMAND must be one of {', '.join(group.choices)}"))
 
     def add(name: str, what: str) -> argparse.ArgumentParser:
         command = group.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")

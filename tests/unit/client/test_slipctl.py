@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,31 @@ Start = Callable[..., "subprocess.Popen[str]"]
 PATIENCE_S = 20.0
 
 ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ([], "slipctl: error: COMMAND must be one of watch, status, grip, tare, friction, record, keys\n"),
+        (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
+        (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),
+    ],
+)
+def test_a_missing_command_names_the_commands(
+    arguments: list[str], error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    assert capsys.readouterr().err.endswith(error)
+
+
+def test_help_and_wrong_arguments_need_no_zeromq() -> None:
+    code = "import sys; from slipd_client.slipctl import main; main(sys.argv[1:])"
+    for arguments in (["--help"], ["grip", "set", "-1"], ["keys", "new", "--help"]):
+        check = f"import atexit, sys; atexit.register(lambda: print('zmq' in sys.modules, file=sys.stderr)); {code}"
+        done = subprocess.run([sys.executable, "-c", check, *arguments], capture_output=True, text=True, check=False)
+        assert done.stderr.endswith("False\n")
 
 
 @pytest.mark.parametrize("command", [["status"], ["tare", "take", "left"], ["grip", "set", "5"]])
@@ -46,16 +72,14 @@ def test_the_process_exits_with_1_when_no_daemon_answers(requests: str, slipctl:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([], "required"),
         (["fly"], "invalid choice"),
-        (["grip"], "required"),
         (["grip", "5"], "invalid choice"),
         (["grip", "set"], "FORCE_N"),
         (["grip", "set", "lots"], "must be a number, got 'lots'"),
         (["grip", "set", "nan"], "finite"),
         (["grip", "set", "inf"], "finite"),
         (["grip", "set", "-5"], "must be at least 0, got -5"),
-        (["tare", "take", "left", "--seconds", "11"], "must be above 0, at most 10, got 11"),
+        (["tare", "take", "left", "--seconds", "11"], "must be above 0 and at most 10, got 11"),
         (["tare", "get", "left", "--stream", "all"], "invalid choice"),
         (["grip", "set", "5", "--hold", "-1"], "--hold"),
         (["grip", "adjust", "nan"], "finite"),
@@ -64,7 +88,7 @@ def test_the_process_exits_with_1_when_no_daemon_answers(requests: str, slipctl:
         (["tare", "left"], "invalid choice"),
         (["tare", "take", "left", "--seconds", "0"], "--seconds"),
         (["friction", "left", "slippery"], "must be a number, got 'slippery'"),
-        (["record"], "required"),
+        (["record"], "COMMAND must be one of start, stop"),
         (["--requests", "nowhere", "status"], "'nowhere'"),
         (["--publish", "tcp://robot", "watch"], "'tcp://robot'"),
         (["--key", "me.key_secret", "status"], "--server-key"),

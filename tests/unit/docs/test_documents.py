@@ -11,15 +11,19 @@ from pathlib import Path
 import pytest
 from project import DAEMON, DOCS, ROOT
 
-#: The ids of one test name, at its beginning.
 LEADING_IDS = re.compile(r"test_((?:[A-Z]\d+_)+)")
-#: What looks like an id anywhere else in a test name.
+"""The ids of one test name, at its beginning."""
+
 STRAY_ID = re.compile(r"_([A-Z]\d+)_")
-#: A row of docs/faults.md: id, fault, handling, tests.
+"""What looks like an id anywhere else in a test name."""
+
 ROW = re.compile(r"^\| ([A-Z]\d+) \|(.*)\|(.*)\|(.*)\|$", re.MULTILINE)
+"""A row of docs/faults.md: id, fault, handling, tests."""
+
 CITATION = re.compile(r"`([\w/]+\.py)::(\w+)`")
-#: A path of the project in backquotes, without a placeholder.
 PATH = re.compile(r"`((?:daemon|clients|tests|docs|config)/[\w./-]*)`")
+"""A path of the project in backquotes, without a placeholder."""
+
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)")
 CODE_BLOCK = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 

@@ -29,8 +29,9 @@ quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 enabled = true
 raise_n_per_s = 100.0
 """
-#: Ops that `Run.bring_up` and `Run.grip` request; `Run.feed` compares their replies.
 BEFORE = {"tare", "lease.acquire", "gripper.activate", "gripper.close"}
+"""Ops that `Run.bring_up` and `Run.grip` request; `Run.feed` compares their replies."""
+
 REQUESTS: list[tuple[str, dict[str, Any]]] = [
     ("hello", {}),
     ("tare.get", {"finger": "left"}),

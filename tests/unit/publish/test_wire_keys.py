@@ -18,18 +18,23 @@ from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.request_fields import ENVELOPE
 from slipd_client.messages.schema.topics import TOPICS
 
-#: Rooms with formats of their own: bytes of devices, emulators of devices, recordings, config files.
 OTHER_FORMATS = {"devices", "sim", "recording", "config"}
-#: Programs that read messages, as every client does.
+"""Rooms with formats of their own: bytes of devices, emulators of devices, recordings, config files."""
+
 CLIENTS = {"cli.py", "demo.py"}
-#: Rooms that read requests.
+"""Programs that read messages, as every client does."""
+
 READERS = {"requests", "bus"}
+"""Rooms that read requests."""
+
 REQUEST_FIELDS = {field.name for field in ENVELOPE} | {name for op in OPS.values() for name in op.fields}
-#: Rooms that address fields of rows, which are named by quantity and unit as keys are.
 ROW_ROOMS = {"fusion", "finger"}
+"""Rooms that address fields of rows, which are named by quantity and unit as keys are."""
+
 ROW_FIELDS = {name for dtype in vars(rows).values() if isinstance(dtype, np.dtype) for name in dtype.names or ()}
-#: Keys that are words of their own elsewhere: ops, kinds of intent, and the context of asyncio's exception handler.
 ALSO_WORDS = {*OPS, *get_args(IntentKind)}
+"""Keys that are words of their own elsewhere: ops, kinds of intent, and the context of asyncio's exception handler."""
+
 ASYNCIO = {("service.py", "message")}
 
 

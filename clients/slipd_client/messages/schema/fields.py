@@ -59,7 +59,7 @@ class Field:
     def number_range(self) -> str:
         """The part of its range that is the same on every rig, for people; "" where it has none."""
         bounds = (("above", self.above), ("at least", self.least), ("at most", self.most))
-        return ", ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
+        return " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
 
     @property
     def range_text(self) -> str:
