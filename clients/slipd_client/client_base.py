@@ -89,7 +89,7 @@ class GripClientBase:
         timeout_s: The same; may be changed.
 
     Raises:
-        CallError: The endpoint is not one, or ``timeout_s`` is not a positive time.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, or ``timeout_s`` is not a positive time.
     """
 
     def __init__(self, endpoint: str | None = None, *, keys: Keys | None = None, timeout_s: float = TIMEOUT_S) -> None:
@@ -109,7 +109,7 @@ class GripClientBase:
 
     @property
     def clock(self) -> ServerClock:
-        """The daemon's clock, as well as its replies so far show it; unknown before the first."""
+        """The daemon's clock, estimated from its replies; unknown before the first."""
         return self._protocol.clock
 
     def _request(self, op: str, /, **fields: Any) -> Steps[Any]:
@@ -140,7 +140,7 @@ class GripClientBase:
         self._lease = lease
 
     def _unclaim(self) -> None:
-        """Free it, once the daemon has it back."""
+        """Free that lease, after the daemon has it back."""
         self._lease = None
         self._lease_slot.release()
 

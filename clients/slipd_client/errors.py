@@ -9,7 +9,7 @@
     │   ├── LeaseLost           the lease of this block has ended; nothing was sent
     │   ├── LeaseInUse          another thread or task holds the lease of this client; nothing was sent
     │   └── ConnectionClosed    the client was closed
-    ├── CallError             a call is wrong: no such endpoint, a duration of 0 s (also a ValueError)
+    ├── CallError             a call is wrong: a wrong endpoint, a duration of 0 s (also a ValueError)
     ├── MessageError          bytes or values that are no acceptable message (also a ValueError)
     └── KeyFileError          a key file cannot be used (also a ValueError)
 

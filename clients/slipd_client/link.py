@@ -39,7 +39,7 @@ class Link:
         options: Further socket options.
 
     Raises:
-        CallError: The endpoint is not one.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Link:
             return self._take(zmq.NOBLOCK)
 
     def send(self, data: bytes) -> bool:
-        """Send one frame; False where nobody is there to receive it, and then nothing is sent."""
+        """Send one frame; False where no peer is connected, and then nothing is sent."""
         with self._open():
             try:
                 self.socket.send(data, zmq.NOBLOCK)
@@ -90,7 +90,7 @@ class Link:
             return True
 
     def wait_writable(self, until: float) -> bool:
-        """Wait for somebody to send to until ``until`` (on ``time.monotonic``); return whether somebody is there."""
+        """Wait until ``until`` (on ``time.monotonic``) for a peer to send to; return whether there is one."""
         with self._open():
             return self.socket.poll(_left_ms(until), zmq.POLLOUT) != 0
 

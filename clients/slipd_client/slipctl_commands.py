@@ -18,7 +18,7 @@ def run(chosen: argparse.Namespace) -> None:
 
     Raises:
         ClientError: The daemon refused, or did not answer.
-        CallError: An endpoint is not one, or one of two options is missing.
+        CallError: An endpoint is wrong, or one of ``--key`` and ``--server-key`` is missing.
         KeyFileError: A key file cannot be used or created.
     """
     command: str = chosen.command

@@ -31,8 +31,8 @@ class SubscriberBase:
             ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon.
 
     Raises:
-        CallError: The endpoint is not one, ``topics`` is not a sequence of strings, or ``silence_s`` is not a positive
-            time.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, ``topics`` is not a sequence of strings, or
+            ``silence_s`` is not a positive time.
     """
 
     def __init__(

@@ -36,7 +36,7 @@ class Waker:
     async def wait(self, event: int, until: float | None) -> None:
         """Wait until the socket may be ready for ``event``, or until the time ``until`` (on ``time.monotonic``).
 
-        Which of the two it was shows only when the socket is used.
+        The caller learns which of the two happened when it uses the socket.
         """
         wake = self._events[event]
         wake.clear()

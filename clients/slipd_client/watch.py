@@ -35,7 +35,7 @@ def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once
 
     Raises:
         Silence: No message came within ``FIRST_S``.
-        CallError: The endpoint is not one.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint.
     """
     with Subscriber(endpoint, ("",) if as_json else TOPICS, keys=keys, silence_s=None) as subscriber:
         first = subscriber.receive(FIRST_S)

@@ -110,7 +110,7 @@ class LeaseReply(Reply):
 class GripReply(Reply):
     """The grip force that a motion commands."""
 
-    applied_n: float | None = wire("grip force that the gripper is sent: its setting for the one requested", nil=True)
+    applied_n: float | None = wire("grip force sent to the gripper: its setting for the requested force", nil=True)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
