@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 
-#: Below this normal force, the error of the centroid (torque noise / normal force) exceeds the size of a fingertip.
 DEFAULT_MIN_NORMAL_N = 0.2
+"""Below this normal force, the error of the centroid (torque noise / normal force) exceeds the size of a fingertip."""
 
 
 class Contact(NamedTuple):

@@ -31,10 +31,10 @@ from slipd.fusion.rows import (
     new_rows,
 )
 
-#: Initial capacity of a window, in readings; it grows when they come faster.
 FIRST_CAPACITY = 64
-#: The load is mostly spin if translation alone explains less than this fraction of the utilisation.
+"""Initial capacity of a window, in readings; it grows when they come faster."""
 ROTATION_SHARE = 0.7
+"""The load is mostly spin if translation alone explains less than this fraction of the utilisation."""
 
 
 @dataclass(frozen=True, slots=True)

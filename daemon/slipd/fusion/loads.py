@@ -24,13 +24,13 @@ from slipd.arrays import Array, Indices
 from slipd.fusion.compiled import compiled
 from slipd.fusion.hull import Outline
 
-#: Share of the contact's extent within which a centroid counts as lying on the hull: the tilt that would meet it there
-#: spreads the loads over more than six decades, which no image supports.
 ON_HULL = 1e-6
+"""Fraction of the contact's extent within which a centroid counts as lying on the hull: the tilt that would meet it there
+spreads the loads over more than six decades, which no image supports."""
 MAX_NEWTON_STEPS = 100  # both problems are convex and take 4–10
-#: A step of the tilt that changes the exponent of a load by more than this must not overshoot: beyond the minimum one
-#: taxel carries everything, the curvature vanishes, and no step leads back.
 LONGEST_OVERSHOOT = 8.0
+"""A step of the tilt that changes the exponent of a load by more than this must not overshoot: beyond the minimum one
+taxel carries everything, the curvature vanishes, and no step leads back."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 Rows = NDArray[np.void]
 
-#: Phase of a reading. Kernels find TOUCHING, FREE or PULLED for those that are PENDING.
-#: PULLED: the normal force is clearly negative, which no contact gives. LATE: too old; ends the contact.
-#: UNTRUSTED: says nothing, and is passed over.
 PENDING, TOUCHING, FREE, PULLED, LATE, UNTRUSTED = range(6)
-#: Steps of a margin that shrinks; the level of a contact that holds is its step + 1.
+"""Phase of a reading. Kernels find TOUCHING, FREE or PULLED for those that are PENDING.
+PULLED: the normal force is clearly negative, which no contact gives. LATE: too old; ends the contact.
+UNTRUSTED: says nothing, and is passed over."""
 STABLE, CAUTION, WARNING = range(3)
-#: Level codes beside those.
+"""Steps of a margin that shrinks; the level of a contact that holds is its step + 1."""
 NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
-#: ``kind`` of a utilisation that was not solved, because there is no image or no coefficient of friction.
+"""Level codes beside those."""
 UNSOLVED = -1
+"""``kind`` of a utilisation that was not solved, because there is no image or no coefficient of friction."""
 
 _FLOAT, _INTEGER, _FLAG = "f8", "i8", "?"
 
@@ -32,7 +32,6 @@ def _floats(*names: str) -> list[tuple[str, str]]:
     return [(name, _FLOAT) for name in names]
 
 
-#: `slipd.fusion.contact.Contact`, field by field; NaN but for the forces where ``valid`` is false.
 CONTACT = np.dtype(
     [
         *_floats("cx_m", "cy_m", "cx_std_m", "cy_std_m", "normal_n", "fx_n", "fy_n", "spin_nm"),
@@ -41,13 +40,13 @@ CONTACT = np.dtype(
     ],
     align=True,
 )
+"""`slipd.fusion.contact.Contact`, field by field; NaN but for the forces where ``valid`` is false."""
 
-#: Torque limit of a frame, with certified bounds; ``kind`` is an index of `slipd.fusion.limit.solve.KINDS`.
 TORQUE_LIMIT = np.dtype(
     [*_floats("torque_nm", "lower_nm", "upper_nm"), ("pole_m", _FLOAT, (2,)), ("kind", _INTEGER)], align=True
 )
+"""Torque limit of a frame, with certified bounds; ``kind`` is an index of `slipd.fusion.limit.solve.KINDS`."""
 
-#: Utilisation of a frame or reading, with certified bounds; ``twist`` is the motion (2) + (1) that would begin.
 UTILISATION = np.dtype(
     [
         *_floats("value", "lower", "upper"),
@@ -57,8 +56,8 @@ UTILISATION = np.dtype(
     ],
     align=True,
 )
+"""Utilisation of a frame or reading, with certified bounds; ``twist`` is the motion (2) + (1) that would begin."""
 
-#: Verdict on a reading, see `slipd.fusion.levels.Assessment`.
 ASSESSMENT = np.dtype(
     [
         ("level", _INTEGER),
@@ -70,10 +69,8 @@ ASSESSMENT = np.dtype(
     ],
     align=True,
 )
+"""Verdict on a reading, see `slipd.fusion.levels.Assessment`."""
 
-#: A force reading on its way to a verdict: the sensor's wrench goes in, each kernel fills its own part.
-#: ``wrench`` is (F, M) in N and N·m, of the sensor until `slipd.fusion.streaming.move_to_pad` or ``find_contacts``
-#: moves it into the pad frame; M is NaN where the sensor measures none. ``tipping_margin_m`` is NaN without an image.
 READING = np.dtype(
     [
         ("wrench", _FLOAT, (6,)),
@@ -86,9 +83,10 @@ READING = np.dtype(
     ],
     align=True,
 )
+"""A force reading on its way to a verdict: the sensor's wrench goes in, each kernel fills its own part.
+``wrench`` is (F, M) in N and N·m, of the sensor until `slipd.fusion.streaming.move_to_pad` or ``find_contacts``
+moves it into the pad frame; M is NaN where the sensor measures none. ``tipping_margin_m`` is NaN without an image."""
 
-#: State of `slipd.fusion.levels.ContactWatch` without its windows: settings, friction and uncertainty in force, memory.
-#: Pairs are (force, spin).
 WATCH = np.dtype(
     [
         *_floats("caution", "warning", "hysteresis", "kept", "window_s", "armed_at", "hold_s"),
@@ -101,9 +99,11 @@ WATCH = np.dtype(
     ],
     align=True,
 )
+"""State of `slipd.fusion.levels.ContactWatch` without its windows: settings, friction and uncertainty in force, memory.
+Pairs are (force, spin)."""
 
-#: A reading in the windows of a slip watch.
 WINDOW = np.dtype(_floats("t_s", "load", "ratio", "utilisation"), align=True)
+"""A reading in the windows of a slip watch."""
 
 
 def new_rows(dtype: np.dtype[Any], count: int) -> Rows:

@@ -12,9 +12,9 @@ from scipy import ndimage
 from slipd.arrays import Array
 from slipd.fusion.hull import convex_hull
 
-#: A corner of the outline stands out from the chord of its neighbours by at least this share of a pitch; less is a
-#: staircase of the grid.
 CORNER_PITCHES = 0.6
+"""A corner of the outline stands out from the chord of its neighbours by at least this share of a pitch; less is a
+staircase of the grid."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -47,9 +47,9 @@ class WrenchTransform(NamedTuple):
     weight: Array
 
 
-#: For wrenches that are in the pad frame already.
 IDENTITY = WrenchTransform(np.eye(6), np.zeros(6), np.zeros(6))
 IDENTITY.matrix.flags.writeable = False  # like the matrix of every mounting: kernels are compiled for one kind of array
+"""For wrenches that are in the pad frame already."""
 
 
 class Reading(NamedTuple):

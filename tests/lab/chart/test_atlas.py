@@ -18,10 +18,10 @@ PAIR = BY_NAME["two, no force"]
 SLIDES = BY_NAME["R = 1.5 μ"]
 LOST = BY_NAME["NaN load"]
 
-#: Rows whose limit is a closed form of the inputs, computed when they are: those inputs may differ in their last digit.
 COMPUTED_INPUTS = {"between twins", "three, 120° apart", "turned by 0.7 rad"} | {
     f"beside a taxel, 1e{exponent} pitch" for exponent in (-3, -6, -9, -12)
 }
+"""Rows whose limit is a closed form of inputs that are computed: those inputs may differ in their last digit."""
 DIGEST = "fd739646763d4f52aa9dcfe01c88b8a78d5c9a2d14dd6693aa3baff9ae9ed0eb"
 
 

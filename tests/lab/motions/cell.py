@@ -21,9 +21,9 @@ BOOT = "b00t"
 MOST_N, STEP_N, RAISE_N_PER_S, BUDGET_N, CEILING_N = 25.0, 2.0, 10.0, 12.0, 15.0
 PART_M = 0.04
 OVERLOAD = 2
-#: Of the counts from one message to the next: what never changes is taken for stuck.
 JITTER = np.array([[1, 2, 1], [2, 1, 2], [1, 1, 2], [2, 2, 1]])
 CLIENT = b"ann"
+"""Of the counts from one message to the next: what never changes is taken for stuck."""
 
 TEXT = f"""
 [finger.left]

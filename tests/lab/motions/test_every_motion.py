@@ -30,10 +30,10 @@ LONG_RUN = settings(phases=PHASES)
 pytestmark = pytest.mark.timeout(0 if LONG else 120)
 
 FORCES = st.one_of(st.sampled_from((2.0, 3.0, 5.0, 6.0, 7.5, 12.0, 25.0, 25.1)), st.floats(0.0, 30.0))
-#: From the present width: of what is asked for most is near it, on either side.
 WIDTHS = st.one_of(st.none(), st.sampled_from((-0.06, -0.02, -0.002, 0.0, 0.002, 0.02)), st.floats(-0.05, 0.05))
 MOSTLY = st.sampled_from((True, True, True, False))
 CLIENTS = st.sampled_from((CLIENT, CLIENT, CLIENT, CLIENT, CLIENT, b"ben"))
+"""From the present width: of what is asked for most is near it, on either side."""
 
 
 class Motions(RuleBasedStateMachine):

@@ -15,10 +15,10 @@ from project import MODULES, ROOT
 
 QEMU = "qemu-aarch64-static"
 PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
-#: What the wheels of NumPy, SciPy and Numba expect of the system.
 LIBRARIES = ("libstdc++6", "libatomic1", "libgomp1")
-#: Kinds of wheel that run on Debian 12 and newer.
+"""What the wheels of NumPy, SciPy and Numba expect of the system."""
 PLATFORMS = ("manylinux_2_28_aarch64", "manylinux_2_27_aarch64", "manylinux_2_17_aarch64", "manylinux2014_aarch64")
+"""Kinds of wheel that run on Debian 12 and newer."""
 
 
 class UnavailableError(Exception):

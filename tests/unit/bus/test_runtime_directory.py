@@ -14,9 +14,9 @@ from slipd.bus.runtime_directory import RuntimeDirectory
 from slipd.errors import LinkError
 from slipd.zmtp.endpoint import bind, release
 
-#: Root may give files to any group; one that every machine has.
 GROUP = "daemon"
 needs_a_group = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files to a group it is not in")
+"""Root may give files to any group; one that every machine has."""
 
 HOLD = """
 import sys, pathlib

@@ -34,7 +34,6 @@ rate_hz = 50.0
 max_force_n = 25.0
 """
 
-#: One reading that brings the left finger to each level; "slipping" needs two.
 CONTACTS: dict[str, list[tuple[Any, ...]]] = {
     "no_contact": [(0.0,)],
     "stable": [(10.0, (1.0, 0.0))],
@@ -43,6 +42,7 @@ CONTACTS: dict[str, list[tuple[Any, ...]]] = {
     "slipping": [(10.0, (4.9, 0.0)), (10.0, (3.9, 0.0))],
     "unknown": [(math.nan,)],
 }
+"""One reading that brings the left finger to each level; "slipping" needs two."""
 
 
 def changes(run: Run, finger: str = "left") -> list[tuple[str, str, bool]]:

@@ -19,7 +19,6 @@ RAISE = ("not_ready", "delta_n")
 Run = Any
 Make = Callable[[str], Run]
 
-#: The left force sensor at 200 Hz, whose repeats count; the left pad is pushed by another process, as numbers in N.
 SENSORS = {
     "rate_hz = 1000.0": "rate_hz = 200.0",
     "stuck_after = 0": "stuck_after = 50\nrange_n = 80.0",
@@ -36,8 +35,9 @@ quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 [reflex]
 enabled = true
 """
-#: A pull on a grip of 5 N that asks for far more.
+"""The left force sensor at 200 Hz, whose repeats count; the left pad is pushed by another process, as numbers in N."""
 PULL_N = 4.0
+"""A pull on a grip of 5 N that asks for far more."""
 
 
 class Hand:

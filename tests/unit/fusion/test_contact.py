@@ -82,7 +82,6 @@ def test_a_bad_call_raises() -> None:
         contact_from_wrench((0, 0, -1), (0, 0, 0), min_normal_n=0.0)
 
 
-#: Normal forces about those at which a contact begins and ends, and what is no number.
 READINGS = st.lists(
     st.tuples(
         st.sampled_from((PENDING, PENDING, PENDING, UNTRUSTED, LATE)),
@@ -93,6 +92,7 @@ READINGS = st.lists(
     min_size=1,
     max_size=20,
 )
+"""Normal forces about those at which a contact begins and ends, and what is no number."""
 
 
 @given(readings=READINGS, in_contact=st.booleans(), torque_std_nm=st.floats(0.0, 0.01))

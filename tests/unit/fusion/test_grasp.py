@@ -22,12 +22,12 @@ from slipd.fusion.grasp import (
 )
 
 NAN, INF = math.nan, math.inf
-#: Pads 60 mm apart that look at each other along the gripper's Y; Z is the approach.
 LEFT = PadPose(np.array(((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))), np.array((0.0, 0.03, 0.1)))
 RIGHT = PadPose(np.array(((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))), np.array((0.0, -0.03, 0.1)))
 forces = st.integers(-5000, 5000).map(lambda hundredths: hundredths / 100)
 loads = st.floats(0.0, 100.0)
 vectors = st.tuples(forces, forces, forces).map(np.array)
+"""Pads 60 mm apart that look at each other along the gripper's Y; Z is the approach."""
 
 
 def on_pad(pose: PadPose, force: np.ndarray, torque_about_origin: np.ndarray) -> np.ndarray:

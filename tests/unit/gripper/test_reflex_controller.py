@@ -25,8 +25,8 @@ enabled = true
 raise_n_per_s = 100.0
 ceiling_n = 9.0
 """
-#: Of a grip of 5 N and μ = 0.5: λ is 0.9.
 NEAR = (2.25, 0.0)
+"""Of a grip of 5 N and μ = 0.5: λ is 0.9."""
 
 Make = Callable[[str], Any]
 

@@ -329,8 +329,8 @@ def test_F1_a_jump_is_no_rest() -> None:
 
 
 ROWS = st.sampled_from(("well", "well", "well", "again", "jump", "far", "nan", "inf"))
-#: What each reading of a read is, and how long after the one before it came, ms.
 READS = st.lists(st.lists(st.tuples(ROWS, st.sampled_from((0, 1, 1, 1, 7, 21))), min_size=1, max_size=8), max_size=8)
+"""What each reading of a read is, and how long after the one before it came, ms."""
 
 
 def rows_of(kinds: list[str], rng: np.random.Generator, last: Array) -> Array:

@@ -221,12 +221,12 @@ def test_L1_any_split_of_any_stream_reads_the_same(parts: list[bytes], sizes: li
 
 
 FAULTS = ("reserved", "status", "rail", "flip", "cut", "insert", "forget", "wrap")
-#: What happens to the next datagram, and by how much: records in it, or records that are missed, or a place.
 EVENTS = st.tuples(
     st.sampled_from(("send", "send", "send", "gap", "repeat", "start", "other_start", "reset_clock", "rest", *FAULTS)),
     st.integers(1, 40),
     st.integers(0, 1 << 12),
 )
+"""What happens to the next datagram, and by how much: records in it, or records that are missed, or a place."""
 
 
 def datagrams(events: list[tuple[str, int, int]]) -> list[bytes | None]:
