@@ -11,8 +11,8 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals finger grasp gripper requests publish engine)
-# Tests of whole daemons under load, and of the programs that measure: they have the machine to themselves.
-ALONE := tests/system $(addprefix tests/lab/,bench soak)
+# Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
+DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
 .PHONY: demo test lint portable bench chart fuzz soak clean
 
@@ -30,11 +30,11 @@ else
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== the other tests that can share the machine"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(ALONE))
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS))
 	@echo "== a share of the numeric tests, as on a processor without vector instructions"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
-	@echo "== tests of whole daemons under load, one at a time"
-	@$(BIN)/pytest $(ALONE)
+	@echo "== tests of whole daemons"
+	@$(BIN)/pytest --numprocesses=2 --dist loadfile $(DAEMONS)
 endif
 
 lint: $(READY)

@@ -25,7 +25,7 @@ from slipd.fusion.compiled import compiled
 from slipd.fusion.hull import Outline
 
 ON_HULL = 1e-6
-"""Fraction of the contact's extent within which a centroid counts as lying on the hull: the tilt that meets it there would
+"""Fraction of the contact's extent within which a centroid counts as lying on the hull. The tilt that meets it would
 spread the loads over more than six decades, which no image supports."""
 MAX_NEWTON_STEPS = 100  # both problems are convex and take 4–10
 LONGEST_OVERSHOOT = 8.0
