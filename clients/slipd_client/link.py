@@ -76,7 +76,7 @@ class Link:
             return self._take(0)
 
     def take(self) -> list[bytes] | None:
-        """Return one message that has already arrived; None where there is none."""
+        """Return one message that has already arrived, or None."""
         with self._open():
             return self._take(zmq.NOBLOCK)
 
