@@ -130,6 +130,9 @@ ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
 
 TorqueNoise = Annotated[float, AfterValidator(Bounds(0.0, 1.0, "N·m", "mN·m"))]
 
+FalseAlarms = Annotated[float, AfterValidator(Bounds(1e-3, 100.0, "/h"))]
+"""Rarer than once in six weeks is no rate that a test could show; more than one in 36 s warns of nothing."""
+
 Range = Annotated[float, AfterValidator(Bounds(0.1, 1e5, "N"))]
 """From gram-force sensors for fingertips to the largest six-axis sensors of industrial robots."""
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slipd.fusion.compiled import compiled
+from slipd.fusion.load_drop import fell
 from slipd.fusion.rows import (
     CAUTION,
     FREE,
@@ -90,6 +91,11 @@ class Assessment(NamedTuple):
         utilisation_upper: Upper bound of the utilisation with what the unknown load may add; NaN where unknown.
         slips: It slips, or did within ``hold_s``.
         tipping_by_unknown_load: The tipping margin asks for its step only because of the unknown load.
+        evidence: What shows that it slips: bits of `slipd.motion.evidence.EVIDENCE`; 0 where it does not slip.
+        required_friction: q, the coefficient of friction at which the load would just slip; NaN where unknown.
+        peak_required: q just before the load dropped; NaN where it did not.
+        plateau_required: q while it slides; NaN where it does not.
+        drop_surprise: −ln of the probability of such a drop without motion; 0 without a drop.
     """
 
     level: int
@@ -98,6 +104,11 @@ class Assessment(NamedTuple):
     utilisation_upper: float
     slips: bool
     tipping_by_unknown_load: bool
+    evidence: int
+    required_friction: float
+    peak_required: float
+    plateau_required: float
+    drop_surprise: float
 
 
 class ContactWatch:
@@ -127,7 +138,7 @@ class ContactWatch:
     def reset(self) -> None:
         """Forget everything: the contact ended."""
         self._watch["count"], self._watch["first"] = 0, 0
-        self._watch["step"], self._watch["slip_until_s"] = STABLE, -math.inf
+        self._watch["step"], self._watch["slip_until_s"], self._watch["moving_until_s"] = STABLE, -math.inf, -math.inf
 
     def set_drop(self, drop: float) -> None:
         """Set another minimum fall: the friction coefficients are known better now."""
@@ -175,6 +186,8 @@ def _assess(readings: Rows, watches: Rows, windows: Rows) -> None:
         normal, phase, t_s = contact["normal_n"], row["phase"], row["t_s"]
         found["level"], found["friction_step"], found["tipping_step"] = UNKNOWN, STABLE, STABLE
         found["utilisation_upper"], found["slips"], found["tipping_by_unknown_load"] = math.nan, False, False
+        found["evidence"], found["drop_surprise"], found["required_friction"] = 0, 0.0, math.nan
+        found["peak_required"], found["plateau_required"] = math.nan, math.nan
         if phase == UNTRUSTED:
             continue
         if phase != TOUCHING:
@@ -200,7 +213,7 @@ def _assess(readings: Rows, watches: Rows, windows: Rows) -> None:
         for which in range(2):
             load = math.hypot(contact["fx_n"], contact["fy_n"]) if which == 0 else abs(spin)
             armed = value if which == 0 or translation < ROTATION_SHARE * value else math.nan
-            if _fell(windows[which], watch, which, t_s, load, load / normal, armed):
+            if fell(windows[which], watch, which, t_s, load, load / normal, armed):
                 slip_until[which] = t_s + watch["hold_s"]
         slips = t_s < max(slip_until[0], slip_until[1])
         found["friction_step"], found["slips"], found["utilisation_upper"] = step, slips, upper
@@ -222,7 +235,7 @@ def _assess(readings: Rows, watches: Rows, windows: Rows) -> None:
 @compiled
 def _forget(watch: Rows) -> None:
     """Forget a contact that ended."""
-    watch["step"] = STABLE
+    watch["step"], watch["moving_until_s"] = STABLE, -math.inf
     first, count, slip_until = watch["first"], watch["count"], watch["slip_until_s"]
     for which in range(2):
         first[which], count[which], slip_until[which] = 0, 0, -math.inf
@@ -251,42 +264,3 @@ def _tips(margin: float, noise: float, half_pitch: float, shift: float) -> tuple
     if step == STABLE and shift > 0.0 and margin < shift - half_pitch:
         return CAUTION, True
     return step, False
-
-
-@compiled
-def _fell(window: Rows, watch: Rows, which: int, t_s: float, load: float, ratio: float, used: float) -> bool:
-    """Add a reading to a window and return whether load and ratio fell within it; a fall forgets all before.
-
-    Args:
-        window: Ring of rows of WINDOW.
-        watch: Settings, and where each ring begins and how many readings it holds.
-        which: The ring: 0 of force, 1 of spin.
-        t_s: Time of the reading, s.
-        load: Tangential force, N, or spin torque, N·m.
-        ratio: Load over normal force.
-        used: Utilisation; NaN where the reading arms no fall.
-
-    Source: paper, after eq. (4): R drops from the static to the dynamic coefficient.
-    """
-    size, kept, armed_at = len(window), watch["kept"], watch["armed_at"]
-    first, count = watch["first"], watch["count"]
-    while count[which] > 0 and window[first[which]]["t_s"] < t_s - watch["window_s"]:
-        first[which] = (first[which] + 1) % size
-        count[which] -= 1
-    fell = False
-    at = first[which]
-    for _k in range(count[which]):
-        before = window[at]
-        if before["utilisation"] >= armed_at and load <= kept * before["load"] and ratio <= kept * before["ratio"]:
-            fell = True
-            break
-        at += 1
-        if at == size:
-            at = 0
-    end = (first[which] + count[which]) % size
-    row = window[end]
-    row["t_s"], row["load"], row["ratio"], row["utilisation"] = t_s, load, ratio, used
-    if fell:
-        first[which], count[which] = end, 0
-    count[which] += 1
-    return fell

@@ -66,6 +66,8 @@ ASSESSMENT = np.dtype(
         ("utilisation_upper", _FLOAT),
         ("slips", _FLAG),
         ("tipping_by_unknown_load", _FLAG),
+        ("evidence", _INTEGER),
+        *_floats("required_friction", "peak_required", "plateau_required", "drop_surprise"),
     ],
     align=True,
 )
@@ -92,6 +94,8 @@ WATCH = np.dtype(
         *_floats("caution", "warning", "hysteresis", "kept", "window_s", "armed_at", "hold_s"),
         *_floats("half_pitch_m", "least_n", "mu", "force_std_n", "torque_std_nm", "force_n", "torque_nm"),
         *_floats("spin_utilisation_1n"),
+        *_floats("moving_until_s"),
+        ("moving_evidence", _INTEGER),
         ("step", _INTEGER),
         ("slip_until_s", _FLOAT, (2,)),
         ("first", _INTEGER, (2,)),

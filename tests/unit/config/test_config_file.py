@@ -48,7 +48,12 @@ def test_the_id_of_a_config_changes_with_its_text() -> None:
     ("old", "new", "path", "expected"),
     [
         ("caution = 0.6", "cautoin = 0.6", "levels.cautoin", "unknown key; did you mean 'caution'?"),
-        ("caution = 0.6", "zzz = 0.6", "levels.zzz", "unknown key; known here: caution, hysteresis, warning"),
+        (
+            "caution = 0.6",
+            "zzz = 0.6",
+            "levels.zzz",
+            "unknown key; known here: caution, false_alarms_per_hour, hysteresis, warning",
+        ),
         ("mu = 0.5", 'mu = "slippery"', "finger.left.mu", "must be a number, got 'slippery'"),
         ("mu = 0.5", "mu = nan", "finger.left.mu", "finite number"),
         ("mu = 0.5", "mu = -0.5", "finger.left.mu", "must be from 0.01 to 2, got -0.5"),
