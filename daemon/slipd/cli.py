@@ -98,6 +98,12 @@ def _parser() -> argparse.ArgumentParser:
     grips.add_argument(
         "--config", type=Path, metavar="FILE", help="config of the rig (default: the shipped grips.toml)"
     )
+    grips.add_argument(
+        "--tare-rows",
+        type=int,
+        metavar="N",
+        help="the fingers are open in the first N rows: take the zero of the pads from them (default: the config's)",
+    )
     grips.set_defaults(command=_import_grips)
     return parser
 
@@ -225,7 +231,7 @@ def _import_grips(arguments: argparse.Namespace) -> int:
     from slipd.recording.grips_import import import_trial
 
     rig = config.load(arguments.config or config.shipped("grips.toml"))
-    import_trial(arguments.source, arguments.out, rig.text)
+    import_trial(arguments.source, arguments.out, rig.text, arguments.tare_rows)
     print(f"{arguments.out}: written; replay it with: slipd replay {arguments.out} --speed max")
     return DONE
 

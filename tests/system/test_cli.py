@@ -13,9 +13,11 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import zmq
 import zstandard
+from grip_trials import write_trial
 from project import CONFIG, TRIAL
 
 from slipd import __version__, config
@@ -262,6 +264,30 @@ def test_an_import_may_use_another_config(tmp_path: Path, capsys: pytest.Capture
     assert {body["topic"] for body in replayed(out, capsys)} >= {"slip.thumb", "slip.right"}
 
 
+def test_an_import_may_take_the_zero_from_rows_with_open_fingers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loads = np.concatenate([np.zeros(40), np.full(40, 20_000.0)])
+    write_trial(tmp_path / "trial", loads, 0.05 * loads)
+    call = ["import", "grips", "--tare-rows", "40", str(tmp_path / "trial"), str(tmp_path / "trial.mcap")]
+    assert main(call) == 0
+    capsys.readouterr()
+    told = [
+        (body["finger"], body["previous"], body["level"])
+        for body in replayed(tmp_path / "trial.mcap", capsys)
+        if body["topic"] == "warning"
+    ]
+    for finger in ("left", "right"):
+        levels = [level for name, _, level in told if name == finger]
+        assert levels == ["no_contact", "stable", "unknown"], "open, held, and stale at the end"
+
+
+def test_an_import_refuses_rows_that_do_not_show_the_zero(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["import", "grips", "--tare-rows", "20", str(TRIAL), str(tmp_path / "trial.mcap")]) == 1
+    assert "must be unloaded in the first 20 rows" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("call", "ends", "told"),
     [
@@ -314,6 +340,7 @@ def test_a_missing_or_foreign_file_is_reported(
         ["import"],
         ["import", "rosbags", "a", "b"],
         ["import", "grips", "a"],
+        ["import", "grips", "a", "b", "--tare-rows", "many"],
     ],
     ids=" ".join,
 )

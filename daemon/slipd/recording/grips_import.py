@@ -24,6 +24,7 @@ from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Event, LinkSpec, LinkUp, Tick
 from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.tare_rows import tared_config
 
 SENSORS = {"1": "xela_sensor1.csv", "2": "xela_sensor2.csv"}
 TIMES = "robot_state.csv"
@@ -46,7 +47,7 @@ _COLUMNS = [f"txl{taxel}_{axis}" for taxel in range(1, TAXELS + 1) for axis in "
 _COUNT_MAX = 2**16 - 1
 
 
-def import_trial(source: Path, out: Path, config_text: str) -> None:
+def import_trial(source: Path, out: Path, config_text: str, tare_rows: int | None = None) -> None:
     """Write one trial as the recording of a live run with this config.
 
     The server connects and sends its welcome at ``START_NS``, then one message per row with both pads, at the time of
@@ -56,19 +57,27 @@ def import_trial(source: Path, out: Path, config_text: str) -> None:
         source: Folder of the trial.
         out: Recording to write; an existing one is never overwritten, and a failure leaves no file.
         config_text: Config for the replay, TOML; its pads share one WebSocket address.
+        tare_rows: Number of first rows in which the fingers are open: their mean becomes the ``tare`` of the pads in
+            the recorded config. None: the config has the tare.
 
     Raises:
         ConfigError: The config has faults.
-        RecordingError: The source is not such a trial (with file, line and rule), the config has no such address, or
-            ``out`` cannot be written.
+        RecordingError: The source is not such a trial (with file, line and rule), the config has no such address,
+            the pads are not at rest in the rows of the tare, or ``out`` cannot be written.
     """
-    link = _server(config_text, f"config for {out.name}")
+    file_name = f"config for {out.name}"
+    link = _server(config_text, file_name)
     times_ns = _times_ns(source / TIMES)
     pads = {sensor: _counts(source / name) for sensor, name in SENSORS.items()}
     for sensor, pad in pads.items():
         if len(pad) != len(times_ns):
             path = source / SENSORS[sensor]
             raise RecordingError(f"{path}: must have as many rows as {TIMES}, {len(times_ns)}, got {len(pad)}")
+    if tare_rows is not None:
+        try:
+            config_text = tared_config(config_text, file_name, pads, tare_rows)
+        except RecordingError as error:
+            raise RecordingError(f"{source}: {error}") from error
     if out.exists():
         raise RecordingError(f"{out}: exists already; give the name of a new file")
     try:

@@ -1,0 +1,50 @@
+"""Set a key in the text of a config, and leave every other line as it was; tomllib reads TOML but does not write it."""
+
+from __future__ import annotations
+
+import tomllib
+
+from slipd.config.toml_lines import key_lines
+
+PER_LINE = 12
+"""Most numbers in a line."""
+
+
+def with_numbers(text: str, path: tuple[str, ...], numbers: list[float], comment: str) -> str:
+    """Return a config with one key set to a list of numbers.
+
+    The key is replaced where it is, together with the comment lines right above it, which describe its old value. A
+    missing key is added below the header of its table.
+
+    Args:
+        text: The config, valid TOML.
+        path: Tables and name of the key.
+        numbers: Its new value.
+        comment: What the numbers are, one line.
+
+    Raises:
+        ValueError: The table has no header line, so that the key cannot be placed.
+    """
+    lines, found = text.splitlines(), key_lines(text)
+    header = found.get(path[:-1])
+    if path in found:
+        first = found[path] - 1
+        after = next(end for end in range(first + 1, len(lines) + 1) if _is_toml("\n".join(lines[first:end])))
+        name = lines[first].split("=")[0].strip()
+        while first > 0 and lines[first - 1].lstrip().startswith("#"):
+            first -= 1
+    elif header is not None and lines[header - 1].lstrip().startswith("["):
+        first, after, name = header, header, path[-1]
+    else:
+        raise ValueError(f"must have a line [{'.'.join(path[:-1])}], to set {path[-1]} below it")
+    rows = [", ".join(map(repr, numbers[at : at + PER_LINE])) for at in range(0, len(numbers), PER_LINE)]
+    value = [f"# {comment}", f"{name} = [", *(f"    {row}," for row in rows), "]"]
+    return "\n".join([*lines[:first], *value, *lines[after:]]) + "\n"
+
+
+def _is_toml(text: str) -> bool:
+    try:
+        tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return False
+    return True
