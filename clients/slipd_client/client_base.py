@@ -26,6 +26,7 @@ from slipd_client.messages.schema.replies import (
     GripReply,
     HelloReply,
     HoldReply,
+    ObjectReply,
     RecordingReply,
     Reply,
     StatusReply,
@@ -114,11 +115,13 @@ class GripClientBase:
 
     def _request(self, op: str, /, **fields: Any) -> Steps[Any]:
         """Send one request; fields that are None are left out."""
+        return self._request_exactly(op, {name: each for name, each in fields.items() if each is not None})
+
+    def _request_exactly(self, op: str, fields: dict[str, Any]) -> Steps[Any]:
+        """Send one request with exactly these fields."""
         lease = self._lease
         try:
-            return (
-                yield from self._protocol.request(op, {name: each for name, each in fields.items() if each is not None})
-            )
+            return (yield from self._protocol.request(op, fields))
         except RequestRefused as refusal:
             if lease is not None and refusal.code in ("no_lease", "wrong_boot"):
                 lease.lose(str(refusal))
@@ -249,6 +252,14 @@ class GripClientBase:
         says otherwise.
         """
         return self._request("friction.set", finger=finger, mu_s=mu_s, mu_d=mu_d)
+
+    @operation
+    def object_set(self, name: str | None) -> Steps[ObjectReply]:
+        """Name the object that is gripped or about to be, so that its friction is remembered; None: none is named.
+
+        Another name needs the lease, unless the daemon's config says otherwise.
+        """
+        return self._request_exactly("object.set", {"name": name})
 
     @operation
     def record_start(self) -> Steps[RecordingReply]:

@@ -45,7 +45,7 @@ def _request(client: GripClient, chosen: argparse.Namespace) -> Reply:
         return client.tare(chosen.finger, chosen.seconds, chosen.stream, unloaded=chosen.unloaded)
     if command == "tare get":
         return client.tare_get(chosen.finger, chosen.stream)
-    if command in ("tare undo", "friction"):
+    if command in ("tare undo", "friction", "object"):
         return _request_with_lease_if_free(client, chosen)
     return client.record_start() if command == "record start" else client.record_stop()
 
@@ -57,6 +57,8 @@ def _request_with_lease_if_free(client: GripClient, chosen: argparse.Namespace) 
             stack.enter_context(client.lease())
         if chosen.command == "tare undo":
             return client.tare_undo(chosen.finger, chosen.stream)
+        if chosen.command == "object":
+            return client.object_set(chosen.name)
         return client.friction_set(chosen.finger, chosen.mu_s, chosen.mu_d)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -46,6 +47,13 @@ def parser() -> argparse.ArgumentParser:
     _tare(_commands(add("tare", "take, show or undo the zero of a finger's sensors"), "tare "))
     friction = add("friction", "set the friction between a pad and the object; acquires the lease where it can")
     _fields(friction, "friction.set", "finger", "mu_s", "mu_d")
+
+    named = add("object", "name the object, so that its friction is remembered; acquires the lease where it can")
+    choice = named.add_mutually_exclusive_group(required=True)
+    choice.add_argument(
+        "name", metavar="NAME", nargs="?", type=_object_name, help=_help(OPS["object.set"].fields["name"])
+    )
+    choice.add_argument("--none", action="store_true", help="take the name back: another object, or nothing, is held")
 
     record = _commands(add("record", "record what the daemon receives and publishes"), "record ")
     record("start", "start a recording; the daemon names the file")
@@ -142,7 +150,7 @@ def _help(field: Field) -> str:
     facts = "; ".join(
         part
         for part in (
-            ", ".join(part for part in (field.unit, field.number_range) if part),
+            ", ".join(part for part in (field.unit, field.number_range, field.limit if field.pattern else "") if part),
             f"default: {default}" if default else "",
         )
         if part
@@ -172,6 +180,13 @@ def _type(field: Field) -> Callable[[str], str | float]:
         return value
 
     return number
+
+
+def _object_name(text: str) -> str:
+    field = OPS["object.set"].fields["name"]
+    if not re.fullmatch(field.pattern, text):
+        raise argparse.ArgumentTypeError(f"must have {field.limit.replace('`', '')}, got {text!r}")
+    return text
 
 
 _seconds = _type(Field("hold", NUMBER, "how long to keep the lease", unit="s", least=0))

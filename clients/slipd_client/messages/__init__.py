@@ -8,6 +8,7 @@ from slipd_client.errors import MessageError, fault_text
 from slipd_client.messages.codec import MESSAGE_LIMITS, REQUEST_LIMITS, Limits, decode, encode
 from slipd_client.messages.names import (
     ERROR_CODES,
+    EVIDENCE,
     GRASP_TOPIC,
     GRIPPER_TOPIC,
     HEALTH,
@@ -30,6 +31,7 @@ from slipd_client.messages.names import (
 
 __all__ = [
     "ERROR_CODES",
+    "EVIDENCE",
     "GRASP_TOPIC",
     "GRIPPER_TOPIC",
     "HEALTH",

@@ -69,6 +69,17 @@ REASONS = {
 }
 """Reason of a level → its meaning. A newer daemon may send further reasons: show them as they are."""
 
+EVIDENCE = {
+    "load_drop": "the load fell from what static friction carries to what dynamic friction carries, or is larger than "
+    "any friction carries",
+    "image_change": "the shares of the taxels change while the load does not",
+    "spin_change": "the spin changes while the load does not",
+    "vibration": "the high band of the force sensor or of a PVDF pad is loud, as of a sliding contact",
+    "width": "the width of the gripper changes while the grip force does not",
+    "external": "an external driver measured that the object moves",
+}
+"""Evidence that the object moves → its meaning. A newer daemon may send further words: show them as they are."""
+
 IMAGE_REASONS = {
     "stale": "no image has arrived for too long",
     "not_finite": "a reading is not a finite number",

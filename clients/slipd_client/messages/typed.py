@@ -4,6 +4,7 @@ from slipd_client.messages.names import SlipLevel
 from slipd_client.messages.schema.kinds import Pair, Triple
 from slipd_client.messages.schema.parts import (
     FingerStatus,
+    FrictionState,
     GripperState,
     LeaseStatus,
     PublisherStatus,
@@ -19,6 +20,7 @@ from slipd_client.messages.schema.replies import (
     HelloReply,
     HoldReply,
     LeaseReply,
+    ObjectReply,
     RecordingReply,
     Reply,
     StatusReply,
@@ -43,6 +45,7 @@ __all__ = [
     "FaultReply",
     "FingerStatus",
     "FrictionReply",
+    "FrictionState",
     "Grasp",
     "GravityReply",
     "GripReply",
@@ -53,6 +56,7 @@ __all__ = [
     "LeaseReply",
     "LeaseStatus",
     "Message",
+    "ObjectReply",
     "Pair",
     "PublisherStatus",
     "RecordingReply",

@@ -20,6 +20,7 @@ from slipd.finger.finger import Finger
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.grasp.grasp_view import GraspView
+from slipd.grasp.named_object import NamedObject
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex_controller import make_reflex_controller
 from slipd.publish.finger_publisher import FingerPublisher
@@ -61,15 +62,23 @@ class Engine:
         self._finger_publishers = {
             name: FingerPublisher(finger, sequencer, config.rates) for name, finger in self._fingers.items()
         }
+        named = NamedObject()
         self._grasp_publisher = (
             None if view is None else GraspPublisher(view, self._gripper, sequencer, config.rates.grasp_hz)
         )
         self._gripper_publisher = None if self._gripper is None else GripperPublisher(self._gripper, sequencer)
-        self._status_publisher = StatusPublisher(self._fingers, self._gripper, self._policy, sequencer)
+        self._status_publisher = StatusPublisher(self._fingers, named, self._gripper, self._policy, sequencer)
         self._status_reader = StatusReader(self._links, self._fingers, self._gripper, self._lateness, self._recordings)
         self._status_pace = Pace(config.rates.status_hz)
         self._handlers = RequestHandlers(
-            boot, self._fingers, self._gripper, self._policy, config.requests, self._recordings, self._status_body
+            boot,
+            self._fingers,
+            named,
+            self._gripper,
+            self._policy,
+            config.requests,
+            self._recordings,
+            self._status_body,
         )
         self._started_ns: int | None = None
         self._suspended_ns: int | None = None

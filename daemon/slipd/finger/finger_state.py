@@ -9,6 +9,8 @@ from typing import NamedTuple
 from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict import Verdict
 from slipd.fusion import Contact, Loads, Utilisation
+from slipd.fusion.levels import Assessment
+from slipd.motion.evidence import evidence_names
 
 
 class ForceReading(NamedTuple):
@@ -38,6 +40,7 @@ class FingerState:
         load_distribution: Shares of the normal force on the taxels, by the image.
         utilisation: λ of the load, with its bounds.
         tipping_margin_m: Signed distance of the contact centroid to the outline of the image, m; negative outside.
+        assessment: Result of the slip decision; None without a contact.
         model: Most that the utilisation takes into account: "none", "translation" or "exact".
         status: Conditions that the device reported with the reading.
         age_s: Age of the reading when it was received, s; None before the first.
@@ -50,9 +53,20 @@ class FingerState:
     load_distribution: LoadDistribution | None = None
     utilisation: Utilisation | None = None
     tipping_margin_m: float = math.nan
+    assessment: Assessment | None = None
     model: str = "none"
     status: tuple[str, ...] = ()
     age_s: float | None = None
+
+    @property
+    def evidence(self) -> tuple[str, ...]:
+        """What shows that the object moves, words of `slipd.motion.evidence.EVIDENCE`; empty where nothing does."""
+        return () if self.assessment is None else evidence_names(self.assessment.evidence)
+
+    @property
+    def required_friction(self) -> float:
+        """q, the coefficient of friction at which the load would just slip; NaN where unknown."""
+        return math.nan if self.assessment is None else self.assessment.required_friction
 
     @property
     def force_reading(self) -> ForceReading:

@@ -100,6 +100,7 @@ class VerdictBatch:
             self.load_distribution,
             utilisation,
             reading.tipping_margin_m,
+            reading.assessment,
             "exact" if utilisation is not None else "none" if math.isnan(self.mu) else "translation",
             status,
             age_s,

@@ -157,6 +157,7 @@ class VerdictPath:
             load_distribution=None,
             utilisation=None,
             tipping_margin_m=math.nan,
+            assessment=None,
             model="none",
         )
         return self._newest

@@ -100,6 +100,10 @@ class GraspView:
         first, second = (finger.state.verdict.level for finger in self._fingers)
         return first if SEVERITY[first] >= SEVERITY[second] else second
 
+    def evidence(self) -> dict[str, tuple[str, ...]]:
+        """Return what shows on each finger that the object moves, by the finger's name."""
+        return {finger.name: finger.state.evidence for finger in self._fingers}
+
     def update(self, width_m: float | None) -> GraspState:
         """Combine the newest readings of both fingers.
 

@@ -10,6 +10,7 @@ from slipd.finger.friction_limits import needed_normal_n, torque_limit_nm
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict import PAD_PULLED, SEVERITY
 from slipd.finite import finite_or_none
+from slipd.publish.friction_messages import friction_body, required_friction_body
 from slipd.publish.wire_values import Body, array, numbers, pair
 from slipd_client.messages import level_code
 
@@ -32,8 +33,8 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "friction_ratio": None if contact is None else finite_or_none(contact.friction_ratio),
         "friction_ratio_std": None if contact is None else finite_or_none(contact.friction_ratio_std),
         "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
-        "mu": finger.friction.mu,
-        "mu_source": finger.friction.source,
+        **friction_body(finger),
+        **required_friction_body(state),
         "utilisation": None if used is None else finite_or_none(used.value),
         "utilisation_lower": None if used is None else finite_or_none(used.lower),
         "utilisation_upper": None if used is None else finite_or_none(used.upper),
@@ -108,6 +109,7 @@ def _verdict(finger: Finger, state: FingerState) -> Body:
         "level": state.verdict.level,
         "level_code": level_code(state.verdict.level),
         "reasons": list(state.verdict.reasons),
+        "evidence": list(state.evidence),
     }
 
 

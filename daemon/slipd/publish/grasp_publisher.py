@@ -52,6 +52,7 @@ def grasp_body(view: GraspView, t_ns: int) -> Body:
         "level": state.level,
         "level_code": level_code(state.level),
         "reasons": list(state.reasons),
+        "evidence": {name: list(found) for name, found in view.evidence().items()},
         "internal_n": state.internal_n,
         "grip_needed_n": state.grip_needed_n,
         "utilisation": state.utilisation,

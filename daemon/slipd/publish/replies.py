@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from slipd.events import RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.finger_tares import Tares
 from slipd.finger.force_channel import ForceChannel
 from slipd.finite import finite_or_none
+from slipd.grasp.named_object import NamedObject
 from slipd.gripper.gripper_control import GripperControl
-from slipd.publish.status_publisher import friction_body
+from slipd.publish.friction_messages import friction_body, friction_setter_body
 from slipd.publish.wire_values import Body
 from slipd.refusal import Refusal
 from slipd_client.messages import PROTOCOL_VERSION
@@ -69,7 +70,12 @@ def fault_acknowledged(fault: str) -> Body:
 
 def friction_set(finger: Finger) -> Body:
     """Return the friction in use."""
-    return {"finger": finger.name, **friction_body(finger)}
+    return {"finger": finger.name, **friction_setter_body(finger)}
+
+
+def object_named(named: NamedObject, fingers: Mapping[str, Finger]) -> Body:
+    """Return the name of the object, and the friction in use for it."""
+    return {"object_name": named.name, "fingers": {name: friction_body(finger) for name, finger in fingers.items()}}
 
 
 def gravity_set(force: ForceChannel, t_ns: int) -> Body:

@@ -15,8 +15,10 @@ from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
 from slipd.finite import finite_or_none
+from slipd.grasp.named_object import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.gripper_control import GripperControl
+from slipd.publish.friction_messages import friction_setter_body
 from slipd.publish.gripper_publisher import gripper_body, lease_body
 from slipd.publish.message_sequencer import NO_FRAME, MessageSequencer
 from slipd.publish.wire_values import Body
@@ -88,6 +90,7 @@ class StatusPublisher:
 
     Args:
         fingers: The fingers by name.
+        named: The object that clients named.
         gripper: The gripper; None where the config names none.
         policy: Keeps the lease.
         sequencer: Numbers and dates the messages.
@@ -96,11 +99,13 @@ class StatusPublisher:
     def __init__(
         self,
         fingers: Mapping[str, Finger],
+        named: NamedObject,
         gripper: GripperControl | None,
         policy: GripPolicy,
         sequencer: MessageSequencer,
     ) -> None:
         self._fingers = fingers
+        self._object = named
         self._gripper = gripper
         self._policy = policy
         self._sequencer = sequencer
@@ -115,6 +120,9 @@ class StatusPublisher:
             "version": __version__,
             "uptime_s": daemon.uptime_s,
             "fingers": {name: _finger_body(finger) for name, finger in self._fingers.items()},
+            "object_name": self._object.name,
+            "object_by": self._object.set_by,
+            "object_t_ns": self._object.set_t_ns,
             "streams": {stream.name: _stream_body(stream, t_ns) for stream in daemon.streams},
             "publisher": {"messages": self._sequencer.published},
             "late_s": daemon.late_s,
@@ -125,19 +133,14 @@ class StatusPublisher:
         }
 
 
-def friction_body(finger: Finger) -> Body:
-    """Return the friction in use of one finger, and who set it."""
-    friction = finger.friction
-    return {"mu": friction.mu, "mu_source": friction.source, "mu_by": friction.set_by, "mu_t_ns": friction.set_t_ns}
-
-
 def _finger_body(finger: Finger) -> Body:
     return {
         "level": finger.state.verdict.level,
         "reasons": list(finger.state.verdict.reasons),
+        "evidence": list(finger.state.evidence),
         "tare_id": finger.tare.current.id,
         "tare_busy": finger.tare.busy,
-        **friction_body(finger),
+        **friction_setter_body(finger),
     }
 
 

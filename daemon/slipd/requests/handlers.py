@@ -7,6 +7,7 @@ from collections.abc import Callable
 from slipd.config import Requests
 from slipd.events import RecordingChanged, Reply, Request
 from slipd.finger.finger import Finger
+from slipd.grasp.named_object import NamedObject
 from slipd.gripper.grip_policy import GripPolicy
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish import replies
@@ -17,6 +18,7 @@ from slipd.requests.finger_handlers import FingerHandlers
 from slipd.requests.gripper_handlers import gripper_handlers
 from slipd.requests.idempotency import IdempotencyCache
 from slipd.requests.lease_handlers import LeaseHandlers
+from slipd.requests.object_handlers import ObjectHandlers
 from slipd.requests.recording_state import RecordingState
 from slipd.requests.request_check import check_request
 from slipd_client.messages.schema.ops import URGENT_OPS
@@ -28,6 +30,7 @@ class RequestHandlers:
     Args:
         boot: Id of this run.
         fingers: The fingers by name.
+        named: The object that clients name.
         gripper: The gripper; None where the config names none.
         policy: Keeps the lease.
         requests: ``[requests]``.
@@ -39,6 +42,7 @@ class RequestHandlers:
         self,
         boot: str,
         fingers: dict[str, Finger],
+        named: NamedObject,
         gripper: GripperControl | None,
         policy: GripPolicy,
         requests: Requests,
@@ -59,6 +63,7 @@ class RequestHandlers:
             "record.stop": self._record_stop,
             **LeaseHandlers(policy).ops,
             **FingerHandlers(fingers, policy, requests).ops,
+            **ObjectHandlers(fingers, named, policy, requests).ops,
             **gripper_handlers(gripper),
         }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -83,8 +84,10 @@ def _check_fields(body: dict[str, Any], fields: Mapping[str, Field]) -> Refusal 
             if field.required:
                 return Refusal("missing_field", f"{name} is missing", name)
             continue
+        if body[name] is None and field.nullable:
+            continue
         check = _check_triple if field.kind is TRIPLE else _check_value
-        refusal = check(name, body[name], field.kind)
+        refusal = check(name, body[name], field.kind) or _check_pattern(field, body[name])
         if refusal is not None:
             return refusal
     return None
@@ -96,6 +99,12 @@ def _check_value(name: str, value: Any, kind: Kind) -> Refusal | None:
     if kind is NUMBER and not math.isfinite(value):
         return Refusal("not_finite", f"{name} must be finite, got {value}", name)
     return None
+
+
+def _check_pattern(field: Field, value: Any) -> Refusal | None:
+    if not field.pattern or re.fullmatch(field.pattern, value):
+        return None
+    return Refusal("out_of_range", f"{field.name} must have {field.limit}, got {value!r:.80}", field.name)
 
 
 def _check_triple(name: str, value: Any, kind: Kind) -> Refusal | None:

@@ -19,6 +19,7 @@ MS = 1_000_000
 CLIENTS = (b"alpha", b"beta", b"gamma", b"\x00del\xff")
 LONGEST_BYTES = 16 * 1024
 FINGERS = ("left", "right")
+OBJECTS = ("mug", "box-2", None)
 MOST_CAPTURED = 400
 """Requests kept to be sent again: those of some seconds, so that many are still within their deadline."""
 
@@ -151,8 +152,8 @@ class Asker:
         rng = self._rng
         op = rng.choices(
             ("grip.set", "grip.adjust", "grip.hold", "gripper.close", "gripper.open", "gripper.stop", "lease.release",
-             "tare", "tare.get", "friction.set", "gravity.set", "status", "hello", "gripper.activate"),
-            (30, 15, 3, 10, 4, 2, 1, 1, 1, 2, 1, 1, 1, 1),
+             "tare", "tare.get", "friction.set", "object.set", "gravity.set", "status", "hello", "gripper.activate"),
+            (30, 15, 3, 10, 4, 2, 1, 1, 1, 2, 2, 1, 1, 1, 1),
         )[0]  # fmt: skip
         fields: dict[str, Any] = {
             "grip.set": {"force_n": self._force()},
@@ -162,6 +163,7 @@ class Asker:
             "tare": {"finger": rng.choice(FINGERS), "seconds": 0.1},
             "tare.get": {"finger": rng.choice(FINGERS)},
             "friction.set": {"finger": rng.choice(FINGERS), "mu_s": 0.6, "mu_d": 0.5},
+            "object.set": {"name": rng.choice(OBJECTS)},
             "gravity.set": {"finger": rng.choice(FINGERS), "gravity_mps2": [0.0, 0.0, -9.81]},
         }.get(op, {})
         return op, fields
@@ -272,6 +274,7 @@ class Asker:
         rng = self._rng
         right: Any = {
             "finger": rng.choice(FINGERS),
+            "name": rng.choice(OBJECTS),
             "drop": rng.random() < 0.5,
             "unloaded": rng.random() < 0.5,
             "ttl_ms": rng.choice((0, 1, 50, 199, 200, 201, 1000, -200)),

@@ -103,6 +103,7 @@ class Book:
     _down: Allowance = field(default_factory=lambda: Allowance(LOWER_N_PER_S))
     _felt: dict[str, tuple[int, float, bool]] = field(default_factory=dict)
     _mu: dict[str, float] = field(default_factory=dict)
+    _object: str | None = None
 
     def holder_at(self, t_ns: int) -> bytes | None:
         """Who holds the lease."""
@@ -122,6 +123,7 @@ class Book:
         self._fault_seen = 0
         self._felt.clear()
         self._mu.clear()
+        self._object = None
         self._zeros_known = True  # until a finger is tared of which nobody knows what presses on it
         self._let_go()
         self._goal, self.force_n = "", None
@@ -198,6 +200,8 @@ class Book:
                 self._zeros_known = False
         elif op == "friction.set":
             self._rub(client, body, t_ns)
+        elif op == "object.set":
+            self._name(client, body["name"], t_ns)
         elif op == "fault.ack":
             self.fault = False
         elif op in FORCING or op.startswith("gripper.") or op == "grip.hold":
@@ -209,6 +213,11 @@ class Book:
         if mu > MOST_MU or (mu > self._mu.get(finger, MU) and not held):
             self._blame(t_ns, f"mu_s {mu} of {finger} granted to {client!r}, over {self._mu.get(finger, MU)}")
         self._mu[finger] = mu
+
+    def _name(self, client: bytes, name: str | None, t_ns: int) -> None:
+        if name != self._object and (client != self.holder or t_ns >= self._until_ns):
+            self._blame(t_ns, f"object.set {name!r} granted to {client!r}, which holds no lease, over {self._object!r}")
+        self._object = name
 
     def _acquire(self, client: bytes, ttl_ms: int, t_ns: int) -> None:
         if self.holder not in (None, client) and t_ns < self._until_ns:
@@ -375,7 +384,16 @@ def malformed(body: dict[str, Any], boot: str, t_ns: int) -> str:
         for value in values if isinstance(values, (list, tuple)) else (values,):
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
                 return f"{name} is no number"
+    if op == "object.set" and not (body["name"] is None or _is_a_name(body["name"])):
+        return "its name is no name"
     for name in ("drop", "unloaded"):
         if not isinstance(body.get(name, False), bool):
             return f"{name} is no flag"
     return ""
+
+
+def _is_a_name(value: Any) -> bool:
+    """Whether it is 1 to 64 letters, digits, dots, underscores and hyphens, the first a letter or digit."""
+    if not isinstance(value, str) or not 1 <= len(value) <= 64 or not value.isascii() or not value[0].isalnum():
+        return False
+    return all(character.isalnum() or character in "._-" for character in value)

@@ -229,6 +229,8 @@ def test_threads_share_a_client_and_each_gets_its_own_replies(daemon: Daemon) ->
             "gravity.set",
             {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.81]},
         ),
+        (lambda c: c.object_set("mug"), "object.set", {"name": "mug"}),
+        (lambda c: c.object_set(None), "object.set", {"name": None}),
         (lambda c: c.friction_set("left", 0.5), "friction.set", {"finger": "left", "mu_s": 0.5}),
         (lambda c: c.friction_set("left", 0.5, 0.4), "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
         (lambda c: c.record_start(), "record.start", {}),

@@ -10,9 +10,11 @@ from typing import get_args
 import pytest
 from project import DAEMON, DOCS
 
+from slipd.motion.evidence import EVIDENCE as KINDS
 from slipd.samples import WrenchSample
 from slipd_client.messages import (
     ERROR_CODES,
+    EVIDENCE,
     LEVELS,
     MESSAGE_LIMITS,
     PROTOCOL_VERSION,
@@ -68,6 +70,10 @@ def test_every_reason_that_the_daemon_gives_has_a_meaning() -> None:
     models = {"none", "exact"}  # "translation" is a reason too
     others = set(LEVELS) | models | set(WrenchSample.__slots__)
     assert {word for word in given if " " not in word} - others == set(REASONS)
+
+
+def test_every_kind_of_evidence_has_a_meaning() -> None:
+    assert tuple(EVIDENCE) == KINDS
 
 
 @pytest.mark.parametrize("field", ["data_bytes", "text_bytes", "items", "values"])

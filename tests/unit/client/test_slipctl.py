@@ -28,7 +28,7 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        ([], "slipctl: error: COMMAND must be one of watch, status, grip, tare, friction, record, keys\n"),
+        ([], "slipctl: error: COMMAND must be one of watch, status, grip, tare, friction, object, record, keys\n"),
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
         (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),
     ],
@@ -211,6 +211,8 @@ def test_grip_takes_a_lease_sets_the_force_and_releases(daemon: Daemon) -> None:
         (["tare", "undo", "left", "--stream", "pad"], "tare.undo", {"finger": "left", "stream": "pad"}),
         (["friction", "left", "0.5"], "friction.set", {"finger": "left", "mu_s": 0.5}),
         (["friction", "left", "0.5", "0.4"], "friction.set", {"finger": "left", "mu_s": 0.5, "mu_d": 0.4}),
+        (["object", "mug"], "object.set", {"name": "mug"}),
+        (["object", "--none"], "object.set", {"name": None}),
         (["record", "start"], "record.start", {}),
         (["record", "stop"], "record.stop", {}),
     ],
@@ -224,7 +226,7 @@ def test_each_command_sends_its_op_and_prints_the_result(
     asked = next(request for request in daemon.requests if request["op"] == op)
     assert {name: asked[name] for name in asked if name not in ENVELOPE} == fields
     assert capsys.readouterr().out == ("tare_id: 3\nbusy: false\n" if tare else "") + "done: true\n"
-    leased = op.startswith(("grip", "fault", "friction", "tare.undo"))
+    leased = op.startswith(("grip", "fault", "friction", "object", "tare.undo"))
     assert [each for each in daemon.ops if each.startswith("lease") and each != "lease.renew"] == (
         ["lease.acquire", "lease.release"] if leased else []
     )

@@ -74,7 +74,7 @@ def test_status_has_fingers_and_streams() -> None:
         streams={"left.wrench": {"health": 1, "rate_hz": 100.0, "message": "slow", "new": {}}},
     )
     assert isinstance(status, Status)
-    assert status.fingers == {"left": FingerStatus(SlipLevel.STABLE, (), 2, False)}
+    assert status.fingers == {"left": FingerStatus(level=SlipLevel.STABLE, tare_id=2, tare_busy=False)}
     assert status.streams == {"left.wrench": StreamStatus(Health.WARN, "slow", rate_hz=100.0)}
 
 

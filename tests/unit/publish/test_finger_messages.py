@@ -23,7 +23,10 @@ MS = 1_000_000
 T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
 
-ONLY_IN_CONTACT = {
+LEARNED = {"mu_low", "mu_high", "mu_d", "required_friction", "carried_friction", "relative_utilisation"}
+"""What a grasp must show before it is known."""
+
+ONLY_IN_CONTACT = LEARNED | {
     *("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "centroid_residual_m"),
     *("utilisation", "utilisation_lower", "utilisation_upper", "torque_limit_nm", "pole_m"),
     *("tipping_margin_m", "grip_needed_n", "friction_ratio_std"),
@@ -56,7 +59,7 @@ def test_slip_of_a_contact_has_no_nil(finger: Finger, wrench: Wrench, image: Ima
     finger.update_image(image(T0 - MS, FULL))
     read_force(finger, wrench(T0, 10.0, (3.0, 0.0), 0.012, (0.001, -0.0005)))
     body = slip_body(finger, finger.state)
-    assert nil(body) == set()
+    assert nil(body) == LEARNED
     assert (body["level"], body["level_code"], body["model"]) == ("caution", 2, "exact")
     assert body["normal_n"] == pytest.approx(10.0)
     assert body["tangential_n"] == pytest.approx([3.0, 0.0])
@@ -121,11 +124,11 @@ def test_utilisation_and_grip_needed_are_nil_where_no_grip_holds(finger: Finger,
     assert (body["utilisation"], body["utilisation_upper"], body["grip_needed_n"]) == (None, None, None)
 
 
-def test_the_source_of_mu_is_nil_without_mu(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
+def test_the_source_of_mu_is_none_without_mu(left: str, parse: Callable[[str], Config], wrench: Wrench) -> None:
     finger = Finger("left", parse(left.replace("mu = 0.5\n", "")).finger["left"], Levels())
     read_force(finger, wrench(T0, 10.0, (1.0, 0.0)))
     body = slip_body(finger, finger.state)
-    assert (body["mu"], body["mu_source"]) == (None, None)
+    assert (body["mu"], body["mu_source"]) == (None, "none")
     assert body["friction_ratio"] == pytest.approx(0.1)
 
 

@@ -37,6 +37,7 @@ REQUESTS: list[tuple[str, dict[str, Any]]] = [
     ("tare.get", {"finger": "left"}),
     ("gravity.set", {"finger": "left", "gravity_mps2": [0.0, 0.0, -9.8]}),
     ("friction.set", {"finger": "left", "mu_s": 0.4, "mu_d": 0.3}),
+    ("object.set", {"name": "mug"}),
     ("grip.set", {"force_n": 5.5}),
     ("grip.adjust", {"delta_n": 0.1}),
     ("grip.hold", {}),

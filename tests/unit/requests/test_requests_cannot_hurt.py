@@ -36,6 +36,7 @@ RIGHT: dict[str, tuple[Any, ...]] = {
     "ttl_ms": (1, 200, 200, 201),
     "mu_s": (0.2, 0.5, 11.0),
     "mu_d": (0.2, 0.5),
+    "name": ("mug", "box.2", None, "a mug", "x" * 65),
     "seconds": (0.01, 0.5),
     "stream": ("wrench", "pad", "all"),
     "gravity_mps2": ([0.0, 0.0, -9.8],),

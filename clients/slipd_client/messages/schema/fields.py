@@ -29,6 +29,7 @@ class Field:
         least: Its value is at least this.
         most: Its value is at most this.
         words: Its value is one of these.
+        pattern: Regular expression that the whole of its value matches; "": any value.
         limit: The part of its range that the config or the gripper sets, in words.
         default: Value for requests without it; None where there is no such value.
         omitted: What happens in a request without it, in words.
@@ -46,6 +47,7 @@ class Field:
     least: float | None = None
     most: float | None = None
     words: tuple[str, ...] = ()
+    pattern: str = ""
     limit: str = ""
     default: float | bool | None = None
     omitted: str = ""

@@ -9,6 +9,16 @@ from slipd_client.messages.names import Health, SlipLevel
 from slipd_client.messages.schema.fields import wire
 from slipd_client.messages.schema.kinds import Sextuple
 
+MU = "coefficient of static friction in use: a low estimate"
+MU_SOURCE = (
+    'where that coefficient comes from: "config", "request" (`friction.set`), "learned" (from what this grasp, or an '
+    'earlier one of this object, carried and did not carry), or "none": it is not known'
+)
+MU_LOW = "lower end of the interval in which the coefficient of static friction is expected"
+MU_HIGH = "upper end of that interval; nil where nothing limits it"
+MU_D = "coefficient of dynamic friction; nil where it is not known"
+"""Meanings of the fields that several maps share: friction in use, its source and its interval."""
+
 
 @dataclass(frozen=True, slots=True)
 class LeaseStatus:
@@ -57,16 +67,26 @@ class GripperState:
     reading_age_s: float | None = wire("age of the reading at publication", key="age_s", nil=True)
 
 
-@dataclass(frozen=True, slots=True)
-class FingerStatus:
+@dataclass(frozen=True, kw_only=True)
+class FrictionState:
+    """The friction in use on one finger."""
+
+    mu: float | None = wire(MU, nil=True)
+    mu_source: str | None = wire(MU_SOURCE, default=None)
+    mu_low: float | None = wire(MU_LOW, nil=True)
+    mu_high: float | None = wire(MU_HIGH, nil=True)
+    mu_d: float | None = wire(MU_D, nil=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingerStatus(FrictionState):
     """One finger in ``status``."""
 
     level: SlipLevel = wire("as in `slip`")
     reasons: tuple[str, ...] = wire("as in `slip`", default=())
+    evidence: tuple[str, ...] = wire("as in `slip`", default=())
     tare_id: int | None = wire("tare in use of the sensor that measures the force", default=None)
     tare_busy: bool | None = wire("a tare of that sensor is in progress", default=None)
-    mu: float | None = wire("coefficient of static friction in use", nil=True)
-    mu_source: str | None = wire('"config" or "request"', nil=True)
     mu_by: str | None = wire("client that set it last", nil=True)
     mu_t_ns: int | None = wire("when that client set it", nil=True)
 
@@ -159,6 +179,9 @@ class DaemonState:
     version: str | None = wire("version of the daemon", default=None)
     uptime_s: float | None = wire("time since the daemon's start", default=None)
     fingers: Mapping[str, FingerStatus] = wire("finger → its map, see below", default={})
+    object_name: str | None = wire("name of the object (`object.set`); nil where none is named", nil=True)
+    object_by: str | None = wire("client that named it, or took its name back", nil=True)
+    object_t_ns: int | None = wire("when that client did", nil=True)
     streams: Mapping[str, StreamStatus] = wire("stream, e.g. `left.wrench` → its map, see below", default={})
     publisher: PublisherStatus | None = wire("`messages`: messages published since the start", default=None)
     late_s: float | None = wire(

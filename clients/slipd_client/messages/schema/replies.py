@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from slipd_client.messages.schema.fields import read_fields, wire
 from slipd_client.messages.schema.kinds import Triple
-from slipd_client.messages.schema.parts import DaemonState
+from slipd_client.messages.schema.parts import DaemonState, FrictionState
 
 AnyReply = TypeVar("AnyReply", bound="Reply")
 
@@ -89,14 +89,24 @@ class GravityReply(Reply):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FrictionReply(Reply):
+class FrictionReply(Reply, FrictionState):
     """The friction in use."""
 
     finger: str | None = wire("name of the finger", default=None)
-    mu: float | None = wire("coefficient of static friction in use", default=None)
-    mu_source: str | None = wire('"request"', default=None)
     mu_by: str | None = wire("client that set it", default=None)
     mu_t_ns: int | None = wire("when it was set", default=None)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ObjectReply(Reply):
+    """The name of the object, and what is known of its friction."""
+
+    object_name: str | None = wire("name of the object; nil where none is named", nil=True)
+    fingers: Mapping[str, FrictionState] = wire(
+        "finger → the friction in use for this object, as in a finger of `status`: `mu`, `mu_source`, `mu_low`, "
+        "`mu_high`, `mu_d`",
+        default={},
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -59,6 +59,14 @@ MU_D = Field(
     limit="at most `mu_s`",
     omitted="the drop of friction that counts as a slip stays as it is",
 )
+OBJECT_NAME = Field(
+    "name",
+    TEXT,
+    "name of the object that is gripped, or about to be; nil: none is named",
+    nullable=True,
+    pattern="[A-Za-z0-9][A-Za-z0-9._-]{0,63}",
+    limit="1 to 64 letters, digits, `.`, `_` and `-`, the first a letter or digit",
+)
 TTL_MS = Field(
     "ttl_ms",
     INTEGER,

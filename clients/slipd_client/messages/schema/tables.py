@@ -12,7 +12,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from slipd_client.messages.names import ERROR_MEANINGS, IMAGE_REASONS, LEVEL_MEANINGS, REASONS, TARE_REASONS, level_code
+from slipd_client.messages.names import (
+    ERROR_MEANINGS,
+    EVIDENCE,
+    IMAGE_REASONS,
+    LEVEL_MEANINGS,
+    REASONS,
+    TARE_REASONS,
+    level_code,
+)
 from slipd_client.messages.schema.fields import Field, fields_of
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.parts import FingerStatus, RecordingStatus, StreamStatus
@@ -36,6 +44,7 @@ def tables() -> dict[str, str]:
             ((f"`{level}`", str(level_code(level)), meaning) for level, meaning in LEVEL_MEANINGS.items()),
         ),
         "reasons": _meanings("reason", REASONS),
+        "evidence": _meanings("evidence", EVIDENCE),
         "image_reasons": _meanings("reason", IMAGE_REASONS),
         "fingers": _fields(fields_of(FingerStatus)),
         "streams": _fields(fields_of(StreamStatus)),

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from slipd_client.messages.names import PROTOCOL_VERSION, SlipLevel
 from slipd_client.messages.schema.fields import wire
 from slipd_client.messages.schema.kinds import Pair, Triple
-from slipd_client.messages.schema.parts import DaemonState, GripperState
+from slipd_client.messages.schema.parts import MU, MU_D, MU_HIGH, MU_LOW, MU_SOURCE, DaemonState, GripperState
 
 
 class Clock(Protocol):
@@ -72,6 +72,9 @@ class Slip(Message):
     level: SlipLevel = wire("how close the contact is to slipping; see below")
     level_code: int | None = wire("the level as a number, 0 to 5, in the order below", default=None)
     reasons: tuple[str, ...] = wire("why, the most important first; see below", default=())
+    evidence: tuple[str, ...] = wire(
+        "what shows that the object moves, see below; empty where nothing does", default=()
+    )
     force_unit: str | None = wire(
         '"N", or "uncalibrated": forces are in the unit of an uncalibrated pad, or raw values of the sensor',
         default=None,
@@ -91,8 +94,22 @@ class Slip(Message):
         "(its possible pull is part of the uncertainties)",
         nil=True,
     )
-    mu: float | None = wire("coefficient of static friction in use", nil=True)
-    mu_source: str | None = wire('where that coefficient comes from: "config", or "request" (`friction.set`)', nil=True)
+    mu: float | None = wire(MU, nil=True)
+    mu_source: str | None = wire(MU_SOURCE, default=None)
+    mu_low: float | None = wire(MU_LOW, nil=True)
+    mu_high: float | None = wire(MU_HIGH, nil=True)
+    mu_d: float | None = wire(MU_D, nil=True)
+    required_friction: float | None = wire(
+        "coefficient of friction at which this load would just slip; known also where `mu` is not", nil=True
+    )
+    carried_friction: float | None = wire(
+        "largest `required_friction` that this grasp has carried without motion; nil before the first", nil=True
+    )
+    relative_utilisation: float | None = wire(
+        "`required_friction` over `carried_friction`: above 1 the load is larger than any that this grasp is known to "
+        "hold",
+        nil=True,
+    )
     utilisation: float | None = wire("load over the load at which the contact slips: it slips at 1", nil=True)
     utilisation_lower: float | None = wire("certified lower bound of the utilisation", nil=True)
     utilisation_upper: float | None = wire("certified upper bound of the utilisation", nil=True)
@@ -124,6 +141,7 @@ class SlipWarning(Message):
     level: SlipLevel = wire("the new level, as in `slip`")
     level_code: int | None = wire("the new level as a number", default=None)
     reasons: tuple[str, ...] = wire("as in `slip`", default=())
+    evidence: tuple[str, ...] = wire("as in `slip`", default=())
     previous: SlipLevel = wire("the level before")
     rising: bool = wire('the new level is more alarming; "unknown" ranks between "stable" and "caution"')
     utilisation: float | None = wire("as in `slip`", nil=True)
@@ -185,6 +203,7 @@ class Grasp(Message):
     )
     level_code: int | None = wire("the level as a number", default=None)
     reasons: tuple[str, ...] = wire("reasons of every finger at that level", default=())
+    evidence: Mapping[str, tuple[str, ...]] = wire("finger → its evidence, as in `slip`", default={})
     internal_n: float | None = wire(
         "grip force: the part of the two normal forces that cancels, which is the smaller one; 0 where a pad is "
         "not pressed",

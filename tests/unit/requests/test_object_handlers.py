@@ -1,0 +1,83 @@
+"""Clients name the object; another name needs the lease, as friction is learned for each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+Run = Any
+
+
+def test_the_reply_has_the_name_and_the_friction_in_use_for_it(run: Run) -> None:
+    run.lease()
+    result = run.ask("object.set", name="mug-2")["result"]
+    assert result["object_name"] == "mug-2"
+    assert {finger: known["mu"] for finger, known in result["fingers"].items()} == {"left": 0.5, "right": 0.5}
+    assert {known["mu_source"] for known in result["fingers"].values()} == {"config"}
+
+
+def test_status_shows_the_name_and_who_gave_it(run: Run) -> None:
+    run.lease()
+    assert run.refusal("object.set", name="mug") is None
+    named_ns = run.t_ns
+    status = run.ask("status")["result"]
+    assert (status["object_name"], status["object_by"], status["object_t_ns"]) == ("mug", "ann", named_ns)
+    assert run.refusal("object.set", name=None) is None
+    assert run.ask("status")["result"]["object_name"] is None
+
+
+@pytest.mark.parametrize("name", ["mug", "Box_2.b-c", "7", "x" * 64])
+def test_a_name_is_letters_digits_and_three_signs(run: Run, name: str) -> None:
+    run.lease()
+    assert run.ask("object.set", name=name)["result"]["object_name"] == name
+
+
+@pytest.mark.parametrize(
+    ("fields", "refusal"),
+    [
+        ({"name": ""}, ("out_of_range", "name")),
+        ({"name": "x" * 65}, ("out_of_range", "name")),
+        ({"name": "a mug"}, ("out_of_range", "name")),
+        ({"name": "mug\n"}, ("out_of_range", "name")),
+        ({"name": ".mug"}, ("out_of_range", "name")),
+        ({"name": "Größe"}, ("out_of_range", "name")),
+        ({"name": 3}, ("bad_type", "name")),
+        ({}, ("missing_field", "name")),
+        ({"name": "mug", "finger": "left"}, ("unknown_field", "finger")),
+    ],
+)
+def test_every_other_request_is_refused(run: Run, fields: dict[str, Any], refusal: tuple[str, str]) -> None:
+    run.lease()
+    assert run.refusal("object.set", **fields) == refusal
+    assert run.ask("status")["result"]["object_name"] is None
+
+
+def test_the_refusal_of_a_name_says_the_rule(run: Run) -> None:
+    run.lease()
+    message = run.ask("object.set", name="a mug")["error"]["message"]
+    assert message == (
+        "name must have 1 to 64 letters, digits, `.`, `_` and `-`, the first a letter or digit, got 'a mug'"
+    )
+
+
+def test_nil_is_allowed_only_where_the_schema_says_so(run: Run) -> None:
+    run.lease()
+    assert run.refusal("friction.set", finger=None, mu_s=0.4) == ("bad_type", "finger")
+
+
+def test_only_the_lease_holder_may_give_another_name(run: Run) -> None:
+    assert run.refusal("object.set", name="mug") == ("no_lease", "")
+    run.lease()
+    assert run.refusal("object.set", client=b"ben", name="mug") == ("no_lease", "")
+    assert run.refusal("object.set", name="mug") is None
+    assert run.refusal("object.set", client=b"ben", name="box") == ("no_lease", "")
+    assert run.refusal("object.set", client=b"ben", name=None) == ("no_lease", ""), "it would forget what was learned"
+    assert run.refusal("object.set", client=b"ben", name="mug") is None, "the same is no change"
+
+
+def test_a_config_may_allow_every_client_to_name_the_object(make_run: Callable[[str], Run], left: str) -> None:
+    run = make_run(left + "\n[requests]\nfriction_without_lease = true\n")
+    run.up()
+    assert run.refusal("object.set", client=b"ben", name="mug") is None
