@@ -1,0 +1,49 @@
+"""The trace: its wrenches in both pad frames, and its images."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from stick_slip_scenes import GRIP_N, STEADY, history, ramp, simulate
+
+from slipd.fusion import contact_from_wrench
+from slipd.sim.stickslip import ContactPatch
+from slipd.sim.true_contact import Pad, finger_load, pad_wrench
+
+PATCH = ContactPatch("rounded", 0.018, 0.009, centre_m=(0.002, -0.001))
+LOAD = (1.0, 2.0, 0.01)
+
+
+@pytest.mark.parametrize("right", [False, True])
+def test_the_wrench_of_a_finger_is_that_of_half_the_load_in_its_frame(*, right: bool) -> None:
+    trace = simulate(PATCH, STEADY, history([(0.0, 0.0, 0.0), LOAD, LOAD], [0.0, 0.5, 1.0]))
+    cx, cy = PATCH.centre_m
+    about_patch = (LOAD[0], LOAD[1], LOAD[2] - cx * LOAD[1] + cy * LOAD[0])
+    centre = (cx, -cy) if right else (cx, cy)
+    force, torque = pad_wrench(finger_load(about_patch, right=right), GRIP_N, centre)
+    wrench = (trace.wrench_right if right else trace.wrench_left)[-1]
+    assert wrench == pytest.approx(np.concatenate((force, torque)), abs=1e-6)
+    contact = contact_from_wrench(wrench[:3], wrench[3:])
+    assert contact.centroid_m == pytest.approx(centre, abs=1e-9)
+
+
+def test_the_image_carries_the_force_and_its_centroid() -> None:
+    trace = simulate(PATCH, STEADY, ramp(LOAD, 0.01))
+    left, right = (trace.taxel_loads(Pad(), [0.0, 0.005], right=side) for side in (False, True))
+    x, y = Pad().centres()
+    assert left.shape == right.shape == (2, 128)
+    assert left.sum(axis=1) == pytest.approx(GRIP_N, rel=0.03)
+    assert left[0] @ x / left[0].sum() == pytest.approx(0.002, abs=2e-4)
+    assert left[0] @ y / left[0].sum() == pytest.approx(-0.001, abs=2e-4)
+    assert right[0].reshape(8, 16) == pytest.approx(left[0].reshape(8, 16)[::-1])
+
+
+def test_the_patch_grows_with_the_force() -> None:
+    patch = ContactPatch("disc", 0.008, None, growth=1 / 3, reference_n=10.0)
+    trace = simulate(patch, STEADY, history([(0.0, 0.0, 0.0)] * 2, [0.0, 0.5], [1.25, 10.0]), cell_m=0.0005)
+    sizes = []
+    for i in (0, -1):
+        cells = trace.pressure(i)
+        assert cells.loads_n.sum() == pytest.approx(trace.normal_n[i])
+        sizes.append(np.sqrt(np.average(cells.x_m**2 + cells.y_m**2, weights=cells.loads_n)))
+    assert sizes[0] / sizes[1] == pytest.approx(0.5, rel=0.01)
