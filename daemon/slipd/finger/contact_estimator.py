@@ -61,6 +61,10 @@ class ContactEstimator:
         if mu_d is not None:
             self._watch.set_drop(self.friction.drop)
 
+    def note_motion(self, until_ns: int, evidence: int) -> None:
+        """Report slip until a time; see `ContactWatch.note_motion`."""
+        self._watch.note_motion(until_ns * 1e-9, evidence)
+
     def end_contact(self) -> None:
         """Forget the contact: it ended, or is no longer known."""
         self.in_contact, self._twist = False, None

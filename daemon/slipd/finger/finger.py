@@ -132,6 +132,10 @@ class Finger:
             return self._path.lose_image()
         return None
 
+    def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
+        """Report slip until a time, because evidence of these kinds shows it; see `VerdictPath.note_motion`."""
+        return self._path.note_motion(until_ns, kinds)
+
     def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""
         return self.image is not None and self.image.expire(t_ns, unread_ns)

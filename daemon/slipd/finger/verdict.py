@@ -32,6 +32,7 @@ STREAM_STALE = Verdict("unknown", ("stale",))
 WEIGHT_UNKNOWN = Verdict("unknown", ("weight_unknown",))
 """The unknown weight of the finger may look like a contact, or hide one."""
 NO_MU = Verdict("unknown", ("no_mu",))
+SLIPS_WITHOUT_MU = Verdict("slipping", ("slip_detected", "no_mu"))
 PAD_PULLED = Verdict("unknown", ("pulled",))
 """The normal force is clearly negative: the sensor or its config is wrong."""
 ROTATION_UNOBSERVED = Verdict("unknown", ("rotation_unobserved",))

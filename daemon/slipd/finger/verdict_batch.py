@@ -13,6 +13,7 @@ from slipd.finger.verdict import (
     NO_MU,
     PAD_FREE,
     PAD_PULLED,
+    SLIPS_WITHOUT_MU,
     STREAM_STALE,
     WEIGHT_UNKNOWN,
     Verdict,
@@ -118,7 +119,7 @@ class VerdictBatch:
     def _contact_verdict(self, level: str, reading: Reading, utilisation: Utilisation | None) -> Verdict:
         """Return the verdict on a contact of which force sensor and image do not disagree."""
         if math.isnan(self.mu):
-            return NO_MU
+            return SLIPS_WITHOUT_MU if reading.assessment.slips else NO_MU
         if utilisation is None:
             return translation_verdict(reading.assessment, level)
         return exact_verdict(

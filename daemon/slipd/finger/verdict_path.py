@@ -27,9 +27,11 @@ from slipd.finger.image_channel import ImageChannel
 from slipd.finger.negative_force import NegativeForceDetector
 from slipd.finger.tare_guard import TareGuard
 from slipd.finger.three_axis import wrench_by_taxels
-from slipd.finger.verdict import ROTATION_UNOBSERVED, STREAM_STALE
+from slipd.finger.trust import is_trusted
+from slipd.finger.verdict import ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion.rows import LATE
+from slipd.motion.evidence import evidence_mask
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.tare import Tare
 
@@ -160,6 +162,23 @@ class VerdictPath:
             assessment=None,
             model="none",
         )
+        return self._newest
+
+    def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
+        """Report slip until a time, because evidence of these kinds shows that the object moves.
+
+        Returns:
+            The state of the newest reading with it; None where that reading does not touch, or is not trusted.
+        """
+        state = self.state
+        found = state.assessment
+        if found is None or not is_trusted(state.verdict):
+            return None
+        mask = found.evidence | evidence_mask(*kinds)
+        self.estimator.note_motion(until_ns, mask)
+        reasons = state.verdict.reasons
+        slips = Verdict("slipping", reasons if "slip_detected" in reasons else ("slip_detected", *reasons))
+        self._newest = replace(state, verdict=slips, assessment=found._replace(slips=True, evidence=mask))
         return self._newest
 
     def lose_force(self, t_ns: int) -> FingerState:

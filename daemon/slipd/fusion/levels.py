@@ -18,6 +18,7 @@ from slipd.fusion.load_drop import fell
 from slipd.fusion.rows import (
     CAUTION,
     FREE,
+    LOAD_DROP_BIT,
     NO_CONTACT,
     SLIPPING,
     STABLE,
@@ -144,6 +145,15 @@ class ContactWatch:
         """Set another minimum fall: the friction coefficients are known better now."""
         self._watch["kept"] = 1.0 - drop
 
+    def note_motion(self, until_s: float, evidence: int) -> None:
+        """Report slip until a time, because other evidence than the load shows motion.
+
+        Args:
+            until_s: Time of the readings until which the object is taken to move, s.
+            evidence: Its kinds: bits of `slipd.motion.evidence.EVIDENCE`.
+        """
+        self._watch["moving_until_s"], self._watch["moving_evidence"] = until_s, evidence
+
     def assess(self, readings: Rows, mu: float, uncertainty: Uncertainty, spin_utilisation_1n: float) -> None:
         """Fill in the assessment of readings in sequence.
 
@@ -195,7 +205,12 @@ def _assess(readings: Rows, watches: Rows, windows: Rows) -> None:
             if phase == FREE and normal + unknown_n < watch["least_n"]:
                 found["level"] = NO_CONTACT
             continue
+        moves = t_s < watch["moving_until_s"]
+        if moves:
+            found["evidence"], found["slips"] = watch["moving_evidence"], True
         if math.isnan(mu):
+            if moves:
+                found["level"] = SLIPPING
             continue
         spin, translation = contact["spin_nm"], contact["friction_ratio"] / mu  # R / μ of paper eq. (4)
         exact = row["utilisation"]["kind"] != UNSOLVED and not math.isnan(spin)
@@ -215,7 +230,10 @@ def _assess(readings: Rows, watches: Rows, windows: Rows) -> None:
             armed = value if which == 0 or translation < ROTATION_SHARE * value else math.nan
             if fell(windows[which], watch, which, t_s, load, load / normal, armed):
                 slip_until[which] = t_s + watch["hold_s"]
-        slips = t_s < max(slip_until[0], slip_until[1])
+        dropped = t_s < max(slip_until[0], slip_until[1])
+        slips = dropped or moves
+        if dropped:
+            found["evidence"] |= LOAD_DROP_BIT
         found["friction_step"], found["slips"], found["utilisation_upper"] = step, slips, upper
         if exact:
             reach = math.hypot(contact["cx_m"], contact["cy_m"])

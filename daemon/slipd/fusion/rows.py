@@ -22,6 +22,8 @@ STABLE, CAUTION, WARNING = range(3)
 """Steps of a margin that shrinks; the level of a contact that holds is its step + 1."""
 NO_CONTACT, SLIPPING, UNKNOWN = 0, 4, 5
 """Level codes beside those."""
+LOAD_DROP_BIT = 1
+"""Bit of the evidence "load_drop", see `slipd.motion.evidence.EVIDENCE`."""
 UNSOLVED = -1
 """``kind`` of a utilisation that was not solved, because there is no image or no coefficient of friction."""
 
