@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,13 +35,31 @@ class GaugeAmplifier:
         seed: Seed of its noise.
         rate_hz: Frames per second.
         clock_ppm: Rate error of its clock, parts per million; positive is fast.
+        noise_n: Standard deviation of each force component, N.
+        noise_nm: Standard deviation of each torque component, N·m.
+        matrix: N and N·m per count, (6, 6), as in the config of its daemon; None: the inverse of ``COUNTS_PER_UNIT``.
+        offset: Counts of each channel without load.
     """
 
-    def __init__(self, seed: int, rate_hz: float = 1000.0, clock_ppm: float = 30.0) -> None:
-        matrix = np.linalg.inv(COUNTS_PER_UNIT)
-        self.options: dict[str, Any] = {"matrix": matrix.tolist(), "offset": OFFSET.tolist()}
+    def __init__(
+        self,
+        seed: int,
+        rate_hz: float = 1000.0,
+        clock_ppm: float = 30.0,
+        *,
+        noise_n: float = 0.02,
+        noise_nm: float = 0.0005,
+        matrix: Sequence[Sequence[float]] | None = None,
+        offset: Sequence[float] = tuple(OFFSET.tolist()),
+    ) -> None:
+        self._counts_per_unit = COUNTS_PER_UNIT if matrix is None else np.linalg.inv(np.array(matrix))
+        self._offset = np.array(offset)
+        self.options: dict[str, Any] = {
+            "matrix": np.linalg.inv(COUNTS_PER_UNIT).tolist() if matrix is None else matrix,
+            "offset": list(offset),
+        }
         self.rate_hz = rate_hz
-        self._stream = WrenchStream(seed, rate_hz)
+        self._stream = WrenchStream(seed, rate_hz, noise_n, noise_nm)
         self._stream.start(0)
         self._clock_us_per_ns = 1e-3 + clock_ppm * 1e-9
         self._sequence = 0
@@ -60,7 +79,7 @@ class GaugeAmplifier:
         """Advance to ``t_ns`` and return the frames due by then."""
         output: list[bytes] = []
         for taken_ns, values in self._stream.due(t_ns):
-            counts = whole(COUNTS_PER_UNIT @ values + OFFSET, 24)
+            counts = whole(self._counts_per_unit @ values + self._offset, 24)
             saturated = sum(1 << channel for channel, count in enumerate(counts) if abs(count) >= FULL_SCALE)
             device_us = round(taken_ns * self._clock_us_per_ns)
             output.append(gauges.encode_frame(counts, self._sequence, device_us, saturated))

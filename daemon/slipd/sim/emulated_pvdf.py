@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slipd.arrays import Array
 from slipd.devices import pvdf
@@ -28,6 +29,11 @@ class PvdfElectronics:
         rate_hz: Scans per second.
         dwell_ns: Time from one taxel of a scan to the next.
         clock_ppm: Rate error of its clock, parts per million; positive is fast.
+        pyro_n: Pyroelectric effect: load that a taxel would show, were there no leak, after it took the temperature of
+            the object; negative for an object that cools it.
+        pyro_s: Time constant with which a pressed taxel takes that temperature, and a free one loses it.
+        dead: Taxels, in scan order, that feel nothing.
+        saturated: Taxels that read full scale.
     """
 
     tau_s: float = 2.0
@@ -38,15 +44,18 @@ class PvdfElectronics:
     rate_hz: float = 200.0
     dwell_ns: int = 20_000
     clock_ppm: float = -25.0
+    pyro_n: float = 0.0
+    pyro_s: float = 5.0
+    dead: tuple[int, ...] = ()
+    saturated: tuple[int, ...] = ()
 
 
 class PvdfPad:
     """The pad on its line; its caller passes the time. It sends unasked and never reads.
 
-    The pressure keeps its shape, so the charge of the whole force determines that of each taxel.
-
     Args:
-        shares: Reading of each taxel per newton on the pad, shape (rows, cols).
+        rows: Rows of the scan.
+        cols: Columns of the scan.
         electronics: Amplifier, converter and multiplexer.
         rng: Source of noise, gains and offsets.
 
@@ -54,56 +63,78 @@ class PvdfPad:
         ValueError: A scan takes longer than the time between scans.
     """
 
-    def __init__(self, shares: Array, electronics: PvdfElectronics, rng: np.random.Generator) -> None:
+    def __init__(self, rows: int, cols: int, electronics: PvdfElectronics, rng: np.random.Generator) -> None:
+        taxels = rows * cols
+        self._shape = rows, cols
         self._period_ns = round(1e9 / electronics.rate_hz)
-        self._delay_ns = (np.arange(shares.size) * electronics.dwell_ns).reshape(shares.shape)
-        self._scan_takes_ns = int(self._delay_ns[-1, -1])
+        self._delay_ns = np.arange(taxels) * electronics.dwell_ns
+        self._scan_takes_ns = int(self._delay_ns[-1])
         if self._scan_takes_ns >= self._period_ns:
             raise ValueError(f"a scan must take less than {self._period_ns} ns, got {self._scan_takes_ns}")
         self._electronics = electronics
         self._rng = rng
-        gain = electronics.gain_counts_per_n * (1.0 + electronics.gain_spread * rng.normal(size=shares.shape))
-        self._counts_per_n = gain * shares
-        self._offset = electronics.offset_counts * rng.normal(size=shares.shape)
-        self._normal_n = 0.0
-        self._past: list[tuple[int, float]] = [(0, 0.0)]  # (t_ns, charge of the whole force), back to the scan's start
+        self._gain = electronics.gain_counts_per_n * (1.0 + electronics.gain_spread * rng.normal(size=taxels))
+        self._offset = electronics.offset_counts * rng.normal(size=taxels)
+        self._gain[list(electronics.dead)] = 0.0
+        self._offset[list(electronics.saturated)] = 2.0 * FULL_SCALE
+        self._loads_n = np.zeros(taxels)
+        self._warmth = np.zeros(taxels)  # 0 like the pad, 1 like the object
+        self._past: list[tuple[int, Array]] = [(0, np.zeros(taxels))]  # (t_ns, charges), back to the scan's start
         self._scan = 0
 
-    def advance(self, t_ns: int, normal_n: float) -> bytes:
+    def advance(self, t_ns: int, loads_n: Array) -> bytes:
         """Advance to ``t_ns`` and return the scans complete by then.
 
         Args:
             t_ns: Time, ns.
-            normal_n: Normal force on the pad at ``t_ns``, N. It changes linearly since the last call, and for that the
-                leak is exact.
+            loads_n: Load on each taxel at ``t_ns``, in scan order, shape (taxels,), N. It changes linearly since the
+                last call, and for that the leak is exact.
         """
         before_ns, charge_n = self._past[-1]
         if t_ns <= before_ns:
             return b""
         tau_s, span_s = self._electronics.tau_s, (t_ns - before_ns) * 1e-9
         gone = -math.expm1(-span_s / tau_s)
-        charge_n += (normal_n - self._normal_n) * gone * tau_s / span_s - charge_n * gone
+        charge_n = charge_n * (1.0 - gone) + (loads_n - self._loads_n) * (gone * tau_s / span_s)
+        if self._electronics.pyro_n:
+            charge_n += self._electronics.pyro_n * self._warm(loads_n, span_s)
         self._past.append((t_ns, charge_n))
-        self._normal_n = normal_n
+        self._loads_n = loads_n
         output = b""
         while (scan_ns := self._scan * self._period_ns) + self._scan_takes_ns <= t_ns:
             output += self._send(scan_ns)
         return output
 
+    def _warm(self, loads_n: Array, span_s: float) -> Array:
+        """Return how much warmer each taxel became in ``span_s``."""
+        change = ((loads_n > 0.0) - self._warmth) * -math.expm1(-span_s / self._electronics.pyro_s)
+        self._warmth += change
+        return np.asarray(change, dtype=np.float64)
+
     def _send(self, scan_ns: int) -> bytes:
         """Return the scan that began at ``scan_ns``, and drop the charges before it."""
-        times_ns, charges_n = np.array(self._past).T
-        charge_n = np.interp(scan_ns + self._delay_ns, times_ns, charges_n)
-        noise = self._electronics.noise_counts * self._rng.standard_normal(charge_n.shape)
-        counts = np.rint(self._counts_per_n * charge_n + self._offset + noise)
+        charge_n = self._sampled(scan_ns + self._delay_ns)
+        noise = self._electronics.noise_counts * self._rng.standard_normal(charge_n.size)
+        counts = np.rint(self._gain * charge_n + self._offset + noise)
         clipped = np.clip(counts, -FULL_SCALE, FULL_SCALE).astype(np.int64)
         device_us = scan_ns * (1e-3 + self._electronics.clock_ppm * 1e-9)
-        data = pvdf.encode_scan(clipped, self._scan, device_us, self._electronics.dwell_ns * 1e-3)
+        dwell_us = self._electronics.dwell_ns * 1e-3
+        data = pvdf.encode_scan(clipped.reshape(self._shape), self._scan, device_us, dwell_us)
         self._scan += 1
         next_ns = self._scan * self._period_ns
         while len(self._past) > 1 and self._past[1][0] <= next_ns:
             self._past.pop(0)
         return data
+
+    def _sampled(self, times_ns: NDArray[np.int64]) -> Array:
+        """Return the charge of each taxel at its own time, linear between those of the past."""
+        known_ns = np.array([t_ns for t_ns, _ in self._past])
+        after = np.clip(np.searchsorted(known_ns, times_ns), 1, len(known_ns) - 1)
+        late = (times_ns - known_ns[after - 1]) / (known_ns[after] - known_ns[after - 1])
+        charges_n = np.array([charge_n for _, charge_n in self._past])
+        taxel = np.arange(times_ns.size)
+        before_n = charges_n[after - 1, taxel]
+        return np.asarray(before_n + late * (charges_n[after, taxel] - before_n), dtype=np.float64)
 
 
 class PvdfLine:

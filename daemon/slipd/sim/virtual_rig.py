@@ -28,7 +28,8 @@ class _Finger:
         self._centre_m = patch.centre_m
         self._seen: tuple[Load, float] | None = None
         self.wrench = BotaSensor(mount, rng)
-        self.pad = PvdfPad(pad.shares(patch).reshape(pad.rows, pad.cols), PvdfElectronics(), rng)
+        self._shares = pad.shares(patch)
+        self.pad = PvdfPad(pad.rows, pad.cols, PvdfElectronics(), rng)
 
     def advance(self, t_ns: int) -> tuple[bytes, bytes]:
         scene = self._scene
@@ -36,7 +37,7 @@ class _Finger:
             self._seen = scene.friction, scene.normal_n
             load = finger_load(scene.friction, right=self._right)
             self.wrench.feel(*pad_wrench(load, scene.normal_n, self._centre_m))
-        return self.wrench.advance(t_ns), self.pad.advance(t_ns, scene.normal_n)
+        return self.wrench.advance(t_ns), self.pad.advance(t_ns, scene.normal_n * self._shares)
 
 
 class VirtualRig:

@@ -8,6 +8,8 @@ import numpy as np
 
 from slipd.arrays import Array
 
+_NOISE_BLOCK = 1024
+
 
 class WrenchStream:
     """Readings at a rate: the load on the sensor with noise.
@@ -24,6 +26,8 @@ class WrenchStream:
         self._rng = np.random.default_rng(seed)
         self._ideal = np.zeros(6)
         self._sigma = np.repeat((noise_n, noise_nm), 3)
+        self._noise: Array = np.empty((0, 6))
+        self._drawn = 0
         self._begun_ns: int | None = None
         self._sent = 0
 
@@ -47,10 +51,18 @@ class WrenchStream:
             if next_ns > t_ns:
                 return
             self._sent += 1
-            yield next_ns, self._ideal + self._sigma * self._rng.standard_normal(6)
+            yield next_ns, self._ideal + self._next_noise()
+
+    def _next_noise(self) -> Array:
+        """Return the noise of one reading; drawn in blocks, because a draw costs as much as a block of some hundred."""
+        if self._drawn == len(self._noise):
+            self._noise = self._sigma * self._rng.standard_normal((_NOISE_BLOCK, 6))
+            self._drawn = 0
+        self._drawn += 1
+        return self._noise[self._drawn - 1]
 
 
 def whole(values: Array, bits: int) -> list[int]:
     """Round values to counts, clipped to signed integers of ``bits`` bits."""
     most = (1 << bits - 1) - 1
-    return [int(count) for count in np.clip(np.rint(values), -most - 1, most)]
+    return [min(max(round(value), -most - 1), most) for value in values.tolist()]

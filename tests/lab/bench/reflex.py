@@ -26,7 +26,7 @@ from fuzz.hand import FORCE_TABLE, OPEN_M, Hand
 from slipd.devices import bota
 from slipd.devices.bota import bota_text
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
-from slipd.sim.true_contact import Pad, Patch
+from slipd.sim.true_contact import Pad
 from slipd_client.errors import RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import MESSAGE_LIMITS, decode
@@ -133,7 +133,8 @@ class _World:
         self._reading_ns = time.monotonic_ns()
         self._turn = traffic.rotation()
         self._patch = {"left": traffic.PATCH, "right": traffic.PATCH.mirrored()}
-        self._pads = {finger: _pad(patch) for finger, patch in self._patch.items()}
+        self._pads = {finger: _pad() for finger in self._patch}
+        self._shares = {finger: Pad().shares(patch) for finger, patch in self._patch.items()}
         self._begun_ns = self._reading_ns
         self._answer, self._answer_ns = b"", 0
         self.polled_ns = self.answered_ns = 0
@@ -185,7 +186,7 @@ class _World:
 
     def _image(self, finger: str) -> None:
         now_ns = time.monotonic_ns()
-        scan = self._pads[finger].advance(now_ns - self._begun_ns, self.hand.grip_n)
+        scan = self._pads[finger].advance(now_ns - self._begun_ns, self.hand.grip_n * self._shares[finger])
         with contextlib.suppress(BlockingIOError):
             os.write(self._fd[f"{finger}.pad"], scan)
 
@@ -246,10 +247,9 @@ class _World:
         return not self._answer_ns and IDLE_NS[0] <= now_ns - self.answered_ns <= IDLE_NS[1]
 
 
-def _pad(patch: Patch) -> PvdfPad:
+def _pad() -> PvdfPad:
     pad = Pad()
-    shares = pad.shares(patch).reshape(pad.rows, pad.cols)
-    return PvdfPad(shares, PvdfElectronics(rate_hz=float(traffic.PAD_HZ)), np.random.default_rng(1))
+    return PvdfPad(pad.rows, pad.cols, PvdfElectronics(rate_hz=float(traffic.PAD_HZ)), np.random.default_rng(1))
 
 
 def run(folder: Path, *, rounds: int, trials: int) -> list[Table]:

@@ -93,11 +93,11 @@ def pad_scans(normal_n: Array, patch: Patch, seed: int) -> list[bytes]:
     """Scans of one pad, with the noise, gains, offsets and leak of the emulated one."""
     pad = Pad()
     electronics = PvdfElectronics(rate_hz=float(PAD_HZ))
-    shares = pad.shares(patch).reshape(pad.rows, pad.cols)
-    emulated = PvdfPad(shares, electronics, np.random.default_rng(seed))
+    shares = pad.shares(patch)
+    emulated = PvdfPad(pad.rows, pad.cols, electronics, np.random.default_rng(seed))
     period_ns = 1_000_000_000 // PAD_HZ
     scan_ns = electronics.dwell_ns * shares.size
-    return [emulated.advance(scan * period_ns + scan_ns, float(n)) for scan, n in enumerate(normal_n)]
+    return [emulated.advance(scan * period_ns + scan_ns, n * shares) for scan, n in enumerate(normal_n)]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,20 +11,20 @@ from slipd.sim.true_contact import Pad, Patch
 
 MS = 1_000_000
 IDEAL = PvdfElectronics(gain_spread=0.0, offset_counts=0.0, noise_counts=0.0, clock_ppm=0.0)
-EVEN = np.full((8, 16), 1 / 128)
+EVEN = np.full(128, 1 / 128)
 
 
-def scans(pad, force_n, end_ns, begin_ns=0, step_ns=MS):
+def scans(pad, force_n, end_ns, begin_ns=0, step_ns=MS, shares=EVEN):
     """Plays a force over time; returns the decoded scans."""
     decoder, samples = pvdf.Decoder(), []
     for t in range(begin_ns + step_ns, end_ns + 1, step_ns):
-        samples += decoder.receive(pad.advance(t, force_n(t * 1e-9)), t)
+        samples += decoder.receive(pad.advance(t, force_n(t * 1e-9) * shares), t)
     assert decoder.health.bad == decoder.health.lost == 0
     return samples
 
 
-def made(electronics=IDEAL, shares=EVEN, seed=2):
-    return PvdfPad(shares, electronics, np.random.default_rng(seed))
+def made(electronics=IDEAL, seed=2):
+    return PvdfPad(8, 16, electronics, np.random.default_rng(seed))
 
 
 def test_a_held_force_leaks_away_with_the_time_constant():
@@ -49,16 +50,16 @@ def test_taxels_are_sampled_one_after_another():
 
 def test_the_force_is_reconstructed_from_its_charge():
     pad = Pad()
-    shares = pad.shares(Patch()).reshape(8, 16)
+    shares = pad.shares(Patch())
 
     def force(t):
         return 0.0 if t < 1.0 else min((t - 1.0) * 40.0, 7.0) if t < 4.0 else 12.0
 
     charge = ChargeReconstruction(128, tau_s=2.0)
-    for sample in scans(made(PvdfElectronics(gain_spread=0.0), shares), force, 8_000 * MS):
+    for sample in scans(made(PvdfElectronics(gain_spread=0.0)), force, 8_000 * MS, shares=shares):
         t_s = sample.device_time_ns * 1e-9
         found = charge.update(sample.values, t_s, known_free=force(t_s) == 0.0)
-    assert found / 2000.0 == pytest.approx(12.0 * shares.ravel(), abs=0.02)
+    assert found / 2000.0 == pytest.approx(12.0 * shares, abs=0.02)
 
 
 def test_scans_come_at_their_rate_by_the_pads_own_clock():
@@ -98,3 +99,29 @@ def test_too_much_force_saturates_the_converter():
 def test_a_scan_that_does_not_fit_between_scans_is_refused():
     with pytest.raises(ValueError, match="a scan must take less than"):
         made(PvdfElectronics(dwell_ns=50_000))
+
+
+def test_each_taxel_has_a_charge_of_its_own():
+    pad, decoder = made(), pvdf.Decoder()
+    first, last = np.zeros(128), np.zeros(128)
+    first[3], last[90] = 1.0, 1.0
+    said = b"".join(pad.advance(t * MS, first if t < 20 else last) for t in range(1, 53))
+    values = decoder.receive(said, 0)[-1].values
+    assert values[[3, 90]] == pytest.approx([0.0, 2000.0], abs=40.0)
+    assert np.abs(np.delete(values, [3, 90])).max() == 0.0
+
+
+def test_dead_and_saturated_taxels_read_the_same_under_every_load():
+    samples = scans(made(replace(IDEAL, dead=(5,), saturated=(9,))), lambda t: 50.0 * t, 500 * MS)
+    assert {s.values[5] for s in samples} == {0.0}
+    assert {s.values[9] for s in samples} == {FULL_SCALE}
+    assert samples[-1].values[6] > 100.0
+
+
+def test_a_warm_object_charges_the_taxels_that_it_presses():
+    half = np.where(np.arange(128) < 64, 0.1, 0.0)
+    still = scans(made(replace(IDEAL, tau_s=1e9)), lambda t: 1.0, 5_000 * MS, shares=half)
+    warm = scans(made(replace(IDEAL, tau_s=1e9, pyro_n=0.05, pyro_s=2.0)), lambda t: 1.0, 5_000 * MS, shares=half)
+    gained = warm[-1].values - still[-1].values
+    assert gained[:64] == pytest.approx(100.0 * -math.expm1(-warm[-1].device_time_ns * 1e-9 / 2.0), abs=1.5)
+    assert np.abs(gained[64:]).max() == 0.0
