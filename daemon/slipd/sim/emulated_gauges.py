@@ -77,14 +77,23 @@ class GaugeAmplifier:
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the frames due by then."""
-        output: list[bytes] = []
-        for taken_ns, values in self._stream.due(t_ns):
-            counts = whole(self._counts_per_unit @ values + self._offset, 24)
-            saturated = sum(1 << channel for channel, count in enumerate(counts) if abs(count) >= FULL_SCALE)
-            device_us = round(taken_ns * self._clock_us_per_ns)
-            output.append(gauges.encode_frame(counts, self._sequence, device_us, saturated))
-            self._sequence += 1
-        return output
+        return [
+            self._frame(taken_ns, self._counts_per_unit @ values + self._offset)
+            for taken_ns, values in self._stream.due(t_ns)
+        ]
+
+    def play(self, loads: Array) -> list[bytes]:
+        """Return the next frames for the load at each of them, shape (n, 6): `feel` and `advance`, but faster."""
+        times_ns, values = self._stream.play(loads)
+        counts = values @ self._counts_per_unit.T + self._offset
+        return [self._frame(taken_ns, row) for taken_ns, row in zip(times_ns, counts, strict=True)]
+
+    def _frame(self, taken_ns: int, counts: Array) -> bytes:
+        channels = whole(counts, 24)
+        saturated = sum([1 << channel for channel, count in enumerate(channels) if abs(count) >= FULL_SCALE])
+        device_us = round(taken_ns * self._clock_us_per_ns)
+        self._sequence += 1
+        return gauges.encode_frame(channels, self._sequence - 1, device_us, saturated)
 
 
 def make(seed: int) -> GaugeAmplifier:

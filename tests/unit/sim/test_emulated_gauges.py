@@ -36,3 +36,13 @@ def test_too_much_force_saturates_its_channels() -> None:
     emulator.feel(np.array([5000.0, 0.0, 0.0]), np.zeros(3))
     (sample,) = gauges.Decoder(**emulator.options).receive(emulator.advance(MS)[0], 0)
     assert sample.status == ("overload",)
+
+
+def test_frames_for_known_loads_are_those_of_one_load_after_another():
+    loads = np.random.default_rng(3).normal(size=(50, 6))
+    felt, played = GaugeAmplifier(7), GaugeAmplifier(7)
+    one_by_one = []
+    for k, load in enumerate(loads, start=1):
+        felt.feel(load[:3], load[3:])
+        one_by_one += felt.advance(k * 1_000_000)
+    assert played.play(loads[:20]) + played.play(loads[20:]) == one_by_one
