@@ -90,9 +90,9 @@ class PadSensing:
 
 @dataclass(frozen=True)
 class FingerSensing:
-    """The sensors of one finger; None: the finger has none of that kind."""
+    """The sensors of one finger; it may have no pad."""
 
-    force: ForceSensing | None = ForceSensing()
+    force: ForceSensing = ForceSensing()
     pad: PadSensing | None = PadSensing()
 
 
@@ -116,19 +116,18 @@ def offline_config(
     lines = []
     for name, finger in fingers.items():
         lines += [f"[finger.{name}]", *([] if mu is None else [f"mu = {mu}"]), finger_lines]
-        if finger.force is not None:
-            force = finger.force
-            lines += [
-                f"[finger.{name}.wrench]",
-                'device = "gauges"',
-                f'port = "offline/{name}-wrench"',
-                f"rate_hz = {float(force.rate_hz)}",
-                f"pad_from_sensor = {{ xyz_m = {list(force.xyz_m)} }}",
-                f"force_std_n = {force.noise_n}",
-                f"torque_std_nm = {force.noise_nm}",
-                f"[finger.{name}.wrench.options]",
-                f"matrix = {GAUGES_MATRIX}",
-            ]
+        force = finger.force
+        lines += [
+            f"[finger.{name}.wrench]",
+            'device = "gauges"',
+            f'port = "offline/{name}-wrench"',
+            f"rate_hz = {float(force.rate_hz)}",
+            f"pad_from_sensor = {{ xyz_m = {list(force.xyz_m)} }}",
+            f"force_std_n = {force.noise_n}",
+            f"torque_std_nm = {force.noise_nm}",
+            f"[finger.{name}.wrench.options]",
+            f"matrix = {GAUGES_MATRIX}",
+        ]
         if finger.pad is not None:
             pad, behind = finger.pad, finger.pad.electronics
             counts = behind.gain_counts_per_n

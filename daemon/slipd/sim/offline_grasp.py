@@ -140,10 +140,9 @@ def _events(
     ups, lines = [], []
     for (name, finger), rng in zip(sensors.items(), np.random.default_rng(seed).spawn(len(sensors)), strict=True):
         view = _View(trace, start_ns, end_ns, right=name == "right")
-        if finger.force is not None:
-            options = _options(settings, f"{name}.wrench", "gauges")
-            ups.append((start_ns, LinkUp(f"{name}.wrench", f"offline {name}")))
-            lines.append(_reads(f"{name}.wrench", view.frames(finger.force, options, rng), read_ns))
+        options = _options(settings, f"{name}.wrench", "gauges")
+        ups.append((start_ns, LinkUp(f"{name}.wrench", f"offline {name}")))
+        lines.append(_reads(f"{name}.wrench", view.frames(finger.force, options, rng), read_ns))
         if finger.pad is not None:
             _options(settings, f"{name}.pad", "pvdf")
             ups.append((start_ns, LinkUp(f"{name}.pad", f"offline {name}")))
@@ -201,7 +200,7 @@ class _View:
         )
         period_ns = 1e9 / force.rate_hz
         taken_ns = np.rint(np.arange(1, (self._end_ns - begun_ns) / period_ns) * period_ns).astype(np.int64)
-        t_s = (taken_ns + (begun_ns - BEGIN_NS)) * 1e-9
+        t_s = np.asarray((taken_ns + (begun_ns - BEGIN_NS)) * 1e-9, dtype=np.float64)
         wrenches = self._trace.wrench_right if self._right else self._trace.wrench_left
         known_s = self._trace.t_s - self._trace.t_s[0]
         on_pad = np.column_stack([np.interp(t_s, known_s, component) for component in wrenches.T])
@@ -213,7 +212,7 @@ class _View:
         begun_ns = self._start_ns + self._phase_ns + PHASES_NS["pad"]
         device = PvdfPad(pad.rows, pad.cols, pad.electronics, rng)
         knots_ns = np.arange(KNOT_NS, self._end_ns - begun_ns, KNOT_NS)
-        loads_n = self._taxel_loads(pad, (knots_ns + (begun_ns - BEGIN_NS)) * 1e-9)
+        loads_n = self._taxel_loads(pad, np.asarray((knots_ns + (begun_ns - BEGIN_NS)) * 1e-9, dtype=np.float64))
         for knot_ns, loads in zip(knots_ns.tolist(), loads_n, strict=True):
             if data := device.advance(knot_ns, loads):
                 yield knot_ns + begun_ns, data

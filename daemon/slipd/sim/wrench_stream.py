@@ -66,7 +66,8 @@ class WrenchStream:
             self._noise = self._sigma * self._rng.standard_normal((_NOISE_BLOCK, 6))
             self._drawn = 0
         self._drawn += 1
-        return self._noise[self._drawn - 1]
+        noise: Array = self._noise[self._drawn - 1]
+        return noise
 
 
 def whole(values: Array, bits: int) -> list[int]:
