@@ -14,12 +14,14 @@ from slipd_client.live_view_format import (
     bar,
     clock_time,
     either,
+    evidence_of,
+    friction,
     in_newtons,
+    margin,
     number,
     plain,
     quantity,
     reasons_of,
-    utilisation,
 )
 from slipd_client.messages import GRIPPER_TOPIC, HEALTH, STATUS_TOPIC, Health
 
@@ -93,7 +95,7 @@ class LiveView:
     def summary(self) -> str:
         """Return every finger in one line, for a log: level, utilisation and normal force."""
         parts = [
-            f"{plain(finger)} {plain(body.get('level'))} λ {utilisation(body)}"
+            f"{plain(finger)} {plain(body.get('level'))} {' '.join(margin(body).split())}"
             f" {quantity(body, 'normal_n', 'N' if in_newtons(body) else '', 2)}"
             for finger, body in self._fingers()
         ]
@@ -127,6 +129,8 @@ class LiveView:
         status = self._newest.get(STATUS_TOPIC, {})
         lease = either(self._status("lease").get("held"), "held", "free")
         facts = f"up {quantity(status, 'uptime_s', 's', 0)}  config {plain(status.get('config_id'))}  lease {lease}"
+        if named := status.get("object_name"):
+            facts += f"  object {plain(named)}"
         return [(f"slipd {plain(status.get('version'))}", "1"), (f"  {facts}", "")]
 
     def _clock_time(self) -> str:
@@ -136,7 +140,7 @@ class LiveView:
 
 def change_line(body: dict[str, Any]) -> str:
     """Return one line for a message of topic ``warning``: the level of a finger has changed."""
-    reasons = reasons_of(body)
+    reasons = "; ".join(part for part in (reasons_of(body), evidence_of(body)) if part)
     change = f"{plain(body.get('previous'))} → {plain(body.get('level'))}"
     return f"{clock_time(number(body.get('timestamp')) or 0.0)}  {plain(body.get('finger'))} {change}" + (
         f"  ({reasons})" if reasons else ""
@@ -156,23 +160,24 @@ def _finger_lines(finger: str, body: dict[str, Any], silent: bool, width: int) -
         ("normal", "normal_n", "N", 2),
         ("tangential", "tangential_n", "N", 2),
         ("spin", "spin_nm", "N·m", 4),
-        ("mu", "mu", "", 2),
         ("needs", "grip_needed_n", "N", 1),
     )
     newtons = in_newtons(body)
-    facts = "  ".join(
+    facts = [
         f"{word} {quantity(body, field, unit if newtons else '', digits)}" for word, field, unit, digits in quantities
-    )
+    ]
+    facts.insert(3, friction(body))
     named: Line = [(f"{plain(finger):<{NAME_CELLS}}", "1"), (f"{level.upper():<11}", colour)]
     first: Line = [
         *named,
-        (f"λ {utilisation(body):>5} ", ""),
+        (f"{margin(body)} ", ""),
         (bar(body), colour),
-        (f"  {facts}", ""),
+        (f"  {'  '.join(facts)}", ""),
     ]
     if "tare_busy" in body:  # an entry of ``status`` holds no quantities
-        first = [*named, (f"tare {quantity(body, 'tare_id', '', 0)}", "")]
-    return [first, *_wrapped("stale" if silent else reasons_of(body), colour, width)]
+        first = [*named, (f"tare {quantity(body, 'tare_id', '', 0)}  {friction(body)}", "")]
+    why = "stale" if silent else "  ".join(part for part in (reasons_of(body), evidence_of(body)) if part)
+    return [first, *_wrapped(why, colour, width)]
 
 
 def _gripper_lines(body: dict[str, Any], width: int) -> list[Line]:

@@ -34,9 +34,34 @@ def utilisation(body: dict[str, Any]) -> str:
     return UNKNOWN
 
 
+def margin(body: dict[str, Any]) -> str:
+    """Return the utilisation λ; where it is not known, the relative utilisation λr if that is."""
+    if relative_alone(body):
+        return f"λr{quantity(body, 'relative_utilisation', '', 2):>5}"
+    return f"λ {utilisation(body):>5}"
+
+
+def relative_alone(body: dict[str, Any]) -> bool:
+    """Return whether only the relative utilisation is known."""
+    return utilisation(body) == UNKNOWN and number(body.get("relative_utilisation")) is not None
+
+
+def friction(body: dict[str, Any]) -> str:
+    """Return the coefficient of friction and its source; where it is not known, what the load requires and required."""
+    source = body.get("mu_source")
+    known = f"mu {quantity(body, 'mu', '', 2)}" + (f" {plain(source)}" if source else "")
+    if number(body.get("mu")) is not None or number(body.get("required_friction")) is None:
+        return known
+    required, carried = (quantity(body, field, "", 2) for field in ("required_friction", "carried_friction"))
+    return f"{known}  requires {required} of {carried} carried"
+
+
 def bar(body: dict[str, Any]) -> str:
-    """Draw full blocks up to the utilisation, shaded ones up to its upper bound; empty if neither is known."""
-    upper = _cells(body.get("utilisation_upper"))
+    """Draw full blocks up to the utilisation, shaded ones up to its upper bound; empty if neither is known.
+
+    Where only the relative utilisation is known, the shaded blocks reach up to that.
+    """
+    upper = _cells(body.get("relative_utilisation" if relative_alone(body) else "utilisation_upper"))
     sure = _cells(body.get("utilisation"))
     return ("█" * sure + "▒" * (upper - sure)).ljust(BAR_CELLS, "·")
 
@@ -50,6 +75,12 @@ def reasons_of(body: dict[str, Any]) -> str:
     """Return the reasons of a level, the most important first."""
     reasons = body.get("reasons")
     return ", ".join(plain(reason) for reason in reasons) if isinstance(reasons, list) else ""
+
+
+def evidence_of(body: dict[str, Any]) -> str:
+    """Return what shows that the object moves, in words; "" where nothing does."""
+    evidence = body.get("evidence")
+    return f"moves by {', '.join(map(plain, evidence))}" if isinstance(evidence, list) and evidence else ""
 
 
 def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:

@@ -223,6 +223,8 @@ def _print_message(topic: str, body: dict[str, Any], *, as_json: bool) -> None:
         print(json.dumps({"topic": topic} | body, ensure_ascii=False, allow_nan=False))
     elif topic == "warning":
         reasons = ", ".join(body["reasons"]) or "none"
+        if body["evidence"]:
+            reasons += f"; moves by {', '.join(body['evidence'])}"
         print(f"{body['t_ns'] * 1e-9:12.3f} s  {body['finger']}: {body['previous']} → {body['level']} ({reasons})")
 
 

@@ -89,6 +89,38 @@ def test_a_bounded_utilisation_shows_its_bound(known: dict[str, float], shown: s
     assert re.search(rf"λ +{shown} ", text)
 
 
+def test_without_a_coefficient_the_relative_utilisation_is_shown() -> None:
+    unknown = {
+        "mu": None,
+        "mu_source": "none",
+        "utilisation": None,
+        "utilisation_lower": None,
+        "utilisation_upper": None,
+    }
+    grown = {"required_friction": 0.306, "carried_friction": 0.36, "relative_utilisation": 0.85}
+    text = drawn(slip_left=SLIP | unknown | grown)
+    assert re.search(r"left +WARNING +λr +0\.85 ▒{17}·{3} ", text)
+    assert "mu – none  requires 0.31 of 0.36 carried  needs 14.2 N" in text
+    assert re.search(r"λ +– ·{20} .* mu – none  needs", drawn(slip_left=SLIP | unknown)), "nothing carried yet"
+
+
+def test_the_source_of_the_coefficient_is_shown() -> None:
+    assert "mu 0.60 learned  needs" in drawn(slip_left=SLIP | {"mu_source": "learned", "required_friction": 0.3})
+    finger = {"level": "stable", "tare_id": 2, "tare_busy": False, "mu": 0.5, "mu_source": "config"}
+    assert "tare 2  mu 0.50 config" in drawn(status=STATUS | {"fingers": {"left": finger}})
+
+
+def test_the_evidence_of_motion_is_shown_after_the_reasons() -> None:
+    moving = {"reasons": ["no_mu"], "evidence": ["load_drop", "width"]}
+    assert drawn(slip_left=SLIP | moving).endswith("no_mu  moves by load_drop, width")
+    assert drawn(slip_left=SLIP | moving | {"reasons": []}).endswith("          moves by load_drop, width")
+    assert change_line(SLIP | moving | {"previous": "stable"}).endswith("(no_mu; moves by load_drop, width)")
+
+
+def test_the_named_object_is_shown() -> None:
+    assert drawn(status=STATUS | {"object_name": "mug"}).splitlines()[0].endswith("lease held  object mug")
+
+
 def test_a_utilisation_beyond_one_fills_the_bar_and_no_more() -> None:
     assert "█" * 20 + "  normal" in drawn(slip_left=SLIP | {"utilisation": 7.0, "utilisation_upper": 9.0})
 
