@@ -8,6 +8,7 @@
     │   │   └── TareGivenUp       the daemon began the tare and gave it up
     │   ├── LeaseLost           the lease of this block has ended; nothing was sent
     │   ├── LeaseInUse          another thread or task holds the lease of this client; nothing was sent
+    │   ├── FrictionNotMeasured the friction of a finger could not be measured
     │   └── ConnectionClosed    the client was closed
     ├── CallError             a call is wrong: a wrong endpoint, a duration of 0 s (also a ValueError)
     ├── MessageError          bytes or values that are no acceptable message (also a ValueError)
@@ -55,6 +56,10 @@ class LeaseInUse(ClientError, ValueError):  # noqa: N818 - it names what happene
 
 class ConnectionClosed(ClientError):  # noqa: N818 - it names what happened
     """The client was closed; nothing more is sent or received."""
+
+
+class FrictionNotMeasured(ClientError):  # noqa: N818 - it names what happened
+    """The friction of a finger could not be measured; the text says why."""
 
 
 class RequestRefused(ClientError):  # noqa: N818 - it names what happened

@@ -34,8 +34,21 @@ def run(chosen: argparse.Namespace) -> None:
                 _print_status(client.status(), chosen.json)
             elif command.startswith("grip "):
                 _grip(client, chosen)
+            elif command == "friction" and chosen.mu_s is None:
+                _measure_friction(client, chosen)
             else:
                 _print_result(_request(client, chosen))
+
+
+def _measure_friction(client: GripClient, chosen: argparse.Namespace) -> None:
+    from slipd_client import friction_guide  # here: requests need no subscriber
+    from slipd_client.subscriber import Subscriber
+
+    guide = friction_guide.FrictionGuide(
+        friction_guide.check(client.status(), chosen.finger), chosen.samples, chosen.patience
+    )
+    with Subscriber(chosen.publish, guide.topics, keys=_keys(chosen)) as subscriber:
+        guide.run(subscriber)
 
 
 def _request(client: GripClient, chosen: argparse.Namespace) -> Reply:

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from slipd_client.friction_samples import MOST_SAMPLES
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
@@ -45,8 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
     _grip(_commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip "))
     _tare(_commands(add("tare", "take, show or undo the zero of a finger's sensors"), "tare "))
-    friction = add("friction", "set the friction between a pad and the object; acquires the lease where it can")
-    _fields(friction, "friction.set", "finger", "mu_s", "mu_d")
+    _friction(add("friction", "measure the friction between pads and an object by hand, or set it on one finger"))
 
     named = add("object", "name the object, so that its friction is remembered; acquires the lease where it can")
     choice = named.add_mutually_exclusive_group(required=True)
@@ -81,6 +81,25 @@ def _grip(add: Add) -> None:
     _fields(add("activate", "make the gripper ready; some open and close fully for it"), "gripper.activate", "drop")
     add("stop", "stop the fingers where they are")
     add("ack", "acknowledge the latched fault")
+
+
+def _friction(friction: argparse.ArgumentParser) -> None:
+    friction.description = (
+        "Guides through measuring friction: pull an object that is gripped until it slips; nothing moves by itself. "
+        "With MU_S the friction of one finger is set instead, with the lease where nobody else holds it."
+    )
+    _fields(friction, "friction.set", "finger", "mu_s", "mu_d", optional=True)
+    friction.add_argument(
+        "--samples",
+        type=int,
+        choices=range(1, MOST_SAMPLES + 1),
+        default=3,
+        metavar="N",
+        help=f"pulls that must agree, 1 to {MOST_SAMPLES} (default: %(default)s)",
+    )
+    friction.add_argument(
+        "--patience", type=_seconds, default=60.0, metavar="S", help="how long to wait for each pull (default: 60)"
+    )
 
 
 def _tare(add: Add) -> None:
@@ -123,15 +142,22 @@ def _commands(parent: argparse.ArgumentParser, prefix: str) -> Add:
     return add
 
 
-def _fields(command: argparse.ArgumentParser, op: str, *names: str) -> None:
-    """Add an argument for each of these fields of an op; required fields and coefficients are positional."""
+def _fields(command: argparse.ArgumentParser, op: str, *names: str, optional: bool = False) -> None:
+    """Add an argument for each of these fields of an op; required fields and coefficients are positional.
+
+    Args:
+        command: Gets the arguments.
+        op: The op.
+        names: Names of its fields.
+        optional: Every positional argument may be left out.
+    """
     for name in names:
         field = OPS[op].fields[name]
         help_text = _help(field)
         if field.kind is FLAG:
             command.add_argument(f"--{name}", action="store_true", help=help_text)
         elif field.required or name.startswith("mu_"):
-            nargs = None if field.required else "?"
+            nargs = None if field.required and not optional else "?"
             command.add_argument(name, metavar=name.upper(), type=_type(field), nargs=nargs, help=help_text)
         else:
             command.add_argument(

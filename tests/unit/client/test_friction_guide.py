@@ -1,0 +1,177 @@
+"""``slipctl friction`` leads a person through three pulls and prints what they show; it only reads."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import tomllib
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from pulls import Hand
+
+from slipd_client.slipctl import main
+
+if TYPE_CHECKING:
+    import subprocess
+
+    from conftest import Daemon, Publisher
+
+PATIENCE_S = 20.0
+SPEED = 20.0
+"""How much faster than real time verdicts are sent; their own times are in real time."""
+
+STATUS: dict[str, Any] = {
+    "fingers": {"left": {"level": "stable"}, "right": {"level": "stable"}},
+    "streams": {"left.wrench": {"health": 0}, "right.wrench": {"health": 0}},
+}
+
+
+@pytest.fixture
+def played(publisher: Publisher, daemon: Daemon) -> Iterable[Callable[[Iterable[list[dict[str, Any]]]], list[str]]]:
+    """Publishes verdicts in the background once somebody subscribed; arguments of slipctl for this daemon."""
+    daemon.handlers["status"] = lambda _: STATUS
+    ending = threading.Event()
+    threads: list[threading.Thread] = []
+
+    def play(steps: Iterable[list[dict[str, Any]]]) -> list[str]:
+        def work() -> None:
+            publisher.wait_for_subscriber()
+            seq = 0
+            for bodies in steps:
+                for body in bodies:
+                    seq += 1
+                    fields = {key: value for key, value in body.items() if key not in ("v", "seq", "boot", "t_ns")}
+                    publisher.send(f"slip.{body['finger']}", seq, **fields, t_ns=body["t_ns"])
+                if ending.wait(1.0 / Hand.hz / SPEED):
+                    return
+
+        threads.append(threading.Thread(target=work))
+        threads[-1].start()
+        return ["--requests", daemon.endpoint, "--publish", publisher.endpoint, "friction"]
+
+    yield play
+    ending.set()
+    for thread in threads:
+        thread.join()
+
+
+def pulled(*coefficients: float) -> list[list[dict[str, Any]]]:
+    """Hold and pull the left finger once for each coefficient."""
+    hand, bodies = Hand(), []
+    for mu in coefficients:
+        hand.mu_s, hand.mu_d = mu, 0.8 * mu
+        bodies += [[body] for body in hand.once()]
+    return bodies
+
+
+def test_three_pulls_give_lines_for_the_config(
+    played: Callable[..., list[str]], daemon: Daemon, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*played(pulled(0.50, 0.52, 0.54, 0.54)), "left"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Pull slowly along the pads until it slips, 1 of 3 (left 10.0 N)."
+    assert lines.count("Let go of it.") >= 2
+    shown = [line for line in lines if "slips at" in line]
+    assert [float(line.split()[3].strip(",")) for line in shown] == pytest.approx([0.50, 0.52, 0.54], rel=0.01)
+    assert all("while it slides, 10.0 N" in line for line in shown)
+    result = next(line for line in lines if line.startswith("left: "))
+    assert result.startswith("left: static friction 0.51")
+    assert "dynamic friction 0.41" in result
+    found = tomllib.loads("\n".join(lines[lines.index(result) + 1 :]))["finger"]["left"]
+    assert found == {"mu": pytest.approx(0.52, rel=0.01), "mu_spread": pytest.approx(0.059, rel=0.1)}
+    assert set(daemon.ops) == {"hello", "status"}, "it asks for nothing that moves or sets anything"
+
+
+def test_a_sample_that_disagrees_is_not_counted_and_another_is_taken(
+    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*played(pulled(0.5, 0.8, 0.5, 0.5, 0.5)), "left"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert sum("slips at" in line for line in lines) == 4
+    assert any(line.startswith("  left: not counted, 0.79") and "from the others, 0.49" in line for line in lines)
+
+
+def test_samples_that_never_agree_end_it(played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*played(pulled(0.2, 0.3, 0.4, 0.6, 0.8, 1.1, 1.5, 2.0)), "left", "--samples", "2"]) == 1
+    assert "the samples of finger left do not agree: 0.199, 0.299, " in capsys.readouterr().err
+
+
+def test_both_fingers_are_measured_with_the_same_pulls(
+    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, right = Hand(), Hand("right", mu_s=0.7, mu_d=0.5)
+    both = [[one, other] for _ in range(2) for one, other in zip(left.once(), right.once(), strict=True)]
+    assert main([*played(both), "--samples", "1"]) == 0
+    out = capsys.readouterr().out
+    assert "1 of 1 (left 10.0 N, right 10.0 N)" in out
+    assert "left: static friction 0.597, dynamic friction 0.450" in out
+    assert "right: static friction 0.696, dynamic friction 0.500" in out
+    assert "mu_spread" not in out, "one pull shows none"
+
+
+def test_without_contact_it_asks_for_a_grip_and_gives_up_in_the_end(
+    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    free = {"level": "no_contact", "normal_n": 0.0, "required_friction": None}
+    hand = Hand(more=free)
+    assert main([*played([body] for body in hand.rest(600.0)), "left", "--patience", "0.5"]) == 1
+    shown = capsys.readouterr()
+    assert shown.out == "Grip a sample of the object, for example with: slipctl grip close 10\n"
+    assert shown.err == "slipctl: nothing more was measured for 0.5 s: finger left: nothing touches the pad\n"
+
+
+def test_a_pull_that_never_slips_is_given_up(
+    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*played([body] for body in Hand().rest(600.0)), "left", "--patience", "0.5"]) == 1
+    assert capsys.readouterr().err == "slipctl: nothing more was measured for 0.5 s: it did not slip\n"
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"level": "unknown", "reasons": ["stuck"]}, "finger left: its readings are not trusted (stuck)"),
+        ({"spin_nm": None, "required_friction": None}, "finger left: its sensor measures no torque"),
+    ],
+)
+def test_a_finger_that_cannot_be_measured_is_told_at_once(
+    played: Callable[..., list[str]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    fields: dict[str, Any],
+    why: str,
+) -> None:
+    monkeypatch.setattr("slipd_client.friction_guide.OBSTACLE_S", 0.2)
+    assert main([*played([body] for body in Hand(more=fields).rest(600.0)), "left"]) == 1
+    assert capsys.readouterr().err.startswith(f"slipctl: {why}")
+
+
+def test_a_sensor_with_a_fault_and_a_wrong_name_are_told_before_anything_else(
+    daemon: Daemon, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ill = {"left.wrench": {"health": 2, "message": "overloaded"}, "right.wrench": {"health": 0}}
+    daemon.handlers["status"] = lambda _: STATUS | {"streams": ill}
+    assert main(["--requests", daemon.endpoint, "friction", "left"]) == 1
+    assert capsys.readouterr().err == "slipctl: left.wrench is ERROR: overloaded\n"
+    assert main(["--requests", daemon.endpoint, "friction", "middle"]) == 1
+    assert capsys.readouterr().err == "slipctl: finger must be one of left, right, got 'middle'\n"
+
+
+def test_a_daemon_that_falls_silent_is_told(
+    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*played([[body] for body in Hand().rest(1.0)]), "left"]) == 1
+    assert "no message" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_it_in_one_line(
+    played: Callable[..., list[str]], slipctl: Callable[..., subprocess.Popen[str]]
+) -> None:
+    process = slipctl(*played([body] for body in Hand().rest(600.0)), "left")
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("Pull slowly")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (1, "slipctl: interrupted\n")
