@@ -37,7 +37,7 @@ def ramp(load: Load, seconds: float = 1.0) -> LoadHistory:
 
 def simulate(
     patch: ContactPatch, friction: FrictionLaw, load: LoadHistory, *, held: GraspedObject = BOX,
-    pad: PadCompliance = PAD, cell_m: float = 0.0015, step_s: float = 2.5e-4,
+    pad: PadCompliance = PAD, cell_m: float = 0.001, step_s: float = 2.5e-4,
 ) -> GraspTrace:  # fmt: skip
     """Simulate a grasp with defaults."""
     return simulate_grasp(held, patch, friction, pad, load, cell_m=cell_m, step_s=step_s)

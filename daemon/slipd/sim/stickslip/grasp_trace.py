@@ -13,7 +13,7 @@ from slipd.arrays import Array, Indices
 from slipd.fusion import utilisations
 from slipd.sim.stickslip.contact_patch import ContactPatch
 from slipd.sim.stickslip.friction_law import FrictionLaw
-from slipd.sim.stickslip.pressed_patch import PressedPatch, Taxels, electrode_points
+from slipd.sim.stickslip.pressed_patch import PressedPatch, Taxels
 
 UTILISATION_S = 0.01
 """Grid of `GraspTrace.utilisation`, s; linear between."""
@@ -74,10 +74,10 @@ class GraspTrace:
     def pressure(self, index: int, *, right: bool = False) -> CellLoads:
         """Return the normal force on every cell at a sample, in the frame of the left pad for either pad."""
         contact = self.contact
-        pose = contact.place(self.motion[index])
+        contact.place(self.motion[index])
         loads, holds = np.zeros((2, contact.cells.shape[1]))
         tilt = (float(self.tilt_nm[index, 0]), float(self.tilt_nm[index, 1]))
-        contact.press(pose, float(self.normal_n[index]), tilt, int(right), loads, holds, np.zeros(self.fields.shape[2]))
+        contact.press(float(self.normal_n[index]), tilt, int(right), loads, holds, np.zeros(self.fields.shape[2]))
         x, y = contact.on_pad.copy()
         return CellLoads(x, y, loads, holds)
 
@@ -89,13 +89,13 @@ class GraspTrace:
             times_s: Times of the images, shape (m,), s; each shows the newest sample.
             right: Whether it is the right pad; its taxels are in its own frame.
         """
-        points, area = electrode_points(pad), pad.pitch_m**2
         indices = np.searchsorted(self.t_s, np.asarray(times_s, dtype=np.float64), side="right") - 1
-        out = np.zeros((len(indices), points.shape[1]))
-        for row, i in zip(out, np.clip(indices, 0, None).tolist(), strict=True):
-            field = self.fields[i, int(right)]
-            row[:] = self.contact.read(points, area, self.motion[i], float(self.normal_n[i]), field, right=right)
-        return out
+        return np.array(
+            [
+                self.contact.read(pad, self.motion[i], float(self.normal_n[i]), self.fields[i, int(right)], right=right)
+                for i in np.clip(indices, 0, None).tolist()
+            ]
+        )
 
     @cached_property
     def utilisation(self) -> Array:

@@ -87,6 +87,16 @@ def profile(shape: Shape, u: float, v: float) -> float:
 
 
 @compiled
+def cell_profile(shape: Shape, scale: float, x: float, y: float) -> float:
+    """Return the mean relative pressure of a cell, from a point in each quarter, at local coordinates."""
+    a, b, quarter = scale * shape.half_length, scale * shape.half_width, 0.25 * shape.blur
+    low_u, high_u = (x - shape.cx - quarter) / a, (x - shape.cx + quarter) / a
+    low_v, high_v = (y - shape.cy - quarter) / b, (y - shape.cy + quarter) / b
+    low = profile(shape, low_u, low_v) + profile(shape, high_u, low_v)
+    return 0.25 * (low + (profile(shape, low_u, high_v) + profile(shape, high_u, high_v)))
+
+
+@compiled
 def inside(half: float, away: float, blur: float) -> float:
     """Return the share of a cell, of side ``blur``, that is within a bound."""
     if half == math.inf:
@@ -95,15 +105,11 @@ def inside(half: float, away: float, blur: float) -> float:
 
 
 @compiled
-def relative_pressure(shape: Shape, scale: float, pose: Pose, px: float, py: float, ox: float, oy: float) -> float:
-    """Return the relative pressure at a point of the pad, (px, py), under a point of the object, (ox, oy)."""
-    lx, ly = (ox, oy) if shape.moves else (px, py)
-    value = profile(shape, (lx - shape.cx) / (scale * shape.half_length), (ly - shape.cy) / (scale * shape.half_width))
-    if value > 0.0:
-        value *= inside(shape.object_half_x, ox - shape.object_x, shape.blur)
-        value *= inside(shape.object_half_y, oy - shape.object_y, shape.blur)
-        value *= inside(shape.pad_half_x, px, shape.blur) * inside(shape.pad_half_y, py, shape.blur)
-    return value
+def covered(shape: Shape, px: float, py: float, ox: float, oy: float) -> float:
+    """Return the share of a cell at (px, py) on the pad and at (ox, oy) on the object that is within both."""
+    share = inside(shape.object_half_x, ox - shape.object_x, shape.blur)
+    share *= inside(shape.object_half_y, oy - shape.object_y, shape.blur)
+    return share * (inside(shape.pad_half_x, px, shape.blur) * inside(shape.pad_half_y, py, shape.blur))
 
 
 @compiled
@@ -125,7 +131,7 @@ def place_cells(shape: Shape, pose: Pose, cells: Array, on_pad: Array, on_object
 
 @compiled
 def press(
-    shape: Shape, scale: float, pose: Pose, normal: float, shift_x: float, shift_y: float,
+    shape: Shape, scale: float, normal: float, shift_x: float, shift_y: float,
     on_pad: Array, on_object: Array, loads: Array, field: Array,
 ) -> None:  # fmt: skip
     """Write the normal force on each cell: the profile, tilted so that its centroid moves by a shift.
@@ -135,7 +141,6 @@ def press(
     Args:
         shape: The patch.
         scale: Size of the patch over its size at the reference force.
-        pose: Of the object.
         normal: Normal force, N. The loads are 0 where nothing is left of the contact.
         shift_x: Wanted shift of the centroid, m.
         shift_y: Likewise.
@@ -149,7 +154,11 @@ def press(
     low_x, high_x, low_y, high_y = math.inf, -math.inf, math.inf, -math.inf
     for i in range(n):
         x, y = on_pad[0, i], on_pad[1, i]
-        q = relative_pressure(shape, scale, pose, x, y, on_object[0, i], on_object[1, i])
+        ox, oy = on_object[0, i], on_object[1, i]
+        lx, ly = (ox, oy) if shape.moves else (x, y)
+        q = cell_profile(shape, scale, lx, ly)
+        if q > 0.0:
+            q *= covered(shape, x, y, ox, oy)
         loads[i] = q
         if q > 0.0:
             total, mx, my = total + q, mx + q * x, my + q * y
@@ -182,7 +191,7 @@ def press(
 def _tilt(on_pad: Array, profiles: Array, goal_x: float, goal_y: float, field: Array) -> None:
     """Find the tilt (a, b) about (x̄, ȳ), all in ``field``, whose centroid is the goal."""
     mx, my = field[3], field[4]
-    a, b = 0.0, 0.0
+    a, b, da, db = 0.0, 0.0, 0.0, 0.0
     for _ in range(TILT_ITERATIONS):
         s, sxx, sxy, syx, syy, ux, uy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(profiles.size):
@@ -196,8 +205,10 @@ def _tilt(on_pad: Array, profiles: Array, goal_x: float, goal_y: float, field: A
                 sxx, sxy = sxx + q * x * gx, sxy + q * y * gx
                 syx, syy = syx + q * x * gy, syy + q * y * gy
         det = sxx * syy - sxy * syx
-        if s <= 0.0 or abs(det) < 1e-30 * s * s:
-            break
+        if s <= 0.0 or abs(det) < 1e-30 * s * s:  # too far: nothing, or less than a plane, keeps its pressure
+            da, db = 0.5 * da, 0.5 * db
+            a, b = a + da, b + db
+            continue
         da, db = (ux * syy - uy * sxy) / det, (uy * sxx - ux * syx) / det
         a, b = a - da, b - db
         if abs(ux) + abs(uy) < 1e-9 * s:
@@ -221,14 +232,17 @@ def electrode_loads(
         area: Area of a taxel's cell, m².
         out: Gets the readings, shape (taxels,), N.
     """
+    a, b = scale * shape.half_length, scale * shape.half_width
     for t in range(out.size):
         total = 0.0
         for j in range(points.shape[2]):
             px, py = points[0, t, j], mirror * points[1, t, j]
             dx, dy = px - pose.x, py - pose.y
             ox, oy = pose.x0 + pose.cos * dx + pose.sin * dy, pose.y0 - pose.sin * dx + pose.cos * dy
-            q = relative_pressure(shape, scale, pose, px, py, ox, oy)
+            lx, ly = (ox, oy) if shape.moves else (px, py)
+            q = profile(shape, (lx - shape.cx) / a, (ly - shape.cy) / b)
             if q > 0.0:
+                q *= covered(shape, px, py, ox, oy)
                 total += q * max(0.0, 1.0 + field[1] * (px - field[3]) + field[2] * (py - field[4]))
         out[t] = total * field[0] * area / points.shape[2]
 

@@ -11,7 +11,7 @@ from slipd.sim.stickslip.bristle_kernels import STORED, Body, Law, slide, slidin
 from slipd.sim.stickslip.contact_patch import ContactPatch
 from slipd.sim.stickslip.friction_law import FrictionLaw
 from slipd.sim.stickslip.grasp_parts import GraspedObject, PadCompliance, Pair
-from slipd.sim.stickslip.pressed_patch import FIELD, PressedPatch
+from slipd.sim.stickslip.pressed_patch import FIELD, PressedPatch, Taxels
 
 TICK_S = 0.001
 """The pressure follows grip force, tilt and displacement at least this often, s."""
@@ -22,7 +22,7 @@ STEP_S = 2.5e-4
 RADIANS_PER_STEP = 0.25
 """Longest step as an angle of the fastest oscillation of the object on its bristles: its period is within 0.3 %."""
 
-CELL_M = 0.0015
+CELL_M = 0.001
 """Default side of a cell, m."""
 
 GROSS_SHARE = 0.95
@@ -81,6 +81,7 @@ class SteppedGrasp:
         self.sliding_share, self.gross = 0.0, False
         self._load = np.zeros(3)
         self._energy, self._shares = np.zeros(4), np.zeros(2)
+        self._pressed: tuple[object, ...] | None = None
         self._allocate(1)
         self._press((0.0, 0.0))
 
@@ -106,13 +107,18 @@ class SteppedGrasp:
         bristles, slid, carried = self._bristles, self._slid, self._carried
         self._allocate(2)
         self._bristles[:], self._slid[:], self._carried[:] = bristles, slid, carried
+        self._pressed = None
 
     def _press(self, tilt_nm: Pair) -> None:
-        pose = self.contact.place(self.motion)
+        """Find the pressure anew where force, tilt or pose changed; the pose counts only where it matters."""
+        motion = None if self.contact.stays else tuple(self.motion[:3].tolist())
+        wanted = self.normal_n, tilt_nm, motion
+        if self._pressed == wanted:
+            return
+        self._pressed = wanted
+        self.contact.place(self.motion)
         for side in range(len(self._loads)):
-            self.contact.press(
-                pose, self.normal_n, tilt_nm, side, self._loads[side], self._holds[side], self.fields[side]
-            )
+            self.contact.press(self.normal_n, tilt_nm, side, self._loads[side], self._holds[side], self.fields[side])
 
     def advance(self, dt_s: float, force_n: Pair, torque_nm: float, grip_n: float, tilt_nm: Pair = (0.0, 0.0)) -> None:
         """Advance by ``dt_s`` under a load that changes linearly from the last one to this one.
@@ -125,10 +131,13 @@ class SteppedGrasp:
             tilt_nm: As in `LoadHistory`, at the end.
 
         Raises:
-            ValueError: The time is not positive, or the grip is negative or above ``largest_grip_n``.
+            ValueError: The time is not positive, or the grip is negative or above ``largest_grip_n``, or the
+                load is not finite.
         """
         if not (dt_s > 0.0 and 0.0 <= grip_n <= self._largest_n):
             raise ValueError(f"dt_s must be > 0 and grip_n in [0, {self._largest_n}], got {dt_s} and {grip_n}")
+        if not math.isfinite(dt_s + force_n[0] + force_n[1] + torque_nm + tilt_nm[0] + tilt_nm[1]):
+            raise ValueError(f"load must be finite, got {force_n}, {torque_nm} and {tilt_nm} for {dt_s} s")
         if tilt_nm != (0.0, 0.0) and len(self._loads) == 1:
             self._part()
         ticks = math.ceil(dt_s / TICK_S - 1e-6)
@@ -149,6 +158,8 @@ class SteppedGrasp:
             self.contact.on_pad, self._loads, self._holds, self._bristles, self._slid, self.motion, self._carried,
             self._energy,
         )  # fmt: skip
+        if not self.contact.stays:
+            self._press(tilt_nm)
         sliding_shares(self._loads, self._slid, self.contact.on_pad, self.motion, self._shares)
         self.sliding_share = self._shares.item(0)
         self.gross = self._shares.item(1) >= GROSS_SHARE
@@ -161,6 +172,11 @@ class SteppedGrasp:
         normal = self.normal_n if self.fields[side, 0] > 0.0 else 0.0
         sign = SIDES[int(right)]
         return np.array((fx, sign * fy, -normal, -sign * cy * normal, cx * normal, sign * spin))
+
+    def taxel_loads(self, pad: Taxels, *, right: bool = False) -> Array:
+        """Return the readings of a pad's taxels, shape (taxels,), N, each in the order of its own pad."""
+        side = min(int(right), len(self._loads) - 1)
+        return self.contact.read(pad, self.motion, self.normal_n, self.fields[side], right=right)
 
     def displacement(self) -> Array:
         """Return how far the object has moved over the left pad: x, y of its point at the patch's centre, angle."""
