@@ -1,0 +1,140 @@
+"""Images of a contact, averaged over short blocks in which the load rests, with their load and noise."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from slipd.arrays import Array
+from slipd.signals.pad import PadGeometry
+
+BLOCK_S = 0.05
+"""Duration of a block, s: a contact that creeps with 3 mm/s moves 0.15 mm in it."""
+SETTLED_S = 0.2
+"""A contact that is younger still settles, and gives no blocks, s."""
+SAME_SHARE, SAME_NORMAL_SHARE = 0.15, 0.02
+"""Tangential forces are the same within this share of themselves, or this share of the normal force."""
+GRIP_SHARE = 0.07
+"""Normal forces are the same within this share."""
+SAME_CENTROID_M = 1e-3
+"""The contact centroid is the same within this, m: a tilt moves it further before it opens a gap."""
+NOISE_STDS = 4.0
+"""All of them also within this many standard deviations of the noise."""
+RECENT_IMAGES = 400
+"""Images over which the noise of the taxels is averaged."""
+
+
+class LoadNoise(NamedTuple):
+    """Standard deviations of a force sensor: of a force component, N, and of a torque component, N·m."""
+
+    force_n: float
+    torque_nm: float
+
+
+class Block(NamedTuple):
+    """A block of images.
+
+    Attributes:
+        t_ns: When the last image was acquired, CLOCK_MONOTONIC.
+        image: Mean normal force on each taxel, shape (n,).
+        variance: Its variance by noise that changes from image to image, shape (n,).
+        load: Fx, Fy, normal force, N; spin torque, N·m; contact centroid X, Y, m; NaN where not measured. Shape (6,).
+        tolerance: How far loads may differ and still be the same, shape (6,).
+    """
+
+    t_ns: int
+    image: Array
+    variance: Array
+    load: Array
+    tolerance: Array
+
+    def same_load(self, other: Block) -> bool:
+        """Return whether another block has the same load."""
+        return not (np.abs(self.load - other.load) > other.tolerance).any()  # NaN, not measured, does not differ
+
+    @property
+    def tangential(self) -> tuple[float, float, float]:
+        """Tangential force, N, and spin torque, N·m, 0 where it is not measured."""
+        fx, fy, _, spin, _, _ = self.load.tolist()
+        return fx, fy, 0.0 if math.isnan(spin) else spin
+
+
+class ImageBlocks:
+    """Averages the images of one contact on a pad of n taxels.
+
+    Args:
+        geometry: Layout of the taxels.
+        noise: Of the force sensor.
+    """
+
+    most_per_hour = 3600.0 / BLOCK_S
+
+    def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
+        self._taxels, self._noise = geometry.taxels, noise
+        self._reach_m = 0.25 * math.hypot(geometry.rows, geometry.cols) * geometry.pitch_m
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the contact ended, or the images did."""
+        self._since_ns = self._begun_ns = -1
+        self._last = np.zeros(self._taxels)
+        self._jumps, self._jump_count = np.zeros(self._taxels), 0.0
+        self._begin(-1)
+
+    def update(self, t_ns: int, forces: Array, wrench: tuple[float, ...]) -> Block | None:
+        """Add an image, see `slipd.motion.image_shift.ImageShift.update`; return the block that it completes."""
+        if self._since_ns < 0:
+            self._since_ns = self._begun_ns = t_ns
+        else:
+            kept = 1.0 - 1.0 / RECENT_IMAGES
+            jump = forces - self._last
+            self._jumps *= kept
+            self._jumps += jump * jump
+            self._jump_count = self._jump_count * kept + 1.0
+        self._last = forces
+        self._image += forces
+        self._wrenches.append(wrench)
+        if t_ns - self._begun_ns < BLOCK_S * 1e9:
+            return None
+        return self._complete(t_ns)
+
+    def _begin(self, t_ns: int) -> None:
+        self._begun_ns, self._image = t_ns, np.zeros(self._taxels)
+        self._wrenches: list[tuple[float, ...]] = []
+
+    def _complete(self, t_ns: int) -> Block | None:
+        """Return the block; None where the load changed in it, or something is not known."""
+        count, image = len(self._wrenches), self._image / len(self._wrenches)
+        wrenches = np.array(self._wrenches)
+        self._begin(t_ns)
+        if t_ns - self._since_ns < SETTLED_S * 1e9:
+            return None
+        load = _load(wrenches.mean(axis=0))
+        tolerance = self._tolerance(load)
+        spread = wrenches[:, :3].max(axis=0) - wrenches[:, :3].min(axis=0)
+        rests = (spread <= 2.0 * tolerance[:3]).all()
+        if not rests or not np.isfinite(image).all() or not load[2] > 0.0:
+            return None
+        variance = self._jumps / (2.0 * max(self._jump_count, 1.0) * count)
+        return Block(t_ns, image, variance, load, tolerance)
+
+    def _tolerance(self, load: Array) -> Array:
+        """Return how far another load may differ from this one and still be the same, shape (6,)."""
+        fx, fy, normal, _, _, _ = load.tolist()
+        noise_n, noise_nm = NOISE_STDS * self._noise.force_n, NOISE_STDS * self._noise.torque_nm
+        tangential = max(SAME_SHARE * math.hypot(fx, fy), SAME_NORMAL_SHARE * normal)
+        along = tangential + noise_n
+        centroid = SAME_CENTROID_M + noise_nm / normal if normal > 0.0 else math.inf
+        spin = self._reach_m * tangential + noise_nm
+        return np.array((along, along, GRIP_SHARE * normal + noise_n, spin, centroid, centroid))
+
+
+def _load(wrench: Array) -> Array:
+    """Return the load of a wrench, as in `Block`; its torque may be NaN."""
+    fx, fy, fz, mx, my, mz = wrench.tolist()
+    if fz == 0.0:
+        return np.full(6, math.nan)
+    cx, cy = -my / fz, mx / fz
+    return np.array((fx, fy, -fz, mz - (cx * fy - cy * fx), cx, cy))
