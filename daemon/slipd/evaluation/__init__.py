@@ -1,0 +1,1 @@
+"""What slipd reports on recordings, with one config or another."""
