@@ -1,0 +1,204 @@
+"""The definition of every metric, for one run: what was published, held against what really happened.
+
+Times are those at which a message left the engine. An *alarm* is the level "warning" or "slipping". Gross slip is
+defined in `evaluate.truth`.
+
+- **warned**: an alarm is in force at the onset of a gross slip. Its **lead** is the time since that alarm began,
+  without a pause.
+- **latency**: from the onset to the first time that the level is "slipping"; 0 where it is so already; infinite where
+  that never comes before the slip ends. **path**: how far the contact slides until then.
+- **missed**: a gross slip of `PROMPT_S` or longer, without "slipping" in its first `PROMPT_S`. **silent**: likewise
+  without any alarm.
+- **false slipping**: the level becomes "slipping" at a time that is not within a gross slip, nor up to `EARLY_S`
+  before one or `LATE_S` after one. **early**: a run in which that happens before its first gross slip, or in a run
+  without one.
+- **false warning**: an alarm begins while the true λ has been below `SAFE` for `SETTLED_S`, and not up to `LATE_S`
+  after a gross slip. Both are counted against the time in which they can happen.
+- **sliding time**: of gross slips, what is beyond their first `PROMPT_S`; the shares of it during which the level is
+  "slipping", and during which it is "stable" or "no contact".
+- **changes on the way**: changes of level from the first level in contact to the onset of the first gross slip.
+  **changes in steady holds**: those in the part of a run in which the load is at rest, and its duration.
+- **utilisation error**: |q / q_true − 1| of the required friction q = λ μ of a message and of the truth at its
+  acquisition time, wherever the true λ is between `LEAST_USED` and 1 and nothing slides. It does not depend on μ.
+- **grip error**: ``grip_needed_n`` over the configured safety factor times the true need, less 1, at the same times.
+- **overstay**: how long after the end of a gross slip the level is still "slipping".
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from evaluate.reports import NO_CONTACT, SLIPPING, STABLE, UNKNOWN, WARNING, Reports, Span, merged_alarms
+from evaluate.truth import Episode, Truth
+
+from slipd.arrays import Array
+
+PROMPT_S = 0.1
+EARLY_S, LATE_S = 0.02, 0.25
+SAFE, SETTLED_S = 0.7, 0.03
+LEAST_USED = 0.3
+SHORT = 0.05
+"""A grip force counts as too small if it is short of the true need by more than this."""
+LEAST_GRIP_N = 1.0
+"""Below this grip force on the pad no utilisation is compared: the contact has just begun, or ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeScore:
+    """One gross slip.
+
+    Attributes:
+        first: It is the first of its run; the others were preceded by one that ended `LATE_S` before, or earlier.
+        long: It lasts `PROMPT_S` or longer.
+        warned: See the module.
+        lead_s: NaN without a warning.
+        latency_s: Infinite where it was not reported.
+        path_m: NaN where it was not reported.
+        missed: See the module.
+        silent: Likewise.
+        overstay_s: NaN where another slip follows before the level ends.
+    """
+
+    first: bool
+    long: bool
+    warned: bool
+    lead_s: float
+    latency_s: float
+    path_m: float
+    missed: bool
+    silent: bool
+    overstay_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunScore:
+    """One run of one scene with one config."""
+
+    episodes: list[EpisodeScore]
+    early: bool
+    false_slipping: int
+    quiet_s: float
+    false_warnings: int
+    safe_s: float
+    sliding_s: float
+    sliding_reported_s: float
+    sliding_stable_s: float
+    changes_before: int | None
+    steady_changes: int
+    steady_s: float
+    unknown_s: float
+    used_errors: Array = field(repr=False)
+    grip_errors: Array = field(repr=False)
+
+
+def score(truth: Truth, reports: Reports, *, safety: float, steady: tuple[float, float] | None) -> RunScore:
+    """Score one run.
+
+    Args:
+        truth: What happened.
+        reports: What was published.
+        safety: ``grip_safety`` of the config.
+        steady: From when to when the load is at rest, s; None if it never is.
+    """
+    end_s = float(truth.t_s[-1])
+    spans, episodes = reports.spans(end_s), truth.episodes()
+    first_s = episodes[0].begin_s if episodes else math.inf
+    slips = [s.begin_s for s in spans if s.level == SLIPPING and not _near_slip(s.begin_s, episodes)]
+    used, grip = _errors(truth, reports, episodes, safety)
+    beyond = [Episode(e.begin_s + PROMPT_S, e.end_s) for e in episodes if e.end_s > e.begin_s + PROMPT_S]
+    return RunScore(
+        episodes=[_episode(k, episodes, spans, truth) for k in range(len(episodes)) if _is_new(k, episodes)],
+        early=any(s < first_s for s in slips),
+        false_slipping=len(slips),
+        quiet_s=_quiet_s(truth, episodes),
+        false_warnings=sum(_is_safe(truth, s.begin_s, episodes) for s in merged_alarms(spans)),
+        safe_s=_safe_s(truth, episodes),
+        sliding_s=sum(e.end_s - e.begin_s for e in beyond),
+        sliding_reported_s=sum(_overlap(spans, e, (SLIPPING,)) for e in beyond),
+        sliding_stable_s=sum(_overlap(spans, e, (STABLE, NO_CONTACT)) for e in beyond),
+        changes_before=_changes(spans, 0.0, first_s) if episodes else None,
+        steady_changes=_changes(spans, *steady) if steady else 0,
+        steady_s=steady[1] - steady[0] if steady else 0.0,
+        unknown_s=_overlap(spans, Episode(*steady), (UNKNOWN,)) if steady else 0.0,
+        used_errors=used,
+        grip_errors=grip,
+    )
+
+
+def _episode(k: int, episodes: list[Episode], spans: list[Span], truth: Truth) -> EpisodeScore:
+    begin_s, end_s = episodes[k]
+    soon = Episode(begin_s, begin_s + PROMPT_S)
+    long = end_s - begin_s >= PROMPT_S
+    alarms = merged_alarms(spans)
+    before = [a for a in alarms if a.begin_s < begin_s <= a.end_s]
+    slipping = [s for s in spans if s.level == SLIPPING and s.end_s > begin_s and s.begin_s <= end_s]
+    reported_s = max(slipping[0].begin_s, begin_s) if slipping else math.inf
+    last = [s.end_s for s in spans if s.level == SLIPPING and s.begin_s <= end_s < s.end_s]
+    followed = k + 1 < len(episodes) and last and episodes[k + 1].begin_s < last[0]
+    return EpisodeScore(
+        first=k == 0,
+        long=long,
+        warned=bool(before),
+        lead_s=begin_s - before[0].begin_s if before else math.nan,
+        latency_s=reported_s - begin_s,
+        path_m=truth.path_m(begin_s, reported_s) if slipping else math.nan,
+        missed=long and not _overlap(spans, soon, (SLIPPING,)),
+        silent=long and not _overlap(alarms, soon, (WARNING,)),
+        overstay_s=math.nan if followed or end_s >= truth.t_s[-1] else (last[0] - end_s if last else 0.0),
+    )
+
+
+def _is_new(k: int, episodes: list[Episode]) -> bool:
+    """Return whether a slip is not the tail of the one before, which is still reported."""
+    return k == 0 or episodes[k].begin_s - episodes[k - 1].end_s > LATE_S
+
+
+def _near_slip(t_s: float, episodes: list[Episode]) -> bool:
+    return any(e.begin_s - EARLY_S <= t_s <= e.end_s + LATE_S for e in episodes)
+
+
+def _is_safe(truth: Truth, t_s: float, episodes: list[Episode]) -> bool:
+    """Return whether an alarm at this time is false."""
+    lately = (truth.t_s >= t_s - SETTLED_S) & (truth.t_s <= t_s)
+    return not _near_slip(t_s, episodes) and bool((truth.utilisation[lately] < SAFE).all())
+
+
+def _quiet_s(truth: Truth, episodes: list[Episode]) -> float:
+    step, quiet = truth.step_s, np.ones(truth.t_s.size, dtype=bool)
+    for e in episodes:
+        quiet &= (truth.t_s < e.begin_s - EARLY_S) | (truth.t_s > e.end_s + LATE_S)
+    return float(step[quiet].sum())
+
+
+def _safe_s(truth: Truth, episodes: list[Episode]) -> float:
+    safe = truth.utilisation < SAFE
+    for e in episodes:
+        safe &= (truth.t_s < e.begin_s - EARLY_S) | (truth.t_s > e.end_s + LATE_S)
+    return float(truth.step_s[safe].sum())
+
+
+def _overlap(spans: list[Span], within: Episode, levels: tuple[int, ...]) -> float:
+    """Return for how long one of the levels is reported within a time."""
+    return sum(
+        max(min(s.end_s, within.end_s) - max(s.begin_s, within.begin_s), 0.0) for s in spans if s.level in levels
+    )
+
+
+def _changes(spans: list[Span], from_s: float, to_s: float) -> int:
+    """Return the changes of level within a time, without the first one in contact."""
+    touching = next((s.begin_s for s in spans if s.level not in (NO_CONTACT, UNKNOWN)), math.inf)
+    return sum(max(from_s, touching) < s.begin_s <= to_s for s in spans)
+
+
+def _errors(truth: Truth, reports: Reports, episodes: list[Episode], safety: float) -> tuple[Array, Array]:
+    """Return the relative errors of required friction, and of the grip force needed."""
+    at = reports.acquired_s
+    used, normal = truth.at(truth.utilisation, at), truth.at(truth.normal_n, at)
+    known = (used >= LEAST_USED) & (used < 1.0) & (normal >= LEAST_GRIP_N) & (at <= truth.t_s[-1])
+    for e in episodes:
+        known &= (at < e.begin_s) | (at > e.end_s + LATE_S)
+    errors = np.abs(reports.required[known] / (used[known] * truth.mu) - 1.0)
+    grip = reports.needed_n[known] / (safety * truth.at(truth.needed_n, at[known])) - 1.0
+    return errors[np.isfinite(errors)], grip[np.isfinite(grip)]
