@@ -1,0 +1,168 @@
+"""What the families have in common: random contacts, and courses of load and grip."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from evaluate.scene import STEP_S, Contact, Hand, Kind, Load, Scene, Sensors
+
+from slipd.arrays import Array
+from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
+
+Random = np.random.Generator
+
+FREE_S = 0.15
+"""Every run begins with open fingers for so long."""
+
+KINDS = ("disc", "ring", "rectangle", "square", "two_strips", "rounded")
+
+
+def log_uniform(rng: Random, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform."""
+    return float(math.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def draw_contact(
+    rng: Random, *, kind: str | None = None, ratio: tuple[float, float] = (0.6, 0.97), sensors: Sensors | None = None
+) -> Contact:
+    """Draw pads, friction, sensors and a grip force.
+
+    Args:
+        rng: Source of the draw.
+        kind: Shape of the contact; None draws it.
+        ratio: Range of μ_d / μ_s.
+        sensors: None draws their noise.
+    """
+    kind = str(rng.choice(KINDS)) if kind is None else kind
+    mu = rng.uniform(0.3, 0.9)
+    length = rng.uniform(0.006, 0.016)
+    width = length if kind == "square" else min(rng.uniform(0.5, 1.2) * length, 0.009)
+    length = min(length, 0.009) if kind == "square" else length
+    patch = ContactPatch(
+        kind=kind,
+        half_length_m=length,
+        half_width_m=min(width, length) if kind == "square" else width,
+        exponent=float(rng.choice((0.0, 0.3, 0.5))),
+        growth=float(rng.choice((0.0, 0.0, 0.0, 1.0 / 3.0))) if kind in ("disc", "rounded") else 0.0,
+        centre_m=(rng.uniform(-0.005, 0.005), rng.uniform(-0.0025, 0.0025)),
+        reference_n=20.0,
+        moves_with_object=False,
+    )
+    friction = FrictionLaw(
+        mu_s=mu, mu_d=mu * rng.uniform(*ratio), stribeck_mps=log_uniform(rng, 0.002, 0.02), memory_s=0.001
+    )
+    soft = log_uniform(rng, 0.5, 2.0)
+    return Contact(
+        patch=patch,
+        friction=friction,
+        compliance=PadCompliance(1.5e8 * soft, 8e4 * soft),
+        grip_n=log_uniform(rng, 4.0, 20.0),
+        sensors=draw_sensors(rng) if sensors is None else sensors,
+    )
+
+
+def draw_sensors(rng: Random) -> Sensors:
+    """Draw the noise of good to middling sensors."""
+    return Sensors(force_std_n=log_uniform(rng, 0.01, 0.04), torque_std_nm=log_uniform(rng, 1e-4, 4e-4))
+
+
+def pull(rng: Random, contact: Contact) -> Load:
+    """Draw the direction of a force through the centre of the contact."""
+    return contact.about_centre(1.0, 0.0, rng.uniform(0.0, 2.0 * math.pi))
+
+
+def combined(rng: Random, contact: Contact) -> Load:
+    """Draw a direction in which force and torque both use a good part of the limit."""
+    part = math.radians(rng.uniform(25.0, 65.0))
+    torque = float(rng.choice((-1.0, 1.0))) * contact.reach_m * math.sin(part)
+    return contact.about_centre(math.cos(part), torque, rng.uniform(0.0, 2.0 * math.pi))
+
+
+@dataclass
+class Course:
+    """A run under construction: it begins with open fingers, which then close.
+
+    Args:
+        rng: Source of what it draws.
+        contact: Of the hold.
+        seconds: Duration.
+
+    Attributes:
+        t: Times, shape (n,), s.
+        grip: Grip force, shape (n,), N.
+        load: Load, shape (n, 3).
+        held_s: From then on the grip is closed.
+    """
+
+    rng: Random
+    contact: Contact
+    seconds: float
+
+    def __post_init__(self) -> None:
+        self.t = np.arange(round(self.seconds / STEP_S) + 1) * STEP_S
+        closing_s = self.rng.uniform(0.1, 0.25)
+        self.held_s = FREE_S + closing_s + 0.05
+        self.grip = self.contact.grip_n * self.smooth(FREE_S, FREE_S + closing_s)
+        self.load = np.zeros((self.t.size, 3))
+
+    def line(self, from_s: float, to_s: float) -> Array:
+        """Return 0 before, 1 after, and a line between two times."""
+        return np.clip((self.t - from_s) / (to_s - from_s), 0.0, 1.0)
+
+    def smooth(self, from_s: float, to_s: float) -> Array:
+        """Return 0 before, 1 after, and a curve without kinks between two times."""
+        part = self.line(from_s, to_s)
+        return part * part * (3.0 - 2.0 * part)
+
+    def bump(self, at_s: float, seconds: float) -> Array:
+        """Return half a sine of height 1."""
+        part = self.line(at_s, at_s + seconds)
+        return np.sin(math.pi * part)
+
+    def sine(self, hz: float, phase: float = 0.0) -> Array:
+        """Return a sine of height 1 that fades in once the grip is closed."""
+        return np.sin(2.0 * math.pi * hz * self.t + phase) * self.smooth(self.held_s, self.held_s + 0.1)
+
+    def noise(self, cutoff_hz: float) -> Array:
+        """Return low-pass noise of variance 1."""
+        spectrum = np.fft.rfft(self.rng.standard_normal(self.t.size))
+        hz = np.fft.rfftfreq(self.t.size, STEP_S)
+        found = np.fft.irfft(spectrum / np.sqrt(1.0 + (hz / cutoff_hz) ** 4), self.t.size)
+        return np.asarray(found / found.std())
+
+    def add(self, load: Array, course: Array) -> None:
+        """Add a load, shape (3,), that follows a course, shape (n,)."""
+        self.load += course[:, None] * load
+
+    def scene(self, kind: Kind, *, steady: tuple[float, float] | None = None, hand: Hand | None = None) -> Scene:
+        """Return the scene; its mass is that of a weight at the largest load, so that it falls as fast as real ones."""
+        heaviest = float(np.hypot(*self.load[:, :2].T).max()) / 9.81
+        mass = min(max(heaviest, 0.05), 3.0)
+        held = GraspedObject(mass_kg=mass, inertia_kgm2=mass * 0.03**2)
+        contact = self.contact
+        return Scene(
+            held, contact.patch, contact.friction, contact.compliance, self.load, np.maximum(self.grip, 0.0),
+            contact.sensors, kind, steady, hand,
+        )  # fmt: skip
+
+    def hand(self, direction: Load, begin_s: float, used_per_s: float, *, stiff: float) -> Hand:
+        """Return a hand whose spring would load the object along a direction by ``used_per_s`` of its limit a second.
+
+        Args:
+            direction: Of the load, with its force through the centre of the patch.
+            begin_s: When it begins to pull.
+            used_per_s: Speed of the load.
+            stiff: Stiffness, N/m; about the patch the same times the square of its reach.
+        """
+        contact = self.contact
+        fx, fy, torque = contact.load(direction, 1.0)
+        cx, cy = contact.patch.centre_m
+        torque -= cx * fy - cy * fx
+        turning = stiff * (2.0 * contact.reach_m) ** 2
+        rate = np.array((fx / stiff, fy / stiff, torque / turning)) * used_per_s
+        path = np.maximum(self.t - begin_s, 0.0)[:, None] * rate
+        mass = 0.3
+        damping = tuple(0.3 * math.sqrt(k * m) for k, m in zip((stiff, stiff, turning), (mass, mass, mass * 0.03**2)))
+        return Hand(path, (stiff, stiff, turning), damping)

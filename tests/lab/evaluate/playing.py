@@ -1,0 +1,157 @@
+"""Play a scene: the physical simulation, and from it the truth and the ideal signals of the sensors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from evaluate.scene import STEP_S, WRENCH_HZ, Scene
+from evaluate.truth import Truth
+
+from slipd.arrays import Array
+from slipd.fusion import utilisation
+from slipd.sim.stickslip import GraspTrace, SteppedGrasp
+from slipd.sim.stickslip.pressed_patch import FIELD
+
+TRUTH_EVERY = 4
+"""Steps between two solutions of the true λ, linear between: 2.5 ms."""
+
+NEED_EVERY_S = 0.05
+"""Grid on which the true need of a contact that grows with its force is solved, s."""
+
+LATENCY_S = 2e-4
+"""From the acquisition of a reading to its arrival, s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signals:
+    """What ideal sensors of the left finger read.
+
+    Attributes:
+        wrench_s: Times of the force readings, shape (m,), s.
+        wrench: Force and torque on the finger in the pad frame, shape (m, 6), N and N·m.
+        image_s: Times of the images, shape (k,), s.
+        taxels_n: Load on each taxel, shape (k, taxels), N.
+    """
+
+    wrench_s: Array
+    wrench: Array
+    image_s: Array
+    taxels_n: Array
+
+
+def play(scene: Scene) -> tuple[Truth, Signals]:
+    """Simulate a scene."""
+    trace = _simulate(scene)
+    return _truth(scene, trace), _signals(scene, trace)
+
+
+def _simulate(scene: Scene) -> GraspTrace:
+    """Return the trace, up to where the object is lost."""
+    grasp = SteppedGrasp(
+        scene.held, scene.patch, scene.friction, scene.compliance, grip_n=float(scene.grip_n[0]),
+        largest_grip_n=float(scene.grip_n.max()),
+    )  # fmt: skip
+    n = len(scene.grip_n)
+    trace = GraspTrace(
+        patch=scene.patch, friction=scene.friction, contact=grasp.contact, t_s=np.arange(n) * STEP_S,
+        normal_n=np.zeros(n), wrench_left=np.zeros((n, 6)), wrench_right=np.zeros((n, 6)),
+        displacement=np.zeros((n, 3)), velocity=np.zeros((n, 3)), sliding_share=np.zeros(n),
+        gross=np.zeros(n, np.bool_), energy=np.zeros((0, 4)), motion=np.zeros((n, 6)), tilt_nm=np.zeros((n, 2)),
+        fields=np.zeros((n, 2, FIELD)),
+    )  # fmt: skip
+    loads, grips = scene.load.tolist(), scene.grip_n.tolist()
+    for i in range(n):
+        if i:
+            fx, fy, torque = _load(scene, i, loads[i], grasp)
+            grasp.advance(STEP_S, (fx, fy), torque, grips[i])
+        trace.normal_n[i], trace.motion[i], trace.fields[i] = grasp.normal_n, grasp.motion, grasp.fields
+        trace.wrench_left[i] = grasp.wrench()
+        trace.wrench_right[i] = grasp.wrench(right=True)
+        trace.displacement[i], trace.velocity[i] = grasp.displacement(), grasp.velocity()
+        trace.gross[i], trace.sliding_share[i] = grasp.gross, grasp.sliding_share
+        if math.hypot(*trace.displacement[i, :2].tolist()) > scene.lost_m or abs(trace.displacement[i, 2]) > 1.0:
+            return _cut(trace, i + 1)
+    return trace
+
+
+def _load(scene: Scene, i: int, load: list[float], grasp: SteppedGrasp) -> tuple[float, float, float]:
+    """Return the load at a step: what is given, and the hand's spring."""
+    fx, fy, torque = load
+    hand = scene.hand
+    if hand is None or not hand.path[: i + 1].any():
+        return fx, fy, torque
+    (x, y, angle), (vx, vy, rate) = grasp.displacement().tolist(), grasp.velocity().tolist()
+    (hx, hy, ha), (ux, uy, ur) = hand.path[i].tolist(), ((hand.path[i] - hand.path[i - 1]) / STEP_S).tolist()
+    (kx, ky, ka), (cx, cy, ca) = hand.stiffness, hand.damping
+    px, py = kx * (hx - x) + cx * (ux - vx), ky * (hy - y) + cy * (uy - vy)
+    x0, y0 = scene.patch.centre_m  # where the hand holds it
+    return fx + px, fy + py, torque + ka * (ha - angle) + ca * (ur - rate) + x0 * py - y0 * px
+
+
+def _cut(trace: GraspTrace, n: int) -> GraspTrace:
+    """Return the first ``n`` samples of a trace."""
+    arrays = {
+        name: getattr(trace, name)[:n]
+        for name in ("t_s", "normal_n", "wrench_left", "wrench_right", "displacement", "velocity", "sliding_share",
+                     "gross", "motion", "tilt_nm", "fields")
+    }  # fmt: skip
+    return GraspTrace(patch=trace.patch, friction=trace.friction, contact=trace.contact, energy=trace.energy, **arrays)
+
+
+def _truth(scene: Scene, trace: GraspTrace) -> Truth:
+    indices = np.unique(np.append(np.arange(0, len(trace.t_s), TRUTH_EVERY), len(trace.t_s) - 1))
+    held = indices[trace.normal_n[indices] > 0.0]
+    used = np.interp(trace.t_s, trace.t_s[held], np.nan_to_num(trace.utilisation_at(held), nan=0.0, posinf=9.9))
+    v, rate = np.hypot(*trace.velocity[:, :2].T), np.abs(trace.velocity[:, 2])
+    return Truth(
+        t_s=trace.t_s,
+        utilisation=used,
+        speed_mps=np.hypot(v, rate * _gyration_m(scene)),
+        gross=trace.gross & (trace.normal_n > 0.0),
+        normal_n=trace.normal_n,
+        needed_n=_needed_n(scene, trace, used),
+        mu=scene.friction.mu_s,
+    )
+
+
+def _gyration_m(scene: Scene) -> float:
+    a, b = scene.patch.half_length_m, scene.patch.width_m
+    return math.hypot(a, b) / 2.0  # of a uniform ellipse; those of the other shapes are within a quarter of it
+
+
+def _needed_n(scene: Scene, trace: GraspTrace, used: Array) -> Array:
+    """Return the least grip force that holds the load, with the size of the contact at that force."""
+    if scene.patch.growth == 0.0:
+        return used * trace.normal_n
+    indices = np.flatnonzero((np.arange(len(used)) % round(NEED_EVERY_S / STEP_S) == 0) & (used > 0.1) & (used < 1.0))
+    if indices.size == 0:
+        return np.full(len(used), np.nan)
+    needs = [_grown_need_n(scene, trace, int(i), float(used[i])) for i in indices]
+    return np.interp(trace.t_s, trace.t_s[indices], needs, left=np.nan, right=np.nan)
+
+
+def _grown_need_n(scene: Scene, trace: GraspTrace, i: int, used: float) -> float:
+    """Solve λ(f) = 1 by bisection in the grip force f, while the contact scales about its centre."""
+    cells, normal = trace.pressure(i), float(trace.normal_n[i])
+    cx, cy = scene.patch.centre_m
+    force, spin = trace.wrench_left[i, :2], trace.wrench_left[i, 5]
+
+    def holds(grip_n: float) -> bool:
+        size, load = (grip_n / normal) ** scene.patch.growth, grip_n / normal
+        x, y = cx + size * (cells.x_m - cx), cy + size * (cells.y_m - cy)
+        return utilisation(x, y, load * cells.holds_n, scene.friction.mu_s, force, spin, (0.0, 0.0)).value <= 1.0
+
+    low, high = 0.3 * used * normal, 1.2 * normal
+    while high / low > 1.002:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
+def _signals(scene: Scene, trace: GraspTrace) -> Signals:
+    every = round(1.0 / (WRENCH_HZ * STEP_S))
+    wrench_s, wrench = trace.t_s[every::every], trace.wrench_left[every::every]
+    image_s = np.arange(1.0 / scene.sensors.image_hz, trace.t_s[-1], 1.0 / scene.sensors.image_hz)
+    return Signals(wrench_s, wrench, image_s, trace.taxel_loads(scene.sensors.pad, image_s))

@@ -1,0 +1,149 @@
+"""One simulated grasp as data: who holds what, what acts on it over time, and the sensors that feel it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from slipd.arrays import Array
+from slipd.fusion import utilisation
+from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance, SteppedGrasp
+from slipd.sim.true_contact import Pad
+
+STEP_S = 1.0 / 1600.0
+"""Of every history and trace: half the period of the force sensor."""
+
+WRENCH_HZ, IMAGE_HZ = 800.0, 200.0
+GRAVITY_MPS2 = 9.81
+
+Load = tuple[float, float, float]
+"""Force along x and y on the object, N, and torque about the origin of the left pad's frame, N·m."""
+
+Kind = Literal["safe", "slips", "recovers"]
+"""What the load is meant to do: nothing slides, the object slides, or it nearly does and does not. The truth of each
+run decides, not this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """The sensors of the finger.
+
+    Attributes:
+        pad: The taxels.
+        image_hz: Rate of the images, Hz.
+        force_std_n: Noise of each force component, N.
+        torque_std_nm: Noise of each torque component, N·m.
+        gain_spread: Relative spread of the gains of the taxels.
+        image_std_n: Noise of each taxel, N.
+    """
+
+    pad: Pad = Pad()
+    image_hz: float = IMAGE_HZ
+    force_std_n: float = 0.02
+    torque_std_nm: float = 0.0002
+    gain_spread: float = 0.03
+    image_std_n: float = 0.001
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hand:
+    """A hand that pulls or turns the object through a spring and a damper, so that its load falls when the object moves.
+
+    Attributes:
+        path: Where the hand is relative to where it grasped the object: x, y, m, and angle, rad; shape (n, 3).
+        stiffness: N/m, N/m and N·m/rad.
+        damping: N·s/m, N·s/m and N·m·s/rad.
+    """
+
+    path: Array
+    stiffness: tuple[float, float, float]
+    damping: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A grasp to be simulated.
+
+    Attributes:
+        held: The object.
+        patch: The contact.
+        friction: Its friction.
+        compliance: Of the pads.
+        load: What acts on the object beside the hand: force (2), N, and torque, N·m, about the origin of the left pad's
+            frame, which moves with the object; shape (n, 3) at steps of `STEP_S`.
+        grip_n: Normal force on one pad, shape (n,), N.
+        sensors: Of the finger.
+        kind: What it is meant to do.
+        steady: From when to when load and grip are at rest, s.
+        hand: Pulls on the object, if there is one.
+        lost_m: The run ends where the object has slid this far.
+    """
+
+    held: GraspedObject
+    patch: ContactPatch
+    friction: FrictionLaw
+    compliance: PadCompliance
+    load: Array
+    grip_n: Array
+    sensors: Sensors
+    kind: Kind
+    steady: tuple[float, float] | None = None
+    hand: Hand | None = None
+    lost_m: float = 0.04
+
+    @property
+    def seconds(self) -> float:
+        """Longest duration."""
+        return (len(self.grip_n) - 1) * STEP_S
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """What a scene is drawn around; loads are scaled by its exact friction limit.
+
+    Attributes:
+        patch: The contact.
+        friction: Its friction.
+        compliance: Of the pads.
+        grip_n: The grip force of the hold, N.
+        sensors: Of the finger.
+        mass_kg: Mass of the object.
+    """
+
+    patch: ContactPatch
+    friction: FrictionLaw
+    compliance: PadCompliance
+    grip_n: float
+    sensors: Sensors
+    mass_kg: float = 0.25
+    inertia_kgm2: float = field(default=5e-4)
+
+    def load(self, direction: Load, used: float, grip_n: float | None = None) -> Array:
+        """Return the load along a direction that uses the share ``used`` of the limit at a grip force, shape (3,)."""
+        return np.asarray(direction) * (used / self.used(direction, grip_n))
+
+    def used(self, load: Load, grip_n: float | None = None) -> float:
+        """Return λ of a load on both pads at a grip force."""
+        grip_n = self.grip_n if grip_n is None else grip_n
+        grasp = SteppedGrasp(
+            GraspedObject(), self.patch, self.friction, self.compliance, grip_n=grip_n, largest_grip_n=grip_n
+        )
+        cells = grasp.contact
+        loads, holds = np.zeros((2, cells.cells.shape[1]))
+        cells.press(cells.place(grasp.motion), grip_n, (0.0, 0.0), 0, loads, holds, np.zeros(grasp.fields.shape[1]))
+        x, y = cells.on_pad
+        return utilisation(x, y, 2.0 * holds, self.friction.mu_s, load[:2], load[2], (0.0, 0.0)).value
+
+    @property
+    def reach_m(self) -> float:
+        """Rough lever of the friction: torque limit over force limit, m."""
+        return self.used((1.0, 0.0, 0.0)) / self.used(self.about_centre(0.0, 1.0))
+
+    def about_centre(self, force: float, torque: float, angle: float = 0.0) -> Load:
+        """Return a load whose force acts at the centre of the patch, with a torque about it."""
+        fx, fy = force * math.cos(angle), force * math.sin(angle)
+        cx, cy = self.patch.centre_m
+        return fx, fy, torque + cx * fy - cy * fx
