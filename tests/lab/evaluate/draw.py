@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from evaluate.scene import STEP_S, Contact, Hand, Kind, Load, Scene, Sensors
+from evaluate.scene import STEP_S, Contact, Hand, Kind, Load, Scene
 
 from slipd.arrays import Array
+from slipd.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing
 from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance
 
 Random = np.random.Generator
@@ -25,7 +26,11 @@ def log_uniform(rng: Random, low: float, high: float) -> float:
 
 
 def draw_contact(
-    rng: Random, *, kind: str | None = None, ratio: tuple[float, float] = (0.6, 0.97), sensors: Sensors | None = None
+    rng: Random,
+    *,
+    kind: str | None = None,
+    ratio: tuple[float, float] = (0.6, 0.97),
+    sensors: FingerSensing | None = None,
 ) -> Contact:
     """Draw pads, friction, sensors and a grip force.
 
@@ -37,13 +42,13 @@ def draw_contact(
     """
     kind = str(rng.choice(KINDS)) if kind is None else kind
     mu = rng.uniform(0.3, 0.9)
-    length = rng.uniform(0.006, 0.016)
-    width = length if kind == "square" else min(rng.uniform(0.5, 1.2) * length, 0.009)
-    length = min(length, 0.009) if kind == "square" else length
+    length = rng.uniform(0.007, 0.0095 if kind == "square" else 0.017)
+    width = length if kind == "square" else rng.uniform(0.005, 0.0095)
     patch = ContactPatch(
         kind=kind,
         half_length_m=length,
-        half_width_m=min(width, length) if kind == "square" else width,
+        half_width_m=width,
+        inner=rng.uniform(0.3, 0.6),
         exponent=float(rng.choice((0.0, 0.3, 0.5))),
         growth=float(rng.choice((0.0, 0.0, 0.0, 1.0 / 3.0))) if kind in ("disc", "rounded") else 0.0,
         centre_m=(rng.uniform(-0.005, 0.005), rng.uniform(-0.0025, 0.0025)),
@@ -58,14 +63,15 @@ def draw_contact(
         patch=patch,
         friction=friction,
         compliance=PadCompliance(1.5e8 * soft, 8e4 * soft),
-        grip_n=log_uniform(rng, 4.0, 20.0),
+        grip_n=log_uniform(rng, 5.0, 25.0),
         sensors=draw_sensors(rng) if sensors is None else sensors,
     )
 
 
-def draw_sensors(rng: Random) -> Sensors:
+def draw_sensors(rng: Random) -> FingerSensing:
     """Draw the noise of good to middling sensors."""
-    return Sensors(force_std_n=log_uniform(rng, 0.01, 0.04), torque_std_nm=log_uniform(rng, 1e-4, 4e-4))
+    force = ForceSensing(noise_n=log_uniform(rng, 0.01, 0.03), noise_nm=log_uniform(rng, 1e-4, 3e-4))
+    return FingerSensing(force, PadSensing())
 
 
 def pull(rng: Random, contact: Contact) -> Load:
@@ -144,7 +150,7 @@ class Course:
         contact = self.contact
         return Scene(
             held, contact.patch, contact.friction, contact.compliance, self.load, np.maximum(self.grip, 0.0),
-            contact.sensors, kind, steady, hand,
+            contact.sensors, kind, self.held_s, steady, hand,
         )  # fmt: skip
 
     def hand(self, direction: Load, begin_s: float, used_per_s: float, *, stiff: float) -> Hand:
@@ -164,5 +170,9 @@ class Course:
         rate = np.array((fx / stiff, fy / stiff, torque / turning)) * used_per_s
         path = np.maximum(self.t - begin_s, 0.0)[:, None] * rate
         mass = 0.3
-        damping = tuple(0.3 * math.sqrt(k * m) for k, m in zip((stiff, stiff, turning), (mass, mass, mass * 0.03**2)))
-        return Hand(path, (stiff, stiff, turning), damping)
+        damping = (
+            0.3 * math.sqrt(stiff * mass),
+            0.3 * math.sqrt(stiff * mass),
+            0.3 * math.sqrt(turning * mass * 0.03**2),
+        )
+        return Hand(path, (stiff, stiff, turning), (along, along, about))

@@ -9,8 +9,9 @@ import numpy as np
 from evaluate.draw import Course, Random, combined, draw_contact, draw_sensors, log_uniform, pull
 from evaluate.scene import Contact, Load, Scene
 
+from slipd.sim.emulated_pvdf import PvdfElectronics
+from slipd.sim.finger_sensing import PadSensing
 from slipd.sim.stickslip.friction_law import FrictionMap
-from slipd.sim.true_contact import Pad
 
 
 def ramp(rng: Random) -> Scene:
@@ -61,7 +62,9 @@ def edge(rng: Random) -> Scene:
 
 def few_taxels(rng: Random) -> Scene:
     """A pad of 4 by 4 taxels, of which some feel the object."""
-    sensors = replace(draw_sensors(rng), pad=Pad(4, 4, 0.0047, 0.0035), image_hz=100.0)
+    electronics = PvdfElectronics(rate_hz=100.0)
+    pad = PadSensing(rows=4, cols=4, pitch_m=0.0047, electrode_m=0.0035, electronics=electronics)
+    sensors = replace(draw_sensors(rng), pad=pad)
     contact = draw_contact(rng, kind=str(rng.choice(("disc", "rectangle", "rounded"))), sensors=sensors)
     length = rng.uniform(0.0045, 0.0075)
     patch = replace(
@@ -69,7 +72,8 @@ def few_taxels(rng: Random) -> Scene:
         centre_m=(rng.uniform(-0.0015, 0.0015), rng.uniform(-0.0015, 0.0015)), growth=0.0,
     )  # fmt: skip
     contact = replace(contact, patch=patch)
-    return _pulled(rng, contact, combined(rng, contact))
+    direction = combined(rng, contact)
+    return _pulled(rng, contact, direction) if rng.random() < 0.5 else _loaded(rng, contact, direction)
 
 
 def far_pole(rng: Random) -> Scene:

@@ -1,12 +1,11 @@
-"""Play a scene: the physical simulation, and from it the truth and the ideal signals of the sensors."""
+"""Play a scene: the physical simulation, and the truth of it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from evaluate.scene import STEP_S, WRENCH_HZ, Scene
+from evaluate.scene import STEP_S, Scene
 from evaluate.truth import Truth
 
 from slipd.arrays import Array
@@ -15,40 +14,14 @@ from slipd.sim.stickslip import GraspTrace, SteppedGrasp
 from slipd.sim.stickslip.pressed_patch import FIELD
 
 TRUTH_EVERY = 4
-"""Steps between two solutions of the true λ, linear between: 2.5 ms."""
+"""Steps between two solutions of the true λ, linear between: 2 ms."""
 
 NEED_EVERY_S = 0.05
 """Grid on which the true need of a contact that grows with its force is solved, s."""
 
-LATENCY_S = 2e-4
-"""From the acquisition of a reading to its arrival, s."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Signals:
-    """What ideal sensors of the left finger read.
-
-    Attributes:
-        wrench_s: Times of the force readings, shape (m,), s.
-        wrench: Force and torque on the finger in the pad frame, shape (m, 6), N and N·m.
-        image_s: Times of the images, shape (k,), s.
-        taxels_n: Load on each taxel, shape (k, taxels), N.
-    """
-
-    wrench_s: Array
-    wrench: Array
-    image_s: Array
-    taxels_n: Array
-
-
-def play(scene: Scene) -> tuple[Truth, Signals]:
-    """Simulate a scene."""
-    trace = _simulate(scene)
-    return _truth(scene, trace), _signals(scene, trace)
-
-
-def _simulate(scene: Scene) -> GraspTrace:
-    """Return the trace, up to where the object is lost."""
+def play(scene: Scene) -> GraspTrace:
+    """Simulate a scene; the trace ends where the object is lost."""
     grasp = SteppedGrasp(
         scene.held, scene.patch, scene.friction, scene.compliance, grip_n=float(scene.grip_n[0]),
         largest_grip_n=float(scene.grip_n.max()),
@@ -100,7 +73,8 @@ def _cut(trace: GraspTrace, n: int) -> GraspTrace:
     return GraspTrace(patch=trace.patch, friction=trace.friction, contact=trace.contact, energy=trace.energy, **arrays)
 
 
-def _truth(scene: Scene, trace: GraspTrace) -> Truth:
+def truth_of(scene: Scene, trace: GraspTrace) -> Truth:
+    """Return the truth that metrics are held against."""
     indices = np.unique(np.append(np.arange(0, len(trace.t_s), TRUTH_EVERY), len(trace.t_s) - 1))
     held = indices[trace.normal_n[indices] > 0.0]
     used = np.interp(trace.t_s, trace.t_s[held], np.nan_to_num(trace.utilisation_at(held), nan=0.0, posinf=9.9))
@@ -148,10 +122,3 @@ def _grown_need_n(scene: Scene, trace: GraspTrace, i: int, used: float) -> float
         middle = math.sqrt(low * high)
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
-
-
-def _signals(scene: Scene, trace: GraspTrace) -> Signals:
-    every = round(1.0 / (WRENCH_HZ * STEP_S))
-    wrench_s, wrench = trace.t_s[every::every], trace.wrench_left[every::every]
-    image_s = np.arange(1.0 / scene.sensors.image_hz, trace.t_s[-1], 1.0 / scene.sensors.image_hz)
-    return Signals(wrench_s, wrench, image_s, trace.taxel_loads(scene.sensors.pad, image_s))

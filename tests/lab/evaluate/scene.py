@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from slipd.arrays import Array
 from slipd.fusion import utilisation
+from slipd.sim.finger_sensing import FingerSensing
 from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance, SteppedGrasp
-from slipd.sim.true_contact import Pad
 
-STEP_S = 1.0 / 1600.0
+STEP_S = 5e-4
 """Of every history and trace: half the period of the force sensor."""
-
-WRENCH_HZ, IMAGE_HZ = 800.0, 200.0
-GRAVITY_MPS2 = 9.81
 
 Load = tuple[float, float, float]
 """Force along x and y on the object, N, and torque about the origin of the left pad's frame, N·m."""
@@ -27,30 +24,9 @@ Kind = Literal["safe", "slips", "recovers"]
 run decides, not this."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """The sensors of the finger.
-
-    Attributes:
-        pad: The taxels.
-        image_hz: Rate of the images, Hz.
-        force_std_n: Noise of each force component, N.
-        torque_std_nm: Noise of each torque component, N·m.
-        gain_spread: Relative spread of the gains of the taxels.
-        image_std_n: Noise of each taxel, N.
-    """
-
-    pad: Pad = Pad()
-    image_hz: float = IMAGE_HZ
-    force_std_n: float = 0.02
-    torque_std_nm: float = 0.0002
-    gain_spread: float = 0.03
-    image_std_n: float = 0.001
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Hand:
-    """A hand that pulls or turns the object through a spring and a damper, so that its load falls when the object moves.
+    """A hand that pulls or turns the object through a spring and a damper: its load falls when the object moves.
 
     Attributes:
         path: Where the hand is relative to where it grasped the object: x, y, m, and angle, rad; shape (n, 3).
@@ -77,6 +53,7 @@ class Scene:
         grip_n: Normal force on one pad, shape (n,), N.
         sensors: Of the finger.
         kind: What it is meant to do.
+        closed_s: From then on the grip is closed, s.
         steady: From when to when load and grip are at rest, s.
         hand: Pulls on the object, if there is one.
         lost_m: The run ends where the object has slid this far.
@@ -88,8 +65,9 @@ class Scene:
     compliance: PadCompliance
     load: Array
     grip_n: Array
-    sensors: Sensors
+    sensors: FingerSensing
     kind: Kind
+    closed_s: float
     steady: tuple[float, float] | None = None
     hand: Hand | None = None
     lost_m: float = 0.04
@@ -110,16 +88,13 @@ class Contact:
         compliance: Of the pads.
         grip_n: The grip force of the hold, N.
         sensors: Of the finger.
-        mass_kg: Mass of the object.
     """
 
     patch: ContactPatch
     friction: FrictionLaw
     compliance: PadCompliance
     grip_n: float
-    sensors: Sensors
-    mass_kg: float = 0.25
-    inertia_kgm2: float = field(default=5e-4)
+    sensors: FingerSensing
 
     def load(self, direction: Load, used: float, grip_n: float | None = None) -> Array:
         """Return the load along a direction that uses the share ``used`` of the limit at a grip force, shape (3,)."""

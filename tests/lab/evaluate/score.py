@@ -10,8 +10,8 @@ defined in `evaluate.truth`.
 - **missed**: a gross slip of `PROMPT_S` or longer, without "slipping" in its first `PROMPT_S`. **silent**: likewise
   without any alarm.
 - **false slipping**: the level becomes "slipping" at a time that is not within a gross slip, nor up to `EARLY_S`
-  before one or `LATE_S` after one. **early**: a run in which that happens before its first gross slip, or in a run
-  without one.
+  before one or `LATE_S` after one. **closing**: a run in which that happens while the grip closes. **early**: a run in
+  which it happens later, and before the first gross slip or in a run without one.
 - **false warning**: an alarm begins while the true λ has been below `SAFE` for `SETTLED_S`, and not up to `LATE_S`
   after a gross slip. Both are counted against the time in which they can happen.
 - **sliding time**: of gross slips, what is beyond their first `PROMPT_S`; the shares of it during which the level is
@@ -77,6 +77,7 @@ class RunScore:
     """One run of one scene with one config."""
 
     episodes: list[EpisodeScore]
+    closing: bool
     early: bool
     false_slipping: int
     quiet_s: float
@@ -93,7 +94,9 @@ class RunScore:
     grip_errors: Array = field(repr=False)
 
 
-def score(truth: Truth, reports: Reports, *, safety: float, steady: tuple[float, float] | None) -> RunScore:
+def score(
+    truth: Truth, reports: Reports, *, safety: float, steady: tuple[float, float] | None, closed_s: float
+) -> RunScore:
     """Score one run.
 
     Args:
@@ -101,6 +104,7 @@ def score(truth: Truth, reports: Reports, *, safety: float, steady: tuple[float,
         reports: What was published.
         safety: ``grip_safety`` of the config.
         steady: From when to when the load is at rest, s; None if it never is.
+        closed_s: From then on the grip is closed, s.
     """
     end_s = float(truth.t_s[-1])
     spans, episodes = reports.spans(end_s), truth.episodes()
@@ -110,7 +114,8 @@ def score(truth: Truth, reports: Reports, *, safety: float, steady: tuple[float,
     beyond = [Episode(e.begin_s + PROMPT_S, e.end_s) for e in episodes if e.end_s > e.begin_s + PROMPT_S]
     return RunScore(
         episodes=[_episode(k, episodes, spans, truth) for k in range(len(episodes)) if _is_new(k, episodes)],
-        early=any(s < first_s for s in slips),
+        closing=any(s < closed_s for s in slips),
+        early=any(closed_s <= s < first_s for s in slips),
         false_slipping=len(slips),
         quiet_s=_quiet_s(truth, episodes),
         false_warnings=sum(_is_safe(truth, s.begin_s, episodes) for s in merged_alarms(spans)),

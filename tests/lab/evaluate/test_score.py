@@ -35,7 +35,7 @@ def said(*levels: tuple[float, int], seconds: float = 2.0, q_error: float = 0.0,
 
 
 def scored(truth: Truth, reports: Reports, steady: tuple[float, float] | None = None) -> RunScore:
-    return score(truth, reports, safety=SAFETY, steady=steady)
+    return score(truth, reports, safety=SAFETY, steady=steady, closed_s=0.4)
 
 
 def test_a_gross_slip_is_fast_enough_and_long_enough_and_short_pauses_do_not_end_it() -> None:
@@ -88,11 +88,13 @@ def test_an_alarm_that_pauses_before_the_slip_leads_from_its_last_beginning() ->
 
 
 @pytest.mark.parametrize(
-    ("at", "false"), [(0.9, 1), (0.985, 0), (1.2, 0), (1.6, 0), (1.8, 1)], ids="early just-before in after late".split()
+    ("at", "false"),
+    [(0.9, 1), (0.985, 0), (1.2, 0), (1.6, 0), (1.8, 1)],
+    ids=["early", "just-before", "in", "after", "late"],
 )
 def test_slipping_is_false_far_from_a_slip(at: float, false: int) -> None:
     found = scored(course((1.0, 1.5), used=0.8), said((0.0, STABLE), (at, SLIPPING), (at + 0.01, STABLE)))
-    assert (found.false_slipping, found.early) == (false, bool(false) and at < 1.0)
+    assert (found.false_slipping, found.closing, found.early) == (false, at < 0.4, bool(false) and 0.4 < at < 1.0)
     assert found.quiet_s == pytest.approx(2.0 - 0.5 - 0.02 - 0.25, abs=0.005)
     assert found.false_warnings == 0, "the object is near its limit"
 
