@@ -170,9 +170,5 @@ class Course:
         rate = np.array((fx / stiff, fy / stiff, torque / turning)) * used_per_s
         path = np.maximum(self.t - begin_s, 0.0)[:, None] * rate
         mass = 0.3
-        damping = (
-            0.3 * math.sqrt(stiff * mass),
-            0.3 * math.sqrt(stiff * mass),
-            0.3 * math.sqrt(turning * mass * 0.03**2),
-        )
+        along, about = 0.3 * math.sqrt(stiff * mass), 0.3 * math.sqrt(turning * mass * 0.03**2)
         return Hand(path, (stiff, stiff, turning), (along, along, about))
