@@ -23,6 +23,7 @@ from slipd.config.value_bounds import (
     Range,
     SlipHold,
     SlipWindow,
+    Spread,
     StrictModel,
     TorqueNoise,
     TorqueRange,
@@ -130,8 +131,11 @@ class Finger(StrictModel):
     """``[finger.X]``.
 
     Attributes:
-        mu: Safe estimate of the coefficient of static friction; None: every level is "unknown".
-        mu_max: Largest μ that `friction.set` accepts; None: twice ``mu``, at most 2.
+        mu: Safe estimate of the coefficient of static friction; None: no level but "slipping" is known before a slip
+            showed the friction.
+        mu_max: Largest μ that `friction.set` accepts, and that may be learned; None: twice ``mu``, at most 2.
+        mu_spread: Relative standard deviation of ``mu``, and of what `friction.set` states; 0: it is known exactly,
+            and none is learned.
         min_normal_n: Below this normal force there is no contact, N.
         load_rule: How the normal force is distributed over the taxels.
         contact_growth: Exponent with which the size of the contact grows with the normal force: 0 rigid, 1/3 Hertz.
@@ -143,6 +147,7 @@ class Finger(StrictModel):
 
     mu: Friction | None = None
     mu_max: Friction | None = None
+    mu_spread: Spread = 0.1
     min_normal_n: Positive = 0.3
     load_rule: Literal["matched", "grey", "binary"] = "matched"
     contact_growth: float = Field(default=0.0, ge=0.0, le=1.0)
@@ -153,7 +158,7 @@ class Finger(StrictModel):
 
     @property
     def most_mu(self) -> float:
-        """Largest μ that `friction.set` accepts."""
+        """Largest μ that `friction.set` accepts, and that may be learned."""
         if self.mu_max is not None:
             return self.mu_max
         return MOST_FRICTION if self.mu is None else min(MU_RAISE * self.mu, MOST_FRICTION)

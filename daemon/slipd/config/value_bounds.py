@@ -125,6 +125,9 @@ Mass = Annotated[float, AfterValidator(Bounds(1e-5, 10.0, "kg", "g", zero=True))
 
 Friction = Annotated[float, AfterValidator(Bounds(0.01, MOST_FRICTION, ""))]
 
+Spread = Annotated[float, AfterValidator(Bounds(1e-3, 1.0, "", zero=True))]
+"""A coefficient is never measured to a thousandth; beyond its own size its deviation says nothing."""
+
 ForceNoise = Annotated[float, AfterValidator(Bounds(0.0, 10.0, "N", "mN"))]
 """A noise of 10 N hides every contact that fingers have."""
 

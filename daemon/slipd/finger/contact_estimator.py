@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from enum import Enum
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
@@ -15,6 +16,7 @@ from slipd.finger.force_channel import WrenchBatch
 from slipd.finger.friction import Friction
 from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict_batch import VerdictBatch
+from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact
 from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED, Rows
@@ -24,6 +26,19 @@ CONTACT_HYSTERESIS = 0.8
 """A contact lasts down to this share of the normal force at which it begins."""
 DECISION_GAP = 1e-6
 """Relative gap between the bounds of the utilisation; far below what a threshold or a message resolves."""
+SHAPE_ERROR = 0.3
+"""Relative standard deviation of λ of a pure spin when one taxel shows the contact; it falls with the root of their
+number."""
+
+
+class Learning(Enum):
+    """What readings may teach of friction."""
+
+    NOTHING = 0
+    """They are not trusted."""
+    SLIPS = 1
+    """Slips are believed; but what is carried does not raise μ, because the zero of the force is not known."""
+    ALL = 2
 
 
 class ContactEstimator:
@@ -42,7 +57,7 @@ class ContactEstimator:
         least_n = config.min_normal_n
         half_pitch_m = 0.5 * config.pad.pitch_m if config.pad is not None else math.nan
         thresholds = Thresholds(levels.caution, levels.warning, levels.hysteresis)
-        self.friction = Friction(config.mu, config.slip.drop)
+        self.friction = Friction(config)
         self.in_contact = False
         self._caution = levels.caution
         self._contact_n = (least_n, CONTACT_HYSTERESIS * least_n)
@@ -57,7 +72,6 @@ class ContactEstimator:
     def set_friction(self, mu_s: float, mu_d: float | None, by: str, t_ns: int | None) -> None:
         """Use the coefficients that a client states; see `Friction.set`."""
         self.friction.set(mu_s, mu_d, by, t_ns)
-        self._twist = None
         if mu_d is not None:
             self._watch.set_drop(self.friction.drop)
 
@@ -69,6 +83,7 @@ class ContactEstimator:
         """Forget the contact: it ended, or is no longer known."""
         self.in_contact, self._twist = False, None
         self._watch.reset()
+        self.friction.estimate.end_contact()
 
     def estimate(
         self,
@@ -78,6 +93,7 @@ class ContactEstimator:
         disagreement: tuple[str, ...],
         image_fault: str,
         pulled_n: float,
+        learning: Learning = Learning.NOTHING,
     ) -> VerdictBatch:
         """Estimate the contact at each reading of one read.
 
@@ -89,6 +105,7 @@ class ContactEstimator:
             disagreement: What force sensor and image contradict each other about.
             image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
             pulled_n: The normal force is clearly negative below minus this, N.
+            learning: What the readings may teach of friction.
         """
         rows = readings.rows
         find_contacts(
@@ -101,29 +118,53 @@ class ContactEstimator:
             pulled_n,
         )
         phases = rows["phase"].tolist()
-        mu, distribution, solved, spin_1n = self.friction.mu, None, False, 0.0
+        distribution = None
         if distribution_of is not None and TOUCHING in phases:
             distribution = distribution_of(contact_at(rows, phases.index(TOUCHING)))
         if distribution is not None:
             distribution.outline.fill_margins(rows)
-        if distribution is not None and mu is not None:
-            x, y, loads, solved = distribution.x, distribution.y, distribution.loads.loads, True
-            solve_readings(rows, x, y, loads, mu, self._twist, DECISION_GAP)
-            if uncertainty.force_n > 0.0:
-                spin_1n = spin_utilisation_1n(x, y, loads, mu, uncertainty.torque_nm)
-        known_mu = math.nan if mu is None else mu
-        self._watch.assess(rows, known_mu, uncertainty, spin_1n)
-        levels = rows["assessment"]["level"].tolist()
         ends_at = _contact_end(phases, self.in_contact)
+        frictions: list[FrictionState] = []
+        for begin, end in self.friction.estimate.segments(readings.times_ns):
+            frictions += [self.friction.state] * (end - begin)
+            self._judge(rows[begin:end], phases[begin:end], distribution, uncertainty, learning)
+        levels = rows["assessment"]["level"].tolist()
         if disagreement:
             levels = [
                 UNKNOWN if phase == TOUCHING and k < ends_at else level
                 for k, (level, phase) in enumerate(zip(levels, phases, strict=True))
             ]
-        self._remember(phases, rows, solved=solved)
         return VerdictBatch(
-            readings, phases, distribution, known_mu, self._caution, image_fault, disagreement, ends_at, levels
+            readings, phases, distribution, frictions, self._caution, image_fault, disagreement, ends_at, levels
         )
+
+    def _judge(
+        self,
+        rows: Rows,
+        phases: list[int],
+        distribution: LoadDistribution | None,
+        uncertainty: Uncertainty,
+        learning: Learning,
+    ) -> None:
+        """Solve and assess readings with one friction, and learn from them."""
+        mu, spin_1n = self.friction.mu, 0.0
+        if distribution is not None:
+            x, y, loads = distribution.x, distribution.y, distribution.loads.loads
+            solved_mu = mu or 1.0  # λ at μ = 1 is the required friction
+            solve_readings(rows, x, y, loads, solved_mu, self._twist, DECISION_GAP)
+            if uncertainty.force_n > 0.0:
+                spin_1n = spin_utilisation_1n(x, y, loads, solved_mu, uncertainty.torque_nm)
+        self._watch.assess(rows, math.nan if mu is None else mu, uncertainty, spin_1n)
+        self._learn(rows, distribution, uncertainty, learning)
+        self._remember(phases, rows, solved=distribution is not None)
+
+    def _learn(
+        self, rows: Rows, distribution: LoadDistribution | None, uncertainty: Uncertainty, learning: Learning
+    ) -> None:
+        """Learn friction from assessed readings."""
+        teaches = learning is not Learning.NOTHING and distribution is not None and uncertainty.force_n == 0.0
+        shape_error = math.nan if distribution is None else SHAPE_ERROR / math.sqrt(len(distribution.x))
+        self.friction.estimate.learn(rows, shape_error, teaches=teaches, raises=learning is Learning.ALL)
 
     def _remember(self, phases: list[int], rows: Rows, *, solved: bool) -> None:
         """Keep contact and slip velocity of the newest reading that could be trusted, for the next read."""

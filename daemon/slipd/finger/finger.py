@@ -19,6 +19,7 @@ from slipd.finger.trust import RaiseTrust, is_trusted
 from slipd.finger.verdict import PAD_PULLED, STREAM_STALE
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.finger.verdict_path import VerdictPath
+from slipd.friction.friction_state import FrictionState
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -149,6 +150,7 @@ class Finger:
     def disconnect_image(self) -> None:
         """Forget the image: its stream ended."""
         self._path.forget_comparison()
+        self.friction.estimate.forget()
         if self.image is not None:
             self.image.tare.abort("ended")
             self.image.forget()
@@ -241,6 +243,15 @@ class Finger:
     def friction(self) -> Friction:
         """Coefficients of friction in use, and who set them."""
         return self._path.estimator.friction
+
+    @property
+    def friction_state(self) -> FrictionState:
+        """What is known of the friction now; that of one reading is in its `FingerState`."""
+        return self.friction.state
+
+    def set_object(self, name: str | None) -> None:
+        """Name the object in the grip, or the next one, so that what is learned of it is kept; None: it has no name."""
+        self.friction.estimate.set_object(name)
 
     def set_friction(self, mu_s: float, mu_d: float | None, by: str = "", t_ns: int | None = None) -> None:
         """Use the coefficients of friction that client ``by`` states at ``t_ns``; see `Friction.set`."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict import Verdict
+from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact, Loads, Utilisation
 from slipd.fusion.levels import Assessment
 from slipd.motion.evidence import evidence_names
@@ -38,12 +39,13 @@ class FingerState:
         wrench: Force on the finger, N, and torque about the pad's origin, N·m, both in the pad frame: six numbers.
         contact: Contact by the force sensor alone, in the pad frame; not valid without contact.
         load_distribution: Shares of the normal force on the taxels, by the image.
-        utilisation: λ of the load, with its bounds.
+        utilisation: λ of the load, with its bounds; only its pole is known without a coefficient of friction.
         tipping_margin_m: Signed distance of the contact centroid to the outline of the image, m; negative outside.
         assessment: Result of the slip decision; None without a contact.
         model: Most that the utilisation takes into account: "none", "translation" or "exact".
         status: Conditions that the device reported with the reading.
         age_s: Age of the reading when it was received, s; None before the first.
+        friction: What was known of the friction; None where nothing touches or the reading says nothing.
     """
 
     t_ns: int
@@ -57,6 +59,7 @@ class FingerState:
     model: str = "none"
     status: tuple[str, ...] = ()
     age_s: float | None = None
+    friction: FrictionState | None = None
 
     @property
     def evidence(self) -> tuple[str, ...]:

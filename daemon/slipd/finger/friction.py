@@ -1,6 +1,10 @@
-"""Friction in use for the object in the grip: from the config, or as a client stated it."""
+"""Friction in use for the object in the grip: from the config, as a client stated it, or learned in the grasp."""
 
 from __future__ import annotations
+
+from slipd.config import Finger as FingerConfig
+from slipd.friction.friction_estimate import FrictionEstimate
+from slipd.friction.friction_state import FrictionState
 
 SEEN_SHARE = 0.5
 """Part of the fall from static to dynamic friction that must be seen before it counts as slip."""
@@ -9,33 +13,43 @@ LEAST_DROP = 0.05
 
 
 class Friction:
-    """Coefficients of friction of one finger's contact, and who set them.
+    """Coefficients of friction of one finger's contact: stated by the config or a client, and learned in the grasp.
 
     Args:
-        mu: Coefficient of static friction by the config; None: unknown.
-        drop: Relative fall of the friction ratio that counts as slip, by the config.
+        config: ``[finger.X]``.
 
     Attributes:
-        mu: Coefficient of static friction in use; None: unknown.
         drop: Relative fall of the friction ratio R that counts as slip.
         set_by: Client that set the coefficients last; None: only the config did.
         set_t_ns: When it did, CLOCK_MONOTONIC; None likewise.
+        estimate: What is learned.
+        stated: Coefficient of static friction by config or client; None: unknown.
     """
 
-    def __init__(self, mu: float | None, drop: float) -> None:
-        self.mu = mu
-        self.drop = drop
-        self._source = "config"
+    def __init__(self, config: FingerConfig) -> None:
+        self.drop = config.slip.drop
         self.set_by: str | None = None
         self.set_t_ns: int | None = None
+        self.estimate = FrictionEstimate(config.mu, config.mu_spread, config.most_mu)
+        self.stated = config.mu
 
     @property
-    def source(self) -> str | None:
-        """Where μ comes from: "config" or "request"; None while it is unknown."""
-        return None if self.mu is None else self._source
+    def state(self) -> FrictionState:
+        """What is known now."""
+        return self.estimate.state
+
+    @property
+    def mu(self) -> float | None:
+        """Coefficient of static friction in use; None: unknown."""
+        return self.estimate.state.mu
+
+    @property
+    def source(self) -> str:
+        """Where μ comes from: "config", "request", "learned", or "none" while it is unknown."""
+        return self.estimate.state.source
 
     def set(self, mu_s: float, mu_d: float | None, by: str, t_ns: int | None) -> None:
-        """Use the coefficients that a client states, for the rest of the run.
+        """Use the coefficients that a client states, for the rest of the run, and forget what was learned.
 
         Args:
             mu_s: Coefficient of static friction.
@@ -43,10 +57,10 @@ class Friction:
             by: The client.
             t_ns: Now, CLOCK_MONOTONIC.
         """
-        self.mu = mu_s
         if mu_d is not None:
             self.drop = _drop(mu_s, mu_d)
-        self._source = "request"
+        self.stated = mu_s
+        self.estimate.restart(mu_s, mu_d, "request")
         self.set_by, self.set_t_ns = by, t_ns
 
     def is_more_lenient(self, mu_s: float, mu_d: float | None) -> bool:

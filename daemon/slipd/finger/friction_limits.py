@@ -5,8 +5,6 @@ Each takes a search on the limit surface, so they are computed only for messages
 
 from __future__ import annotations
 
-import math
-
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finite import finite_or_none
@@ -18,14 +16,14 @@ def needed_normal_n(finger: Finger, state: FingerState) -> float | None:
 
     None where it is not known, and where no force would hold the load.
     """
-    contact, distribution, loads = state.contact, state.load_distribution, state.loads
-    if contact is None or loads is None or distribution is None or state.utilisation is None:
+    contact, distribution, loads, mu = state.contact, state.load_distribution, state.loads, _mu(state)
+    if contact is None or loads is None or distribution is None or state.utilisation is None or mu is None:
         return None
     found = grip_needed_n(
         distribution.x,
         distribution.y,
         loads.loads,
-        finger.friction.mu or math.nan,
+        mu,
         (contact.fx_n, contact.fy_n),
         contact.spin_nm,
         (contact.cx_m, contact.cy_m),
@@ -40,12 +38,14 @@ def torque_limit_nm(finger: Finger, state: FingerState) -> float | None:
 
     None where it is not known.
     """
-    contact, distribution, loads = state.contact, state.load_distribution, state.loads
-    if contact is None or loads is None or distribution is None or state.utilisation is None:
+    contact, distribution, loads, mu = state.contact, state.load_distribution, state.loads, _mu(state)
+    if contact is None or loads is None or distribution is None or state.utilisation is None or mu is None:
         return None
     sense = 1 if contact.spin_nm >= 0.0 else -1
     force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
-    limit = torque_limit(
-        distribution.x, distribution.y, loads.loads, finger.friction.mu or math.nan, force, about, sense
-    )
+    limit = torque_limit(distribution.x, distribution.y, loads.loads, mu, force, about, sense)
     return finite_or_none(limit.torque_nm)
+
+
+def _mu(state: FingerState) -> float | None:
+    return None if state.friction is None else state.friction.mu

@@ -33,6 +33,7 @@ WEIGHT_UNKNOWN = Verdict("unknown", ("weight_unknown",))
 """The unknown weight of the finger may look like a contact, or hide one."""
 NO_MU = Verdict("unknown", ("no_mu",))
 SLIPS_WITHOUT_MU = Verdict("slipping", ("slip_detected", "no_mu"))
+"""Motion is seen without a coefficient of friction; only a prediction needs one."""
 PAD_PULLED = Verdict("unknown", ("pulled",))
 """The normal force is clearly negative: the sensor or its config is wrong."""
 ROTATION_UNOBSERVED = Verdict("unknown", ("rotation_unobserved",))

@@ -20,6 +20,7 @@ from slipd.finger.verdict import (
     exact_verdict,
     translation_verdict,
 )
+from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Utilisation
 from slipd.fusion.rows import FREE, LATE, PULLED, UNKNOWN, UNTRUSTED
 from slipd.fusion.streaming import Reading, contact_at, reading_at, wrench_at
@@ -35,7 +36,7 @@ class VerdictBatch:
         phases: Contact phase of each: PULLED, LATE, UNTRUSTED, FREE or TOUCHING.
         load_distribution: Shares of the normal force on the taxels, for the readings that touch; None without a usable
             image.
-        mu: Coefficient of static friction; NaN: unknown.
+        frictions: What was known of the friction at each.
         caution: Utilisation from which on the grip is in danger.
         image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
         disagreement: What force sensor and image contradict each other about, until the contact ends.
@@ -46,7 +47,7 @@ class VerdictBatch:
     readings: WrenchBatch
     phases: list[int]
     load_distribution: LoadDistribution | None
-    mu: float
+    frictions: list[FrictionState]
     caution: float
     image_fault: str
     disagreement: tuple[str, ...]
@@ -91,34 +92,43 @@ class VerdictBatch:
             verdict = WEIGHT_UNKNOWN if self.levels[k] == UNKNOWN else PAD_FREE
             contact = contact_at(self.readings.rows, k)
             return FingerState(t_ns, verdict, wrench, contact, status=status, age_s=age_s)
-        reading = reading_at(self.readings.rows, k)
-        utilisation = None if math.isnan(reading.contact.spin_nm) else reading.utilisation
+        reading, friction = reading_at(self.readings.rows, k), self.frictions[k]
+        solved = None if math.isnan(reading.contact.spin_nm) else reading.utilisation
+        verdict = self._verdict(k, reading, solved)
+        if friction.mu is None:
+            model = "none"
+            solved = None if solved is None else solved._replace(value=math.nan, lower=math.nan, upper=math.nan)
+        else:
+            model = "translation" if solved is None else "exact"
         return FingerState(
             t_ns,
-            self._verdict(k, reading, utilisation),
+            verdict,
             wrench,
             reading.contact,
             self.load_distribution,
-            utilisation,
+            solved,
             reading.tipping_margin_m,
             reading.assessment,
-            "exact" if utilisation is not None else "none" if math.isnan(self.mu) else "translation",
+            model,
             status,
             age_s,
+            friction,
         )
 
     def _verdict(self, k: int, reading: Reading, utilisation: Utilisation | None) -> Verdict:
         """Return the verdict on reading k, which touches; ``utilisation`` is None where it leaves out the spin."""
         if self.disagreement and k < self.ends_at:
             return Verdict("unknown", ("disagreement", *self.disagreement))
-        verdict = self._contact_verdict(LEVELS[self.levels[k]], reading, utilisation)
+        verdict = self._contact_verdict(LEVELS[self.levels[k]], reading, utilisation, self.frictions[k].mu)
         if self.load_distribution is None and self.image_fault:
             return Verdict(verdict.level, (self.image_fault, *verdict.reasons))
         return verdict
 
-    def _contact_verdict(self, level: str, reading: Reading, utilisation: Utilisation | None) -> Verdict:
+    def _contact_verdict(
+        self, level: str, reading: Reading, utilisation: Utilisation | None, mu: float | None
+    ) -> Verdict:
         """Return the verdict on a contact of which force sensor and image do not disagree."""
-        if math.isnan(self.mu):
+        if mu is None:
             return SLIPS_WITHOUT_MU if reading.assessment.slips else NO_MU
         if utilisation is None:
             return translation_verdict(reading.assessment, level)
@@ -127,6 +137,6 @@ class VerdictBatch:
             level,
             utilisation=utilisation.value,
             upper=utilisation.upper,
-            translation=reading.contact.friction_ratio / self.mu,
+            translation=reading.contact.friction_ratio / mu,
             caution=self.caution,
         )

@@ -16,7 +16,7 @@ import numpy as np
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
-from slipd.finger.contact_estimator import ContactEstimator
+from slipd.finger.contact_estimator import ContactEstimator, Learning
 from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import NO_UNCERTAINTY, ForceChannel, WrenchBatch
@@ -72,6 +72,7 @@ class VerdictPath:
         self.presence = ContactPresence(config, force, image, self.estimator, freshness)
         self.negative_force = NegativeForceDetector(config)
         self.tares = TareGuard(tare, image, freshness, self.presence)
+        self._tares = self.tares.current
 
     @property
     def state(self) -> FingerState:
@@ -127,6 +128,7 @@ class VerdictPath:
             () if check is None else check.disagreement,
             "" if image is None else image.fault,
             self.negative_force.least_n(uncertainty, tared=self.tares.main.current.id > 0),
+            self._learning(arrival),
         )
         self._newest = batch
         if check is not None:
@@ -134,6 +136,23 @@ class VerdictPath:
         if self.tares.busy:
             self.tares.check_load(self.state)
         return batch
+
+    def _learning(self, arrival: Arrival) -> Learning:
+        """Return what readings that arrived so may teach of friction; a new tare forgets what was taught before."""
+        image, tares = self._image, self.tares.current
+        if any(now is not before for now, before in zip(tares, self._tares, strict=True)):
+            self._tares = tares
+            self.estimator.friction.estimate.forget()
+        if (
+            image is None
+            or self.tares.busy
+            or arrival.waited_ns
+            or (self._check is not None and self._check.disagreement)
+        ):
+            return Learning.NOTHING
+        if not image.is_reliable(at_rest=True) or image.taxel_health.saturates:
+            return Learning.NOTHING
+        return Learning.ALL if self.presence.zero_known else Learning.SLIPS
 
     def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:
         """Mark readings that are too old.

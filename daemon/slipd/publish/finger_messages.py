@@ -33,7 +33,7 @@ def slip_body(finger: Finger, state: FingerState) -> Body:
         "friction_ratio": None if contact is None else finite_or_none(contact.friction_ratio),
         "friction_ratio_std": None if contact is None else finite_or_none(contact.friction_ratio_std),
         "gravity": None if finger.force is None else finger.force.gravity.state(state.t_ns),
-        **friction_body(finger),
+        **friction_body(state.friction or finger.friction_state),
         **required_friction_body(state),
         "utilisation": None if used is None else finite_or_none(used.value),
         "utilisation_lower": None if used is None else finite_or_none(used.lower),

@@ -75,7 +75,8 @@ def friction_set(finger: Finger) -> Body:
 
 def object_named(named: NamedObject, fingers: Mapping[str, Finger]) -> Body:
     """Return the name of the object, and the friction in use for it."""
-    return {"object_name": named.name, "fingers": {name: friction_body(finger) for name, finger in fingers.items()}}
+    known = {name: friction_body(finger.friction_state) for name, finger in fingers.items()}
+    return {"object_name": named.name, "fingers": known}
 
 
 def gravity_set(force: ForceChannel, t_ns: int) -> Body:

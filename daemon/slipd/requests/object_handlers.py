@@ -40,6 +40,8 @@ class ObjectHandlers:
         if refusal is not None:
             return refusal
         self._named.set(name, client_name(request.client), t_ns)
+        for finger in self._fingers.values():
+            finger.set_object(name)
         return replies.object_named(self._named, self._fingers)
 
     def _check_lenience(self, request: Request, name: str | None, t_ns: int) -> Refusal | None:

@@ -70,6 +70,11 @@ class TaxelHealth:
         """Few enough taxels are masked for the image to show the contact."""
         return int(np.count_nonzero(self.masked)) <= USABLE_SHARE * self.masked.size
 
+    @property
+    def saturates(self) -> bool:
+        """A taxel is masked because it was saturated."""
+        return self.masks and bool(self._bad[Kind.SATURATED].any())
+
     def update(
         self,
         values: Array,

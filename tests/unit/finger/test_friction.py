@@ -9,7 +9,6 @@ import pytest
 from finger_bench import MS, T0, Image, Parse, Wrench, make_finger, read_force
 
 from slipd.finger.finger import Finger
-from slipd.finger.friction import Friction
 from slipd.publish.finger_messages import slip_body
 
 FALLS = {0.08: [4.8, 4.8, 4.8 * 0.92], 0.15: [4.8, 4.8, 4.8 * 0.85], 0.03: [4.8, 4.8, 4.8 * 0.97]}
@@ -30,15 +29,17 @@ def test_mu_of_config_holds_until_a_request_sets_another(finger: Finger, wrench:
     finger.set_friction(1.0, None)
     assert (finger.friction.mu, finger.friction.source) == (1.0, "request")
     body = slip_body(finger, finger.state)
-    assert (body["mu"], body["mu_source"]) == (1.0, "request")
+    assert (body["mu"], body["mu_source"]) == (0.5, "config"), "of the reading before the request"
     assert levels(finger, wrench, image, [4.5]) == ["stable"], "λ is 0.45 now"
+    body = slip_body(finger, finger.state)
+    assert (body["mu"], body["mu_source"]) == (1.0, "request")
     assert finger.state.utilisation is not None
     assert finger.state.utilisation.value == pytest.approx(0.45)
 
 
 def test_request_sets_mu_where_config_has_none(left: str, parse: Parse, wrench: Wrench, image: Image) -> None:
     finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
-    assert (finger.friction.mu, finger.friction.source) == (None, None)
+    assert (finger.friction.mu, finger.friction.source) == (None, "none")
     assert levels(finger, wrench, image, [1.0]) == ["unknown"]
     finger.set_friction(0.5, None)
     assert (finger.friction.mu, finger.friction.source) == (0.5, "request")
@@ -75,9 +76,11 @@ def test_static_friction_alone_keeps_the_fall_set_before(finger: Finger, wrench:
     ("mu_s", "mu_d", "lenient"),
     [(0.5, None, False), (0.4, None, False), (0.6, None, True), (0.5, 0.4, False), (0.5, 0.3, True), (0.4, 0.1, True)],
 )
-def test_larger_mu_or_larger_fall_is_more_lenient(mu_s: float, mu_d: float | None, lenient: bool) -> None:
-    assert Friction(0.5, 0.12).is_more_lenient(mu_s, mu_d) is lenient
+def test_larger_mu_or_larger_fall_is_more_lenient(
+    finger: Finger, mu_s: float, mu_d: float | None, lenient: bool
+) -> None:
+    assert finger.friction.is_more_lenient(mu_s, mu_d) is lenient
 
 
-def test_any_mu_is_more_lenient_than_none() -> None:
-    assert Friction(None, 0.12).is_more_lenient(0.1, None)
+def test_any_mu_is_more_lenient_than_none(left: str, parse: Parse) -> None:
+    assert make_finger(left.replace("mu = 0.5\n", ""), parse).friction.is_more_lenient(0.1, None)

@@ -23,7 +23,7 @@ MS = 1_000_000
 T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
 
-LEARNED = {"mu_low", "mu_high", "mu_d", "required_friction", "carried_friction", "relative_utilisation"}
+LEARNED = {"mu_d", "carried_friction", "relative_utilisation", "required_friction"}
 """What a grasp must show before it is known."""
 
 ONLY_IN_CONTACT = LEARNED | {

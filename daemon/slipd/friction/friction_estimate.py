@@ -1,0 +1,144 @@
+"""The friction of one finger's contact: what is stated of it, and what its readings teach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from slipd.finite import finite_or_none
+from slipd.friction.friction_state import FrictionState
+from slipd.friction.learning import LEARNING, begin_grasp, combine, end_grasp, learn
+from slipd.fusion.rows import Rows, new_rows
+
+STEP_NS = 20_000_000
+"""A verdict takes over what was learned at multiples of this time, so that it does not depend on how readings are split
+into reads; shorter than any reaction to it."""
+MOST_OBJECTS = 256
+"""Named objects that are remembered; beyond that the one forgotten is the one not named for longest."""
+
+_OBJECT = ("object_ln", "object_var", "object_floor")
+_Knowledge = tuple[tuple[float, float], tuple[float, float], float]
+_NOTHING: _Knowledge = (math.nan, math.nan), (math.nan, math.nan), 0.0
+
+
+class FrictionEstimate:
+    """Learns the friction of one contact, and gives the coefficient that a verdict uses.
+
+    It starts anew with each contact. What it learned of a named object is kept for the next grasp of that object.
+
+    Args:
+        mu: Stated coefficient of static friction, a low estimate; None: unknown.
+        spread: Its relative standard deviation; 0: it is known exactly, and nothing is learned.
+        most: Largest coefficient that a verdict may use.
+
+    Attributes:
+        state: The result that is in force.
+    """
+
+    def __init__(self, mu: float | None, spread: float, most: float) -> None:
+        self._row = new_rows(LEARNING, 1)
+        self._row["spread"], self._row["most"] = spread, most
+        self._objects: dict[str, _Knowledge] = {}
+        self._name: str | None = None
+        self._step = 0
+        self._version = -1
+        self.state = FrictionState()
+        self.restart(mu, None, "config")
+
+    def restart(self, mu: float | None, mu_d: float | None, source: str) -> None:
+        """Forget all that was learned: other coefficients are stated.
+
+        Args:
+            mu: Of static friction; None: unknown.
+            mu_d: Of dynamic friction; None: unknown.
+            source: Who states them: "config" or "request".
+        """
+        self._row["stated"] = math.nan if mu is None else mu
+        self._source, self._stated_d = source, mu_d
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all that was learned: the sensor reads otherwise than before."""
+        self._objects.clear()
+        self._know(_NOTHING)
+        begin_grasp(self._row)
+        self._take_over()
+
+    def end_contact(self) -> None:
+        """End the grasp: the contact ended, or is no longer known."""
+        end_grasp(self._row)
+        self._take_over()
+
+    def set_object(self, name: str | None) -> None:
+        """Name the object in the grip, or the next one; None: it has no name.
+
+        A name given during a grasp counts for all of it. Another name, or none, is another object: all starts anew.
+        """
+        before = self._name
+        if name == before:
+            return
+        if before is not None:
+            end_grasp(self._row)
+            self._objects.pop(before, None)
+            self._objects[before] = self._knowledge()
+            if len(self._objects) > MOST_OBJECTS:
+                del self._objects[next(iter(self._objects))]
+        self._name = name
+        self._know(self._objects.get(name, _NOTHING) if name is not None else _NOTHING)
+        if before is None:
+            combine(self._row)
+        else:
+            begin_grasp(self._row)
+        self._take_over()
+
+    def segments(self, times_ns: Sequence[int]) -> Iterator[tuple[int, int]]:
+        """Yield ranges of readings with one state each; take over what was learned before each of them.
+
+        Args:
+            times_ns: When the readings were acquired, CLOCK_MONOTONIC; they rise.
+        """
+        begin, count = 0, len(times_ns)
+        if times_ns[-1] // STEP_NS != self._step:
+            for k, t_ns in enumerate(times_ns):
+                step = t_ns // STEP_NS
+                if step != self._step:
+                    if k > begin:
+                        yield begin, k
+                    self._step, begin = step, k
+                    self._take_over()
+        yield begin, count
+
+    def learn(self, readings: Rows, shape_error: float, *, teaches: bool, raises: bool) -> None:
+        """Learn from assessed readings; arguments as of `slipd.friction.learning.learn`."""
+        learn(readings, self._row, shape_error, teaches, raises)
+
+    def _know(self, knowledge: _Knowledge) -> None:
+        """Use what earlier grasps taught of the object in the grip."""
+        for name, values in zip(_OBJECT, knowledge, strict=True):
+            self._row[name] = values
+        self._row["named"] = self._name is not None
+
+    def _knowledge(self) -> _Knowledge:
+        """Return what earlier grasps taught of the object in the grip."""
+        (ln,), (var,), (floor,) = (self._row[name].tolist() for name in _OBJECT)
+        return ln, var, floor
+
+    def _take_over(self) -> None:
+        """Put in force what was learned."""
+        version = int(self._row["changes"][0])
+        if version == self._version:
+            return
+        self._version = version
+        mu, low, high, mu_d, carried, learned = (
+            self._row[name].item() for name in ("bound", "low", "high", "dynamic", "carried", "learned")
+        )
+        known = finite_or_none(mu)
+        self.state = FrictionState(
+            known,
+            "none" if known is None else "learned" if learned else self._source,
+            finite_or_none(low),
+            finite_or_none(high),
+            self._stated_d if math.isnan(mu_d) else mu_d,
+            carried or None,
+            self._name,
+        )

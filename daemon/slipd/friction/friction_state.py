@@ -1,0 +1,27 @@
+"""What is known of the friction of one contact."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class FrictionState(NamedTuple):
+    """Coefficients of friction of one contact; None is unknown.
+
+    Attributes:
+        mu: Coefficient of static friction that verdicts use: a lower confidence bound.
+        source: Where it comes from: "config", "request" (`friction.set`), "learned", or "none" while it is unknown.
+        mu_low: Lower end of the interval in which the coefficient of static friction lies.
+        mu_high: Its upper end; None also where only what was carried is known.
+        mu_d: Coefficient of dynamic friction.
+        carried: Largest required friction that this grasp carried for a while without motion.
+        object_name: Name of the object, as a client stated it.
+    """
+
+    mu: float | None = None
+    source: str = "none"
+    mu_low: float | None = None
+    mu_high: float | None = None
+    mu_d: float | None = None
+    carried: float | None = None
+    object_name: str | None = None
