@@ -202,7 +202,8 @@ def test_status_is_published_once_a_second_and_when_a_link_changes(run: Run) -> 
     assert set(body["streams"]) == {"left.wrench", "left.pad", "right.pad", "gripper"}
     assert body["uptime_s"] == pytest.approx(5.0)
     state = {"level": "unknown", "reasons": ["stale"], "evidence": [], "tare_id": 0, "tare_busy": False}
-    friction = {"mu": 0.5, "mu_source": "config", "mu_low": None, "mu_high": None, "mu_d": None}
+    low, high = pytest.approx(0.4242, abs=1e-4), pytest.approx(0.5894, abs=1e-4)
+    friction = {"mu": 0.5, "mu_source": "config", "mu_low": low, "mu_high": high, "mu_d": None}
     assert body["fingers"]["left"] == state | friction | {"mu_by": None, "mu_t_ns": None}
     assert (body["object_name"], body["object_by"], body["object_t_ns"]) == (None, None, None)
 
