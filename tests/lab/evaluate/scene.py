@@ -11,7 +11,7 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.fusion import utilisation
 from slipd.sim.finger_sensing import FingerSensing
-from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, PadCompliance, SteppedGrasp
+from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
 
 STEP_S = 5e-4
 """Of every history and trace: half the period of the force sensor."""
@@ -103,14 +103,10 @@ class Contact:
     def used(self, load: Load, grip_n: float | None = None) -> float:
         """Return λ of a load on both pads at a grip force."""
         grip_n = self.grip_n if grip_n is None else grip_n
-        grasp = SteppedGrasp(
-            GraspedObject(), self.patch, self.friction, self.compliance, grip_n=grip_n, largest_grip_n=grip_n
-        )
-        cells = grasp.contact
-        loads, holds = np.zeros((2, cells.cells.shape[1]))
-        cells.press(cells.place(grasp.motion), grip_n, (0.0, 0.0), 0, loads, holds, np.zeros(grasp.fields.shape[1]))
-        x, y = cells.on_pad
-        return utilisation(x, y, 2.0 * holds, self.friction.mu_s, load[:2], load[2], (0.0, 0.0)).value
+        at_rest = LoadHistory(np.zeros(1), np.zeros((1, 2)), np.zeros(1), np.full(1, grip_n))
+        cells = simulate(GraspedObject(), self.patch, self.friction, self.compliance, at_rest).pressure(0)
+        holds, mu = 2.0 * cells.holds_n, self.friction.mu_s
+        return utilisation(cells.x_m, cells.y_m, holds, mu, load[:2], load[2], (0.0, 0.0)).value
 
     @property
     def reach_m(self) -> float:
