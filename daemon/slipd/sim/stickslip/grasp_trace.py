@@ -18,6 +18,12 @@ from slipd.sim.stickslip.pressed_patch import PressedPatch, Taxels
 UTILISATION_S = 0.01
 """Grid of `GraspTrace.utilisation`, s; linear between."""
 
+SOLVED_AT_ONCE = 256
+"""Samples whose utilisation is solved in one call; it bounds the memory."""
+
+RIGHT_TO_LEFT = (1.0, -1.0, -1.0)
+"""Signs that turn (F_x, F_y, spin) of the right pad's frame into the left one's."""
+
 
 class CellLoads(NamedTuple):
     """Normal forces on the cells of one pad: their centres in the frame of the left pad, m, and the forces, N.
@@ -90,12 +96,14 @@ class GraspTrace:
             right: Whether it is the right pad; its taxels are in its own frame.
         """
         indices = np.searchsorted(self.t_s, np.asarray(times_s, dtype=np.float64), side="right") - 1
-        return np.array(
-            [
-                self.contact.read(pad, self.motion[i], float(self.normal_n[i]), self.fields[i, int(right)], right=right)
-                for i in np.clip(indices, 0, None).tolist()
-            ]
-        )
+        images: list[Array] = []
+        last = None
+        for i in np.clip(indices, 0, None).tolist():
+            motion, normal_n, field = self.motion[i], float(self.normal_n[i]), self.fields[i, int(right)]
+            seen = normal_n, field.tobytes(), b"" if self.contact.stays else motion.tobytes()
+            images.append(images[-1] if seen == last else self.contact.read(pad, motion, normal_n, field, right=right))
+            last = seen
+        return np.array(images)
 
     @cached_property
     def utilisation(self) -> Array:
@@ -105,21 +113,26 @@ class GraspTrace:
         return np.interp(self.t_s, self.t_s[indices], self.utilisation_at(indices))
 
     def utilisation_at(self, indices: Indices) -> Array:
-        """Return true λ at samples: the exact limit surface of all cells of both pads under the carried load.
+        """Return true λ at samples, shape (m,): the exact limit surface of all cells under the load that they carry.
 
-        It is solved afterwards by `slipd.fusion`; the motion does not depend on it. NaN where nothing is held.
+        It is solved afterwards by `slipd.fusion`; the motion does not depend on it. NaN without a contact.
         """
-        x, y, holds, force, spin = [], [], [], [], []
-        for i in np.asarray(indices).tolist():
-            left = self.pressure(i)
-            right = self.pressure(i, right=True) if self.tilt_nm[i].any() else left
-            x.append(np.concatenate((left.x_m, right.x_m)))
-            y.append(np.concatenate((left.y_m, right.y_m)))
-            holds.append(np.concatenate((left.holds_n, right.holds_n)))
-            total = self.wrench_left[i] + self.wrench_right[i] * (1.0, -1.0, 0.0, 0.0, 0.0, -1.0)
-            force.append(total[:2])
-            spin.append(total[5])
+        indices = np.asarray(indices)
+        chunks = [indices[i : i + SOLVED_AT_ONCE] for i in range(0, len(indices), SOLVED_AT_ONCE)]
+        return np.concatenate([self._utilisation(chunk.tolist()) for chunk in chunks])
+
+    def _utilisation(self, indices: list[int]) -> Array:
+        both = bool(self.tilt_nm.any())
+        x, y, holds = [], [], []
+        for i in indices:
+            pads = [self.pressure(i), self.pressure(i, right=True)] if both else [self.pressure(i)]
+            x.append(np.concatenate([pad.x_m for pad in pads]))
+            y.append(np.concatenate([pad.y_m for pad in pads]))
+            holds.append(np.concatenate([pad.holds_n for pad in pads]))
+        load = self.wrench_left[indices][:, (0, 1, 5)]
+        if both:
+            load = load + self.wrench_right[indices][:, (0, 1, 5)] * RIGHT_TO_LEFT
         found = utilisations(
-            np.array(x), np.array(y), np.array(holds), self.friction.mu_s, np.array(force), np.array(spin), (0.0, 0.0)
+            np.array(x), np.array(y), np.array(holds), self.friction.mu_s, load[:, :2], load[:, 2], (0.0, 0.0)
         )
-        return found.value
+        return np.where(self.fields[indices, 0, 0] > 0.0, found.value, np.nan)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stick_slip_scenes import GRIP_N, STEADY, history, ramp, simulate
@@ -47,3 +49,19 @@ def test_the_patch_grows_with_the_force() -> None:
         assert cells.loads_n.sum() == pytest.approx(trace.normal_n[i])
         sizes.append(np.sqrt(np.average(cells.x_m**2 + cells.y_m**2, weights=cells.loads_n)))
     assert sizes[0] / sizes[1] == pytest.approx(0.5, rel=0.01)
+
+
+def test_utilisation_counts_what_both_pads_of_a_tilted_grasp_carry_and_nothing_without_a_contact() -> None:
+    load = history([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)], [0.0, 0.4], [10.0, 10.0])
+    tilt = np.tile((0.05, 0.05), (len(load.t_s), 1))
+    trace = simulate(PATCH, STEADY, replace(load, tilt_nm=tilt))
+    assert trace.utilisation_at(np.array((200, 400))) == pytest.approx((0.25, 0.5), rel=0.02)
+    let_go = simulate(PATCH, STEADY, history([(0.0, 0.0, 0.0)] * 2, [0.0, 0.01], 0.0))
+    assert np.isnan(let_go.utilisation).all()
+
+
+def test_an_unchanged_pressure_gives_the_same_image_and_a_changed_one_another() -> None:
+    load = history([(0.0, 0.0, 0.0)] * 3, [0.0, 0.1, 0.2], [10.0, 10.0, 12.0])
+    images = simulate(PATCH, STEADY, load).taxel_loads(Pad(), [0.0, 0.05, 0.15, 0.2])
+    assert np.array_equal(images[0], images[1])
+    assert images[:, :].sum(axis=1) == pytest.approx(images[0].sum() * np.array((1.0, 1.0, 1.1, 1.2)), rel=1e-9)

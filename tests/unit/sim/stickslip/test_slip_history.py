@@ -92,3 +92,24 @@ def test_a_finer_grid_changes_little() -> None:
     load = ramp((9.0, 0.0, 0.07))
     coarse, fine = (simulate(PATCH, STEADY, load, cell_m=cell) for cell in (0.0015, 0.0005))
     assert coarse.t_s[onset(coarse)] == pytest.approx(fine.t_s[onset(fine)], rel=0.015)
+
+
+def winkler(s: float) -> float:
+    """Load over the limit at a displacement s of that at which the last cell slides: Hertz's disc on bristles."""
+    return 1.5 * s - 0.5 * s**3
+
+
+def test_partial_slip_of_a_round_contact_follows_the_closed_form_and_masings_rule_back() -> None:
+    """Cells beyond √(1 − s²) of the radius slide, with a share s³ of the load; a load that falls again from its peak
+    follows the curve of loading at twice the scale."""
+    friction, stiffness = FrictionLaw(mu_s=0.5, mu_d=0.5), PAD.stiffness_n_per_m3
+    radius, peak_s = 0.010, 0.75
+    last_m = 0.5 * GRIP_N * 1.5 / (np.pi * radius**2) / stiffness
+    peak_n = 2 * 0.5 * GRIP_N * winkler(peak_s)
+    load = history([NOTHING, (peak_n, 0.0, 0.0), NOTHING], [0.0, 1.5, 3.0])
+    trace = simulate(ContactPatch("disc", radius, None), friction, load, cell_m=0.0005)
+    s, ratio = trace.displacement[:, 0] / last_m, trace.wrench_left[:, 0] / (0.5 * GRIP_N)
+    up, down = slice(100, 1500, 50), slice(1550, 3000, 50)
+    assert ratio[up] == pytest.approx(winkler(s[up]), abs=3e-3)
+    assert trace.sliding_share[up] == pytest.approx(s[up] ** 3, abs=0.02)
+    assert ratio[down] == pytest.approx(winkler(s[1500]) - 2 * winkler((s[1500] - s[down]) / 2), abs=7e-3)
