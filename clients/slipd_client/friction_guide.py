@@ -150,8 +150,8 @@ class FrictionGuide:
 
 
 def _print_result(finger: str, group: list[PullSample]) -> None:
-    found, wide = median_of(group), spread(group)
-    lines = [f"static friction {found.mu_s:.3f}" + ("" if wide is None else f" ± {wide:.1%}")]
+    found = median_of(group)
+    lines = [f"static friction {found.mu_s:.3f} ± {spread(group):.1%}"]
     if found.mu_d is not None:
         lines.append(f"dynamic friction {found.mu_d:.3f}")
     print(f"\n{finger}: {', '.join(lines)}. For the config:\n", flush=True)

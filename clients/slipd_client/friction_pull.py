@@ -6,6 +6,7 @@ at which it stays while the object slides. Knows no clock, socket or terminal: m
 
 from __future__ import annotations
 
+import itertools
 import statistics
 from collections import deque
 from dataclasses import dataclass
@@ -26,6 +27,9 @@ BEFORE_S = 0.5
 SLIDE_S = 0.4
 """A slide is over when the required friction made no new peak for so long."""
 
+CONFIRMED = 0.8
+"""Least share of a peak that a reading beside it has: a pull takes longer than one reading, a disturbance may not."""
+
 SETTLE_S = 0.02
 """From the peak to the plateau: the load falls within milliseconds, and verdicts come some milliseconds apart."""
 
@@ -34,6 +38,9 @@ LEAST_PLATEAU = 8
 
 FLAT = 0.2
 """Largest spread of the plateau, between its quartiles and relative to its median."""
+
+PULLED = 2.0
+"""Load, as a multiple of that at rest, from which on somebody pulls: what ends before is not worth a word."""
 
 LET_GO = 0.7
 """Share of the peak below which the pull has ended."""
@@ -172,17 +179,20 @@ class PullWatch:
     def _stop(self, obstacle: str) -> Union[PullSample, PullRejected, None]:
         """End the pull because of a verdict that says nothing of friction."""
         phase, self.obstacle = self.phase, obstacle
-        judged = self._judge(self._peak()) if phase == "slide" else None
+        judged: Union[PullSample, PullRejected, None] = None
+        if phase == "slide":
+            judged = self._judge(self._peak())
+        elif phase == "pull" and self._readings[-1].required > PULLED * self._readings[0].required:
+            judged = PullRejected(f"before it slipped: {obstacle}")
         self._begin()
-        return PullRejected(f"before it slipped: {obstacle}") if phase == "pull" else judged
+        return judged
 
     def _peak(self) -> _Reading:
-        """Return the reading with the largest required friction around the slip; one of three that is noise is not."""
+        """Return the reading with the largest required friction around the slip that one beside it confirms."""
         near = [reading for reading in self._readings if reading.t_s >= self._onset_s - BEFORE_S]
-        if len(near) < 3:
-            return max(near, key=_required)
-        triples = zip(near, near[1:], near[2:], strict=False)
-        return max((sorted(triple, key=_required)[1] for triple in triples), key=_required)
+        pairs = [sorted(pair, key=_required) for pair in itertools.pairwise(near)]
+        confirmed = [greater for less, greater in pairs if less.required >= CONFIRMED * greater.required]
+        return max(confirmed or near, key=_required)
 
     def _judge(self, peak: _Reading) -> Union[PullSample, PullRejected]:
         """Return the sample of the pull that ended, or why it is none."""

@@ -11,10 +11,16 @@ from slipd_client.friction_pull import PullSample
 AGREE = 1.25
 """Largest ratio of two samples of one material: beyond it, something was different."""
 
-ONE_SIGMA = {2: 1.84, 3: 1.32, 4: 1.20, 5: 1.14, 6: 1.11, 7: 1.09, 8: 1.08, 9: 1.07}
-"""Student's t at one standard deviation (84.1 %), by the number of samples: few of them show too small a spread."""
+SCATTER = 0.05
+"""Relative standard deviation of static friction between pulls of one pair of materials, as it usually is."""
 
-MOST_SAMPLES = max(ONE_SIGMA)
+SCATTER_WEIGHT = 2
+"""Degrees of freedom for which that counts: three pulls of the same spread count as much."""
+
+ONE_SIGMA = {2: 1.321, 3: 1.197, 4: 1.142, 5: 1.111, 6: 1.091, 7: 1.077, 8: 1.067, 9: 1.059, 10: 1.053}
+"""Student's t at one standard deviation (84.1 %), by the degrees of freedom."""
+
+MOST_SAMPLES = max(ONE_SIGMA) - SCATTER_WEIGHT + 1
 
 
 def agreeing(samples: Sequence[PullSample]) -> list[PullSample]:
@@ -37,14 +43,16 @@ def disagreement(sample: PullSample, group: Sequence[PullSample]) -> str:
     return f"{sample.mu_s:.3f} is {abs(sample.mu_s / others - 1.0):.0%} from the others, {others:.3f}"
 
 
-def spread(group: Sequence[PullSample]) -> float | None:
-    """Return the relative standard deviation to expect of the next grasp; None where one sample alone shows none."""
+def spread(group: Sequence[PullSample]) -> float:
+    """Return the relative standard deviation to expect of the next pull.
+
+    A few pulls that agree by chance show too small a spread, so what is usual counts too.
+    """
     values = [sample.mu_s for sample in group]
-    if len(values) < 2:
-        return None
-    count = min(len(values), MOST_SAMPLES)
-    wide = ONE_SIGMA[count] * math.sqrt(1.0 + 1.0 / count)
-    return wide * statistics.stdev(values) / statistics.median(values)
+    middle, freedom = statistics.median(values), len(values) - 1 + SCATTER_WEIGHT
+    squares = sum((value / middle - 1.0) ** 2 for value in values) + SCATTER_WEIGHT * SCATTER**2
+    wide = ONE_SIGMA[min(freedom, max(ONE_SIGMA))] * math.sqrt(1.0 + 1.0 / len(values))
+    return wide * math.sqrt(squares / freedom)
 
 
 def median_of(group: Sequence[PullSample]) -> PullSample:
@@ -59,9 +67,10 @@ def median_of(group: Sequence[PullSample]) -> PullSample:
 
 def config_lines(finger: str, group: Sequence[PullSample]) -> list[str]:
     """Return the lines for the config of a finger, TOML."""
-    found, wide = median_of(group), spread(group)
+    found = median_of(group)
     pulls = "1 pull" if len(group) == 1 else f"{len(group)} pulls, {group[0].mu_s:.3f} to {group[-1].mu_s:.3f}"
-    lines = [f"[finger.{finger}]", f"mu = {found.mu_s:.3f}  # {pulls}, with {found.normal_n:.1f} N on each pad"]
-    if wide is not None:
-        lines.append(f"mu_spread = {max(wide, 0.001):.3f}")
-    return lines
+    return [
+        f"[finger.{finger}]",
+        f"mu = {found.mu_s:.3f}  # {pulls}, with {found.normal_n:.1f} N on each pad",
+        f"mu_spread = {spread(group):.3f}  # relative standard deviation",
+    ]

@@ -131,6 +131,7 @@ def test_a_contact_that_ends_during_the_pull_is_told() -> None:
     gone = hand.body(0.0) | {"level": "no_contact", "required_friction": None}
     assert found([gone], watch) == [PullRejected(f"before it slipped: {NO_CONTACT}")]
     assert watch.phase == "grip"
+    assert found([*hand.rest(), gone], watch) == [], "nobody pulled yet"
 
 
 def test_an_object_that_slips_out_of_the_grip_gives_its_sample() -> None:

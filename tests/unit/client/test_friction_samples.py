@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 import statistics
 import tomllib
@@ -34,25 +33,23 @@ def test_the_median_leaves_out_slides_without_dynamic_friction() -> None:
     assert median_of(group[:1]).mu_d is None
 
 
-def test_the_spread_holds_what_the_next_grasp_shows() -> None:
-    """One grasp in six is below the median less the spread: few samples do not make it too small."""
+@pytest.mark.parametrize(("scatter", "most"), [(0.05, 0.16), (0.02, 0.02), (0.1, 0.25)])
+def test_the_spread_holds_what_the_next_pull_shows(scatter: float, most: float) -> None:
+    """At most one pull in six is below the mean less the spread where the scatter is usual."""
     rng = random.Random(7)
     below, trials = 0, 4000
     for _ in range(trials):
-        *found, following = (rng.gauss(0.5, 0.02) for _ in range(4))
-        group = sorted(samples(*found))
-        wide = spread(group)
-        assert wide is not None
-        below += following < statistics.mean(found) * (1.0 - wide)
-    assert below / trials == pytest.approx(0.159, abs=4 * math.sqrt(0.159 * 0.841 / trials) + 0.01)
+        *found, following = (rng.gauss(0.5, 0.5 * scatter) for _ in range(4))
+        below += following < statistics.mean(found) * (1.0 - spread(sorted(samples(*found))))
+    assert 0.75 * most - 0.02 < below / trials < most
 
 
-def test_one_sample_shows_no_spread() -> None:
-    assert spread(samples(0.5)) is None
+def test_pulls_that_agree_by_chance_do_not_show_a_spread_of_nothing() -> None:
+    assert spread(samples(0.5)) == pytest.approx(0.093, abs=0.001), "that of one pull is the usual one"
+    assert 0.03 < spread(samples(0.5, 0.5, 0.5)) < spread(samples(0.48, 0.5, 0.52)) < spread(samples(0.45, 0.5, 0.55))
 
 
 def test_the_lines_for_the_config_are_toml() -> None:
     found = tomllib.loads("\n".join(config_lines("left", samples(0.5, 0.52, 0.54))))
     assert found["finger"]["left"] == {"mu": 0.52, "mu_spread": pytest.approx(0.059)}
-    assert tomllib.loads("\n".join(config_lines("left", samples(0.5)))) == {"finger": {"left": {"mu": 0.5}}}
-    assert tomllib.loads("\n".join(config_lines("left", samples(0.5, 0.5, 0.5))))["finger"]["left"]["mu_spread"] > 0
+    assert "1 pull," in config_lines("left", samples(0.5))[1]
