@@ -20,7 +20,8 @@ from slipd.arrays import Array
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import Block, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import MOTIONS, ImageFit, ImageFitter
-from slipd.motion.shift_path import PathNoise, ShiftPath, f_surprise
+from slipd.motion.shift_path import PathNoise, ShiftPath
+from slipd.motion.surprises import f_surprise
 from slipd.signals.pad import PadGeometry
 
 Flags = NDArray[np.bool_]
@@ -204,4 +205,4 @@ def _grown(on: Flags) -> Flags:
 def _pattern_surprise(fit: ImageFit, shift_m: Array) -> float:
     """Return −ln of the probability that taxels change like a motion by chance, by what the fit leaves over."""
     squares = min(float(fit.shift_m @ fit.precision @ fit.shift_m), float(shift_m @ fit.precision @ shift_m))
-    return f_surprise(squares / MOTIONS / max(fit.scale, 1.0), fit.freedom)
+    return f_surprise(squares / MOTIONS / max(fit.scale, 1.0), MOTIONS, fit.freedom)

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import betainc
 
 from slipd.arrays import Array
 from slipd.motion.image_fit import MOTIONS
+from slipd.motion.surprises import f_surprise
 
 LONG_STEP = 8
 """Steps of the longer second difference."""
@@ -22,7 +22,6 @@ LEAST_STD_M = 2e-6
 """The noise is taken as no smaller, m: images without noise, or in coarse counts, hide it."""
 FREEDOM_SHARE = 0.5
 """Independent values in one second difference: those beside it share two of its three places."""
-MOST_SURPRISE = 700.0
 
 
 class ShiftPath:
@@ -81,10 +80,5 @@ class PathNoise:
             longer = doubt * self._long_squares / self._long_count
             walk = np.minimum(walk, np.maximum(longer - short, 0.0) / (2.0 * (LONG_STEP - 1)))
         variance = short / 3.0 + steps * walk
-        return f_surprise(float((place_m * place_m / variance).sum()) / MOTIONS, FREEDOM_SHARE * self._count)
-
-
-def f_surprise(ratio: float, freedom: float) -> float:
-    """Return −ln of the probability that a ratio of F(3, freedom) is this large, at most ``MOST_SURPRISE``."""
-    tail = float(betainc(0.5 * freedom, 0.5 * MOTIONS, freedom / (freedom + MOTIONS * ratio)))
-    return -math.log(tail) if tail > math.exp(-MOST_SURPRISE) else MOST_SURPRISE
+        ratio = float((place_m * place_m / variance).sum()) / MOTIONS
+        return f_surprise(ratio, MOTIONS, FREEDOM_SHARE * self._count)

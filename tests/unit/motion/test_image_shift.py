@@ -12,7 +12,8 @@ from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_fit import ImageFitter
 from slipd.motion.image_shift import ImageShift
-from slipd.motion.shift_path import PathNoise, ShiftPath, f_surprise
+from slipd.motion.shift_path import PathNoise, ShiftPath
+from slipd.motion.surprises import f_surprise
 from slipd.signals.pad import PadGeometry
 from slipd.sim.stickslip import (
     ContactPatch,
@@ -172,8 +173,8 @@ def test_a_fit_of_a_dark_or_tiny_image_is_unknown() -> None:
 
 
 def test_the_surprise_of_a_ratio_is_bounded() -> None:
-    assert f_surprise(0.0, 30) == 0.0
-    assert f_surprise(1e12, 1e4) == 700.0
+    assert f_surprise(0.0, 3, 30) == 0.0
+    assert f_surprise(1e12, 3, 1e4) == 700.0
 
 
 def test_a_known_motion_is_reported_again_only_after_a_further_one() -> None:

@@ -1,0 +1,87 @@
+"""The noise of sliding in the high band of a force sensor; what an arm or a motor does is none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from slipd.motion.vibration import BLOCK, LOUD, MOST_SUPPORT, Vibration
+
+RATE_HZ, SECONDS = 1000, 60
+N = RATE_HZ * SECONDS
+T = np.arange(N) / RATE_HZ
+
+
+def surprises(wrenches: np.ndarray, read: int = 4) -> np.ndarray:
+    """Return the surprise of each block, 0 where there is no evidence; readings come in reads of ``read``."""
+    vibration = Vibration(RATE_HZ)
+    found = []
+    for k in range(0, N, read):
+        evidence = vibration.update(10**11 + (k + read) * 1_000_000, wrenches[k : k + read])
+        found += [] if evidence is None else [evidence.surprise]
+    return np.concatenate((found, np.zeros(N // BLOCK - len(found))))
+
+
+def white(seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).normal(0.0, 0.02, (N, 6))
+
+
+def pink() -> np.ndarray:
+    frequency = np.fft.rfftfreq(N)
+    frequency[0] = 1.0
+    spectrum = np.fft.rfft(white(), axis=0) / np.sqrt(frequency)[:, None]
+    return np.fft.irfft(spectrum, N, axis=0)
+
+
+def low_pass() -> np.ndarray:
+    noise = white()
+    return sum(np.roll(noise, k, axis=0) for k in range(8)) / 8.0
+
+
+@pytest.mark.parametrize("noise", [white(), pink(), low_pass(), np.round(white() / 0.02) * 0.02])
+def test_noise_of_the_sensor_is_as_rare_as_it_says(noise: np.ndarray) -> None:
+    found = surprises(noise)
+    for limit in (1.0, 2.0, 4.0):
+        assert (found > limit).mean() <= math.exp(-limit)
+
+
+def test_an_arm_that_shakes_vibrates_or_knocks_is_no_sliding() -> None:
+    swings = 5.0 * np.sin(50.0 * T)[:, None] * (1.0, 0.5, 0.3, 0.0, 0.0, 0.0)
+    loud = np.where(T % 3.0 > 2.8, 1.0, 0.0)[:, None] * np.random.default_rng(3).normal(0.0, 0.2, (N, 6))
+    knocks = np.zeros((N, 6))
+    for k in range(500, N - 200, 1700):
+        ring = np.exp(-np.arange(200) / 20.0) * np.sin(0.9 * np.arange(200))
+        knocks[k : k + 200, :3] += ring[:, None] * (3.0, 2.0, 2.0)
+    for disturbance in (swings, loud, knocks):
+        found = surprises(white() + disturbance)
+        for limit in (1.0, 2.0, 4.0):
+            assert (found > limit).mean() <= math.exp(-limit)
+
+
+def test_a_motor_is_predicted() -> None:
+    hums = np.where(T % 4.0 > 2.0, 0.5, 0.0) * np.sin(754.0 * T)
+    found = surprises(white() + hums[:, None] * (1.0, 0.5, 0.2, 0.0, 0.0, 0.0))
+    assert (found > 4.0).mean() < 0.03, "little but the block in which it begins"
+
+
+@pytest.mark.parametrize("read", [1, 4, 32])
+def test_a_rough_surface_that_slides_is_heard_but_never_alone_enough(read: int) -> None:
+    slides = np.where(T % 3.0 > 2.7, 1.0, 0.0)[:, None] * np.random.default_rng(3).normal(0.0, 0.05, (N, 6))
+    found = surprises(white() + slides * (1.0, 1.0, 0.3, 0.0, 0.0, 0.0), read)
+    assert (found > LOUD).mean() == pytest.approx(0.1, abs=0.03)
+    assert found.max() == MOST_SUPPORT
+
+
+def test_silence_and_damage_say_nothing() -> None:
+    assert not surprises(np.zeros((N, 6))).any()
+    assert not surprises(np.full((N, 6), math.nan)).any()
+
+
+def test_a_new_contact_settles_first() -> None:
+    vibration, noise = Vibration(RATE_HZ), white()
+    for k in range(0, 20 * BLOCK, BLOCK):
+        vibration.update(10**11 + k * 1_000_000, noise[k : k + BLOCK])
+    vibration.reset()
+    assert vibration.update(10**11, 5.0 * noise[:BLOCK]) is None
