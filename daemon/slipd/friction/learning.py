@@ -22,6 +22,8 @@ SCATTER = 0.05
 """Relative standard deviation of static friction from one slip to the next of the same pair."""
 ROUGH = 0.1
 """Relative standard deviation of q at a slip that shows no drop of the load: its onset was some time before."""
+PLATEAU_S = 0.1
+"""The plateau is averaged for this long, s: later the object may stick again while the slip is still reported."""
 WIDENING = 0.05
 """Relative standard deviation that a new grasp of a known object adds: it is gripped at another place."""
 FADING = 0.6
@@ -52,6 +54,7 @@ LEARNING = np.dtype(
         ("taken", "i8", (2,)),
         ("slipping", "?"),
         ("onset", "i8"),
+        ("onset_s", "f8"),
         ("plateau", "f8", (3,)),
         ("bound", "f8"),
         ("low", "f8"),
@@ -68,8 +71,8 @@ LEARNING = np.dtype(
 largest μ that a verdict may use. ``object_…``: knowledge of the named object from earlier grasps; NaN or 0: none.
 ``floor``: lower bound of μ_s from what was carried since the last slip. ``block_…``: sums of q, its square, and largest
 errors (noise, shape) of the readings of half a dwell; ``before``: mean and lower bound of the block before. ``onset``:
-what the sample of the present slip is from: 0 nothing, 1 q when it was noticed, 2 the peak before a drop. ``plateau``:
-count, sum and largest error of its q. The rest is the result; ``changes`` counts them."""
+what the sample of the present slip is from: 0 nothing, 1 q when it was noticed, 2 the peak before a drop; ``onset_s``:
+when it was noticed. ``plateau``: count, sum and largest error of its q. The rest is the result."""
 
 
 @compiled
@@ -97,7 +100,7 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool, raises:
                 end_grasp(rows)
             row["slipping"] = False
             continue
-        if not (teaches and q > 0.0):
+        if not (teaches and 0.0 < q < math.inf):
             row["slipping"] = found["slips"]
             row["block_count"] = 0
             row["before"][0] = math.nan
@@ -107,7 +110,7 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool, raises:
         if found["slips"]:
             row["block_count"] = 0
             row["before"][0] = math.nan
-            _slide(rows, q, found["peak_required"], found["plateau_required"], noise, shape)
+            _slide(rows, reading["t_s"], q, found["peak_required"], found["plateau_required"], noise, shape)
         else:
             _carry(rows, reading["t_s"], q, noise, shape, raises)
         row["slipping"] = found["slips"]
@@ -150,12 +153,12 @@ def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float, raises:
 
 
 @compiled
-def _slide(rows: Rows, q: float, peak: float, plateau: float, noise: float, shape: float) -> None:
+def _slide(rows: Rows, t_s: float, q: float, peak: float, plateau: float, noise: float, shape: float) -> None:
     """Take samples from a reading that slips: one of μ_s at the onset, and one of μ_d that the plateau refines."""
     row = rows[0]
     sums = row["plateau"]
     if not row["slipping"]:
-        row["onset"] = 0
+        row["onset"], row["onset_s"] = 0, t_s
         sums[0], sums[1], sums[2] = 0.0, 0.0, 0.0
     changed = False
     if peak > 0.0 and row["onset"] < 2:
@@ -166,7 +169,7 @@ def _slide(rows: Rows, q: float, peak: float, plateau: float, noise: float, shap
         row["onset"], changed = 1, True
     if changed:
         row["floor"] = 0.0  # a later slip says more than what was carried before
-    if plateau > 0.0:
+    if plateau > 0.0 and t_s - row["onset_s"] <= PLATEAU_S:
         sums[0] += 1.0
         sums[1] += plateau
         sums[2] = max(sums[2], math.hypot(noise, shape))

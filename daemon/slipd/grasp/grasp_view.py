@@ -40,6 +40,7 @@ class GraspState:
         internal_n: Grip force, N on one pad.
         grip_needed_n: Least grip force that holds both fingers with their configured safety, N on one pad; None also
             where no force would hold them.
+        grip_kept_n: Likewise without what friction was learned above the stated one: the reflex lowers no further.
         utilisation: λ of the worse finger; None also where no grip holds.
         width_m: Width between the pads, m.
     """
@@ -48,6 +49,7 @@ class GraspState:
     reasons: tuple[str, ...]
     internal_n: float | None
     grip_needed_n: float | None
+    grip_kept_n: float | None
     utilisation: float | None
     width_m: float | None
 
@@ -115,11 +117,13 @@ class GraspView:
         level = self.level()
         reasons = dict.fromkeys(why for verdict in verdicts if verdict.level == level for why in verdict.reasons)
         normal_n = _normal_n(first), _normal_n(second)
+        needed_n = grasp_needed_n(normal_n, (_needed_n(first), _needed_n(second)))
         self.state = GraspState(
             level,
             tuple(reasons),
             finite_or_none(internal_force(*normal_n)),
-            finite_or_none(grasp_needed_n(normal_n, (_needed_n(first), _needed_n(second)))),
+            finite_or_none(needed_n),
+            finite_or_none(needed_n * max(_learned_rise(first), _learned_rise(second))),
             finite_or_none(grasp_utilisation(_utilisation(first), _utilisation(second))),
             finite_or_none(width_m),
         )
@@ -174,6 +178,12 @@ def _utilisation(finger: Finger) -> float:
 def _needed_n(finger: Finger) -> float:
     needed = needed_normal_n(finger, finger.state)
     return math.nan if needed is None else needed
+
+
+def _learned_rise(finger: Finger) -> float:
+    """Return by which factor the friction in use is above the stated one; at least 1."""
+    friction, stated = finger.state.friction, finger.friction.stated
+    return 1.0 if friction is None or friction.mu is None or stated is None else max(friction.mu / stated, 1.0)
 
 
 def _wrench(finger: Finger, t_ns: int) -> tuple[float, ...]:
