@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from evaluate.scene import STEP_S, Contact, Hand, Kind, Load, Scene
@@ -16,6 +16,13 @@ Random = np.random.Generator
 
 FREE_S = 0.15
 """Every run begins with open fingers for so long."""
+
+GRAVITY_MPS2 = 9.81
+GYRATION_M = 0.025
+"""Radius of gyration of every object."""
+
+LOSS = 0.2
+"""Loss factor of the pads where the object turns on them, its slowest oscillation; that of soft silicone."""
 
 KINDS = ("disc", "ring", "rectangle", "square", "two_strips", "rounded")
 
@@ -62,7 +69,7 @@ def draw_contact(
     return Contact(
         patch=patch,
         friction=friction,
-        compliance=PadCompliance(1.5e8 * soft, 8e4 * soft),
+        compliance=PadCompliance(1.5e8 * soft),
         grip_n=log_uniform(rng, 5.0, 25.0),
         sensors=draw_sensors(rng) if sensors is None else sensors,
     )
@@ -72,6 +79,14 @@ def draw_sensors(rng: Random) -> FingerSensing:
     """Draw the noise of good to middling sensors."""
     force = ForceSensing(noise_n=log_uniform(rng, 0.01, 0.03), noise_nm=log_uniform(rng, 1e-4, 3e-4))
     return FingerSensing(force, PadSensing())
+
+
+def damped(pads: PadCompliance, patch: ContactPatch, held: GraspedObject) -> PadCompliance:
+    """Return pads whose loss factor is `LOSS` at about the frequency of the object's slowest oscillation."""
+    a, b = patch.half_length_m, patch.width_m
+    spring = 2.0 * pads.stiffness_n_per_m3 * math.pi * a * b * (a * a + b * b) / 4.0
+    rate = math.sqrt(spring / held.inertia_kgm2)
+    return replace(pads, damping_ns_per_m3=LOSS * pads.stiffness_n_per_m3 / rate)
 
 
 def pull(rng: Random, contact: Contact) -> Load:
@@ -144,13 +159,14 @@ class Course:
 
     def scene(self, kind: Kind, *, steady: tuple[float, float] | None = None, hand: Hand | None = None) -> Scene:
         """Return the scene; its mass is that of a weight at the largest load, so that it falls as fast as real ones."""
-        heaviest = float(np.hypot(*self.load[:, :2].T).max()) / 9.81
+        heaviest = float(np.hypot(*self.load[:, :2].T).max()) / GRAVITY_MPS2
         mass = min(max(heaviest, 0.05), 3.0)
-        held = GraspedObject(mass_kg=mass, inertia_kgm2=mass * 0.03**2)
+        held = GraspedObject(mass_kg=mass, inertia_kgm2=mass * GYRATION_M**2)
         contact = self.contact
+        pads = damped(contact.compliance, contact.patch, held)
         return Scene(
-            held, contact.patch, contact.friction, contact.compliance, self.load, np.maximum(self.grip, 0.0),
-            contact.sensors, kind, self.held_s, steady, hand,
+            held, contact.patch, contact.friction, pads, self.load, np.maximum(self.grip, 0.0), contact.sensors, kind,
+            self.held_s, steady, hand,
         )  # fmt: skip
 
     def hand(self, direction: Load, begin_s: float, used_per_s: float, *, stiff: float) -> Hand:
@@ -170,5 +186,5 @@ class Course:
         rate = np.array((fx / stiff, fy / stiff, torque / turning)) * used_per_s
         path = np.maximum(self.t - begin_s, 0.0)[:, None] * rate
         mass = 0.3
-        along, about = 0.3 * math.sqrt(stiff * mass), 0.3 * math.sqrt(turning * mass * 0.03**2)
+        along, about = 0.3 * math.sqrt(stiff * mass), 0.3 * math.sqrt(turning * mass * GYRATION_M**2)
         return Hand(path, (stiff, stiff, turning), (along, along, about))

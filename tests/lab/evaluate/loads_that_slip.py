@@ -87,7 +87,7 @@ def far_pole(rng: Random) -> Scene:
 def partial_slip(rng: Random) -> Scene:
     """Soft pads and a slow load: a long time of partial slip before gross slip."""
     contact = draw_contact(rng, kind=str(rng.choice(("disc", "rounded", "ring", "two_strips"))))
-    contact = replace(contact, compliance=replace(contact.compliance, stiffness_n_per_m3=4e7, damping_ns_per_m3=2e4))
+    contact = replace(contact, compliance=replace(contact.compliance, stiffness_n_per_m3=4e7))
     course = Course(rng, contact, 3.0)
     direction = combined(rng, contact) if rng.random() < 0.7 else pull(rng, contact)
     begin = course.held_s + 0.2
