@@ -41,8 +41,8 @@ class Requests(StrictModel):
     """``[requests]``: what clients may request.
 
     Attributes:
-        friction_without_lease: Any client may raise μ of a finger, which makes its verdicts more lenient. False: only
-            the client that holds the lease may.
+        friction_without_lease: Any client may raise μ of a finger, or name another object, which makes verdicts more
+            lenient. False: only the client that holds the lease may.
     """
 
     friction_without_lease: bool = False
