@@ -116,7 +116,7 @@ class PvdfPad:
         charge_n = self._sampled(scan_ns + self._delay_ns)
         noise = self._electronics.noise_counts * self._rng.standard_normal(charge_n.size)
         counts = np.rint(self._gain * charge_n + self._offset + noise)
-        clipped = np.clip(counts, -FULL_SCALE, FULL_SCALE).astype(np.int64)
+        clipped = np.minimum(np.maximum(counts, -FULL_SCALE), FULL_SCALE).astype(np.int64)
         device_us = scan_ns * (1e-3 + self._electronics.clock_ppm * 1e-9)
         dwell_us = self._electronics.dwell_ns * 1e-3
         data = pvdf.encode_scan(clipped.reshape(self._shape), self._scan, device_us, dwell_us)
@@ -128,13 +128,15 @@ class PvdfPad:
 
     def _sampled(self, times_ns: NDArray[np.int64]) -> Array:
         """Return the charge of each taxel at its own time, linear between those of the past."""
-        known_ns = np.array([t_ns for t_ns, _ in self._past])
-        after = np.clip(np.searchsorted(known_ns, times_ns), 1, len(known_ns) - 1)
-        late = (times_ns - known_ns[after - 1]) / (known_ns[after] - known_ns[after - 1])
-        charges_n = np.array([charge_n for _, charge_n in self._past])
-        taxel = np.arange(times_ns.size)
-        before_n = charges_n[after - 1, taxel]
-        return np.asarray(before_n + late * (charges_n[after, taxel] - before_n), dtype=np.float64)
+        known_ns, charges_n = zip(*self._past, strict=True)
+        ends = [0, *np.searchsorted(times_ns, known_ns[1:-1]).tolist(), times_ns.size]
+        out = np.empty(times_ns.size)
+        for k in range(len(known_ns) - 1):
+            part = slice(ends[k], ends[k + 1])
+            late = (times_ns[part] - known_ns[k]) * (1.0 / (known_ns[k + 1] - known_ns[k]))
+            before_n = charges_n[k][part]
+            out[part] = before_n + late * (charges_n[k + 1][part] - before_n)
+        return out
 
 
 class PvdfLine:

@@ -48,7 +48,7 @@ class Script:
     tug_speed_mps: float = 0.015
     tug_stiffness_n_per_m: float = 1500.0
     tug_damping_ns_per_m: float = 40.0
-    tug_slip_s: float = 0.3
+    tug_slip_s: float = 0.05
     set_down_s: float = 15.0
 
     def carried(self, t_s: float) -> float:

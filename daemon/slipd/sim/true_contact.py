@@ -17,12 +17,15 @@ from numpy.typing import ArrayLike
 
 from slipd.arrays import Array
 from slipd.fusion import utilisation
+from slipd.sim.stickslip import ContactPatch
 
 Load = tuple[float, float, float]
 """Tangential force along x and y, N, and spin torque about the centre of the contact, N·m."""
 
 ELECTRODE_SAMPLES = 7
 """Points across an electrode for its mean pressure; 7 by 7 are within 0.5 % of the integral."""
+
+_KINDS = {2.0: "disc", 4.0: "rounded"}
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,18 @@ class Patch:
         v = np.abs((np.asarray(y_m, dtype=float) - self.centre_m[1]) / self.half_width_m)
         rest = np.clip(1.0 - u**self.exponent - v**self.exponent, 0.0, None)
         return np.asarray(rest**0.5, dtype=np.float64)
+
+    def for_stick_slip(self) -> ContactPatch:
+        """Return the same contact for the physical simulator.
+
+        Raises:
+            ValueError: The exponent is neither 2 nor 4.
+        """
+        if self.exponent not in _KINDS:
+            raise ValueError(f"exponent must be 2 or 4, got {self.exponent}")
+        return ContactPatch(
+            _KINDS[self.exponent], self.half_length_m, self.half_width_m, exponent=0.5, centre_m=self.centre_m
+        )
 
     def mirrored(self) -> Patch:
         """Return the same contact in the frame of the right pad."""
@@ -120,42 +135,32 @@ def _volume(patch: Patch) -> float:
     return float(pressure.mean() * 4 * patch.half_length_m * patch.half_width_m)
 
 
-@dataclass(frozen=True, slots=True)
-class Need:
-    """The normal force that a load on one pad needs, and the motion that begins below it.
-
-    Attributes:
-        normal_n: Least normal force, N; divided by the actual normal force it is the true utilisation λ.
-        twist: Velocity of the centre of the contact and spin rate of that motion, up to a factor.
-    """
-
-    normal_n: float
-    twist: Load
-
-
 class FrictionLimit:
     """The friction limit of a patch: the limit surface on a grid of the true contact.
 
     Args:
         patch: The contact.
         cell_m: Side of a cell of the grid, m; with 2 mm the spin limit is within 0.5 % of the continuous contact.
+
+    Attributes:
+        gyration_m: Radius of gyration of the normal force about the centre of the patch, m.
     """
 
     def __init__(self, patch: Patch, cell_m: float = 0.002) -> None:
         self._x, self._y, self._shares = patch.cells(cell_m)
         self._about = np.array(patch.centre_m)
+        away_m = np.hypot(self._x - self._about[0], self._y - self._about[1])
+        self.gyration_m = math.sqrt(float(self._shares @ away_m**2))
 
-    def need(self, load: Load, mu: float) -> Need:
-        """Return what ``load`` on one pad, about the centre of the contact, needs at friction coefficient ``mu``."""
+    def need_n(self, load: Load, mu: float) -> float:
+        """Return the normal force that ``load`` on one pad, about the centre of the contact, needs at ``mu``, N.
+
+        Divided by the actual normal force it is the true utilisation λ.
+        """
         fx, fy, spin = load
         if fx == 0.0 and fy == 0.0 and spin == 0.0:
-            return Need(0.0, (0.0, 0.0, 0.0))
-        found = utilisation(self._x, self._y, self._shares, mu, np.array([fx, fy]), spin, self._about)
-        if found.pole_m is None:
-            return Need(found.value, (fx, fy, 0.0))
-        x, y = self._about - found.pole_m
-        sense = math.copysign(1.0, fy * x - fx * y + spin)  # the load drives the motion, so its power is positive
-        return Need(found.value, (-sense * float(y), sense * float(x), sense))
+            return 0.0
+        return utilisation(self._x, self._y, self._shares, mu, np.array([fx, fy]), spin, self._about).value
 
 
 def finger_load(load: Load, *, right: bool) -> Load:

@@ -10,13 +10,16 @@ from slipd.sim.emulated_bota import BotaMount, BotaSensor
 from slipd.sim.emulated_pvdf import PvdfElectronics, PvdfPad
 from slipd.sim.emulated_robotiq_2f import Gripper2F
 from slipd.sim.scene import Scene, Truth
-from slipd.sim.true_contact import Load, Pad, finger_load, pad_wrench
+from slipd.sim.true_contact import Pad
 
 LINES = ("left-wrench", "left-pad", "right-wrench", "right-pad", "gripper")
 """The devices, by the names of their lines."""
 
 LEFT_MOUNT = BotaMount()
 RIGHT_MOUNT = replace(LEFT_MOUNT, bias=(-0.8, 1.3, -3.1, -0.012, 0.024, -0.018), clock_ppm=-15.0)
+
+IMAGE_NS = 2_500_000
+"""How often the pads feel the load, ns: the grip force hardly changes within."""
 
 
 class _Finger:
@@ -25,19 +28,18 @@ class _Finger:
     def __init__(self, scene: Scene, mount: BotaMount, rng: np.random.Generator, *, right: bool) -> None:
         self._scene, self._right = scene, right
         patch, pad = (scene.patch.mirrored() if right else scene.patch), Pad()
-        self._centre_m = patch.centre_m
-        self._seen: tuple[Load, float] | None = None
         self.wrench = BotaSensor(mount, rng)
         self._shares = pad.shares(patch)
+        self._next_image_ns = 0
         self.pad = PvdfPad(pad.rows, pad.cols, PvdfElectronics(), rng)
 
     def advance(self, t_ns: int) -> tuple[bytes, bytes]:
-        scene = self._scene
-        if self._seen != (scene.friction, scene.normal_n):
-            self._seen = scene.friction, scene.normal_n
-            load = finger_load(scene.friction, right=self._right)
-            self.wrench.feel(*pad_wrench(load, scene.normal_n, self._centre_m))
-        return self.wrench.advance(t_ns), self.pad.advance(t_ns, scene.normal_n * self._shares)
+        wrench = self._scene.wrench(right=self._right)
+        self.wrench.feel(wrench[:3], wrench[3:])
+        if t_ns < self._next_image_ns:
+            return self.wrench.advance(t_ns), b""
+        self._next_image_ns = t_ns + IMAGE_NS
+        return self.wrench.advance(t_ns), self.pad.advance(t_ns, self._scene.normal_n * self._shares)
 
 
 class VirtualRig:

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import pytest
 from permits import activate, move
 
@@ -28,10 +30,7 @@ def active():
 
 
 def observed(gripper, **scene):
-    seen = Scene()
-    for name, value in scene.items():
-        setattr(seen, name, value)
-    gripper.observe(seen)
+    gripper.observe(SimpleNamespace(**{"moving": False, "in_contact": False, "normal_n": 0.0, **scene}))
     return gripper
 
 

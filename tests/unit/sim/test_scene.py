@@ -5,6 +5,7 @@ import pytest
 
 from slipd.sim.scene import GripCommand, Scene
 from slipd.sim.scene_script import Script
+from slipd.sim.stickslip import FrictionLaw
 from slipd.sim.true_contact import Patch
 
 CLOSE_S, OPEN_S, END_S, SPEED_MPS = 1.5, 16.0, 18.0, 0.05
@@ -18,8 +19,14 @@ def play(scene, force_n=lambda t: 7.0, until_s=END_S, step_s=0.001):
         t = i * step_s
         width = 0.0 if CLOSE_S <= t < OPEN_S else scene.open_width_m
         scene.step(t, GripCommand(width, SPEED_MPS, force_n(t)))
-        seen.append((t, scene.normal_n, scene.utilisation, scene.sliding, scene.friction, scene.width_m))
+        seen.append((t, scene.normal_n, scene.sliding, carried(scene), scene.width_m))
     return scene, seen
+
+
+def carried(scene):
+    """Return the load that both pads carry, about the centre of the contact."""
+    (fx, fy, _, _, _, about_origin), (cx, cy) = scene.wrench(right=False), scene.patch.centre_m
+    return 2 * fx, 2 * fy, 2 * (about_origin - cx * fy + cy * fx)
 
 
 def times(scene, event):
@@ -59,35 +66,52 @@ def test_a_round_contact_begins_to_turn_at_the_closed_form_limit():
     radius_m, mu = 0.01, 0.6
     script = Script(pour_n_per_s=0.001, lever_m=20.0, tug_s=NEVER)  # a torque with hardly any weight
     scene, _ = play(
-        Scene(script, Patch(radius_m, radius_m, 2.0, (0.0, 0.0)), mass_kg=1e-3, mu_s=mu, cell_m=0.0005), until_s=10.0
+        Scene(
+            script,
+            Patch(radius_m, radius_m, 2.0, (0.0, 0.0)),
+            FrictionLaw(mu, mu),
+            mass_kg=0.02,
+            inertia_kgm2=2e-4,
+            cell_m=0.001,
+        ),
+        until_s=10.0,
     )
     limit_nm = 2 * 3 * math.pi / 16 * mu * 7.0 * radius_m
-    assert times(scene, "slide_begins")[0] - 6.0 == pytest.approx(limit_nm / 0.02, rel=0.005)
+    assert times(scene, "slide_begins")[0] - 6.0 == pytest.approx(
+        limit_nm / 0.02, rel=0.015
+    )  # it takes a while to be fast
 
 
-def test_a_pulled_object_slips_at_mu_s_and_the_friction_ratio_drops_to_mu_d():
+def test_a_pulled_object_slips_at_mu_s_and_the_friction_ratio_drops_towards_mu_d():
     scene, seen = play(Scene(Script(pour_s=NEVER, drain_s=NEVER)), raised(3.0, 12.0), until_s=14.8)
-    begin, end = times(scene, "slide_begins")[0], times(scene, "slide_ends")[0]
-    ratio = {round(t, 3): math.hypot(*friction[:2]) / 2 / n for t, n, _, _, friction, _ in seen if n > 0}
-    assert ratio[round(begin - 0.001, 3)] == pytest.approx(0.6, rel=0.002)
-    assert ratio[round(begin, 3)] == pytest.approx(0.45, rel=1e-6)
-    assert ratio[round(end - 0.002, 3)] == pytest.approx(0.45, rel=1e-6)
-    assert ratio[round(end + 0.001, 3)] < 0.45
-    assert 0.2 < end - begin < 0.4
-    assert 0.003 < math.hypot(*scene.displacement_m) < 0.015
-    assert scene.angle_rad == 0.0
+    (begin,), (end,) = times(scene, "slide_begins"), times(scene, "slide_ends")
+    ratio = {round(t, 3): math.hypot(*load[:2]) / 2 / n for t, n, _, load, _ in seen if n > 0}
+    assert max(ratio.values()) == pytest.approx(0.6, rel=0.01)
+    assert max(ratio, key=ratio.get) == pytest.approx(begin, abs=0.01)
+    assert min(ratio[round(begin + k * 1e-3, 3)] for k in range(10, 40)) == pytest.approx(0.45, rel=0.05)
+    assert ratio[round(end + 0.05, 3)] < 0.45
+    assert 0.04 < end - begin < 0.1
+    assert 0.001 < math.hypot(*scene.displacement_m) < 0.015
+    assert abs(scene.angle_rad) < 0.01
 
 
 def test_without_help_the_box_turns_when_forecast_and_falls():
     scene, seen = play(Scene())
     (begin,) = times(scene, "slide_begins")
-    assert scene.rotation_would_begin_s == pytest.approx(begin, abs=0.002)
+    assert scene.rotation_would_begin_s == pytest.approx(begin, abs=0.03)  # half a percent of the torque
     assert 9.0 < begin < 10.0
     assert times(scene, "dropped")
     assert scene.angle_rad > 0.9
-    assert math.hypot(*scene.displacement_m) < 0.01, "it turns and does not shift"
-    spin = {round(t, 3): friction[2] for t, *_, friction, _ in seen}
-    assert spin[round(begin, 3)] == pytest.approx(0.75 * spin[round(begin - 0.001, 3)], rel=0.01)
+    assert math.hypot(*scene.displacement_m) < 0.01, "it turns and hardly shifts"
+    spin = {round(t, 3): load[2] for t, *_, load, _ in seen}
+    sliding = [spin[round(begin + k * 1e-3, 3)] for k in range(20, 150)]
+    assert min(sliding) < 0.85 * spin[round(begin - 0.02, 3)]
+
+
+def test_the_truth_of_the_utilisation_is_one_where_the_box_begins_to_turn():
+    scene, _ = play(Scene(), until_s=9.6)
+    begins = next(truth for truth in scene.truth if truth.event == "slide_begins")
+    assert begins.values["utilisation"] == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_timely_raise_of_the_grip_saves_the_box_until_the_tug():
@@ -96,7 +120,7 @@ def test_a_timely_raise_of_the_grip_saves_the_box_until_the_tug():
     assert len(begins) == len(ends) == 1
     assert 13.0 < begins[0] < ends[0] < 15.0
     assert not times(scene, "dropped")
-    assert all(load <= 0.75 for t, _, load, *_ in seen if 9.5 < t < 13.0)
+    assert not any(sliding for t, _, sliding, *_ in seen if t < 13.0)
     assert scene.width_m == scene.open_width_m
 
 
@@ -117,9 +141,9 @@ def test_a_firm_grip_is_forecast_to_hold():
 
 def test_while_it_sticks_friction_carries_the_load():
     scene, seen = play(Scene(), raised(8.8, 14.0), until_s=12.9)
-    for t, _, _, sliding, friction, _ in seen:
+    for t, _, sliding, load, _ in seen:
         assert not sliding
-        assert friction == scene.script.weight(t, scene.mass_kg)
+        assert load == pytest.approx(scene.script.weight(t, scene.mass_kg), abs=0.03)
 
 
 def test_opening_in_the_air_drops_the_box():
@@ -128,7 +152,7 @@ def test_opening_in_the_air_drops_the_box():
         scene.step(5.0 + i * 0.001, GripCommand(scene.open_width_m, SPEED_MPS, 7.0))
     assert times(scene, "dropped")
     assert scene.normal_n == 0.0
-    assert scene.friction == (0.0, 0.0, 0.0)
+    assert scene.wrench(right=False).tolist() == [0.0] * 6
 
 
 def test_a_gripper_that_closes_too_late_leaves_the_box_behind():
@@ -152,8 +176,3 @@ def test_time_does_not_go_back():
     scene.step(1.0, GripCommand(0.085, SPEED_MPS, 7.0))
     with pytest.raises(ValueError, match="t_s must not decrease"):
         scene.step(0.5, GripCommand(0.085, SPEED_MPS, 7.0))
-
-
-def test_dynamic_friction_above_static_is_refused():
-    with pytest.raises(ValueError, match="mu_d"):
-        Scene(mu_s=0.4, mu_d=0.5)

@@ -158,15 +158,15 @@ def test_the_reported_contact_is_the_true_contact(heeded):
 
 def test_rotation_is_warned_of_well_before_it_would_begin(unheeded):
     warned, begins = unheeded.reported("warning", "rotation"), unheeded.truth("slide_begins")
-    assert begins == pytest.approx(unheeded.rig.scene.rotation_would_begin_s, abs=0.01)
+    assert begins == pytest.approx(unheeded.rig.scene.rotation_would_begin_s, abs=0.03)
     assert 0.5 < begins - warned < 1.5
     assert unheeded.reported("caution", "rotation") < warned
 
 
 def test_an_ignored_warning_ends_in_a_reported_slip_and_a_dropped_box(unheeded):
-    begins = unheeded.truth("slide_begins")
-    assert begins <= unheeded.reported("slipping", "slip_detected") < begins + 0.05
-    assert unheeded.truth("dropped") is not None
+    begins, reported = unheeded.truth("slide_begins"), unheeded.reported("slipping", "slip_detected")
+    assert begins <= reported < begins + 0.2  # a rotation begins slowly: it has turned by a few degrees then
+    assert unheeded.truth("dropped") > reported + 0.2
 
 
 def test_a_heeded_warning_saves_the_box(heeded):

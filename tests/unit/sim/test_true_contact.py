@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from slipd.fusion import contact_from_wrench
+from slipd.sim.stickslip import FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
 from slipd.sim.true_contact import FrictionLimit, Pad, Patch, finger_load, pad_wrench
 
 MU = 0.6
@@ -14,31 +15,39 @@ def disc(radius_m: float) -> Patch:
 
 
 def test_a_round_hertz_contact_resists_the_spin_of_the_closed_form():
-    needed = FrictionLimit(disc(0.01), cell_m=0.001).need((0.0, 0.0, 0.02), MU).normal_n
+    needed = FrictionLimit(disc(0.01), cell_m=0.001).need_n((0.0, 0.0, 0.02), MU)
     assert needed == pytest.approx(0.02 / (3 * math.pi / 16 * MU * 0.01), rel=0.005)
 
 
 def test_a_pure_pull_needs_its_size_over_mu_whatever_the_patch():
-    need = FrictionLimit(Patch()).need((3.0, -4.0, 0.0), MU)
-    assert need.normal_n == pytest.approx(5.0 / MU, rel=1e-6)
-    assert need.twist == (3.0, -4.0, 0.0)
-
-
-@pytest.mark.parametrize("load", [(0.0, 0.0, 0.02), (0.0, 0.0, -0.02), (2.0, 0.5, 0.03), (2.0, 0.5, -0.03)])
-def test_a_load_drives_the_motion_that_it_begins(load):
-    need = FrictionLimit(Patch()).need(load, MU)
-    assert np.dot(need.twist, load) > 0.0
-    assert need.twist[2] * load[2] > 0.0
+    assert FrictionLimit(Patch()).need_n((3.0, -4.0, 0.0), MU) == pytest.approx(5.0 / MU, rel=1e-6)
 
 
 def test_no_load_needs_no_grip():
-    assert FrictionLimit(Patch()).need((0.0, 0.0, 0.0), MU).normal_n == 0.0
+    assert FrictionLimit(Patch()).need_n((0.0, 0.0, 0.0), MU) == 0.0
 
 
 def test_a_coarse_grid_gives_the_limit_of_a_fine_one():
     load = (1.5, 0.3, 0.03)
-    coarse, fine = (FrictionLimit(Patch(), cell_m).need(load, MU).normal_n for cell_m in (0.002, 0.0005))
+    coarse, fine = (FrictionLimit(Patch(), cell_m).need_n(load, MU) for cell_m in (0.002, 0.0005))
     assert coarse == pytest.approx(fine, rel=0.005)
+
+
+def test_the_radius_of_gyration_is_that_of_the_closed_form():
+    assert FrictionLimit(disc(0.01), cell_m=0.0005).gyration_m == pytest.approx(0.01 * math.sqrt(0.4), rel=0.005)
+
+
+@pytest.mark.parametrize("patch", [Patch(), disc(0.012)])
+def test_the_physical_simulator_presses_the_same_patch(patch):
+    t = np.array([0.0, 0.001])
+    history = LoadHistory(t, np.zeros((2, 2)), np.zeros(2), np.full(2, 6.0))
+    trace = simulate(GraspedObject(), patch.for_stick_slip(), FrictionLaw(), PadCompliance(), history)
+    assert trace.taxel_loads(Pad(), [0.0])[0] == pytest.approx(6.0 * Pad().shares(patch), rel=0.02, abs=1e-3)
+
+
+def test_a_patch_that_the_physical_simulator_does_not_know_is_refused():
+    with pytest.raises(ValueError, match="exponent must be 2 or 4"):
+        Patch(exponent=3.0).for_stick_slip()
 
 
 def test_the_cells_balance_about_the_patch_centre():

@@ -13,7 +13,7 @@ from slipd.sim.stickslip.friction_law import FrictionLaw
 from slipd.sim.stickslip.grasp_parts import GraspedObject, PadCompliance, Pair
 from slipd.sim.stickslip.pressed_patch import FIELD, PressedPatch, Taxels
 
-TICK_S = 0.001
+TICK_S = 0.00125
 """The pressure follows grip force, tilt and displacement at least this often, s."""
 
 STEP_S = 2.5e-4
