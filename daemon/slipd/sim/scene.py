@@ -43,7 +43,7 @@ FORECAST_S = 1e-4
 FREE = np.zeros(6)
 
 MIRROR = np.array((1.0, -1.0, 1.0, -1.0, 1.0, -1.0))
-"""The wrench on the right finger over that on the left one: nothing tilts the box, so the contacts mirror each other."""
+"""The wrench on the right finger over that on the left one: nothing tilts the box, so the contacts are mirrored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Scene:
         grip_lag_s: Time constant with which the grip force follows the command.
         lost_at_m: A box that has slid this far falls.
         lost_at_rad: A box that has turned this far falls.
-        cell_m: Cell of the grid of the true contact; with 2.5 mm the demo slips within 30 ms of when it does with 1 mm.
+        cell_m: Cell of the grid of the true contact; with 2 mm the demo slips within 10 ms of when it does with 1 mm.
         truth: All events so far.
         t_s: Time of the last step.
         width_m: Distance between the pads.
@@ -108,7 +108,7 @@ class Scene:
     grip_lag_s: float = 0.06
     lost_at_m: float = 0.040
     lost_at_rad: float = 1.0
-    cell_m: float = 0.0025
+    cell_m: float = 0.002
 
     truth: list[Truth] = field(default_factory=list, init=False)
     t_s: float = field(default=0.0, init=False)

@@ -111,7 +111,7 @@ def test_without_help_the_box_turns_when_forecast_and_falls():
 def test_the_truth_of_the_utilisation_is_one_where_the_box_begins_to_turn():
     scene, _ = play(Scene(), until_s=9.6)
     begins = next(truth for truth in scene.truth if truth.event == "slide_begins")
-    assert begins.values["utilisation"] == pytest.approx(1.0, abs=0.02)
+    assert begins.values["utilisation"] == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_timely_raise_of_the_grip_saves_the_box_until_the_tug():
