@@ -93,7 +93,8 @@ class SteppedGrasp:
         """Return an upper bound of the angular frequency of the object on its bristles, rad/s."""
         x, y = self.contact.cells - np.array(self._held.centre_of_mass_m)[:, None]
         k = 2.0 * self._law.stiffness
-        return math.sqrt(k * x.size / self._held.mass_kg + k * float(x @ x + y @ y) / self._held.inertia_kgm2)
+        turning = math.fsum((x * x + y * y).tolist())  # exact, so that the steps do not depend on the processor
+        return math.sqrt(k * x.size / self._held.mass_kg + k * turning / self._held.inertia_kgm2)
 
     def _allocate(self, pads: int) -> None:
         """Make the arrays for one simulated pad, which stands for both, or for two that differ."""

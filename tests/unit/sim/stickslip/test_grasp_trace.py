@@ -9,7 +9,7 @@ import pytest
 from stick_slip_scenes import GRIP_N, STEADY, history, ramp, simulate
 
 from slipd.fusion import contact_from_wrench
-from slipd.sim.stickslip import ContactPatch
+from slipd.sim.stickslip import ContactPatch, GraspedObject
 from slipd.sim.true_contact import Pad, finger_load, pad_wrench
 
 PATCH = ContactPatch("rounded", 0.018, 0.009, centre_m=(0.002, -0.001))
@@ -27,6 +27,16 @@ def test_the_wrench_of_a_finger_is_that_of_half_the_load_in_its_frame(*, right: 
     assert wrench == pytest.approx(np.concatenate((force, torque)), abs=5e-6), "the load has moved by microns"
     contact = contact_from_wrench(wrench[:3], wrench[3:])
     assert contact.centroid_m == pytest.approx(centre, abs=1e-9)
+
+
+@pytest.mark.parametrize("about", [(0.0, 0.0), (0.03, 0.0), (-0.02, 0.05)])
+def test_a_force_at_a_point_of_the_object_turns_it_by_its_lever(about: tuple[float, float]) -> None:
+    load = history([(0.0, 0.0, 0.0), (0.8, 0.6, 0.004), (0.8, 0.6, 0.004)], [0.0, 0.5, 1.0])
+    held = GraspedObject(centre_of_mass_m=(0.01, -0.02))
+    trace = simulate(PATCH, STEADY, replace(load, about_m=about), held=held)
+    expected = 0.004 + about[0] * 0.6 - about[1] * 0.8
+    assert trace.wrench_left[-1, 5] == pytest.approx(expected / 2, abs=2e-4)
+    assert trace.wrench_right[-1, 5] == pytest.approx(-expected / 2, abs=2e-4)
 
 
 def test_the_image_carries_the_force_and_its_centroid() -> None:
@@ -52,7 +62,7 @@ def test_the_patch_grows_with_the_force() -> None:
 
 
 def test_utilisation_counts_what_both_pads_of_a_tilted_grasp_carry_and_nothing_without_a_contact() -> None:
-    load = history([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)], [0.0, 0.4], [10.0, 10.0])
+    load = history([(0.0, 0.0, 0.0), (3.0, 4.0, 0.011)], [0.0, 0.4])
     tilt = np.tile((0.05, 0.05), (len(load.t_s), 1))
     trace = simulate(PATCH, STEADY, replace(load, tilt_nm=tilt))
     assert trace.utilisation_at(np.array((200, 400))) == pytest.approx((0.25, 0.5), rel=0.02)

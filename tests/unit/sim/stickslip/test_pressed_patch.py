@@ -7,6 +7,7 @@ import pytest
 from stick_slip_scenes import GRIP_N, PAD, STEADY, history, onset, ramp, simulate
 
 from slipd.sim.stickslip import ContactPatch, FrictionLaw, FrictionMap, GraspedObject, LoadHistory, PadCompliance
+from slipd.sim.stickslip.pressed_patch import FIELD, PressedPatch
 from slipd.sim.true_contact import Pad
 
 NOTHING = (0.0, 0.0, 0.0)
@@ -84,6 +85,25 @@ def test_the_rest_of_a_contact_bears_the_whole_grip_when_the_object_ends_on_the_
     trace = simulate(ContactPatch("rectangle", 0.018, 0.009, exponent=0.0), STEADY, ramp(NOTHING, 0.005), held=box)
     assert trace.pressure(-1).loads_n.sum() == pytest.approx(GRIP_N)
     assert trace.wrench_left[-1, 4] / GRIP_N == pytest.approx((-0.018 + 0.005) / 2, abs=1e-4)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_object_that_has_turned_presses_where_its_faces_are(*, moves: bool) -> None:
+    angle, x, y = 0.5, 0.003, -0.002
+    bar = GraspedObject(half_width_m=0.004)
+    patch = PressedPatch(ContactPatch("disc", 0.012, None, moves_with_object=moves), bar, STEADY, PAD, 0.0005, GRIP_N)
+    motion, field = np.array((x, y, angle)), np.zeros(FIELD)
+    patch.place(motion)
+    loads, holds = np.zeros((2, patch.cells.shape[1]))
+    patch.press(GRIP_N, (0.0, 0.0), 0, loads, holds, field)
+    across = np.cos(angle) * (patch.on_pad[1] - y) - np.sin(angle) * (patch.on_pad[0] - x)
+    assert np.abs(across[loads > 0.0]).max() == pytest.approx(0.004, abs=0.0004)
+    assert across == pytest.approx(patch.on_object[1], abs=1e-12)
+    taxel_x, taxel_y = Pad().centres()
+    image = patch.read(Pad(), motion, GRIP_N, field, right=False)
+    across = np.cos(angle) * (taxel_y - y) - np.sin(angle) * (taxel_x - x)
+    assert np.abs(across[image > 0.0]).max() < 0.004 + Pad().electrode_m
+    assert image.sum() == pytest.approx(GRIP_N, rel=0.1)
 
 
 def test_a_wet_object_slides_at_its_factor() -> None:

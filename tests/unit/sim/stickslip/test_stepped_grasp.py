@@ -12,7 +12,7 @@ from slipd.sim.stickslip import ContactPatch, FrictionLaw, SteppedGrasp
 from slipd.sim.true_contact import Pad
 
 NOTHING = (0.0, 0.0, 0.0)
-PATCH = ContactPatch("rounded", 0.018, 0.009, growth=0.2)
+PATCH = ContactPatch("rounded", 0.018, 0.009, growth=1 / 3)
 LAW = FrictionLaw()
 
 
