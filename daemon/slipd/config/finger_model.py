@@ -136,6 +136,8 @@ class Finger(StrictModel):
         mu_max: Largest μ that `friction.set` accepts, and that may be learned; None: twice ``mu``, at most 2.
         mu_spread: Relative standard deviation of ``mu``, and of what `friction.set` states; 0: it is known exactly,
             and none is learned.
+        mu_rotation: Coefficient of friction that limits a rotation, for taxels whose gains for shear and pressure are
+            not calibrated against each other; None: ``mu``.
         min_normal_n: Below this normal force there is no contact, N.
         load_rule: How the normal force is distributed over the taxels.
         contact_growth: Exponent with which the size of the contact grows with the normal force: 0 rigid, 1/3 Hertz.
@@ -148,6 +150,7 @@ class Finger(StrictModel):
     mu: Friction | None = None
     mu_max: Friction | None = None
     mu_spread: Spread = 0.1
+    mu_rotation: Friction | None = None
     min_normal_n: Positive = 0.3
     load_rule: Literal["matched", "grey", "binary"] = "matched"
     contact_growth: float = Field(default=0.0, ge=0.0, le=1.0)

@@ -21,6 +21,7 @@ from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.named_object import NamedObject
+from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex_controller import make_reflex_controller
 from slipd.publish.finger_publisher import FingerPublisher
@@ -56,6 +57,7 @@ class Engine:
         self._gripper = self._make_gripper(config)
         self._policy = policy_without_gripper() if self._gripper is None else self._gripper.policy
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
+        self._pad_motion = make_pad_motion(config.levels, list(self._fingers.values()))
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
         self._recordings = RecordingState(boot, wall_minus_monotonic_ns)
         self._lateness = Lateness()
@@ -169,10 +171,19 @@ class Engine:
                     self._run_reflex(t_ns, out)
                     publisher.publish_batch(batch, out)
                 publisher.publish_image(acquired_ns, out)
+                self._look_for_motion(acquired_ns, t_ns, out)
                 if arrival.waited_ns:
                     self._publish_batches(finger.decide_delayed(t_ns, arrival.unread_ns), publisher, t_ns, out)
         if self._grasp_publisher is not None:
             self._grasp_publisher.publish(t_ns, out)
+
+    def _look_for_motion(self, acquired_ns: int, t_ns: int, out: list[Output]) -> None:
+        """Publish at once that the images of the pads show motion."""
+        found = [] if self._pad_motion is None else self._pad_motion.update(acquired_ns)
+        if found:
+            self._run_reflex(t_ns, out)
+        for finger, state in found:
+            self._finger_publishers[finger.name].publish_state(state, out)
 
     def _handle_gripper_samples(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
         for sample in samples:
