@@ -1,0 +1,110 @@
+"""Pads that measure the force themselves show that the object turns or slides: raw counts through the whole engine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from project import CONFIG
+
+from slipd import config
+from slipd.arrays import Array
+from slipd.devices import xela
+from slipd.engine.engine import Engine
+from slipd.events import Bytes, LinkUp, Publish, Tick
+
+START_NS = 1_000_000_000
+PERIOD_NS = 100_000_000
+TEXT = (CONFIG / "grips.toml").read_text(encoding="utf-8")
+GRID = np.stack(np.meshgrid(np.arange(4.0) - 1.5, np.arange(4.0) - 1.5), axis=-1).reshape(16, 2)
+"""Centres of the taxels in pitches, in scan order."""
+
+
+def counts(sensor: str, text: str, *, total: float, spin: float, edge: float) -> Array:
+    """Return the counts of a pad of which the object covers all but what lies beyond ``edge`` pitches along x.
+
+    Args:
+        sensor: "1" or "2"; the second carries the opposite spin.
+        text: Config with the zero of the pads.
+        total: Normal load, counts.
+        spin: Spin over (normal load × mean lever).
+        edge: Place of the object's edge.
+    """
+    pads = config.parse(text, "test").finger
+    zero = next(finger.pad.tare for finger in pads.values() if finger.pad and finger.pad.sensor == sensor)
+    share = np.clip(edge - GRID[:, 0] + 0.5, 0.0, 1.0)
+    share = share / share.sum()
+    arm = GRID - share @ GRID
+    lever = np.hypot(*arm.T)
+    sense = 1.0 if sensor == "1" else -1.0
+    shear = sense * spin * total * (share / np.where(lever > 0.0, lever, 1.0))[:, None]
+    shear = shear * np.column_stack([-arm[:, 1], arm[:, 0]])
+    return np.asarray((np.reshape(zero, (16, 3)) + np.column_stack([shear, total * share])).ravel().round())
+
+
+def run(looks: list[dict[str, float]], text: str = TEXT) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield the changes of level with the look at which they came, of a grasp that gives these looks."""
+    settings = config.parse(text, "test")
+    engine = Engine(settings, boot="test", wall_minus_monotonic_ns=0)
+    (link,) = engine.links.values()
+    engine.handle(LinkUp(link.name, link.address), START_NS)
+    engine.handle(Bytes(link.name, b'{"message":"Welcome"}'), START_NS)
+    rng = np.random.default_rng(3)
+    for k, look in enumerate(looks):
+        t_ns = START_NS + k * PERIOD_NS
+        pads = {
+            sensor: np.clip(counts(sensor, text, **look) + rng.normal(0.0, 2.0, 48).round(), 0, 65535).astype(np.uint16)
+            for sensor in "12"
+        }
+        outputs = []
+        for repeat in range(4):  # the server sends each reading four times
+            at_ns = t_ns + repeat * PERIOD_NS // 4
+            outputs += engine.handle(Bytes(link.name, xela.encode_message(4 * k + repeat, pads, at_ns / 1e9)), at_ns)
+            outputs += engine.handle(Tick(), at_ns + 1)
+        for output in outputs:
+            if isinstance(output, Publish) and output.topic == "warning":
+                yield k, output.body
+
+
+def hold(spin: float = 0.02, edge: float = 1.0, total: float = 20_000.0) -> dict[str, float]:
+    return {"total": total, "spin": spin, "edge": edge}
+
+
+def slips(looks: list[dict[str, float]], text: str = TEXT) -> list[tuple[int, str, list[str]]]:
+    """Return look, finger and evidence of every report of slip."""
+    return [(k, body["finger"], body["evidence"]) for k, body in run(looks, text) if body["level"] == "slipping"]
+
+
+def test_a_box_that_swings_is_reported_on_both_fingers_as_it_begins() -> None:
+    swing = [hold(0.05), hold(0.07, 0.97), hold(0.08, 0.85), hold(0.08, 0.6), hold(0.08, 0.3)]
+    found = slips([hold()] * 20 + swing)
+    assert [finger for _k, finger, _evidence in found[:2]] == ["left", "right"]
+    assert found[0][0] in (21, 22)
+    assert all(evidence == ["image_change"] for _k, _finger, evidence in found)
+
+
+def test_a_box_that_swings_is_reported_without_a_known_coefficient_a_little_later() -> None:
+    text = "\n".join(line for line in TEXT.splitlines() if not line.startswith("mu"))
+    found = slips([hold()] * 20 + [hold(0.07, 0.97), hold(0.08, 0.85), hold(0.08, 0.5), hold(0.08, 0.0)], text)
+    assert found
+    assert found[0][0] in (22, 23)
+
+
+def test_a_grip_that_closes_or_opens_is_no_slip() -> None:
+    closing = [hold(0.01, 0.5 + 0.05 * k, 4_000.0 * 1.2**k) for k in range(10)]
+    opening = [hold(0.01, 0.95 - 0.05 * k, 20_000.0 * 0.8**k) for k in range(6)]
+    assert slips(closing + [hold(0.01, 1.0, 20_700.0)] * 10 + opening) == []
+
+
+def test_an_arm_that_shakes_a_held_box_is_no_slip() -> None:
+    looks = [hold(0.06 * np.sin(0.7 * k), 1.0 + 0.01 * np.sin(0.7 * k)) for k in range(200)]
+    assert slips(looks) == []
+
+
+def test_the_slip_ends_when_the_motion_ends() -> None:
+    looks = [hold()] * 20 + [hold(0.08, 0.85), hold(0.08, 0.6)] + [hold(0.04, 0.6)] * 10
+    levels = [(k, body["level"]) for k, body in run(looks) if body["finger"] == "left"]
+    began = next(k for k, level in levels if level == "slipping")
+    after = [level for k, level in levels if k > began]
+    assert after[-1] != "slipping"
