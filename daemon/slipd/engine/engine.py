@@ -54,7 +54,10 @@ class Engine:
         sequencer = MessageSequencer(boot, config.config_id, wall_minus_monotonic_ns)
         self._links = make_links(config)
         self._fingers = {name: Finger(name, finger, config.levels) for name, finger in config.finger.items()}
-        self._gripper = self._make_gripper(config)
+        self._gripper: GripperControl | None = None
+        if config.gripper is not None:
+            session = cast("GripperSession", self._links[GRIPPER_LINK].session)
+            self._gripper = GripperControl(config.gripper, session, self._fingers)
         self._policy = policy_without_gripper() if self._gripper is None else self._gripper.policy
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
         self._pad_motion = make_pad_motion(config.levels, list(self._fingers.values()))
@@ -122,12 +125,6 @@ class Engine:
     def farewell(self) -> list[Write]:
         """End the run and return the last bytes for the devices; nothing moves, and a gripper keeps its grip."""
         return [Write(name, last) for name, link in self._links.items() if (last := link.farewell())]
-
-    def _make_gripper(self, config: Config) -> GripperControl | None:
-        if config.gripper is None:
-            return None
-        session = cast("GripperSession", self._links[GRIPPER_LINK].session)
-        return GripperControl(config.gripper, session, self._fingers)
 
     # Bytes and the readings in them
 

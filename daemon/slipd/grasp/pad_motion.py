@@ -71,18 +71,19 @@ def make_pad_motion(levels: Levels, fingers: Sequence[Finger]) -> PadMotion | No
 
 
 def _load(finger: Finger) -> tuple[float, float] | None:
-    """Return utilisation by the spin alone, signed, and by the whole load; 0 for both where μ is unknown.
+    """Return utilisation by the spin alone, signed, and by the whole load; 0 for both where no friction is stated.
 
-    None without a contact and an image of it, or where the readings are not trusted.
+    None without a contact and an image of it, or where the readings are not trusted. The stated friction counts, not
+    what this grasp taught: a look is compared with what was carried before it.
     """
-    state, mu = finger.state, finger.friction.mu
+    state, friction = finger.state, finger.friction
     contact, distribution = state.contact, state.load_distribution
     if contact is None or distribution is None or math.isnan(contact.spin_nm) or not finger.is_trusted:
         return None
-    limit, used = finger.config.mu_rotation or mu, state.utilisation
-    if limit is None or used is None:
+    stated, used = friction.stated, state.utilisation
+    if stated is None or friction.mu is None or used is None or not math.isfinite(used.value):
         return 0.0, 0.0
     x, y, loads = distribution.x - contact.cx_m, distribution.y - contact.cy_m, distribution.loads.loads
     lever_m = float(loads @ np.hypot(x, y))
-    spin = contact.spin_nm / (limit * contact.normal_n * lever_m) if lever_m > 0.0 else 0.0
-    return spin, used.value if math.isfinite(used.value) else 0.0
+    limit = (finger.config.mu_rotation or stated) * contact.normal_n * lever_m
+    return contact.spin_nm / limit if lever_m > 0.0 else 0.0, used.value * friction.mu / stated
