@@ -36,6 +36,19 @@ def test_keys_of_a_finger_that_do_not_fit_are_reported(old: str, new: str, path:
     assert_one_fault(old, new, path, expected)
 
 
+@pytest.mark.parametrize(
+    ("spread", "good"), [("0.0", True), ("0.2", True), ("1.0", True), ("1.1", False), ("-0.1", False)]
+)
+def test_mu_spread_is_a_relative_deviation(spread: str, good: bool) -> None:
+    text = GOOD.replace("mu = 0.5", f"mu = 0.5\nmu_spread = {spread}")
+    if good:
+        assert config.parse(text, "rig.toml").finger["left"].mu_spread == float(spread)
+    else:
+        [(path, at, told)] = faults(text)
+        assert (path, at) == ("finger.left.mu_spread", line("mu = 0.5") + 1)
+        assert told == f"must be from 0.001 to 1, got {float(spread):g}"
+
+
 @pytest.mark.parametrize(("mu_max", "good"), [("0.5", True), ("2.0", True), ("0.4", False), ("2.1", False)])
 def test_mu_max_must_be_at_least_mu(mu_max: str, good: bool) -> None:
     text = GOOD.replace("mu = 0.5", f"mu = 0.5\nmu_max = {mu_max}")
