@@ -1,4 +1,4 @@
-"""The command ``slipd``: run, demo, check, replay, identify, import. Each command imports what it needs."""
+"""The command ``slipd``: run, demo, check, replay, evaluate, identify, import. Each command imports what it needs."""
 
 from __future__ import annotations
 
@@ -80,6 +80,25 @@ def _parser() -> argparse.ArgumentParser:
         "--publish", action="store_true", help="publish the messages on the endpoint of the recorded config"
     )
     replay.set_defaults(command=_replay)
+
+    evaluate = _add_command(commands, "evaluate", "compare what configs would have reported on recordings")
+    evaluate.epilog = (
+        "The recorded motion stays as it was: a config changes what is reported on it, not what the robot would have "
+        "done about that. The zero of a pad stays that of the recording too. Exit code 1: a recording is damaged, or "
+        "does not fit a config; the others are evaluated."
+    )
+    evaluate.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="recordings, MCAP")
+    evaluate.add_argument(
+        "--config",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="replay with this config too, beside the recorded one; may be given several times",
+    )
+    evaluate.add_argument("--out", type=Path, metavar="FOLDER", help="draw the levels over time into levels.svg there")
+    evaluate.add_argument("--json", action="store_true", help="print all figures as one JSON list")
+    evaluate.set_defaults(command=_evaluate)
 
     identify = _add_command(
         commands, "identify", "find mass and centre of mass of a finger from a recording of several poses"
@@ -197,6 +216,13 @@ def _replay(arguments: argparse.Namespace) -> int:
     lost = f"{recording.lost} entries were lost while recording" if recording.lost else "the end is missing"
     print(f"slipd: the recording is incomplete: {recording.fault or f'{arguments.file}: {lost}'}", file=sys.stderr)
     return FAULT
+
+
+def _evaluate(arguments: argparse.Namespace) -> int:
+    from slipd.evaluation.evaluate_command import evaluate_command
+
+    whole = evaluate_command(arguments.recordings, arguments.config, arguments.out, as_json=arguments.json)
+    return DONE if whole else FAULT
 
 
 async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, file: str, *, as_json: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from slipd_client.messages import GRASP_TOPIC, slip_topic
@@ -20,7 +20,7 @@ class LevelSpan:
         reasons: Its reasons, the most important first.
         evidence: Kinds of evidence of motion that any message of this time names, in order of appearance.
         begin_s: Time of the first such reading, s.
-        end_s: Time of the first reading after it, s, or of the last one of the run.
+        end_s: Time of the first reading after it, s, or the end of the run.
     """
 
     level: str
@@ -34,19 +34,24 @@ class LevelSpan:
         """Its length, s."""
         return self.end_s - self.begin_s
 
+    def shifted(self, by_s: float) -> LevelSpan:
+        """Return it some time later, s."""
+        return replace(self, begin_s=self.begin_s + by_s, end_s=self.end_s + by_s)
 
-def level_spans(messages: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, list[LevelSpan]]:
+
+def level_spans(messages: Iterable[tuple[str, dict[str, Any]]], end_s: float = 0.0) -> dict[str, list[LevelSpan]]:
     """Return what each source reported: every finger by its name, and "grasp" where both are judged together.
 
     Args:
         messages: Topic and body of every message of a run, in order. Only ``slip`` and ``grasp`` matter; both are
             published at once where the level changes, and where only the reasons do, at their rate.
+        end_s: End of the run, s, where it lasts longer than to the last message.
 
     Returns:
         The spans of each source in order, without a gap. Before its first message a source has none.
     """
     found: dict[str, list[LevelSpan]] = {}
-    last_s = 0.0
+    last_s = end_s
     for topic, body in messages:
         t_s = body["t_ns"] * 1e-9
         last_s = max(last_s, t_s)
@@ -57,7 +62,7 @@ def level_spans(messages: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, lis
         else:
             continue
         _append(found.setdefault(source, []), body, t_s)
-    return {source: [*spans[:-1], _until(spans[-1], last_s)] for source, spans in found.items()}
+    return {source: [*spans[:-1], replace(spans[-1], end_s=last_s)] for source, spans in found.items()}
 
 
 def _append(spans: list[LevelSpan], body: dict[str, Any], t_s: float) -> None:
@@ -67,13 +72,9 @@ def _append(spans: list[LevelSpan], body: dict[str, Any], t_s: float) -> None:
         last = spans[-1]
         same = (last.level, last.reasons) == (level, reasons)
         t_s = max(t_s, last.begin_s)  # a verdict on a stream that became stale has the time of its last reading
-        spans[-1] = _until(last, t_s)
+        spans[-1] = replace(last, end_s=t_s)
         if same:
             new = tuple(kind for kind in evidence if kind not in last.evidence)
             spans[-1] = LevelSpan(level, reasons, last.evidence + new, last.begin_s, t_s)
             return
     spans.append(LevelSpan(level, reasons, evidence, t_s, t_s))
-
-
-def _until(span: LevelSpan, end_s: float) -> LevelSpan:
-    return LevelSpan(span.level, span.reasons, span.evidence, span.begin_s, end_s)

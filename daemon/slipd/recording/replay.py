@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from slipd import config
+from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.errors import RecordingError
 from slipd.events import Bytes, LinkDown, LinkUp, Publish
@@ -51,7 +52,11 @@ class Pace:
 
 
 def replay(
-    recording: Recording, *, speed: float | None = None, sleep: Callable[[float], None] = time.sleep
+    recording: Recording,
+    *,
+    speed: float | None = None,
+    sleep: Callable[[float], None] = time.sleep,
+    settings: Config | None = None,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield ``(topic, body)`` of every message that the recorded events cause, in order.
 
@@ -62,6 +67,7 @@ def replay(
         recording: The recording.
         speed: Recorded seconds per second; None: as fast as possible.
         sleep: Waits for a number of seconds.
+        settings: Another config than the recorded one, with the same streams; None: the recorded one.
 
     Raises:
         ConfigError: The recorded config has faults (for this version of slipd).
@@ -69,7 +75,8 @@ def replay(
         ValueError: The speed is not a finite number above 0.
     """
     pace = None if speed is None else Pace(speed, sleep)
-    settings = config.parse(recording.config_text, f"{recording.path}: config")
+    if settings is None:
+        settings = config.parse(recording.config_text, f"{recording.path}: config")
     engine = Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
     return _run(engine, recording, pace)
 
@@ -78,7 +85,7 @@ def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tu
     links = engine.links
     for t_ns, event in recording.events():
         if isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link not in links:
-            raise RecordingError(f"{recording.path}: an event of link {event.link!r}, which is not in its config")
+            raise RecordingError(f"{recording.path}: an event of link {event.link!r}, which is not in the config")
         if pace is not None:
             pace.wait_until(t_ns)
         for output in engine.handle(event, t_ns):

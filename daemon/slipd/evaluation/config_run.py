@@ -1,0 +1,125 @@
+"""Replay one recording with one config, and keep what it reported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from slipd import config
+from slipd.config import Config
+from slipd.errors import RecordingError
+from slipd.evaluation.level_spans import LevelSpan, level_spans
+from slipd.recording.reader import Recording, open_recording
+from slipd.recording.replay import replay
+from slipd_client.messages import slip_topic
+
+RECORDED = "recorded"
+"""What the config of the recording itself is called."""
+
+_SLIP = slip_topic("")
+
+
+@dataclass(frozen=True, slots=True)
+class Largest:
+    """Largest utilisation that any finger reported, 1 slips, with the finger and its time, s."""
+
+    utilisation: float
+    finger: str
+    t_s: float
+
+
+@dataclass(slots=True)
+class ConfigRun:
+    """What one recording gave with one config. Times are seconds since the first event of the recording.
+
+    Attributes:
+        spans: Levels of each finger, and of the "grasp" where there is one.
+        largest: Largest utilisation; None where none was known.
+        end_s: Time of the last event.
+        fault: Why events are missing, for people; "" where none are.
+    """
+
+    spans: dict[str, list[LevelSpan]]
+    largest: Largest | None = None
+    end_s: float = 0.0
+    fault: str = ""
+
+    def as_map(self) -> dict[str, Any]:
+        """Return all of it as maps and lists."""
+        return asdict(self)
+
+    @classmethod
+    def from_map(cls, found: dict[str, Any]) -> ConfigRun:
+        """Return the run of a map that `as_map` made.
+
+        Raises:
+            KeyError, TypeError, AttributeError: It is no such map.
+        """
+        spans = {
+            source: [
+                LevelSpan(**span | {key: tuple(span[key]) for key in ("reasons", "evidence")}) for span in of_source
+            ]
+            for source, of_source in found["spans"].items()
+        }
+        largest = None if found["largest"] is None else Largest(**found["largest"])
+        return cls(spans, largest, found["end_s"], found["fault"])
+
+
+def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
+    """Replay a recording with a config.
+
+    The zero of a pad belongs to the run that was recorded: where the recorded config has a ``tare`` for the pad, it
+    stays.
+
+    Args:
+        path: The recording.
+        config_text: The config, TOML; None: the recorded one.
+        name: Its name, for errors.
+
+    Raises:
+        ConfigError: The config has faults.
+        RecordingError: The file cannot be read, or an event does not fit the config.
+    """
+    recording = open_recording(path)
+    settings = None
+    if config_text is not None:
+        settings = _with_tares(config.parse(config_text, name), recording)
+    times_ns = [t_ns for t_ns, _ in recording.events()] or [0]
+    begin_s, end_s = times_ns[0] * 1e-9, times_ns[-1] * 1e-9
+    run = ConfigRun({}, end_s=end_s - begin_s)
+    try:
+        spans = level_spans(_watched(replay(recording, settings=settings), run, begin_s), end_s)
+    except RecordingError as error:
+        raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
+    run.spans = {source: [span.shifted(-begin_s) for span in of_source] for source, of_source in spans.items()}
+    if not recording.complete:
+        lost = f"{recording.lost} entries were lost while recording" if recording.lost else "the end is missing"
+        run.fault = recording.fault or f"{path}: {lost}"
+    return run
+
+
+def _watched(
+    messages: Iterator[tuple[str, dict[str, Any]]], run: ConfigRun, begin_s: float
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the messages, and note the largest utilisation."""
+    for topic, body in messages:
+        used = body["utilisation"] if topic.startswith(_SLIP) else None
+        if used is not None and (run.largest is None or used > run.largest.utilisation):
+            run.largest = Largest(used, body["finger"], body["t_ns"] * 1e-9 - begin_s)
+        yield topic, body
+
+
+def _with_tares(settings: Config, recording: Recording) -> Config:
+    """Return a config with the tares of the pads of the recorded one."""
+    recorded = config.parse(recording.config_text, f"{recording.path}: config").finger
+    fingers = dict(settings.finger)
+    for name, finger in settings.finger.items():
+        before = recorded[name].pad if name in recorded else None
+        if finger.pad is None or before is None or not before.tare:
+            continue
+        if (before.rows, before.cols) == (finger.pad.rows, finger.pad.cols):
+            pad = finger.pad.model_copy(update={"tare": before.tare})
+            fingers[name] = finger.model_copy(update={"pad": pad})
+    return settings.model_copy(update={"finger": fingers})

@@ -1,0 +1,72 @@
+"""Keep what recordings gave, so that a second evaluation replays only what is new.
+
+A result belongs to the bytes of the recording, the text of the config and the source code of slipd: a change of any of
+them makes a new one. Files that are damaged or cannot be read or written cost time, and nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from pathlib import Path
+
+from slipd.evaluation.config_run import ConfigRun
+from slipd.fusion.compiled import source_stamp
+
+MOST_RESULTS = 2000
+"""Results that are kept, the newest; each has some kilobytes."""
+
+
+def cache_folder() -> Path:
+    """Return the folder of the results: ``$XDG_CACHE_HOME/slipd/evaluate``, by default in ``~/.cache``."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "slipd" / "evaluate"
+
+
+class ResultCache:
+    """Results by recording and config.
+
+    Args:
+        folder: Where they are; created when needed.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def key(self, recording: Path, config_text: str | None) -> str:
+        """Return the key of a result; None is the recorded config.
+
+        Raises:
+            OSError: The recording cannot be read.
+        """
+        digest = hashlib.sha256(source_stamp(Path(__file__).parents[1]).encode())
+        with recording.open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+        if config_text is not None:
+            digest.update(config_text.encode())
+        return digest.hexdigest()
+
+    def get(self, key: str) -> ConfigRun | None:
+        """Return a result, or None if it is not there."""
+        try:
+            found = json.loads((self._folder / f"{key}.json").read_text(encoding="utf-8"))
+            return ConfigRun.from_map(found)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+
+    def put(self, key: str, run: ConfigRun) -> None:
+        """Keep a result."""
+        with contextlib.suppress(OSError):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile("w", dir=self._folder, suffix=".part", delete=False) as file:
+                json.dump(run.as_map(), file)
+            Path(file.name).replace(self._folder / f"{key}.json")
+
+    def prune(self) -> None:
+        """Remove the oldest results beyond `MOST_RESULTS`, and what an interrupted run left."""
+        with contextlib.suppress(OSError):
+            files = sorted(self._folder.glob("*.json"), key=lambda file: file.stat().st_mtime, reverse=True)
+            for file in [*files[MOST_RESULTS:], *self._folder.glob("*.part")]:
+                file.unlink(missing_ok=True)

@@ -1,0 +1,177 @@
+"""``slipd evaluate`` on recordings of real daemons: output, files and exit code."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from replays import RECORDINGS
+
+from slipd.cli import main
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
+from slipd.sim.finger_sensing import FingerSensing, offline_config
+from slipd.sim.offline_grasp import BEGIN_NS, BOOT, run_offline
+from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
+from slipd.sim.truth_log import TruthLog
+
+DEMO, REFLEX, STALLS = (str(RECORDINGS / f"{name}.mcap") for name in ("demo", "reflex", "stalls"))
+SLIPD = str(Path(sys.executable).with_name("slipd"))
+
+
+@pytest.fixture(autouse=True)
+def cache_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def sticky(tmp_path: Path) -> str:
+    """The config of the demo for a rig with more friction than there was."""
+    path = tmp_path / "sticky.toml"
+    path.write_text(open_recording(Path(DEMO)).config_text.replace("mu = 0.55", "mu = 0.8"), encoding="utf-8")
+    return str(path)
+
+
+def rows(out: str) -> dict[tuple[str, str], list[str]]:
+    """The lines of the table by recording and config."""
+    found, recording = {}, ""
+    for line in out.split("\n\n")[0].splitlines()[1:]:
+        cells = line.split()
+        if not line.startswith(" "):
+            recording = cells.pop(0)
+        found[recording, cells[0]] = cells[1:]
+    return found
+
+
+def test_a_table_shows_what_each_config_would_have_reported(sticky: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["evaluate", DEMO, STALLS, "--config", sticky]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    table = rows(captured.out)
+    assert list(table) == [
+        (recording, config) for recording in ("demo.mcap", "stalls.mcap") for config in ("recorded", "sticky.toml")
+    ]
+    assert float(table["demo.mcap", "recorded"][5]) > 0.3, "seconds of warning"
+    assert table["demo.mcap", "sticky.toml"][5] == "-"
+    assert "stale" in table["stalls.mcap", "recorded"]
+    assert "demo.mcap, sticky.toml: other levels than recorded for" in captured.out
+    assert "warning → stable" in captured.out
+
+
+def test_the_picture_is_written_into_a_new_folder(
+    sticky: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "new" / "folder"
+    assert main(["evaluate", REFLEX, "--config", sticky, "--out", str(out)]) == 0
+    assert f"{out / 'levels.svg'}: written\n" in capsys.readouterr().out
+    texts = [text.text for text in ElementTree.parse(out / "levels.svg").iter("{http://www.w3.org/2000/svg}text")]
+    assert {"reflex.mcap", "recorded", "sticky.toml"} <= set(texts)
+    assert main(["evaluate", REFLEX, "--out", str(out)]) == 0, "it is drawn anew"
+
+
+def test_json_has_every_figure_and_nothing_else(
+    sticky: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["evaluate", DEMO, "--config", sticky, "--json", "--out", str(tmp_path / "out")]) == 0
+    ((one),) = json.loads(capsys.readouterr().out)
+    recorded, other = one["runs"]["recorded"], one["runs"]["sticky.toml"]
+    assert recorded["largest"]["utilisation"] > other["largest"]["utilisation"] > 0.0
+    assert recorded["slipping"]
+    assert other["differences"]
+    assert one["truth"] is None
+
+
+def test_bad_recordings_do_not_lose_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    foreign, cut = tmp_path / "foreign", tmp_path / "cut.mcap"
+    foreign.write_bytes(b"\xff\xfe no recording")
+    cut.write_bytes(Path(REFLEX).read_bytes()[:-20_000])
+    assert main(["evaluate", str(foreign), "none.mcap", str(cut), DEMO]) == 1
+    captured = capsys.readouterr()
+    table = rows(captured.out)
+    assert table["foreign", "recorded"] == table["none.mcap", "recorded"] == ["no", "run,", "see", "below"]
+    assert float(table["cut.mcap", "recorded"][0]) > 1.0, "as far as it goes"
+    assert float(table["demo.mcap", "recorded"][0]) > 3.0
+    told = captured.err.splitlines()
+    assert told[0] == f"slipd: {foreign}: not an MCAP file, and so not a recording of slipd"
+    assert told[1] == "slipd: none.mcap: cannot be opened: No such file or directory"
+    assert told[2].startswith(f"slipd: {cut}: ")
+    assert len(told) == 3
+
+
+@pytest.mark.parametrize(
+    ("more", "ends", "told"),
+    [
+        (["--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
+        (["--config", "bad.toml"], 2, "bad.toml:3: finger.left.mu: must be from 0.01 to 2, got 9"),
+        (["--out", "bad.toml"], 1, "bad.toml: cannot be made: File exists"),
+        (["--out", "bad.toml/deeper"], 1, "bad.toml/deeper: cannot be made: Not a directory"),
+    ],
+)
+def test_wrong_files_are_told_before_anything_is_replayed(
+    more: list[str],
+    ends: int,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    cache_home: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.toml").write_text("# a rig\n[finger.left]\nmu = 9.0\n")
+    assert main(["evaluate", DEMO, *more]) == ends
+    captured = capsys.readouterr()
+    assert told in captured.err
+    assert captured.out == ""
+    assert not cache_home.exists()
+
+
+@pytest.mark.parametrize("call", [["evaluate"], ["evaluate", "a", "--config"], ["evaluate", "a", "--fast"]])
+def test_wrong_arguments_print_the_usage(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(call)
+    assert ended.value.code == 2
+    assert "usage: slipd" in capsys.readouterr().err
+
+
+def test_a_simulated_grasp_is_compared_with_its_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    t_s = np.arange(0.0, 1.4, 0.001)
+    force_n = np.zeros((t_s.size, 2))
+    force_n[:, 1] = np.clip((t_s - 0.4) * 20.0, 0.0, 12.0)
+    history = LoadHistory(t_s, force_n, np.zeros(t_s.size), np.full(t_s.size, 8.0))
+    trace = simulate(GraspedObject(), ContactPatch(), FrictionLaw(), PadCompliance(), history)
+    sensors = {"left": FingerSensing()}
+    text = offline_config(sensors, 0.55)
+    path = tmp_path / "pulled.mcap"
+    file = RecordingFile(path, config_text=text, boot=BOOT, wall_minus_monotonic_ns=0)
+    log = TruthLog(file, trace, BEGIN_NS)
+    run_offline(trace, sensors, text, 1, log=log)
+    file.finish(log.entries)
+    assert main(["evaluate", str(path), "--json"]) == 0
+    ((one),) = json.loads(capsys.readouterr().out)
+    slides_s = t_s[trace.gross][0] + 1.5
+    assert one["truth"]["sliding"][0][0] == pytest.approx(slides_s, abs=0.002)
+    assert one["truth"]["utilisation"] > 0.95
+    assert main(["evaluate", str(path), "--out", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "pulled.mcap, recorded: warned 0." in told
+    assert rows(told)["pulled.mcap", "truth"][0].startswith(f"{slides_s:.1f}"[:2])
+
+
+@pytest.mark.process
+def test_progress_is_shown_on_a_terminal_only() -> None:
+    master, slave = pty.openpty()
+    ended = subprocess.run([SLIPD, "evaluate", DEMO], stdout=subprocess.PIPE, stderr=slave, check=False, timeout=60)
+    os.close(slave)
+    shown = os.read(master, 10_000).decode()
+    os.close(master)
+    assert ended.returncode == 0
+    assert "0 of 1 runs" in shown
+    assert shown.endswith("\r\x1b[K"), "and erased at the end"

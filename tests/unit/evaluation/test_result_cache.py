@@ -1,0 +1,74 @@
+"""Results of earlier evaluations."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from slipd.evaluation import result_cache
+from slipd.evaluation.config_run import ConfigRun, Largest
+from slipd.evaluation.level_spans import LevelSpan
+from slipd.evaluation.result_cache import ResultCache, cache_folder
+
+RUN = ConfigRun(
+    {"left": [LevelSpan("warning", ("rotation",), ("load_drop",), 0.0, 1.5)]}, Largest(0.9, "left", 1.0), 2.0
+)
+
+
+@pytest.fixture
+def cache(cache_home: Path) -> ResultCache:
+    return ResultCache(cache_folder())
+
+
+def test_a_result_is_found_again(cache: ResultCache, cache_home: Path) -> None:
+    assert cache.get("a") is None
+    cache.put("a", RUN)
+    assert cache.get("a") == RUN
+    assert cache.get("b") is None
+    assert [path.name for path in (cache_home / "slipd" / "evaluate").iterdir()] == ["a.json"]
+
+
+def test_the_folder_is_in_the_home_of_the_user_by_default(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / ".cache" / "slipd" / "evaluate"
+
+
+def test_a_key_changes_with_recording_config_and_code(
+    cache: ResultCache, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.write_bytes(b"one")
+    other.write_bytes(b"other")
+    keys = {cache.key(one, None), cache.key(other, None), cache.key(one, "mu = 1"), cache.key(one, "mu = 2")}
+    assert len(keys) == 4
+    assert cache.key(one, "mu = 1") in keys
+    monkeypatch.setattr(result_cache, "source_stamp", lambda folder: "newer")
+    assert cache.key(one, None) not in keys
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"spans": {"left": [{}]}, "largest": null}', "\x00"])
+def test_a_damaged_result_is_none(cache: ResultCache, text: str) -> None:
+    cache.put("a", RUN)
+    (cache_folder() / "a.json").write_text(text)
+    assert cache.get("a") is None
+
+
+def test_a_folder_that_cannot_be_made_costs_only_time(cache_home: Path) -> None:
+    cache_home.write_text("no folder")
+    cache = ResultCache(cache_folder())
+    cache.put("a", RUN)
+    cache.prune()
+    assert cache.get("a") is None
+
+
+def test_the_oldest_results_make_room(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(result_cache, "MOST_RESULTS", 2)
+    for age, name in enumerate("abc"):
+        cache.put(name, RUN)
+        os.utime(cache_folder() / f"{name}.json", (1000.0 - age, 1000.0 - age))
+    (cache_folder() / "left.part").write_text("of a run that was killed")
+    cache.prune()
+    assert sorted(path.name for path in cache_folder().iterdir()) == ["a.json", "b.json"]
