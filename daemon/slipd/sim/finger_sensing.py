@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from slipd.arrays import Array
 from slipd.sim.emulated_pvdf import PvdfElectronics
+from slipd.sim.true_contact import Pad
 
 Triple = tuple[float, float, float]
 
@@ -79,11 +80,9 @@ class PadSensing:
 
     def centres(self) -> tuple[Array, Array]:
         """Return where the taxels really are in the pad frame, x and y in scan order, shapes (taxels,), m."""
-        x, y = np.meshgrid(
-            (np.arange(self.cols) - (self.cols - 1) / 2) * self.pitch_m,
-            (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch_m,
-        )
-        x, y = (-x.ravel() if self.mirrored else x.ravel()), y.ravel()
+        x, y = Pad(self.rows, self.cols, self.pitch_m, self.electrode_m).centres()
+        if self.mirrored:
+            x = -x
         cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
         return cos * x - sin * y + self.off_m[0], sin * x + cos * y + self.off_m[1]
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from finger_bench import read_force
+from pad_wrenches import finger_load, pad_wrench
 from project import DOCS
 
 from slipd import config
@@ -19,7 +20,6 @@ from slipd.grasp.grasp_view import GraspView
 from slipd.publish.finger_messages import slip_body
 from slipd.publish.grasp_publisher import grasp_body
 from slipd.samples import TactileSample, WrenchSample
-from slipd.sim.true_contact import finger_load, pad_wrench
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
 MS = 1_000_000

@@ -7,10 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from pad_wrenches import pad_wrench
 
 from slipd.fusion import Contact, contact_from_wrench, tipping_margin
 from slipd.signals.force_image_agreement import Agreement
-from slipd.sim.true_contact import Pad, Patch, pad_wrench
+from slipd.sim.true_contact import Pad, Patch
 
 MS = 1_000_000
 PAD = Pad()

@@ -146,6 +146,12 @@ def test_while_it_sticks_friction_carries_the_load():
         assert load == pytest.approx(scene.script.weight(t, scene.mass_kg), abs=0.03)
 
 
+def test_the_right_finger_feels_the_mirror_image():
+    scene, _ = play(Scene(), until_s=8.0)
+    assert scene.wrench(right=True).tolist() == scene._grasp.wrench(right=True).tolist()
+    assert scene.wrench(right=True)[:2] == pytest.approx(scene.wrench(right=False)[:2] * (1.0, -1.0))
+
+
 def test_opening_in_the_air_drops_the_box():
     scene, _ = play(Scene(), until_s=5.0)
     for i in range(1, 500):

@@ -2,10 +2,11 @@ import math
 
 import numpy as np
 import pytest
+from pad_wrenches import finger_load, pad_wrench
 
 from slipd.fusion import contact_from_wrench
 from slipd.sim.stickslip import FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
-from slipd.sim.true_contact import FrictionLimit, Pad, Patch, finger_load, pad_wrench
+from slipd.sim.true_contact import FrictionLimit, Pad, Patch
 
 MU = 0.6
 

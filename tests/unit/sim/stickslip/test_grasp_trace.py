@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pad_wrenches import finger_load, pad_wrench
 from stick_slip_scenes import GRIP_N, STEADY, history, ramp, simulate
 
 from slipd.fusion import contact_from_wrench
 from slipd.sim.stickslip import ContactPatch, GraspedObject
-from slipd.sim.true_contact import Pad, finger_load, pad_wrench
+from slipd.sim.true_contact import Pad
 
 PATCH = ContactPatch("rounded", 0.018, 0.009, centre_m=(0.002, -0.001))
 LOAD = (1.0, 2.0, 0.01)
