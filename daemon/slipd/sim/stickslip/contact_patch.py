@@ -92,18 +92,11 @@ class ContactPatch:
         Returns:
             Centres of the cells, shape (2, n), m. Their area is ``cell_m``².
         """
-        scale = max(self.scale(largest_n), 1e-9)
-        sides = [_middles(half * scale, cell_m) for half in (self.half_length_m, self.width_m)]
-        x, y = np.meshgrid(*sides)
-        cells = np.stack((x.ravel(), y.ravel()))
-        reach = np.hypot(
-            *(
-                np.clip(np.abs(c) - cell_m, 0.0, None) / (half * scale)
-                for c, half in zip(cells, (self.half_length_m, self.width_m), strict=True)
-            )
-        )
-        if self.kind in ("disc", "ring"):
-            cells = cells[:, reach <= 1.0]
+        halves = max(self.scale(largest_n), 1e-9) * np.array(((self.half_length_m,), (self.width_m,)))
+        cells = np.stack(np.meshgrid(*(_middles(half, cell_m) for half in halves[:, 0]))).reshape(2, -1)
+        if self.kind in ("disc", "ring"):  # without the corners
+            nearest = np.clip(np.abs(cells) - cell_m, 0.0, None) / halves
+            cells = cells[:, np.hypot(*nearest) <= 1.0]
         return np.ascontiguousarray(cells + np.array(self.centre_m)[:, None])
 
 
