@@ -85,16 +85,18 @@ def test_imported_counts_are_not_shown_as_newtons(recording: Path, capsys: pytes
     for body in replayed(recording, capsys):
         view.update(body["topic"], body)
         assert body.get("force_unit", "uncalibrated") == "uncalibrated"
-        if body["topic"] == "slip.left" and body["level"] == "stable" and not shown:
+        if body["topic"] == "slip.left" and body["level"] == "caution" and not shown:
             shown = "\n".join([*view.render(200, colour=False), view.summary()])
-    assert re.search(r"^left +STABLE .* normal -?\d+\.\d\d  tangential", shown, re.MULTILINE)
+    assert re.search(r"^left +CAUTION .* normal -?\d+\.\d\d  tangential", shown, re.MULTILINE)
     assert not re.search(r"\d N\b", shown)
 
 
 def test_without_json_a_replay_prints_the_changes_of_level(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", str(recording), "--speed", "max"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert any(line.endswith("left: caution → warning (translation)") for line in lines)
+    assert any(
+        line.endswith("left: caution → slipping (slip_detected, translation; moves by image_change)") for line in lines
+    )
     assert lines[-1].strip().startswith("5.8")
     assert "(stale)" in lines[-1]
 

@@ -11,6 +11,7 @@ from slipd import config
 from slipd.config import Config
 from slipd.errors import RecordingError
 from slipd.evaluation.level_spans import LevelSpan, level_spans
+from slipd.evaluation.recorded_truth import Truth, outline
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import slip_topic
@@ -39,12 +40,14 @@ class ConfigRun:
         largest: Largest utilisation; None where none was known.
         end_s: Time of the last event.
         fault: Why events are missing, for people; "" where none are.
+        truth: What truly happened; None where the recording does not say so.
     """
 
     spans: dict[str, list[LevelSpan]]
     largest: Largest | None = None
     end_s: float = 0.0
     fault: str = ""
+    truth: Truth | None = None
 
     def as_map(self) -> dict[str, Any]:
         """Return all of it as maps and lists."""
@@ -55,7 +58,7 @@ class ConfigRun:
         """Return the run of a map that `as_map` made.
 
         Raises:
-            KeyError, TypeError, AttributeError: It is no such map.
+            KeyError, TypeError, ValueError, AttributeError: It is no such map.
         """
         spans = {
             source: [
@@ -64,7 +67,8 @@ class ConfigRun:
             for source, of_source in found["spans"].items()
         }
         largest = None if found["largest"] is None else Largest(**found["largest"])
-        return cls(spans, largest, found["end_s"], found["fault"])
+        truth = None if found["truth"] is None else Truth.from_map(found["truth"])
+        return cls(spans, largest, found["end_s"], found["fault"], truth)
 
 
 def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
@@ -80,15 +84,14 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
 
     Raises:
         ConfigError: The config has faults.
-        RecordingError: The file cannot be read, or an event does not fit the config.
+        RecordingError: The file cannot be read, its truth is none, or an event does not fit the config.
     """
     recording = open_recording(path)
     settings = None
     if config_text is not None:
         settings = _with_tares(config.parse(config_text, name), recording)
-    times_ns = [t_ns for t_ns, _ in recording.events()] or [0]
-    begin_s, end_s = times_ns[0] * 1e-9, times_ns[-1] * 1e-9
-    run = ConfigRun({}, end_s=end_s - begin_s)
+    begin_s, end_s, truth = outline(recording)
+    run = ConfigRun({}, end_s=end_s - begin_s, truth=truth)
     try:
         spans = level_spans(_watched(replay(recording, settings=settings), run, begin_s), end_s)
     except RecordingError as error:

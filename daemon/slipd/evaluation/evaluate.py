@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from slipd.errors import SlipdError
 from slipd.evaluation.config_run import RECORDED, ConfigRun, run_config
-from slipd.evaluation.recorded_truth import Truth, read_truth
+from slipd.evaluation.recorded_truth import Truth
 from slipd.evaluation.result_cache import ResultCache
 
 FEW_BYTES = 2_000_000
@@ -40,13 +40,16 @@ class Evaluation:
         name: Name of the recording for people.
         path: The recording.
         runs: By name of the config, in the order of the configs; a text is why there is no run.
-        truth: What truly happened, where the recording says so.
     """
 
     name: str
     path: Path
     runs: dict[str, ConfigRun | str]
-    truth: Truth | None = None
+
+    @property
+    def truth(self) -> Truth | None:
+        """What truly happened, where the recording says so."""
+        return next((run.truth for run in self.runs.values() if isinstance(run, ConfigRun)), None)
 
     @property
     def faults(self) -> list[str]:
@@ -113,12 +116,8 @@ def _begin(one: Evaluation, every: list[NamedConfig], cache: ResultCache) -> Ite
     """Take what the cache has; yield what is to be replayed, unless the recording cannot be read at all."""
     try:
         keys = [cache.key(one.path, config.text) for config in every]
-        one.truth = read_truth(one.path)
     except OSError as error:
         one.runs = dict.fromkeys((config.name for config in every), f"{one.path}: cannot be opened: {error.strerror}")
-        return
-    except SlipdError as error:
-        one.runs = dict.fromkeys((config.name for config in every), str(error))
         return
     for config, key in zip(every, keys, strict=True):
         kept = cache.get(key)

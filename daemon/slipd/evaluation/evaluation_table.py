@@ -7,8 +7,9 @@ from typing import Any
 
 from slipd.evaluation.config_run import RECORDED, ConfigRun
 from slipd.evaluation.evaluate import Evaluation
-from slipd.evaluation.recorded_truth import against_truth
-from slipd.evaluation.run_figures import BY_SEVERITY, Interval, RunFigures, differences, figures, worst_spans
+from slipd.evaluation.recorded_truth import Interval
+from slipd.evaluation.run_figures import BY_SEVERITY, RunFigures, differences, figures, worst_spans
+from slipd.evaluation.truth_comparison import against_truth
 
 SHOWN = 4
 """Most intervals of one line; `as_map` has all."""
@@ -58,21 +59,19 @@ def as_map(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
     """Return all of it, with the levels of every finger over time."""
     found = []
     for one in evaluations:
-        runs: dict[str, Any] = {}
-        for name, run in one.runs.items():
-            if isinstance(run, str):
-                runs[name] = {"fault": run}
-                continue
-            recorded = one.runs[RECORDED]
-            against = (
-                differences(worst_spans(recorded.spans), worst_spans(run.spans))
-                if isinstance(recorded, ConfigRun)
-                else []
-            )
-            runs[name] = {**figures(run).as_map(), **run.as_map(), "differences": against}
+        recorded = one.runs[RECORDED]
+        runs = {name: _run_map(recorded, run) for name, run in one.runs.items()}
         truth = None if one.truth is None else one.truth.as_map()
         found.append({"recording": str(one.path), "truth": truth, "runs": runs})
     return found
+
+
+def _run_map(recorded: ConfigRun | str, run: ConfigRun | str) -> dict[str, Any]:
+    if isinstance(run, str):
+        return {"fault": run}
+    before = worst_spans(recorded.spans) if isinstance(recorded, ConfigRun) else []
+    against = differences(before, worst_spans(run.spans))
+    return figures(run).as_map() | {"spans": run.as_map()["spans"], "fault": run.fault, "differences": against}
 
 
 def _rows(one: Evaluation) -> Iterator[tuple[str, ...]]:

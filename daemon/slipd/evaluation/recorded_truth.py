@@ -1,19 +1,17 @@
-"""What truly happened in a recording of a simulated grasp, and how a run compares with it."""
+"""What truly happened in a recording of a simulated grasp."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from slipd.errors import RecordingError
-from slipd.evaluation.run_figures import Interval, RunFigures
-from slipd.recording.reader import Published, open_recording
+from slipd.recording.reader import Published, Recording
 from slipd.sim.truth_log import TRUTH
 from slipd_client.messages import MessageError, decode
 
-SHORT_S = 0.0005
-"""What is shorter than this is not said, s."""
+Interval = tuple[float, float]
+"""Begin and end, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,75 +30,55 @@ class Truth:
         """Return all of it as maps and lists."""
         return asdict(self)
 
+    @classmethod
+    def from_map(cls, found: dict[str, Any]) -> Truth:
+        """Return the truth of a map that `as_map` made."""
+        return cls([(begin_s, end_s) for begin_s, end_s in found["sliding"]], found["utilisation"])
 
-def read_truth(path: Path) -> Truth | None:
-    """Return the truth of a recording; None where it has none, as that of a live run.
+
+class Outline(NamedTuple):
+    """Times of the first and last event, CLOCK_MONOTONIC, s, and the truth; None where a recording has none."""
+
+    begin_s: float
+    end_s: float
+    truth: Truth | None
+
+
+def outline(recording: Recording) -> Outline:
+    """Return how long a recording is, and what truly happened in it.
 
     Raises:
         RecordingError: The file cannot be read, or its truth is none.
     """
-    begin_ns: int | None = None
+    first_ns = last_ns = None
+    told: list[tuple[int, bool, float | None]] = []
+    for entry in recording.entries():
+        first_ns = entry.t_ns if first_ns is None else first_ns
+        last_ns = entry.t_ns
+        if isinstance(entry, Published) and entry.topic == TRUTH:
+            try:
+                told.append((entry.t_ns, *_told(entry.payload)))
+            except (MessageError, KeyError, TypeError, ValueError) as error:
+                text = f"{recording.path}: entry {entry.n} is no truth of a simulated grasp: {error}"
+                raise RecordingError(text) from error
+    if first_ns is None or last_ns is None:
+        return Outline(0.0, 0.0, None)
+    return Outline(first_ns * 1e-9, last_ns * 1e-9, _truth(told, first_ns, last_ns) if told else None)
+
+
+def _truth(told: list[tuple[int, bool, float | None]], first_ns: int, last_ns: int) -> Truth:
     sliding: list[Interval] = []
-    largest: float | None = None
-    since_s: float | None = None
-    t_s = 0.0
-    for entry in open_recording(path).entries():
-        begin_ns = entry.t_ns if begin_ns is None else begin_ns
-        t_s = (entry.t_ns - begin_ns) * 1e-9
-        if not isinstance(entry, Published) or entry.topic != TRUTH:
-            continue
-        try:
-            slides, used = _entry(entry.payload)
-        except (MessageError, KeyError, TypeError, ValueError) as error:
-            raise RecordingError(f"{path}: entry {entry.n} is no truth of a simulated grasp: {error}") from error
-        largest = max(largest or 0.0, used or 0.0)
-        if slides and since_s is None:
-            since_s = t_s
-        elif not slides and since_s is not None:
-            sliding.append((since_s, t_s))
-            since_s = None
-    if since_s is not None:
-        sliding.append((since_s, t_s))
-    return None if largest is None else Truth(sliding, largest)
+    since_ns: int | None = None
+    for t_ns, slides, _ in [*told, (last_ns, False, None)]:
+        if slides and since_ns is None:
+            since_ns = t_ns
+        elif not slides and since_ns is not None:
+            sliding.append(((since_ns - first_ns) * 1e-9, (t_ns - first_ns) * 1e-9))
+            since_ns = None
+    return Truth(sliding, max(used or 0.0 for _, _, used in told))
 
 
-def against_truth(truth: Truth, found: RunFigures) -> str:
-    """Return in words how the alarms of a run compare with the first true slip, and what it reports without motion."""
-    parts: list[str] = []
-    if truth.sliding:
-        begin_s, end_s = truth.sliding[0]
-        if found.first_warning_s is None or found.first_warning_s > end_s:
-            parts.append("the slip was not warned of")
-        elif found.first_warning_s <= begin_s:
-            parts.append(f"warned {begin_s - found.first_warning_s:.3f} s before the slip")
-        else:
-            parts.append(f"warned {found.first_warning_s - begin_s:.3f} s after the slip began")
-        reported = [max(begin - begin_s, 0.0) for begin, end in found.slipping if end > begin_s and begin < end_s]
-        parts.append(
-            f"slipping reported {reported[0]:.3f} s after it began" if reported else "never reported as slipping"
-        )
-    elif found.warnings:
-        parts.append(f"{found.warnings} warnings without a slip")
-    else:
-        parts.append("no slip and no warning")
-    slid_s, reported_s = _length(truth.sliding), _length(found.slipping)
-    both_s = sum(
-        max(0.0, min(end, true_end) - max(begin, true_begin))
-        for begin, end in found.slipping
-        for true_begin, true_end in truth.sliding
-    )
-    if slid_s:
-        parts.append(f"{both_s:.3f} s of {slid_s:.3f} s of sliding reported as slipping")
-    if reported_s - both_s > SHORT_S:
-        parts.append(f"slipping for {reported_s - both_s:.3f} s without motion")
-    return "; ".join(parts)
-
-
-def _length(found: list[Interval]) -> float:
-    return sum(end - begin for begin, end in found)
-
-
-def _entry(payload: bytes) -> tuple[bool, float | None]:
+def _told(payload: bytes) -> tuple[bool, float | None]:
     found = decode(payload)
     used = found["utilisation"]
     return bool(found["sliding"]), None if used is None else float(used)

@@ -9,13 +9,12 @@ from typing import Any
 
 from slipd.evaluation.config_run import ConfigRun, Largest
 from slipd.evaluation.level_spans import LevelSpan
+from slipd.evaluation.recorded_truth import Interval
 from slipd.finger.verdict import SEVERITY
 from slipd_client.messages import GRASP_TOPIC
 
 ALARMS = ("warning", "slipping")
 BY_SEVERITY = sorted(SEVERITY, key=lambda level: SEVERITY[level])
-
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 from slipd.evaluation.config_run import RECORDED, ConfigRun, Largest
@@ -23,7 +24,8 @@ QUIET = run(("stable", 0.0, 4.0))
 
 
 def evaluation(truth: Truth | None = None, **runs: ConfigRun | str) -> Evaluation:
-    return Evaluation("a.mcap", Path("/data/a.mcap"), {RECORDED: BEFORE, **runs}, truth)
+    recorded = replace(BEFORE, truth=truth)
+    return Evaluation("a.mcap", Path("/data/a.mcap"), {RECORDED: recorded, **runs})
 
 
 def test_the_table_has_a_row_for_each_recording_and_config() -> None:

@@ -16,16 +16,17 @@ from slipd.evaluation.recorded_truth import Truth
 Rect = dict[str, float]
 
 
-def run(*parts: tuple[str, float, float]) -> ConfigRun:
-    return ConfigRun({"left": [LevelSpan(level, ("<why>",), (), *times) for level, *times in parts]}, None, 4.0)
+def run(*parts: tuple[str, float, float], truth: Truth | None = None) -> ConfigRun:
+    spans = [LevelSpan(level, ("<why>",), (), *times) for level, *times in parts]
+    return ConfigRun({"left": spans}, None, 4.0, truth=truth)
 
 
 RUNS: dict[str, ConfigRun | str] = {
-    RECORDED: run(("stable", 0.0, 2.0), ("slipping", 2.0, 4.0)),
+    RECORDED: run(("stable", 0.0, 2.0), ("slipping", 2.0, 4.0), truth=Truth([(2.5, 3.0)], 1.0)),
     "a & b.toml": run(("stable", 0.0, 3.0), ("slipping", 3.0, 4.0)),
     "bad.toml": "no run",
 }
-DRAWN = picture([Evaluation("a<b>.mcap", Path("a"), RUNS, Truth([(2.5, 3.0)], 1.0)), Evaluation("gone", Path("g"), {})])
+DRAWN = picture([Evaluation("a<b>.mcap", Path("a"), RUNS), Evaluation("gone", Path("g"), {})])
 
 
 def rects(colour: str) -> list[Rect]:
