@@ -6,7 +6,7 @@ It reads what the daemon publishes and asks for its status, no more: nothing is 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from slipd_client.errors import FrictionNotMeasured, Silence, hint_for
 from slipd_client.friction_pull import NO_CONTACT, PullRejected, PullSample, PullWatch
@@ -26,23 +26,32 @@ MOST_PULLS = 4
 LISTEN_S = 0.2
 
 
-def check(status: StatusReply, finger: str | None) -> list[str]:
-    """Return the fingers to measure.
+def check(ask_status: Callable[[], StatusReply], finger: str | None) -> list[str]:
+    """Return the fingers to measure, once their sensors have no fault.
 
     Args:
-        status: Reply of the daemon.
+        ask_status: Returns the state of the daemon.
         finger: Name of one; None for all.
 
     Raises:
-        FrictionNotMeasured: There is no such finger, or one of its sensors has a fault.
+        FrictionNotMeasured: There is no such finger, or one of its sensors still has a fault after OBSTACLE_S.
     """
-    if finger is not None and finger not in status.fingers:
-        raise FrictionNotMeasured(f"finger must be one of {', '.join(status.fingers)}, got {finger!r:.40}")
-    fingers = list(status.fingers) if finger is None else [finger]
-    for name, stream in status.streams.items():
-        if name.partition(".")[0] in fingers and stream.health >= Health.ERROR:
-            raise FrictionNotMeasured(f"{name} is {stream.health.name}: {stream.message}")
-    return fingers
+    until_s = time.monotonic() + OBSTACLE_S
+    while True:
+        status = ask_status()
+        if finger is not None and finger not in status.fingers:
+            raise FrictionNotMeasured(f"finger must be one of {', '.join(status.fingers)}, got {finger!r:.40}")
+        fingers = list(status.fingers) if finger is None else [finger]
+        faults = [
+            f"{name} is {stream.health.name}: {stream.message}"
+            for name, stream in status.streams.items()
+            if name.partition(".")[0] in fingers and stream.health >= Health.ERROR
+        ]
+        if not faults:
+            return fingers
+        if time.monotonic() > until_s:
+            raise FrictionNotMeasured("; ".join(faults))
+        time.sleep(LISTEN_S)
 
 
 class FrictionGuide:

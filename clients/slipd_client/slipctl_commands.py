@@ -45,7 +45,7 @@ def _measure_friction(client: GripClient, chosen: argparse.Namespace) -> None:
     from slipd_client.subscriber import Subscriber
 
     guide = friction_guide.FrictionGuide(
-        friction_guide.check(client.status(), chosen.finger), chosen.samples, chosen.patience
+        friction_guide.check(client.status, chosen.finger), chosen.samples, chosen.patience
     )
     with Subscriber(chosen.publish, guide.topics, keys=_keys(chosen)) as subscriber:
         guide.run(subscriber)
