@@ -124,4 +124,29 @@ class GripperSample:
     source: str = ""
 
 
-Sample = WrenchSample | TactileSample | GripperSample
+@dataclass(slots=True, eq=False)
+class ObjectSample:
+    """What another process says of the object in the grip; None where it does not.
+
+    Attributes:
+        t_ns: CLOCK_MONOTONIC when the last byte of the reading was received.
+        device_time_ns: Time of the observation, CLOCK_MONOTONIC of the sender.
+        xyz_m: Position of a point of the object in the gripper frame, m.
+        quat_xyzw: Orientation of the object in the gripper frame, a unit quaternion.
+        speed_mps: Speed of the object over the pads, m/s.
+        speed_std_mps: Standard deviation of that speed, m/s.
+        status: Conditions that the sender reported with the reading.
+        source: Name of the stream.
+    """
+
+    t_ns: int
+    device_time_ns: int | None
+    xyz_m: tuple[float, ...] | None = None
+    quat_xyzw: tuple[float, ...] | None = None
+    speed_mps: float | None = None
+    speed_std_mps: float | None = None
+    status: tuple[str, ...] = ()
+    source: str = ""
+
+
+Sample = WrenchSample | TactileSample | GripperSample | ObjectSample

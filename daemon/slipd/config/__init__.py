@@ -10,7 +10,7 @@ from slipd.config.bus_model import Bus, Recording, Requests
 from slipd.config.check_hints import hints
 from slipd.config.config_file import load, parse, shipped
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
-from slipd.config.gripper_model import Grasp, Gripper, PadPlace, Reflex
+from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
 from slipd.config.stream_model import Stream
@@ -23,6 +23,7 @@ __all__ = [
     "Grasp",
     "Gripper",
     "Levels",
+    "ObservedObject",
     "Pad",
     "PadPlace",
     "Pose",

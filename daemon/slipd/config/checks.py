@@ -24,6 +24,8 @@ def semantic_faults(config: Config) -> list[Fault]:
         faults += finger_faults(f"finger.{name}", finger)
     if config.gripper is not None:
         faults += stream_faults("gripper", config.gripper, "gripper") + gripper_faults(config.gripper)
+    if config.grasp is not None and config.grasp.object is not None:
+        faults += stream_faults("grasp.object", config.grasp.object, "object")
     return faults + grasp_faults(config) + reflex_faults(config) + _level_faults(config)
 
 
@@ -66,9 +68,9 @@ def _port_faults(config: Config) -> list[Fault]:
         for name, stream in users[1:]:
             different = [key for key in _PORT_KEYS if shared and getattr(stream, key) != getattr(first, key)]
             rule = f"must be the same as for {first_name}, which is on the same port"
-            faults += [(f"finger.{name}.{key}", rule) for key in different]
+            faults += [(f"{_path(name)}.{key}", rule) for key in different]
     return faults
 
 
 def _path(stream_name: str) -> str:
-    return stream_name if stream_name == "gripper" else f"finger.{stream_name}"
+    return {"gripper": "gripper", "object": "grasp.object"}.get(stream_name, f"finger.{stream_name}")

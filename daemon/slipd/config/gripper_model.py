@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
-from slipd.config.stream_model import NotNegative, Stream, Table
+from slipd.config.stream_model import NotNegative, Positive, Stream, Table
 from slipd.config.value_bounds import Calm, Grip, LeadTime, Quaternion, Slew, StrictModel
 
 
@@ -55,10 +55,27 @@ class PadPlace(StrictModel):
     quat_xyzw: Quaternion
 
 
+class ObservedObject(Stream):
+    """``[grasp.object]``: what a process of yours observes of the object in the grip; see "External readings".
+
+    Attributes:
+        std_m: Least standard deviation of an observed position, m. It holds what the scatter at rest does not show,
+            such as an error of the camera's calibration that changes with the pose of the arm.
+    """
+
+    std_m: Positive = 0.001
+
+
 class Grasp(StrictModel):
-    """``[grasp]``: two fingers as one grasp; ``pads`` names both."""
+    """``[grasp]``: two fingers as one grasp; ``pads`` names both.
+
+    Attributes:
+        pads: Pose of the pad of each finger.
+        object: Observation of the object by another process, if there is one.
+    """
 
     pads: dict[str, PadPlace] = Field(min_length=2, max_length=2)
+    object: ObservedObject | None = None
 
 
 class Reflex(StrictModel):

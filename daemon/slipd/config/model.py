@@ -44,7 +44,7 @@ class Config(StrictModel):
         return hashlib.sha256(self.text.encode()).hexdigest()[:12]
 
     def streams(self) -> dict[str, Stream]:
-        """Return all streams by name: ``left.wrench``, ``left.pad``, ``gripper``."""
+        """Return all streams by name: ``left.wrench``, ``left.pad``, ``gripper``, ``object``."""
         found: dict[str, Stream] = {}
         for name, finger in self.finger.items():
             for kind, stream in (("wrench", finger.wrench), ("pad", finger.pad)):
@@ -52,4 +52,6 @@ class Config(StrictModel):
                     found[f"{name}.{kind}"] = stream
         if self.gripper is not None:
             found["gripper"] = self.gripper
+        if self.grasp is not None and self.grasp.object is not None:
+            found["object"] = self.grasp.object
         return found

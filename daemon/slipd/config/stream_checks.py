@@ -9,7 +9,12 @@ from slipd.config.stream_settings import device_options, stale_after_ns, transpo
 from slipd.config.value_bounds import MARGIN, Fault
 from slipd.devices import DEVICES, Device
 
-_KINDS = {"wrench": ("wrench",), "tactile": ("tactile",), "gripper": ("gripper",), "any": ("wrench", "tactile")}
+_KINDS = {
+    "wrench": ("wrench",),
+    "tactile": ("tactile",),
+    "gripper": ("gripper",),
+    "any": ("wrench", "tactile", "object"),
+}
 _ADDRESSES = {
     "serial": "the path of a serial port",
     "tcp": "tcp://HOST:PORT",
@@ -35,7 +40,7 @@ def stream_faults(path: str, stream: Stream, kind: str) -> list[Fault]:
     Args:
         path: Key path of the stream.
         stream: The stream.
-        kind: Kind of device that belongs here: "wrench", "tactile" or "gripper".
+        kind: Kind of device that belongs here: "wrench", "tactile", "gripper" or "object".
     """
     device = DEVICES.get(stream.device)
     fitting = {name: known for name, known in DEVICES.items() if kind in _KINDS[known.kind]}

@@ -96,6 +96,11 @@ class GripperSession(Session, Protocol):
         ...
 
     @property
+    def width_step_m(self) -> float:
+        """Resolution of the reported width, m; 0: as fine as its numbers."""
+        ...
+
+    @property
     def speed_range_mps(self) -> tuple[float, float] | None:
         """Smallest and largest speed, m/s; None if the speed cannot be set."""
         ...

@@ -13,6 +13,7 @@ from typing import Any, cast
 from slipd.config import Config
 from slipd.devices import GripperSession
 from slipd.engine.device_link import DeviceLink, make_links
+from slipd.engine.held_motion import Found, HeldMotion
 from slipd.engine.lateness import Lateness
 from slipd.engine.status_reader import StatusReader
 from slipd.events import Bytes, Event, LinkSpec, LinkUp, Output, RecordingChanged, Request, Tick, Write
@@ -21,7 +22,6 @@ from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.grasp.grasp_view import GraspView
 from slipd.grasp.named_object import NamedObject
-from slipd.grasp.pad_motion import make_pad_motion
 from slipd.gripper.gripper_control import GripperControl
 from slipd.gripper.reflex_controller import make_reflex_controller
 from slipd.publish.finger_publisher import FingerPublisher
@@ -60,7 +60,7 @@ class Engine:
             self._gripper = GripperControl(config.gripper, session, self._fingers)
         self._policy = policy_without_gripper() if self._gripper is None else self._gripper.policy
         view = None if config.grasp is None else GraspView(config.grasp, self._fingers)
-        self._pad_motion = make_pad_motion(config.levels, list(self._fingers.values()))
+        self._motion = HeldMotion(self._fingers, config.levels, config.grasp, self._gripper)
         self._reflex = make_reflex_controller(config, view, self._fingers, self._gripper)
         self._recordings = RecordingState(boot, wall_minus_monotonic_ns)
         self._lateness = Lateness()
@@ -145,18 +145,13 @@ class Engine:
             out += [Write(GRIPPER_LINK, piece) for piece in self._links[GRIPPER_LINK].due(t_ns)]
 
     def _handle_samples(
-        self,
-        stream: str,
-        samples: Sequence[Any],
-        times_ns: Sequence[int],
-        arrival: Arrival,
-        t_ns: int,
+        self, stream: str, samples: Sequence[Any], times_ns: Sequence[int], arrival: Arrival, t_ns: int,
         out: list[Output],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Handle the readings of one stream that came in one read."""
         owner, _, kind = stream.partition(".")
         if not kind:
-            self._handle_gripper_samples(samples, out)
+            self._handle_grasp_samples(samples, times_ns, out)
             return
         finger, publisher = self._fingers[owner], self._finger_publishers[owner]
         if kind == "wrench":
@@ -168,24 +163,27 @@ class Engine:
                     self._run_reflex(t_ns, out)
                     publisher.publish_batch(batch, out)
                 publisher.publish_image(acquired_ns, out)
-                self._look_for_motion(acquired_ns, t_ns, out)
+                self._report_motion(self._motion.update_pads(acquired_ns), t_ns, out)
                 if arrival.waited_ns:
                     self._publish_batches(finger.decide_delayed(t_ns, arrival.unread_ns), publisher, t_ns, out)
+        self._report_motion(self._motion.update_finger(finger), t_ns, out)
         if self._grasp_publisher is not None:
             self._grasp_publisher.publish(t_ns, out)
 
-    def _look_for_motion(self, acquired_ns: int, t_ns: int, out: list[Output]) -> None:
-        """Publish at once that the images of the pads show motion."""
-        found = [] if self._pad_motion is None else self._pad_motion.update(acquired_ns)
+    def _handle_grasp_samples(self, samples: Sequence[Any], times_ns: Sequence[int], out: list[Output]) -> None:
+        """Handle readings of the gripper, or of the object by another process."""
+        for sample, acquired_ns in zip(samples, times_ns, strict=True):
+            if isinstance(sample, GripperSample):
+                cast("GripperControl", self._gripper).update(sample)
+                self._publish_gripper(sample.t_ns, out)
+            self._report_motion(self._motion.update_grasp(sample, acquired_ns), sample.t_ns, out)
+
+    def _report_motion(self, found: Found, t_ns: int, out: list[Output]) -> None:
+        """Publish at once that fingers report motion."""
         if found:
             self._run_reflex(t_ns, out)
         for finger, state in found:
             self._finger_publishers[finger.name].publish_state(state, out)
-
-    def _handle_gripper_samples(self, samples: Sequence[GripperSample], out: list[Output]) -> None:
-        for sample in samples:
-            cast("GripperControl", self._gripper).update(sample)
-            self._publish_gripper(sample.t_ns, out)
 
     def _publish_batches(
         self, batches: Iterable[VerdictBatch], publisher: FingerPublisher, t_ns: int, out: list[Output]
@@ -261,27 +259,28 @@ class Engine:
         for link in self._links.values():
             link.interrupt()
         for name, finger in self._fingers.items():
-            publisher = self._finger_publishers[name]
-            finger.disconnect_image()
-            publisher.publish_image(t_ns, out)
             if finger.force is not None:
                 finger.force.gravity.forget()
-            publisher.publish_state(finger.disconnect(t_ns), out)
+            for kind in ("pad", "wrench"):
+                self._lose_stream(name, kind, t_ns, out)
 
     def _handle_lost_link(self, name: str, t_ns: int, out: list[Output]) -> None:
         """Forget what came over a link that is closed."""
         for stream in self._links[name].streams.values():
             owner, _, kind = stream.name.partition(".")
-            if not kind:
+            if kind:
+                self._lose_stream(owner, kind, t_ns, out)
+            elif owner == GRIPPER_LINK:
                 cast("GripperControl", self._gripper).lose()
                 self._publish_gripper(t_ns, out)
-                continue
-            finger, publisher = self._fingers[owner], self._finger_publishers[owner]
-            if kind == "pad":
-                finger.disconnect_image()
-                publisher.publish_image(t_ns, out)
-            if kind == "wrench" or finger.force is None:
-                publisher.publish_state(finger.disconnect(t_ns), out)
+
+    def _lose_stream(self, owner: str, kind: str, t_ns: int, out: list[Output]) -> None:
+        finger, publisher = self._fingers[owner], self._finger_publishers[owner]
+        if kind == "pad":
+            finger.disconnect_image()
+            publisher.publish_image(t_ns, out)
+        if kind == finger.main_stream:
+            publisher.publish_state(finger.disconnect(t_ns), out)
 
     # Outputs
 

@@ -57,8 +57,10 @@ class StatusReader:
         lateness = self._lateness
         conditions = [link.condition(stream, t_ns, lateness.unread_ns(t_ns), lateness.worst_ns(t_ns))]
         owner, _, kind = stream.name.partition(".")
-        if not kind:
+        if stream.name == "gripper":
             conditions += cast("GripperControl", self._gripper).conditions()
+            return link.status(stream, t_ns, conditions, None)
+        if not kind:
             return link.status(stream, t_ns, conditions, None)
         finger = self._fingers[owner]
         conditions += finger.conditions(kind, t_ns)

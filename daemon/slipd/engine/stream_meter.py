@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import cast
 
-from slipd.config import Pad, Wrench, axes_of, stale_after_ns
+from slipd.config import ObservedObject, Pad, Wrench, axes_of, stale_after_ns
 from slipd.config import Stream as StreamConfig
 from slipd.devices import DEVICES
 from slipd.finger.freshness import PROMPT, Arrival, Freshness
-from slipd.samples import GripperSample, Sample, TactileSample, WrenchSample
+from slipd.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock, host_time
 from slipd_client.messages import Health
 
@@ -171,6 +171,8 @@ def make_stream(name: str, config: StreamConfig) -> StreamMeter:
     shape: tuple[int, ...] = ()
     if isinstance(config, Wrench):
         kind = WrenchSample
+    elif isinstance(config, ObservedObject):
+        kind = ObjectSample
     elif isinstance(config, Pad):
         taxels = config.rows * config.cols
         kind, shape = TactileSample, (taxels, 3) if axes_of(config) == 3 else (taxels,)

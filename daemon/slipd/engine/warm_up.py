@@ -17,8 +17,11 @@ from slipd.fusion import (
     utilisation,
 )
 from slipd.fusion.streaming import IDENTITY, move_to_pad, new_readings, spin_utilisation_1n
+from slipd.motion.image_fit import ImageFitter
+from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.charge_reconstruction import ChargeReconstruction
+from slipd.signals.pad import PadGeometry
 
 
 def warm_up() -> None:
@@ -38,6 +41,15 @@ def warm_up() -> None:
     charge.update(np.zeros(4), 0.0, True)
     charge.update(np.ones(4), 0.01, False)
     _judge_contact()
+    _look_for_motion()
+
+
+def _look_for_motion() -> None:
+    """Look at two images and at two blocks of force readings."""
+    ImageFitter(PadGeometry(2, 2, 0.01, 0.005)).fit(np.ones(4), np.ones(4), np.ones(4))
+    vibration = Vibration(LEAST_HZ)
+    for t_ns in (0, 2 * SETTLED_NS):
+        vibration.update(t_ns, np.zeros((BLOCK, 6)))
 
 
 def _judge_contact() -> None:

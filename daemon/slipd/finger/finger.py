@@ -8,6 +8,7 @@ from typing import cast
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels, Stream, in_newtons, stale_after_ns
+from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.delayed_reads import DelayedRead, DelayedReads
 from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import ForceChannel
@@ -136,6 +137,11 @@ class Finger:
     def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
         """Report slip until a time, because evidence of these kinds shows it; see `VerdictPath.note_motion`."""
         return self._path.note_motion(until_ns, kinds)
+
+    @property
+    def motion(self) -> ContactMotion | None:
+        """Evidence of motion beside the load; None where the pad measures the force."""
+        return self._path.motion
 
     def expire_image(self, t_ns: int, unread_ns: int | None = None) -> bool:
         """Return whether the newest image just became too old, see `check_silence`; True once for each image."""

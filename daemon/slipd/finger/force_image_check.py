@@ -47,6 +47,10 @@ class ForceImageCheck:
             self.reset()
         self._history.update(batch)
 
+    def wrench_at(self, t_ns: int) -> tuple[float, ...]:
+        """Return the wrench nearest to ``t_ns``; see `ForceHistory.wrench_at`."""
+        return self._history.wrench_at(t_ns)
+
     def take_summary(self, state: FingerState) -> ForceSummary:
         """Return what the force sensor measured since the image before; ``state`` is that of the newest reading."""
         return self._history.take_summary(state, agrees=not self.disagreement)

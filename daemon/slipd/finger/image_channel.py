@@ -18,7 +18,7 @@ from slipd.signals.frozen_image import FrozenImage
 from slipd.signals.missing_tare import UntaredWatch
 from slipd.signals.pad import PadGeometry, taxel_wrench
 from slipd.signals.tare import Offset, Tare
-from slipd.signals.taxel_health import TaxelHealth
+from slipd.signals.taxel_health import Mask, TaxelHealth
 
 STALE: tuple[str, ...] = ("stale",)
 """Reason why an image that is too old, or missing, cannot be used."""
@@ -45,6 +45,7 @@ class ImageChannel:
         taxel_health: Which taxels are masked, and why.
         freshness: Of the images.
         pressure: Normal force on each taxel above the threshold, else 0, shape (n,), in the unit of ``axis_scale``.
+        loads: The same without the threshold; NaN where it is not known.
         t_ns: When the newest image was acquired, CLOCK_MONOTONIC; None before the first, and after the stream ended.
         status: Conditions that the device reported with it.
         is_frozen: The images repeat while the force moves.
@@ -82,7 +83,7 @@ class ImageChannel:
         self._offset_stated = bool(pad.tare)
         self._untared = UntaredWatch(finger.min_normal_n, pad.threshold, calibrated=self._calibrated)
         self._alone = finger.wrench is None
-        self.pressure = np.zeros(taxels)
+        self.pressure = self.loads = np.zeros(taxels)
         self.t_ns: int | None = None
         self.status: tuple[str, ...] = ()
         self._forces: Array | None = None
@@ -144,7 +145,7 @@ class ImageChannel:
         self.reasons = self._find_reasons(values.ravel(), sample)
         if self.three_axis:
             values = -values[:, 2]
-        self._usable = not self.reasons
+        self._usable, self.loads = not self.reasons, values
         self.pressure = np.where(values > self._threshold, values, 0.0) if self._usable else np.zeros_like(values)
         self._distributed = False
 
@@ -169,6 +170,11 @@ class ImageChannel:
     def zero_known(self) -> bool:
         """The pad is tared, or learns its zero by itself as a charge pad does."""
         return self.tared or self._charge is not None
+
+    @property
+    def measured(self) -> Mask | None:
+        """Taxels that are not filled from their neighbours, shape (n,); None: all."""
+        return ~self.taxel_health.masked if self.taxel_health.masks else None
 
     @property
     def fault(self) -> str:

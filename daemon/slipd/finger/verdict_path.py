@@ -17,6 +17,7 @@ import numpy as np
 from slipd.config import Finger as FingerConfig
 from slipd.config import Levels
 from slipd.finger.contact_estimator import ContactEstimator, Learning
+from slipd.finger.contact_motion import ContactMotion
 from slipd.finger.contact_presence import ContactPresence
 from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import NO_UNCERTAINTY, ForceChannel, WrenchBatch
@@ -51,6 +52,7 @@ class VerdictPath:
         estimator: The contact, read by read.
         presence: Whether something presses on the pad.
         negative_force: Limit of a negative normal force.
+        motion: Evidence of motion beside the load; None where the pad measures the force.
         tares: Tares of both channels while they are measured.
     """
 
@@ -71,6 +73,7 @@ class VerdictPath:
         self.estimator = ContactEstimator(config, levels)
         self.presence = ContactPresence(config, force, image, self.estimator, freshness)
         self.negative_force = NegativeForceDetector(config)
+        self.motion = None if force is None else ContactMotion(config, image)
         self.tares = TareGuard(tare, image, freshness, self.presence)
         self._tares = self.tares.current
 
@@ -111,9 +114,19 @@ class VerdictPath:
         image.update(sample, t_ns, NO_SUMMARY if check is None else check.take_summary(self.state), arrival)
         if check is not None:
             check.update_image(t_ns, self.state, self.estimator.least_normal_n)
+            self._look_for_motion(image, check, t_ns)
         if self._force is not None or not image.three_axis:
             return None
         return self._estimate(wrench_by_taxels(image, sample, t_ns), arrival)
+
+    def _look_for_motion(self, image: ImageChannel, check: ForceImageCheck, t_ns: int) -> None:
+        """Look for motion in an image of a contact that force sensor and image agree on."""
+        if self.motion is None:
+            return
+        if self.estimator.in_contact and image.is_independent and not check.disagreement:
+            self.motion.update_image(image, t_ns, check.wrench_at(t_ns))
+        else:
+            self.motion.forget_image()
 
     def _estimate(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""
@@ -131,6 +144,8 @@ class VerdictPath:
             self._learning(arrival),
         )
         self._newest = batch
+        if self.motion is not None:
+            self.motion.update_force(batch)
         if check is not None:
             check.update_force(batch)
         if self.tares.busy:
@@ -205,6 +220,8 @@ class VerdictPath:
         if self.estimator.in_contact:
             self.forget_comparison()
         self.estimator.end_contact()
+        if self.motion is not None:
+            self.motion.forget()
         self._newest = FingerState(t_ns, STREAM_STALE, age_s=self._freshness.age_s(t_ns))
         return self._newest
 

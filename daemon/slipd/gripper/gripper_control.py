@@ -140,6 +140,22 @@ class GripperControl:
         return self._grip.command_n
 
     @property
+    def width_step_m(self) -> float:
+        """Resolution of the width, m; 0: as fine as its numbers."""
+        return self._session.width_step_m
+
+    @property
+    def holds(self) -> bool:
+        """An object stopped the fingers, and no motion is under way."""
+        sample = self.sample
+        return sample is not None and sample.object == "contact_closing" and not self._moves
+
+    @property
+    def command(self) -> tuple[float | None, float | None]:
+        """Force, N, and width, m, last sent to the gripper; None where none was."""
+        return self._grip.command_n, self._grip.closed_to_m
+
+    @property
     def width_m(self) -> float | None:
         """Width between the pads, m; None if not known."""
         return None if self.sample is None else finite_or_none(self.sample.width_m)

@@ -50,9 +50,16 @@ class Block(NamedTuple):
     load: Array
     tolerance: Array
 
-    def same_load(self, other: Block) -> bool:
-        """Return whether another block has the same load."""
-        return not (np.abs(self.load - other.load) > other.tolerance).any()  # NaN, not measured, does not differ
+    def same_load(self, other: Block, moved_m: Array) -> bool:
+        """Return whether another block has the same load.
+
+        Args:
+            other: The later block.
+            moved_m: How far the contact is known to have moved until then, and its centroid with it, shape (2,), m.
+        """
+        change = other.load - self.load
+        change[4:] -= moved_m
+        return not (np.abs(change) > other.tolerance).any()  # NaN, not measured, does not differ
 
     @property
     def tangential(self) -> tuple[float, float, float]:

@@ -34,15 +34,17 @@ LEAST_M = 2e-4
 """A smaller motion may be that of a pad that gives way, m."""
 AGAIN_M = 1e-4
 """A contact that is known to move is reported again after a further motion by this much, m."""
-FIRST_NS, SHORTEST_NS, LONGEST_NS = 150_000_000, 150_000_000, 800_000_000
+FIRST_NS, SHORTEST_NS, LONGEST_NS = 200_000_000, 300_000_000, 800_000_000
 """It counts as moving for twice the time that this took, at least and at most for so long; then it rests."""
+AGAIN_PITCHES = 0.5
+"""Beyond this shift the change of an image is not linear any more, and a new reference is taken."""
 MOST_TILT = 0.3
 """A stronger tilt, relative at the radius of gyration, may lift one edge off the pad, which looks like a motion."""
 ALONG = 0.5
 """Cosine of the largest angle between a shift and the tangential force: a turn beside it may bend its way so far."""
 SPIN_SHARE = 0.05
 """A spin torque below this share of the tangential force times the radius of gyration turns nothing."""
-EACH_SURPRISE = 4.0
+EACH_SURPRISE = 3.0
 """Both the pattern of the change and the path of the contact must look like a motion by this much."""
 MODEL_SHARE = 0.005
 """What a taxel reads may differ from the model by this share of its load."""
@@ -113,16 +115,21 @@ class ImageShift:
 
     def _compare(self, block: Block, usable: Flags | None) -> Evidence | None:
         """Compare a block with the oldest reference of its load."""
-        oldest_ns = block.t_ns - round(KEPT_S * 1e9)
-        if self._known is not None and block.t_ns - self._known.t_ns > LONGEST_NS:
+        oldest_ns, known = block.t_ns - round(KEPT_S * 1e9), self._known
+        if known is not None and block.t_ns - known.t_ns > LONGEST_NS:
             self._known, self._references = None, []
         self._references = [kept for kept in self._references if kept.block.t_ns >= oldest_ns]
-        reference = next((kept for kept in self._references if kept.block.same_load(block)), None)
+        reference = next((kept for kept in self._references if kept.block.same_load(block, self._moved(kept))), None)
         if reference is None:
             self._references = [*self._references[1 - REFERENCES :], _Reference(block, ShiftPath(self._noise))]
             return None
         fit = self._fitter.fit(reference.block.image, block.image, self._variance(reference.block, block, usable))
         return None if fit is None else self._judge(fit, block, reference)
+
+    def _moved(self, reference: _Reference) -> Array:
+        """Return how far the contact is known to have moved since a reference, shape (2,), m."""
+        known = self._known
+        return known.shift_m[:2] if known is not None and known.reference is reference else np.zeros(2)
 
     def _variance(self, before: Block, after: Block, usable: Flags | None) -> Array:
         """Return the variance of the difference of two blocks by noise and errors of the model; infinity outside."""
@@ -141,27 +148,44 @@ class ImageShift:
         """Return evidence where the path is one of motion along the load."""
         reference.path.add(fit.shift_m)
         shift = _slide(fit, *block.tangential)
+        if self._known is not None:
+            return self._follow(self._known, fit, shift, block, reference)
         beyond = float(shift @ shift) > LEAST_M**2 and fit.tilt < MOST_TILT
         lasts, self._beyond_before = beyond and self._beyond_before, beyond
         if not lasts:
             return None
         found = _pattern_surprise(fit, shift), reference.path.surprise(shift)
-        if min(found) < EACH_SURPRISE or (self._known is not None and not self._known.advances(shift)):
+        if min(found) < EACH_SURPRISE:
             return None
-        self._newest = _Motion(block.t_ns, shift)
-        return Evidence("image_change", block.t_ns, max(found) - math.log(2.0))
+        return self._find(_Motion(block.t_ns, shift, max(found) - math.log(2.0), reference))
+
+    def _follow(
+        self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference
+    ) -> Evidence | None:
+        """Return evidence as strong as that of a known motion where it goes on."""
+        before = known.shift_m if known.reference is reference else np.zeros(MOTIONS)
+        further = shift - before
+        goes_on = float(further @ further) > AGAIN_M**2 and float(further @ shift) > 0.0
+        if not goes_on or _pattern_surprise(fit, shift) < EACH_SURPRISE:
+            return None
+        if float(shift @ shift) < (AGAIN_PITCHES * self._pitch_m) ** 2:
+            return self._find(_Motion(block.t_ns, shift, known.surprise, reference))
+        begun = _Reference(block, ShiftPath(self._noise))
+        self._references = [begun]
+        return self._find(_Motion(block.t_ns, np.zeros(MOTIONS), known.surprise, begun))
+
+    def _find(self, motion: _Motion) -> Evidence:
+        self._newest = motion
+        return Evidence("image_change", motion.t_ns, motion.surprise)
 
 
 class _Motion(NamedTuple):
-    """A motion when it was found: by then, the contact had moved by ``shift_m``."""
+    """A motion when it was found: the contact had moved by ``shift_m`` from a reference."""
 
     t_ns: int
     shift_m: Array
-
-    def advances(self, shift_m: Array) -> bool:
-        """Return whether the contact moved on since."""
-        further = shift_m - self.shift_m
-        return float(further @ self.shift_m) > 0.0 and float(further @ further) > AGAIN_M**2
+    surprise: float
+    reference: _Reference
 
 
 class _Reference(NamedTuple):

@@ -7,13 +7,13 @@ which no scatter shows, so the config states the least error of a position. A sp
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from slipd.arrays import Array
 from slipd.motion.evidence import Evidence
 from slipd.motion.surprises import f_surprise
+from slipd.samples import ObjectSample
 
 SETTLED_NS = 200_000_000
 """A hold this young still settles."""
@@ -23,22 +23,6 @@ REACH_M = 0.05
 """An error of the position is one of the direction at this distance, m: half the size of an object."""
 KNOWN = 1e6
 """Degrees of freedom of an error that is stated."""
-
-
-class ObjectReading(NamedTuple):
-    """What another process says of the object in the gripper frame; None where it does not.
-
-    Attributes:
-        xyz_m: Position of a point of it, m.
-        quat_xyzw: Its orientation, a unit quaternion.
-        speed_mps: Speed of it over the pads, m/s.
-        speed_std_mps: Standard deviation of the speed, m/s.
-    """
-
-    xyz_m: tuple[float, ...] | None = None
-    quat_xyzw: tuple[float, ...] | None = None
-    speed_mps: float | None = None
-    speed_std_mps: float | None = None
 
 
 class OutsideMotion:
@@ -66,7 +50,7 @@ class OutsideMotion:
         self._variance, self._freedom = np.empty(0), KNOWN
         self._before = 0.0
 
-    def update(self, t_ns: int, reading: ObjectReading, *, held: bool) -> Evidence | None:
+    def update(self, t_ns: int, reading: ObjectSample, *, held: bool) -> Evidence | None:
         """Update with a reading; return evidence where the object moves.
 
         Args:
@@ -92,7 +76,7 @@ class OutsideMotion:
         """Take the newest evidence as true: the pose of now is the one from which a further motion is measured."""
         self._begin(self._since_ns)
 
-    def _of_pose(self, reading: ObjectReading) -> float | None:
+    def _of_pose(self, reading: ObjectSample) -> float | None:
         """Return the surprise of a displacement since the reference; None while there is none."""
         if reading.xyz_m is None:
             return None
@@ -128,7 +112,7 @@ class OutsideMotion:
         return np.concatenate((place, REACH_M * _rotation_between(self._turn, turn)))
 
 
-def _of_speed(reading: ObjectReading) -> float | None:
+def _of_speed(reading: ObjectSample) -> float | None:
     """Return the surprise of a speed that its error explains; None where it is not stated."""
     if reading.speed_mps is None or not reading.speed_std_mps:
         return None

@@ -16,8 +16,6 @@ from slipd.motion.surprises import f_surprise
 
 LONG_STEP = 8
 """Steps of the longer second difference."""
-ENOUGH = 5 * LONG_STEP
-"""Least number of longer differences: those that overlap tell little more than one."""
 LEAST_STD_M = 2e-6
 """The noise is taken as no smaller, m: images without noise, or in coarse counts, hide it."""
 FREEDOM_SHARE = 0.5
@@ -75,8 +73,8 @@ class PathNoise:
             return 0.0
         short = np.maximum(self._squares / self._count, LEAST_STD_M**2)
         walk = 0.5 * short
-        if self._long_count >= ENOUGH:
-            doubt = 1.0 + 2.0 * math.sqrt(LONG_STEP / self._long_count)
+        if self._long_count > LONG_STEP:
+            doubt = 1.0 + 1.5 * math.sqrt(LONG_STEP / self._long_count)
             longer = doubt * self._long_squares / self._long_count
             walk = np.minimum(walk, np.maximum(longer - short, 0.0) / (2.0 * (LONG_STEP - 1)))
         variance = short / 3.0 + steps * walk

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.arrays import Array
-from slipd.sim.emulated_pvdf import FULL_SCALE, PvdfElectronics
+from slipd.sim.emulated_pvdf import PvdfElectronics
 from slipd.sim.true_contact import Pad
 
 Triple = tuple[float, float, float]
@@ -141,7 +141,6 @@ def offline_config(
                 f"electrode_m = {pad.electrode_m}",
                 f"axis_scale = [{1.0 / counts}]",
                 f"threshold = {5.0 * behind.noise_counts / counts}",
-                f"full_scale = {float(FULL_SCALE)}",
                 f"charge_tau_s = {behind.tau_s}",
             ]
     return "\n".join([*lines, extra, ""])

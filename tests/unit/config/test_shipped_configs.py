@@ -19,6 +19,7 @@ from slipd.config import (
     Grasp,
     Gripper,
     Levels,
+    ObservedObject,
     Pad,
     PadPlace,
     Pose,
@@ -37,6 +38,7 @@ INNER: dict[str, type[BaseModel]] = {
     "rates": Rates,
     "gripper": Gripper,
     "grasp": Grasp,
+    "object": ObservedObject,
     "reflex": Reflex,
     "wrench": Wrench,
     "pad": Pad,
@@ -58,7 +60,7 @@ def keys_of(model: type[BaseModel], table: dict[str, Any]) -> Iterator[tuple[str
         if model is Config and key == "finger":
             for finger in value.values():
                 yield from keys_of(Finger, finger)
-        elif model is Grasp:
+        elif model is Grasp and key == "pads":
             for place in value.values():
                 yield from keys_of(PadPlace, place)
         elif key in INNER:

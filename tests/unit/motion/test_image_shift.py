@@ -190,6 +190,6 @@ def test_a_known_motion_is_reported_again_only_after_a_further_one() -> None:
         evidence = shift.update(T0 + round(t_s * 1e9), loads, tuple(trace.wrench_left[k].tolist()))
         if evidence is not None and evidence.surprise > CERTAIN:
             found_ns.append(evidence.t_ns)
-            assert 150_000_000 <= shift.confirm() - evidence.t_ns <= 800_000_000
+            assert 300_000_000 <= shift.confirm() - evidence.t_ns <= 800_000_000
     assert len(found_ns) > 1
-    assert np.diff(found_ns).min() > 100_000_000
+    assert np.diff(found_ns).min() >= 100_000_000

@@ -8,22 +8,27 @@ import numpy as np
 import pytest
 
 from slipd.motion.evidence import Evidence
-from slipd.motion.outside_motion import ObjectReading, OutsideMotion
+from slipd.motion.outside_motion import OutsideMotion
+from slipd.samples import ObjectSample
 
 RATE_HZ, T0 = 30.0, 10**11
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 CERTAIN = 13.0
 
 
-def watch(readings: list[ObjectReading], motion: OutsideMotion | None = None) -> list[tuple[int, Evidence]]:
+def observed(*pose: tuple[float, ...], **speed: float) -> ObjectSample:
+    return ObjectSample(T0, None, *pose, **speed)
+
+
+def watch(readings: list[ObjectSample], motion: OutsideMotion | None = None) -> list[tuple[int, Evidence]]:
     motion = motion or OutsideMotion(5e-4, RATE_HZ)
     found = [motion.update(T0 + round(k * 1e9 / RATE_HZ), r, held=True) for k, r in enumerate(readings)]
     return [(k, evidence) for k, evidence in enumerate(found) if evidence is not None]
 
 
-def places(moved_m: np.ndarray, std_m: float, seed: int = 1) -> list[ObjectReading]:
+def places(moved_m: np.ndarray, std_m: float, seed: int = 1) -> list[ObjectSample]:
     rng = np.random.default_rng(seed)
-    return [ObjectReading(tuple(np.array((moved, 0.01, 0.1)) + rng.normal(0.0, std_m, 3))) for moved in moved_m]
+    return [observed(tuple(np.array((moved, 0.01, 0.1)) + rng.normal(0.0, std_m, 3))) for moved in moved_m]
 
 
 def turn(angle: float) -> tuple[float, ...]:
@@ -38,19 +43,17 @@ def test_a_displacement_beyond_its_errors_is_found() -> None:
 
 def test_a_turn_beyond_its_errors_is_found() -> None:
     for sign in (1.0, -1.0):  # a quaternion and its negative are one orientation
-        turned = [
-            ObjectReading((0.0, 0.0, 0.1), tuple(sign * q for q in turn(0.01 * max(k - 60, 0)))) for k in range(90)
-        ]
-        found = watch([ObjectReading((0.0, 0.0, 0.1), turn(0.0)), *turned])
+        turned = [observed((0.0, 0.0, 0.1), tuple(sign * q for q in turn(0.01 * max(k - 60, 0)))) for k in range(90)]
+        found = watch([observed((0.0, 0.0, 0.1), turn(0.0)), *turned])
         certain = [k for k, evidence in found if evidence.surprise > CERTAIN]
         assert 63 < certain[0] < 80
 
 
 def test_a_speed_counts_by_its_own_error() -> None:
-    found = watch([ObjectReading(speed_mps=0.001 if k < 60 else 0.02, speed_std_mps=0.002) for k in range(90)])
+    found = watch([observed(speed_mps=0.001 if k < 60 else 0.02, speed_std_mps=0.002) for k in range(90)])
     assert [k for k, evidence in found if evidence.surprise > CERTAIN] == list(range(61, 90))
-    assert watch([ObjectReading(speed_mps=0.02)] * 90) == []
-    assert watch([ObjectReading()] * 90) == []
+    assert watch([observed(speed_mps=0.02)] * 90) == []
+    assert watch([observed()] * 90) == []
 
 
 @pytest.mark.parametrize("std_m", [0.0, 1e-4, 3e-3])
@@ -72,9 +75,9 @@ def test_one_wrong_reading_is_none() -> None:
 def test_the_reference_begins_anew_with_the_hold_and_where_the_orientation_comes_or_goes() -> None:
     motion = OutsideMotion(5e-4, RATE_HZ)
     watch(places(np.zeros(60), 1e-4), motion)
-    assert motion.update(T0 + 3 * 10**9, ObjectReading((0.5, 0.0, 0.0)), held=False) is None
+    assert motion.update(T0 + 3 * 10**9, observed((0.5, 0.0, 0.0)), held=False) is None
     assert watch(places(np.full(60, 0.5), 1e-4), motion)[-1][1].surprise < 5.0
-    turned = ObjectReading((0.9, 0.0, 0.0), LEVEL)
+    turned = observed((0.9, 0.0, 0.0), LEVEL)
     assert motion.update(T0 + 4 * 10**9, turned, held=True) is None
 
 

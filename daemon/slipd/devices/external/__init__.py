@@ -1,7 +1,8 @@
 """Readings that another process sends: for labs whose own driver holds the port of a sensor.
 
-Each message is one msgpack map, `{stream, t_ns, force_n, torque_nm}` or `{stream, t_ns, values}`; docs/devices.md
-describes it. Messages are self-delimiting, so no transport needs to deliver them one by one.
+Each message is one msgpack map, `{stream, t_ns, force_n, torque_nm}`, `{stream, t_ns, values}` or
+`{stream, t_ns, object_pose, object_speed_mps}`; docs/devices.md describes it. Messages are self-delimiting, so no
+transport needs to deliver them one by one.
 """
 
 from __future__ import annotations

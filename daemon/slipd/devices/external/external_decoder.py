@@ -12,17 +12,20 @@ from slipd.devices.external import external_message as message
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.devices.shared.msgpack_scanner import MsgpackScanner
 from slipd.devices.shared.sequence_tracker import SequenceTracker
-from slipd.samples import TactileSample, WrenchSample
+from slipd.samples import ObjectSample, TactileSample, WrenchSample
 
 MAX_STREAMS = 64
 """Most streams with sequence numbers on one socket: limits the memory that invented names can fill."""
 
+Reading = WrenchSample | TactileSample | ObjectSample
+
 _SEQ_SPAN = 1 << 64
-_BEGIN = re.compile(rb"[\x83-\x86](?:[\xa3-\xa9]|\Z)")  # a map of 3 to 6 fields, and a key of 3 to 9 bytes
+_SPEED_KEYS = "object_speed_mps", "object_speed_std_mps"
+_BEGIN = re.compile(rb"[\x83-\x87](?:[\xa3-\xb4]|\Z)")  # a map of 3 to 7 fields, and a key of 3 to 20 bytes
 
 
 class Decoder:
-    """Decode every message to a wrench or tactile sample; ``source`` is its ``stream``.
+    """Decode every message to a wrench, tactile or object sample; ``source`` is its ``stream``.
 
     ``device_time_ns`` is the message's ``t_ns``: CLOCK_MONOTONIC on this host at the acquisition, as reported by the
     sender. `health.lost`, `duplicates` and `restarts` follow ``seq``, for streams that send it. Bytes outside messages
@@ -37,7 +40,7 @@ class Decoder:
         self._scanner = MsgpackScanner(_BEGIN, message.measure, message.parse, self.health, limited=True)
         self._sequences: dict[str, SequenceTracker] = {}
 
-    def receive(self, data: bytes, t_ns: int) -> list[WrenchSample | TactileSample]:
+    def receive(self, data: bytes, t_ns: int) -> list[Reading]:
         """Decode bytes received at ``t_ns``; return the readings they complete."""
         samples = [_sample(body, t_ns) for body in self._scanner.messages(data) if self._is_new(body)]
         self.health.good += len(samples)
@@ -61,15 +64,26 @@ class Decoder:
         return self._sequences[stream].accept(body["seq"])
 
 
-def _sample(body: dict[str, Any], t_ns: int) -> WrenchSample | TactileSample:
+def _sample(body: dict[str, Any], t_ns: int) -> Reading:
     status, stream, time_ns = tuple(body.get("status", ())), body["stream"], body["t_ns"]
     if "values" in body:
         values = np.array(body["values"], dtype=np.float64)
         return TactileSample(t_ns, time_ns, values, _with_validity(status, values), stream)
+    if "force_n" not in body:
+        return _object_sample(body, t_ns, status)
     force_n, torque_nm = [*map(float, body["force_n"])], body.get("torque_nm")
     torque_nm = None if torque_nm is None else [*map(float, torque_nm)]
     status = _with_validity(status, np.array(force_n if torque_nm is None else force_n + torque_nm))
     return WrenchSample(t_ns, time_ns, force_n, torque_nm, status, stream)
+
+
+def _object_sample(body: dict[str, Any], t_ns: int, status: tuple[str, ...]) -> ObjectSample:
+    pose = body.get("object_pose", {})
+    xyz_m, quat_xyzw = (None if pose.get(key) is None else (*map(float, pose[key]),) for key in ("xyz_m", "quat_xyzw"))
+    speed, std = (None if body.get(key) is None else float(body[key]) for key in _SPEED_KEYS)
+    numbers = np.array([*(xyz_m or ()), *(quat_xyzw or ()), *(n for n in (speed, std) if n is not None)])
+    status = _with_validity(status, numbers)
+    return ObjectSample(t_ns, body["t_ns"], xyz_m, quat_xyzw, speed, std, status, body["stream"])
 
 
 def _with_validity(status: tuple[str, ...], values: Array) -> tuple[str, ...]:

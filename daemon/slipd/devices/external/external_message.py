@@ -6,8 +6,9 @@ values of the right types is unpacked.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgpack
@@ -37,10 +38,17 @@ MAX_NAME = 64
 MAX_STATUS = 8
 MAX_WORD = 32
 
-AXES = 3
+AXES, QUATERNION = 3, 4
 
-FIELDS = range(3, 7)
-"""Numbers of fields: ``stream``, ``t_ns`` and the values; optionally a torque, ``seq`` and ``status``."""
+FIELDS = range(3, 8)
+"""Numbers of fields: ``stream``, ``t_ns`` and a reading of one to three fields; optionally ``seq`` and ``status``."""
+
+UNIT_TOLERANCE = 0.01
+"""A quaternion is as long as 1 within this."""
+
+READINGS = ({b"force_n"}, {b"force_n", b"torque_nm"}, {b"values"}, {b"object_pose"})
+SPEED = {b"object_speed_mps", b"object_speed_std_mps"}
+"""Fields of a reading: those of a force, of an image, or of an object: its pose, its speed with its error, or both."""
 
 _LATEST_NS = 1 << 63  # CLOCK_MONOTONIC is a signed 64-bit number
 _NAME = re.compile(r"[A-Za-z0-9_./-]+")
@@ -62,6 +70,8 @@ def parse(data: bytes) -> dict[str, Any] | None:
         _NAME.fullmatch(body["stream"])
         and body["t_ns"] < _LATEST_NS
         and all(_WORD.fullmatch(word) for word in body.get("status", ()))
+        and _is_orientation(body.get("object_pose", {}).get("quat_xyzw"))
+        and not body.get("object_speed_std_mps", 1.0) <= 0.0
     )
     return body if is_possible else None
 
@@ -73,6 +83,9 @@ def encode_reading(
     force_n: ArrayLike | None = None,
     torque_nm: ArrayLike | None = None,
     values: ArrayLike | None = None,
+    object_pose: Mapping[str, ArrayLike] | None = None,
+    object_speed_mps: float | None = None,
+    object_speed_std_mps: float | None = None,
     seq: int | None = None,
     status: Sequence[str] = (),
 ) -> bytes:
@@ -84,6 +97,10 @@ def encode_reading(
         force_n: Force, shape (3,), N.
         torque_nm: Torque about the sensor's origin, shape (3,), N·m; only beside a force, and only if measured.
         values: An image instead of a force, shape (taxels,) or (taxels, 3), in scan order.
+        object_pose: Pose of the object in the gripper frame instead of these: ``xyz_m``, shape (3,), m, and where it is
+            known ``quat_xyzw``, shape (4,).
+        object_speed_mps: Speed of the object over the pads, m/s, beside its pose or instead of it.
+        object_speed_std_mps: Standard deviation of that speed, above 0.
         seq: Sequence number of the stream's readings, if it has one.
         status: Conditions of this reading, up to 8 short words.
 
@@ -94,6 +111,11 @@ def encode_reading(
     for key, reading in (("force_n", force_n), ("torque_nm", torque_nm), ("values", values)):
         if reading is not None:
             body[key] = np.asarray(reading, dtype=np.float64).tolist()
+    if object_pose is not None:
+        body["object_pose"] = {key: np.asarray(part, dtype=np.float64).tolist() for key, part in object_pose.items()}
+    for key, number in (("object_speed_mps", object_speed_mps), ("object_speed_std_mps", object_speed_std_mps)):
+        if number is not None:
+            body[key] = float(number)
     if seq is not None:
         body["seq"] = seq
     if status:
@@ -106,16 +128,18 @@ def encode_reading(
         raise ValueError(
             f"a reading must have a valid name and time, and either a force of shape (3,), with or without a torque of "
             f"shape (3,), or values of shape (taxels,) or (taxels, 3), with at most {MAX_TAXELS} taxels and "
-            f"{MAX_MESSAGE} bytes, got stream {stream!r:.80}"
+            f"{MAX_MESSAGE} bytes, or the pose of an object, its speed with a standard deviation, or both, got "
+            f"stream {stream!r:.80}"
         )
     return data
 
 
 def _message_end(buffer: bytes, at: int) -> int:
     end, keys = map_end(buffer, at, FIELDS, _VALUE_ENDS)
-    if not {b"stream", b"t_ns"} <= keys or (b"force_n" in keys) == (b"values" in keys):
+    reading = keys - {b"stream", b"t_ns", b"seq", b"status"}
+    if not {b"stream", b"t_ns"} <= keys:
         raise Malformed
-    if b"torque_nm" in keys and b"values" in keys:
+    if reading not in READINGS and reading - {b"object_pose"} != SPEED:
         raise Malformed
     return end
 
@@ -180,6 +204,31 @@ def _values_end(buffer: bytes, at: int) -> int:
     return begin
 
 
+def _number_end(buffer: bytes, at: int) -> int:
+    return _numbers_end(buffer, at, 1)
+
+
+def _quaternion_end(buffer: bytes, at: int) -> int:
+    count, begin = _list_head(buffer, at, QUATERNION)
+    if count != QUATERNION:
+        raise Malformed
+    return _numbers_end(buffer, begin, QUATERNION)
+
+
+def _pose_end(buffer: bytes, at: int) -> int:
+    end, keys = map_end(buffer, at, range(1, 3), {b"xyz_m": _vector_end, b"quat_xyzw": _quaternion_end})
+    if b"xyz_m" not in keys:
+        raise Malformed
+    return end
+
+
+def _is_orientation(quat_xyzw: Sequence[float] | None) -> bool:
+    """Return whether a quaternion is as long as 1, or is none; one with a value that is not finite is marked later."""
+    if quat_xyzw is None or not all(map(math.isfinite, quat_xyzw)):
+        return True
+    return abs(math.hypot(*quat_xyzw) - 1.0) < UNIT_TOLERANCE
+
+
 def _status_end(buffer: bytes, at: int) -> int:
     count, at = _list_head(buffer, at, MAX_STATUS)
     for _ in range(count):
@@ -194,6 +243,9 @@ _VALUE_ENDS = {
     b"force_n": _vector_end,
     b"torque_nm": _torque_end,
     b"values": _values_end,
+    b"object_pose": _pose_end,
+    b"object_speed_mps": _number_end,
+    b"object_speed_std_mps": _number_end,
     b"status": _status_end,
 }
 """For each key, where its value ends."""

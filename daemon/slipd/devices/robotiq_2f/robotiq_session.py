@@ -91,6 +91,11 @@ class Session(GripperSessionBase):
         return self._units.width_range_m
 
     @property
+    def width_step_m(self) -> float:
+        """Resolution of the reported width, m."""
+        return self._units.width_step_m
+
+    @property
     def speed_range_mps(self) -> tuple[float, float] | None:
         """Smallest and largest speed, m/s; None if the speed cannot be set."""
         return self._units.speed_range_mps

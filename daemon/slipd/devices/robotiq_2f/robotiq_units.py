@@ -7,6 +7,7 @@ which are linear between their points.
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -40,6 +41,7 @@ class Units:
     Attributes:
         force_range_n: Smallest and largest force, N on one pad.
         width_range_m: Smallest and largest width.
+        width_step_m: Largest difference of the widths of two neighbouring position bytes.
         speed_range_mps: Smallest and largest speed; None if the speed cannot be set.
     """
 
@@ -47,6 +49,8 @@ class Units:
         self._forces = ForceMap(force_table)
         self._widths = list(width_table)
         self._closures = [(width, closure) for closure, width in reversed(self._widths)]
+        slopes = [(wide - narrow) / (b - a) for (a, wide), (b, narrow) in itertools.pairwise(self._widths)]
+        self.width_step_m = max(slopes) / FULL
         self._speeds = None if speed_table is None else [(speed, byte) for byte, speed in speed_table]
         self.force_range_n = (float(force_table[0][1]), float(force_table[-1][1]))
         self.width_range_m = (self._closures[0][0], self._closures[-1][0])

@@ -20,6 +20,11 @@ class GripperSessionBase(ABC):
     _activation: ClassVar[frozenset[Any]]
 
     @property
+    def width_step_m(self) -> float:
+        """Resolution of the reported width, m; 0: as fine as its numbers."""
+        return 0.0
+
+    @property
     def activating(self) -> bool:
         """Whether an activation is queued or in progress; until it is over no motion is accepted."""
         return self._machine.state in self._activation

@@ -21,7 +21,7 @@ from project import DOCS
 from slipd.devices import external
 from slipd.devices.external import encode_reading, external_message
 from slipd.devices.external.external_decoder import MAX_STREAMS
-from slipd.samples import TactileSample, WrenchSample
+from slipd.samples import ObjectSample, TactileSample, WrenchSample
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 
@@ -30,7 +30,7 @@ WRENCH = {"stream": "left.wrench", "t_ns": 5, "force_n": [1.0, 2.0, 3.0], "torqu
 IMAGE = {"stream": "left.pad", "t_ns": 6, "values": [1.0, 2.0, 3.0, 4.0]}
 
 
-def decode(*messages: bytes) -> tuple[list[WrenchSample | TactileSample], external.Decoder]:
+def decode(*messages: bytes) -> tuple[list[WrenchSample | TactileSample | ObjectSample], external.Decoder]:
     decoder = external.Decoder()
     return decoder.receive(b"".join(messages), 77), decoder
 
@@ -45,7 +45,7 @@ def wrench(number: int) -> bytes:
     return encode_reading("w", number, force_n=(number, 0, -1), torque_nm=(0, 0, 0.5))
 
 
-def times(samples: list[WrenchSample | TactileSample]) -> list[int | None]:
+def times(samples: list[WrenchSample | TactileSample | ObjectSample]) -> list[int | None]:
     return [sample.device_time_ns for sample in samples]
 
 
@@ -72,6 +72,67 @@ def test_an_image_is_read_with_one_axis_or_three(values: Any) -> None:
     assert sample.values.tolist() == values
     assert sample.values.dtype == np.float64
     assert (sample.t_ns, sample.device_time_ns, sample.source, sample.dwell_ns) == (77, 6, "left.pad", 0)
+
+
+POSE = {"xyz_m": [0.01, 0.0, 0.1], "quat_xyzw": [0.0, 0.0, 0.0, 1.0]}
+SEEN = {"stream": "object", "t_ns": 7, "object_pose": POSE}
+SPEED = {"object_speed_mps": 0.02, "object_speed_std_mps": 0.001}
+
+
+def test_what_another_process_says_of_the_object_is_read() -> None:
+    samples, decoder = decode(
+        pack(SEEN, seq=1, status=["late"], **SPEED),
+        pack(SEEN, object_pose={"xyz_m": [0, 1, 2]}),
+        pack(SEEN, object_pose=..., **SPEED),
+        pack(SEEN, object_pose=POSE | {"xyz_m": [math.nan, 0.0, 0.0]}),
+    )
+    assert [type(sample) for sample in samples] == [ObjectSample] * 4
+    found = [
+        (s.xyz_m, s.quat_xyzw, s.speed_mps, s.speed_std_mps, s.status) for s in samples if isinstance(s, ObjectSample)
+    ]
+    assert found[:3] == [
+        ((0.01, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0), 0.02, 0.001, ("late",)),
+        ((0.0, 1.0, 2.0), None, None, None, ()),
+        (None, None, 0.02, 0.001, ()),
+    ]
+    assert found[3][4] == ("invalid",)
+    assert (samples[0].t_ns, samples[0].device_time_ns, samples[0].source) == (77, 7, "object")
+    assert (decoder.health.good, decoder.health.bad) == (4, 0)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"object_pose": {}},
+        {"object_pose": {"quat_xyzw": [0.0, 0.0, 0.0, 1.0]}},
+        {"object_pose": {"xyz_m": [0.0, 0.0]}},
+        {"object_pose": {"xyz_m": [0.0, 0.0, 0.0], "quat_xyzw": [0.0, 0.0, 1.0]}},
+        {"object_pose": {"xyz_m": [0.0, 0.0, 0.0], "quat_xyzw": [0.0, 0.0, 0.0, 2.0]}},
+        {"object_pose": {"xyz_m": [0.0, 0.0, 0.0], "frame": "camera"}},
+        {"object_pose": [0.0, 0.0, 0.0]},
+        {"object_pose": {"xyz_m": ["a", 0.0, 0.0]}},
+        {"object_speed_mps": 0.02},
+        {"object_pose": ..., "object_speed_std_mps": 0.02},
+        {"object_speed_mps": 0.02, "object_speed_std_mps": 0.0},
+        {"object_speed_mps": "fast", "object_speed_std_mps": 0.1},
+        {"force_n": [0.0, 0.0, 0.0]},
+        {"values": [0.0]},
+        {"torque_nm": [0.0, 0.0, 0.0]},
+        {"object_pose": ...},
+    ],
+)
+def test_anything_else_about_an_object_is_no_message(changes: dict[str, Any]) -> None:
+    samples, decoder = decode(pack(SEEN, **changes))
+    assert (samples, decoder.health.good, decoder.health.bad) == ([], 0, 1)
+
+
+def test_the_encoder_packs_what_the_decoder_reads() -> None:
+    data = encode_reading("object", 7, object_pose=POSE, object_speed_mps=0.02, object_speed_std_mps=0.001, seq=3)
+    (sample,), _ = decode(data)
+    assert isinstance(sample, ObjectSample)
+    assert (sample.xyz_m, sample.speed_std_mps) == (tuple(POSE["xyz_m"]), 0.001)
+    with pytest.raises(ValueError, match="the pose of an object"):
+        encode_reading("object", 7, object_speed_mps=0.02)
 
 
 def test_numbers_of_every_kind_are_read() -> None:

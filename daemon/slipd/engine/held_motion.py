@@ -1,0 +1,109 @@
+"""Motion of a held object by evidence beside its load: images, high band, width of the gripper, and another process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from slipd.config import Grasp, Levels
+from slipd.finger.finger import Finger
+from slipd.finger.finger_state import FingerState
+from slipd.grasp.pad_motion import make_pad_motion
+from slipd.gripper.gripper_control import GripperControl
+from slipd.motion.evidence import Evidence
+from slipd.motion.outside_motion import OutsideMotion
+from slipd.motion.risk import MotionRisk
+from slipd.motion.width_change import WidthChange
+from slipd.samples import GripperSample, ObjectSample
+
+REPORTED_NS = 300_000_000
+"""Motion of the jaws, or by another process, stays reported for this long after the last evidence."""
+
+Found = list[tuple[Finger, FingerState]]
+"""Fingers that now report motion, with their states."""
+
+
+class HeldMotion:
+    """Combines the evidence of each finger, and that of the whole grasp, by the risk of each finger.
+
+    Args:
+        fingers: All fingers by name.
+        levels: ``[levels]``.
+        grasp: ``[grasp]``; None: no other process observes the object.
+        gripper: The gripper; None where the config names none.
+    """
+
+    def __init__(
+        self, fingers: Mapping[str, Finger], levels: Levels, grasp: Grasp | None, gripper: GripperControl | None
+    ) -> None:
+        self._gripper, self._pads = gripper, make_pad_motion(levels, list(fingers.values()))
+        self._width = None if gripper is None else WidthChange(gripper.width_step_m)
+        observed = None if grasp is None else grasp.object
+        self._outside = None if observed is None else OutsideMotion(observed.std_m, observed.rate_hz)
+        self._risks: dict[str, MotionRisk] = {}
+        self._fingers = fingers
+        shared = {}
+        if self._width is not None:
+            shared["width"] = self._width.looks_per_hour
+        if self._outside is not None:
+            shared["external"] = self._outside.looks_per_hour
+        for name, finger in fingers.items():
+            looks = shared | (finger.motion.looks_per_hour if finger.motion is not None else {})
+            if looks:
+                self._risks[name] = MotionRisk(levels.false_alarms_per_hour, looks)
+
+    def update_finger(self, finger: Finger) -> Found:
+        """Judge the evidence that a finger's readings and images gave since the last call."""
+        found: Found = []
+        motion = finger.motion
+        if motion is None or not motion.found:
+            return found
+        for evidence in motion.take():
+            kinds = self._risks[finger.name].update(evidence)
+            if kinds:
+                until_ns = motion.confirm() if "image_change" in kinds else evidence.t_ns + REPORTED_NS
+                found += _report(finger, until_ns, kinds)
+        return found
+
+    def update_pads(self, acquired_ns: int) -> Found:
+        """Look at pads that measure the force themselves, after an image acquired at ``acquired_ns``."""
+        return [] if self._pads is None else self._pads.update(acquired_ns)
+
+    def update_grasp(self, sample: GripperSample | ObjectSample, acquired_ns: int) -> Found:
+        """Judge a reading of the gripper, which has it already, or of the object, acquired at ``acquired_ns``."""
+        return self._update_object(sample, acquired_ns) if isinstance(sample, ObjectSample) else self._update_width()
+
+    def _update_width(self) -> Found:
+        """Judge the newest reading of the gripper."""
+        gripper, width = self._gripper, self._width
+        if gripper is None or width is None or gripper.sample is None:
+            return []
+        evidence = width.update(gripper.sample.t_ns, gripper.width_m, held=gripper.holds, command=gripper.command)
+        found = [] if evidence is None else self._judge(evidence)
+        if found:
+            width.confirm()
+        return found
+
+    def _update_object(self, sample: ObjectSample, acquired_ns: int) -> Found:
+        """Judge what another process says of the object at ``acquired_ns``."""
+        outside = self._outside
+        if outside is None or sample.status:
+            return []
+        held = all(finger.is_pressed() for finger in self._fingers.values())
+        evidence = outside.update(acquired_ns, sample, held=held)
+        found = [] if evidence is None else self._judge(evidence)
+        if found:
+            outside.confirm()
+        return found
+
+    def _judge(self, evidence: Evidence) -> Found:
+        """Judge evidence of the whole grasp: all fingers report what is enough for one of them."""
+        kinds = max((risk.update(evidence) for risk in self._risks.values()), key=len)
+        found: Found = []
+        for finger in self._fingers.values() if kinds else ():
+            found += _report(finger, evidence.t_ns + REPORTED_NS, kinds)
+        return found
+
+
+def _report(finger: Finger, until_ns: int, kinds: tuple[str, ...]) -> Found:
+    state = finger.note_motion(until_ns, kinds)
+    return [] if state is None else [(finger, state)]

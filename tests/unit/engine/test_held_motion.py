@@ -1,0 +1,129 @@
+"""Motion that the load does not show: through the engine, from the bytes of devices to the messages."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
+
+from slipd.devices.external import encode_reading
+from slipd.events import Bytes
+
+FINE = (
+    LEFT.replace("rows = 4", "rows = 8")
+    .replace("cols = 4", "cols = 16")
+    .replace("force_std_n = 0.0", "force_std_n = 0.02")
+)
+OBSERVED = """
+[grasp.pads.left]
+positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, 0.0425, 0.0]]
+quat_xyzw = [0.5, -0.5, 0.5, 0.5]
+
+[grasp.pads.right]
+positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, -0.0425, 0.0]]
+quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+
+[grasp.object]
+device = "external"
+port = "ipc:///tmp/object"
+sensor = "object"
+rate_hz = 50.0
+std_m = 0.0005
+"""
+
+
+def patch(x_m: float) -> np.ndarray:
+    """Return what each taxel of the fine pad feels of a contact at ``x_m``, N: 8 N with soft edges."""
+    x, y = np.meshgrid((np.arange(16) - 7.5) * 0.004, (np.arange(8) - 3.5) * 0.004)
+    loads = 1.0 / (1.0 + np.exp((np.hypot(x - x_m, y) - 0.010) / 0.001))
+    return 8.0 * loads / loads.sum()
+
+
+def slips(run: Run, finger: str = "left") -> list[dict[str, object]]:
+    """Return the messages of a finger that report a slip."""
+    return [body for body in run.published(f"slip.{finger}") if body["level"] == "slipping"]
+
+
+def hold(run: Run, seconds: float, speed_mps: float, rng: np.random.Generator, x_m: float = 0.0) -> float:
+    """Hold 8 N and 2 N across while the contact moves over the pad: force at 500 Hz, images at 100 Hz.
+
+    Returns:
+        Where the contact is in the end, m; it begins at ``x_m``.
+    """
+    for k in range(round(seconds * 500)):
+        x_m += speed_mps / 500
+        run.wrench(8.0 + rng.normal(0.0, 0.02), (2.0 + rng.normal(0.0, 0.02), 0.0), centroid_m=(x_m, 0.0), ms=2.0)
+        if k % 5 == 0:
+            run.image(np.round(patch(x_m) * 100 + rng.normal(0.0, 0.5, (8, 16))).astype(int))
+    return x_m
+
+
+def test_a_contact_that_creeps_over_the_pad_is_a_slip() -> None:
+    run, rng = Run(FINE), np.random.default_rng(1)
+    run.up()
+    for _ in range(3):
+        run.image(np.zeros((8, 16), dtype=int))
+        run.wrench(0.0)
+    hold(run, 2.5, 0.0, rng)
+    assert slips(run) == []
+    began_ns = run.t_ns
+    x_m = hold(run, 3.0, 0.001, rng)
+    found = slips(run)
+    assert found[0]["evidence"] == ["image_change"]
+    assert found[0]["t_ns"] - began_ns < 1000 * MS, "within a millimetre"
+    assert {body["level"] for body in run.published("slip.left") if body["t_ns"] > found[0]["t_ns"]} == {"slipping"}
+    hold(run, 1.5, 0.0, rng, x_m)
+    assert run.level()[0] == "stable", "a slip ends with the motion"
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_jaws_that_move_by_themselves_are_a_slip_of_both_fingers(steps: int) -> None:
+    run = Run(LEFT + RIGHT + GRIPPER)
+    run.up()
+    run.bring_up()
+    run.grip(5.0)
+    run.gripper.position = 120
+    for moved in (0, steps):
+        run.gripper.position = 120 + moved
+        for k in range(120):
+            run.serve_gripper(20)
+            for _ in range(1 + k % 2):
+                run.feel(5.0)
+    for finger in ("left", "right"):
+        found = [body["evidence"] for body in slips(run, finger)]
+        assert found == [] if steps == 1 else found[0] == ["width"]
+
+
+def test_an_object_that_another_process_sees_move_is_a_slip() -> None:
+    run, rng = Run(LEFT + RIGHT + OBSERVED), np.random.default_rng(2)
+    run.up()
+    for _k in range(3):
+        run.image(np.zeros((4, 4), dtype=int))
+        run.wrench(0.0)
+        run.skin(0.0)
+    run.ask("tare", finger="left", seconds=0.01)
+    for _ in range(20):
+        run.wrench(0.0)
+    link = next(name for name in run.engine.links if name == "object")
+
+    def see(seconds: float, speed_mps: float) -> None:
+        for k in range(round(seconds * 50)):
+            for _ in range(2):
+                run.feel(5.0)
+                run.wait(8)
+            at_m = np.array((0.0, 0.0, 0.1 + speed_mps * k / 50)) + rng.normal(0.0, 3e-4, 3)
+            run.feed(Bytes(link, encode_reading("object", run.t_ns, object_pose={"xyz_m": at_m})))
+
+    see(3.0, 0.0)
+    assert slips(run) == []
+    see(1.0, 0.02)
+    for finger in ("left", "right"):
+        assert slips(run, finger)[0]["evidence"] == ["external"]
+    run.wait(1100)
+    run.tick()
+    status = run.published("status")[-1]["streams"]["object"]
+    assert status["samples"] > 0
+    run.down(link)
+    assert math.isfinite(run.t_ns)
