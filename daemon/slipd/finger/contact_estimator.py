@@ -105,7 +105,7 @@ class ContactEstimator:
             disagreement: What force sensor and image contradict each other about.
             image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
             pulled_n: The normal force is clearly negative below minus this, N.
-            learning: What the readings may teach of friction.
+            learning: What the readings may teach of friction, where there is no disagreement.
         """
         rows = readings.rows
         find_contacts(
@@ -127,7 +127,11 @@ class ContactEstimator:
         frictions: list[FrictionState] = []
         for begin, end in self.friction.estimate.segments(readings.times_ns):
             frictions += [self.friction.state] * (end - begin)
-            self._judge(rows[begin:end], phases[begin:end], distribution, uncertainty, learning)
+            agrees_at = min(max(ends_at, begin), end) if disagreement else begin
+            if begin < agrees_at:
+                self._judge(rows[begin:agrees_at], phases[begin:agrees_at], distribution, uncertainty, Learning.NOTHING)
+            if agrees_at < end:
+                self._judge(rows[agrees_at:end], phases[agrees_at:end], distribution, uncertainty, learning)
         levels = rows["assessment"]["level"].tolist()
         if disagreement:
             levels = [

@@ -158,12 +158,7 @@ class VerdictPath:
         if any(now is not before for now, before in zip(tares, self._tares, strict=True)):
             self._tares = tares
             self.estimator.friction.estimate.forget()
-        if (
-            image is None
-            or self.tares.busy
-            or arrival.waited_ns
-            or (self._check is not None and self._check.disagreement)
-        ):
+        if image is None or self.tares.busy or arrival.waited_ns:
             return Learning.NOTHING
         if not image.is_reliable(at_rest=True) or image.taxel_health.saturates:
             return Learning.NOTHING

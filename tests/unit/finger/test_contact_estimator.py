@@ -79,7 +79,11 @@ def plain(batch: VerdictBatch) -> list[str]:
         used, shares = state.utilisation, state.load_distribution
         arrays = [None if values is None else values.tolist() for values in (used and used.pole_m, shares and shares.x)]
         numbers = (state.contact, used and (*used[:3], *used[4:]), state.tipping_margin_m, state.age_s)
-        known.append(repr((state.t_ns, state.verdict, state.wrench, state.model, state.status, *numbers, *arrays)))
+        known.append(
+            repr(
+                (state.t_ns, state.verdict, state.wrench, state.model, state.status, state.friction, *numbers, *arrays)
+            )
+        )
     return known
 
 
