@@ -22,6 +22,8 @@ SCATTER = 0.05
 """Relative standard deviation of static friction from one slip to the next of the same pair."""
 ROUGH = 0.1
 """Relative standard deviation of q at a slip that shows no drop of the load: its onset was some time before."""
+GAP_S = 0.3
+"""After a longer silence nothing is known of the load between, s; pads send ten images a second, or more."""
 PLATEAU_S = 0.1
 """The plateau is averaged for this long, s: later the object may stick again while the slip is still reported."""
 WIDENING = 0.05
@@ -31,37 +33,22 @@ FADING = 0.6
 KEPT = 4
 """Samples of each kind that are kept; the next older one would weigh 0.13 of the newest."""
 
+_FLOATS = (
+    *("stated", "spread", "most", "object_floor", "carried", "floor", "block_since_s", "block_last_s", "block_sum"),
+    *("block_squares", "onset_s", "bound", "low", "high", "dynamic"),
+)
+_PAIRS = ("object_ln", "object_var", "block_error", "before")
+
 LEARNING = np.dtype(
     [
-        ("stated", "f8"),
-        ("spread", "f8"),
-        ("most", "f8"),
-        ("named", "?"),
-        ("object_ln", "f8", (2,)),
-        ("object_var", "f8", (2,)),
-        ("object_floor", "f8"),
-        ("carried", "f8"),
-        ("floor", "f8"),
-        ("block_since_s", "f8"),
-        ("block_last_s", "f8"),
-        ("block_sum", "f8"),
-        ("block_squares", "f8"),
-        ("block_error", "f8", (2,)),
-        ("block_count", "i8"),
-        ("before", "f8", (2,)),
+        *[(name, "f8") for name in _FLOATS],
+        *[(name, "f8", (2,)) for name in _PAIRS],
         ("sample_ln", "f8", (2, KEPT)),
         ("sample_var", "f8", (2, KEPT)),
-        ("taken", "i8", (2,)),
-        ("slipping", "?"),
-        ("onset", "i8"),
-        ("onset_s", "f8"),
         ("plateau", "f8", (3,)),
-        ("bound", "f8"),
-        ("low", "f8"),
-        ("high", "f8"),
-        ("dynamic", "f8"),
-        ("learned", "?"),
-        ("changes", "i8"),
+        ("taken", "i8", (2,)),
+        *[(name, "i8") for name in ("block_count", "onset", "changes")],
+        *[(name, "?") for name in ("named", "slipping", "learned")],
     ],
     align=True,
 )
@@ -72,7 +59,8 @@ largest μ that a verdict may use. ``object_…``: knowledge of the named object
 ``floor``: lower bound of μ_s from what was carried since the last slip. ``block_…``: sums of q, its square, and largest
 errors (noise, shape) of the readings of half a dwell; ``before``: mean and lower bound of the block before. ``onset``:
 what the sample of the present slip is from: 0 nothing, 1 q when it was noticed, 2 the peak before a drop; ``onset_s``:
-when it was noticed. ``plateau``: count, sum and largest error of its q. The rest is the result."""
+when it was noticed. ``plateau``: count, sum and largest error of its q. ``bound``: μ for verdicts. ``low``,
+``high``, ``dynamic``: as in `FrictionState`. ``learned``: the bound is not the stated μ. ``changes`` counts results."""
 
 
 @compiled
@@ -121,7 +109,7 @@ def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float, raises:
     """Add a reading that does not slip to its block; a block that is full may raise what was carried."""
     row = rows[0]
     error, before = row["block_error"], row["before"]
-    if not 0.0 <= t_s - row["block_last_s"] <= DWELL_S:
+    if not 0.0 <= t_s - row["block_last_s"] <= GAP_S:
         row["block_count"] = 0
         before[0] = math.nan
     if row["block_count"] == 0:

@@ -109,6 +109,13 @@ def test_a_gap_in_the_readings_is_not_carried(hand: Hand) -> None:
     assert hand.feel(carry(0.6, 0.06)).carried is None
 
 
+def test_readings_that_come_ten_times_a_second_are_enough(hand: Hand) -> None:
+    for _ in range(5):
+        state = hand.feel(carry(0.6, STEP_S))
+        hand._t_s += 0.1 - STEP_S
+    assert state.carried == pytest.approx(0.6)
+
+
 def test_noise_few_readings_and_few_taxels_lower_the_bound(hand: Hand) -> None:
     exact = hand.feel(carry(0.6)).mu
     noisy = Hand().feel(carry(0.6), noise=0.06).mu
