@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -135,7 +136,8 @@ def _runs(jobs: list[_Job]) -> Iterator[tuple[_Job, ConfigRun | str]]:
         for job in jobs:
             yield job, _run(job.evaluation.path, job.config)
         return
-    pool = ProcessPoolExecutor(cores, multiprocessing.get_context("spawn"))
+    silent_end = (signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the processes at once, without a traceback of each
+    pool = ProcessPoolExecutor(cores, multiprocessing.get_context("spawn"), signal.signal, silent_end)
     try:
         longest_first = sorted(jobs, key=lambda job: -sizes[job.evaluation.path])
         running: dict[Future[ConfigRun | str], _Job] = {

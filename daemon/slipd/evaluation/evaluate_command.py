@@ -17,6 +17,8 @@ from slipd.evaluation.level_picture import picture
 from slipd.evaluation.result_cache import ResultCache, cache_folder
 
 PICTURE = "levels.svg"
+ERASE = "\r\x1b[K"
+"""Erases the line of a terminal."""
 
 
 def evaluate_command(recordings: Sequence[Path], configs: Sequence[Path], out: Path | None, *, as_json: bool) -> bool:
@@ -38,7 +40,11 @@ def evaluate_command(recordings: Sequence[Path], configs: Sequence[Path], out: P
     named = _named(list(dict.fromkeys(configs)))
     if out is not None:
         _make(out)
-    found = evaluate(recordings, named, ResultCache(cache_folder()), Progress())
+    progress = Progress()
+    try:
+        found = evaluate(recordings, named, ResultCache(cache_folder()), progress.show)
+    finally:
+        progress.erase()
     if as_json:
         print(json.dumps(as_map(found), ensure_ascii=False, allow_nan=False))
     else:
@@ -62,8 +68,8 @@ class Progress:
         self._begun_s: float | None = None
         self._at_begin = 0
 
-    def __call__(self, done: int, of: int) -> None:
-        """Show that ``done`` of ``of`` runs are done; erase the line after the last."""
+    def show(self, done: int, of: int) -> None:
+        """Show that ``done`` of ``of`` runs are done."""
         if not sys.stderr.isatty():
             return
         if self._begun_s is None:
@@ -73,7 +79,12 @@ class Progress:
             left_s = (time.monotonic() - self._begun_s) / (done - self._at_begin) * (of - done)
             text += f", about {left_s:.0f} s left"
         bar = "█" * round(30 * done / max(of, 1))
-        print("\r\x1b[K" if done >= of else f"\r\x1b[K{bar:·<30} {text}", end="", file=sys.stderr, flush=True)
+        print(f"{ERASE}{bar:·<30} {text}", end="", file=sys.stderr, flush=True)
+
+    def erase(self) -> None:
+        """Erase the line."""
+        if self._begun_s is not None:
+            print(ERASE, end="", file=sys.stderr, flush=True)
 
 
 def _named(paths: list[Path]) -> list[NamedConfig]:
