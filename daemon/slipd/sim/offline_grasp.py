@@ -39,6 +39,9 @@ TICK_NS = 5_000_000
 KNOT_NS = 1_000_000
 """Grid on which the loads of the taxels are known, ns; linear between."""
 
+PART = 10_000
+"""Knots whose images are kept at once."""
+
 BEGIN_NS = 10_000_000_000
 """CLOCK_MONOTONIC at the first sample of the trace, ns."""
 
@@ -212,10 +215,11 @@ class _View:
         begun_ns = self._start_ns + self._phase_ns + PHASES_NS["pad"]
         device = PvdfPad(pad.rows, pad.cols, pad.electronics, rng)
         knots_ns = np.arange(KNOT_NS, self._end_ns - begun_ns, KNOT_NS)
-        loads_n = self._taxel_loads(pad, np.asarray((knots_ns + (begun_ns - BEGIN_NS)) * 1e-9, dtype=np.float64))
-        for knot_ns, loads in zip(knots_ns.tolist(), loads_n, strict=True):
-            if data := device.advance(knot_ns, loads):
-                yield knot_ns + begun_ns, data
+        for part_ns in np.split(knots_ns, range(PART, len(knots_ns), PART)):
+            loads_n = self._taxel_loads(pad, np.asarray((part_ns + (begun_ns - BEGIN_NS)) * 1e-9, dtype=np.float64))
+            for knot_ns, loads in zip(part_ns.tolist(), loads_n, strict=True):
+                if data := device.advance(knot_ns, loads):
+                    yield knot_ns + begun_ns, data
 
     def _taxel_loads(self, pad: PadSensing, t_s: Array) -> Array:
         """Return the load on each taxel at some times, shape (n, taxels), N.
@@ -225,14 +229,14 @@ class _View:
         first_s = self._trace.t_s[0]
         normal_n = np.interp(t_s + first_s, self._trace.t_s, self._trace.normal_n) * _pressed(t_s)
         step = max(round(1e9 / pad.electronics.rate_hz / KNOT_NS), 1)
-        known_s = np.append(t_s[t_s >= 0.0][::step], t_s[-1])
+        known_s = np.unique(np.clip(np.append(t_s[::step], t_s[-1]), 0.0, None))
         images = self._trace.taxel_loads(pad, known_s + first_s, right=self._right)
         whole_n = np.interp(known_s + first_s, self._trace.t_s, self._trace.normal_n)[:, None]
         shares = np.divide(images, whole_n, out=np.zeros_like(images), where=whole_n > 0.0)
         at = np.interp(t_s, known_s, np.arange(len(known_s)))
-        before = np.minimum(at.astype(np.int64), len(known_s) - 2)
-        late = (at - before)[:, None]
-        return np.asarray(normal_n[:, None] * (shares[before] * (1.0 - late) + shares[before + 1] * late))
+        before = at.astype(np.int64)
+        after, late = np.minimum(before + 1, len(known_s) - 1), (at - before)[:, None]
+        return np.asarray(normal_n[:, None] * (shares[before] * (1.0 - late) + shares[after] * late))
 
 
 def _pressed(t_s: Array) -> Array:

@@ -8,6 +8,7 @@ import pytest
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
+from slipd.sim import offline_grasp
 from slipd.sim.emulated_pvdf import PvdfElectronics
 from slipd.sim.finger_sensing import FingerSensing, ForceSensing, PadSensing, offline_config
 from slipd.sim.offline_grasp import BEGIN_NS, BOOT, Asked, run_offline
@@ -85,6 +86,15 @@ def test_the_same_seed_gives_the_same_messages_and_another_does_not(held):
     )
     assert first == again
     assert first != other
+
+
+def test_a_long_grasp_is_played_part_by_part(held, monkeypatch):
+    text = offline_config(LEFT, 0.55)
+    whole = run_offline(held, LEFT, text, 3)
+    monkeypatch.setattr(offline_grasp, "PART", 700)
+    parts = run_offline(held, LEFT, text, 3)
+    assert [(one.t_ns, one.topic) for one in parts] == [(one.t_ns, one.topic) for one in whole]
+    assert mean(parts, "utilisation") == pytest.approx(mean(whole, "utilisation"), rel=1e-3)
 
 
 def test_its_recording_replays_to_the_same_messages(held, tmp_path):
