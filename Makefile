@@ -14,7 +14,7 @@ ROOMS := $(addprefix tests/unit/,devices signals finger grasp gripper requests p
 # Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
 DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
-.PHONY: demo test lint portable bench chart fuzz soak clean
+.PHONY: demo test lint portable bench chart evaluate fuzz soak clean
 
 demo: $(READY)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -55,6 +55,10 @@ bench: $(MEASURES)
 chart: $(MEASURES)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m chart $(CHART)
+
+evaluate: $(MEASURES)
+	@echo "== warnings and reports of slip on simulated grasps, against what really happened (about 20 minutes)"
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m evaluate $(EVALUATE)
 
 fuzz: $(READY)
 	@echo "== every split of every device's frames, 10 million damaged frames, 10 GB of noise, a million requests (about 20 minutes)"

@@ -14,6 +14,9 @@ row is a family at one μ factor (μ of the config over the true one; "no" where
 - ``--runs``: also one line for every run with a missed, silent, early or false report, to look at it.
 - ``--workers N``: processes (default 1).
 
+Without ``--quick`` it writes the report and its pictures; ``--seeds`` is then their number of grasps of each family,
+``--methods`` that of the comparison of methods, and ``--into`` the folder.
+
 Scores are cached by a hash of the code: a second call on the same code is free. Columns, all defined in
 `evaluate.score`: *slips* (of them long), *warned*, *lead* p5 in ms, *latency* of slipping p50/p95 in ms, *missed*,
 *silent*, *1 mm* (reported within 1 mm of sliding), *closing* and *early* (runs with a false slipping while the grip
@@ -28,13 +31,22 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
 
+from bench.commit import measured_on
 from bench.tables import Table
-from evaluate.families import DEVELOPMENT, FAMILIES
+from evaluate.campaign import run_campaign
+from evaluate.families import DEVELOPMENT, EVALUATION, FAMILIES
 from evaluate.running import Result, Task, Variant, run_all
 from evaluate.summary import Summary, summarise
+from project import DOCS
 
 QUICK_SEEDS, QUICK_SEEDS_OF_ALL = 3, 1
+REPORT_SEEDS, METHOD_SEEDS, REPORT_WORKERS = 12, 4, 2
+EXAMPLE_SEED = 1
+"""Of the picture of single grasps: a development seed."""
+
 QUICK_FACTORS = "0.8,1,1.2,no"
 
 HEAD = ("family", "μ", "slips", "warned", "lead", "latency", "missed", "silent", "1 mm", "closing", "early", "slipping",
@@ -52,8 +64,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--extra", default="", metavar="TEXT", help="more tables of the config")
     parser.add_argument("--finger", default="", metavar="TEXT", help="more lines of [finger.left]")
     parser.add_argument("--runs", action="store_true", help="also every run with a fault")
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes (default 1)")
+    parser.add_argument("--methods", type=int, default=METHOD_SEEDS, metavar="N", help="grasps for methods (report)")
+    parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="folder of the report (docs)")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default 1; report: 2)")
     options = parser.parse_args(argv)
+    if not options.quick:
+        return report(options)
     families = chosen(options.families)
     if not families:
         print(f"no family is named like {options.families!r}; there are: {', '.join(FAMILIES)}", file=sys.stderr)
@@ -64,6 +80,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     seeds = options.seeds or (QUICK_SEEDS if options.families else QUICK_SEEDS_OF_ALL)
     return quick(families, range(options.first, options.first + seeds), variants, options)
+
+
+def report(options: argparse.Namespace) -> int:
+    """Run everything and write the report and its pictures."""
+    if missing := [name for name in ("matplotlib", "clarabel") if find_spec(name) is None]:
+        print(f"evaluate: needs {' and '.join(missing)}: pip install -e '.[chart,dev]'", file=sys.stderr)
+        return 1
+    from evaluate import examples_picture, pictures
+    from evaluate import report as page
+    from evaluate.methods import compare, costs
+
+    header, workers = measured_on(), options.workers or REPORT_WORKERS
+    begun = time.monotonic()
+
+    def told(done: int, total: int) -> None:
+        if done % 100 == 0 or done == total:
+            print(f"{done} of {total} runs, {time.monotonic() - begun:.0f} s", flush=True)
+
+    campaign = run_campaign(options.seeds or REPORT_SEEDS, workers, told)
+    print("methods on the same messages", flush=True)
+    first = EVALUATION.start
+    found, spent = compare(range(first, first + options.methods), workers), costs(DEVELOPMENT.start)
+    pictures.save_figures(options.into / "warning_quality.png", campaign)
+    pictures.save_methods(options.into / "warning_quality_methods.png", found, spent)
+    examples_picture.save(options.into / "warning_quality_grasps.png", EXAMPLE_SEED)
+    page.write(options.into / "warning_quality.md", page.page(header, campaign, found, options.methods))
+    return 0
 
 
 def chosen(text: str) -> list[str]:
@@ -81,7 +124,7 @@ def quick(families: list[str], seeds: range, variants: tuple[Variant, ...], opti
         return 2
     begun = time.monotonic()
     tasks = [Task(family, seed, variants) for family in families for seed in seeds]
-    results = list(run_all(tasks, options.workers))
+    results = list(run_all(tasks, options.workers or 1))
     print(table(results, families, variants).text())
     if options.runs:
         print("\n".join(faults(results)))

@@ -21,6 +21,9 @@ defined in `evaluate.truth`.
 - **utilisation error**: |q / q_true − 1| of the required friction q = λ μ of a message and of the truth at its
   acquisition time, wherever the true λ is between `LEAST_USED` and 1 and nothing slides. It does not depend on μ.
 - **grip error**: ``grip_needed_n`` over the configured safety factor times the true need, less 1, at the same times.
+- **visible**: an oracle that is told the onset sees q fall: its mean over `ORACLE_S` from 20 ms after the onset on is
+  below that before it by 3 standard errors, of noise as q has it before. What the oracle does not see, no detector of a
+  fall can find; the object may still be seen to move by other evidence.
 - **overstay**: how long after the end of a gross slip the level is still "slipping".
 """
 
@@ -39,6 +42,7 @@ PROMPT_S = 0.1
 EARLY_S, LATE_S = 0.02, 0.25
 SAFE, SETTLED_S = 0.7, 0.03
 LEAST_USED = 0.3
+ORACLE_S, ORACLE_AFTER_S, ORACLE_ERRORS = 0.04, 0.02, 3.0
 SHORT = 0.05
 """A grip force counts as too small if it is short of the true need by more than this."""
 LEAST_GRIP_N = 1.0
@@ -58,6 +62,7 @@ class EpisodeScore:
         path_m: NaN where it was not reported.
         missed: See the module.
         silent: Likewise.
+        visible: See the module.
         overstay_s: NaN where another slip follows before the level ends.
     """
 
@@ -69,6 +74,7 @@ class EpisodeScore:
     path_m: float
     missed: bool
     silent: bool
+    visible: bool
     overstay_s: float
 
 
@@ -113,7 +119,7 @@ def score(
     used, grip = _errors(truth, reports, episodes, safety)
     beyond = [Episode(e.begin_s + PROMPT_S, e.end_s) for e in episodes if e.end_s > e.begin_s + PROMPT_S]
     return RunScore(
-        episodes=[_episode(k, episodes, spans, truth) for k in range(len(episodes)) if _is_new(k, episodes)],
+        episodes=[_episode(k, episodes, spans, truth, reports) for k in range(len(episodes)) if _is_new(k, episodes)],
         closing=any(s < closed_s for s in slips),
         early=any(closed_s <= s < first_s for s in slips),
         false_slipping=len(slips),
@@ -132,7 +138,7 @@ def score(
     )
 
 
-def _episode(k: int, episodes: list[Episode], spans: list[Span], truth: Truth) -> EpisodeScore:
+def _episode(k: int, episodes: list[Episode], spans: list[Span], truth: Truth, reports: Reports) -> EpisodeScore:
     begin_s, end_s = episodes[k]
     soon = Episode(begin_s, begin_s + PROMPT_S)
     long = end_s - begin_s >= PROMPT_S
@@ -151,8 +157,22 @@ def _episode(k: int, episodes: list[Episode], spans: list[Span], truth: Truth) -
         path_m=truth.path_m(begin_s, reported_s) if slipping else math.nan,
         missed=long and not _overlap(spans, soon, (SLIPPING,)),
         silent=long and not _overlap(alarms, soon, (WARNING,)),
+        visible=_visible(reports, begin_s),
         overstay_s=math.nan if followed or end_s >= truth.t_s[-1] else (last[0] - end_s if last else 0.0),
     )
+
+
+def _visible(reports: Reports, onset_s: float) -> bool:
+    """Return whether q falls at a known onset by more than its noise."""
+    at, q = reports.acquired_s, reports.required
+    before = q[(at >= onset_s - ORACLE_S) & (at < onset_s)]
+    after = q[(at >= onset_s + ORACLE_AFTER_S) & (at < onset_s + ORACLE_AFTER_S + ORACLE_S)]
+    before, after = before[np.isfinite(before)], after[np.isfinite(after)]
+    if before.size < 4 or after.size < 4:
+        return False
+    noise = float(np.diff(before).std()) / math.sqrt(2.0)
+    error = noise * math.sqrt(1.0 / before.size + 1.0 / after.size)
+    return bool(before.mean() - after.mean() > ORACLE_ERRORS * error)
 
 
 def _is_new(k: int, episodes: list[Episode]) -> bool:

@@ -30,6 +30,7 @@ class Summary:
         latency_p95_ms: Likewise; infinite where more are not reported.
         missed: Share of long slips without "slipping" within 100 ms.
         silent: Share of long slips without any alarm within 100 ms.
+        visible: Share of long slips of which an oracle sees the fall.
         within_1mm: Share of slips reported within 1 mm of sliding, of those that slide as far or are reported.
         closing: Share of runs with a false "slipping" while the grip closes.
         early: Share of runs with one later, before their first slip or without one.
@@ -60,6 +61,7 @@ class Summary:
     latency_p95_ms: float
     missed: float
     silent: float
+    visible: float
     within_1mm: float
     closing: float
     early: float
@@ -102,6 +104,7 @@ def summarise(scores: Iterable[RunScore]) -> Summary:
         latency_p95_ms=quantile(latencies, 0.95),
         missed=_share(slip.missed for slip in long),
         silent=_share(slip.silent for slip in long),
+        visible=_share(slip.visible for slip in long),
         within_1mm=_share(slip.path_m <= CREEP_M for slip in long),
         closing=_share(run.closing for run in runs),
         early=_share(run.early for run in runs),
