@@ -15,7 +15,8 @@ row is a family at one μ factor (μ of the config over the true one; "no" where
 - ``--workers N``: processes (default 1).
 
 Without ``--quick`` it writes the report and its pictures; ``--seeds`` is then their number of grasps of each family,
-``--methods`` that of the comparison of methods, and ``--into`` the folder.
+``--methods`` and ``--loops`` those of the comparison of methods and with the reflex, ``--minutes`` a limit on the time
+of the first, and ``--into`` the folder.
 
 Scores are cached by a hash of the code: a second call on the same code is free. Columns, all defined in
 `evaluate.score`: *slips* (of them long), *warned*, *lead* p5 in ms, *latency* of slipping p50/p95 in ms, *missed*,
@@ -27,6 +28,7 @@ the way p95 and a minute in holds, *λ error* p50/p95, *grip* too small.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections import defaultdict
@@ -43,7 +45,7 @@ from evaluate.summary import Summary, summarise
 from project import DOCS
 
 QUICK_SEEDS, QUICK_SEEDS_OF_ALL = 3, 1
-REPORT_SEEDS, METHOD_SEEDS, REPORT_WORKERS = 12, 4, 2
+REPORT_SEEDS, METHOD_SEEDS, LOOP_SEEDS, REPORT_WORKERS = 12, 4, 10, 2
 EXAMPLE_SEED = 1
 """Of the picture of single grasps: a development seed."""
 
@@ -65,6 +67,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--finger", default="", metavar="TEXT", help="more lines of [finger.left]")
     parser.add_argument("--runs", action="store_true", help="also every run with a fault")
     parser.add_argument("--methods", type=int, default=METHOD_SEEDS, metavar="N", help="grasps for methods (report)")
+    parser.add_argument("--loops", type=int, default=LOOP_SEEDS, metavar="N", help="grasps with the reflex (report)")
+    parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="no new grasps after (report)")
     parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="folder of the report (docs)")
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default 1; report: 2)")
     options = parser.parse_args(argv)
@@ -87,25 +91,28 @@ def report(options: argparse.Namespace) -> int:
     if missing := [name for name in ("matplotlib", "clarabel") if find_spec(name) is None]:
         print(f"evaluate: needs {' and '.join(missing)}: pip install -e '.[chart,dev]'", file=sys.stderr)
         return 1
-    from evaluate import examples_picture, pictures
+    from evaluate import closed_loop, examples_picture, pictures
     from evaluate import report as page
     from evaluate.methods import compare, costs
 
     header, workers = measured_on(), options.workers or REPORT_WORKERS
     begun = time.monotonic()
 
-    def told(done: int, total: int) -> None:
-        if done % 100 == 0 or done == total:
-            print(f"{done} of {total} runs, {time.monotonic() - begun:.0f} s", flush=True)
+    def told(done: int, total: int) -> bool:
+        spent_s = time.monotonic() - begun
+        print(f"{done} of {total} grasps of each family, {spent_s:.0f} s", flush=True)
+        return spent_s * (done + 1) / done < 60.0 * options.minutes
 
     campaign = run_campaign(options.seeds or REPORT_SEEDS, workers, told)
     print("methods on the same messages", flush=True)
     first = EVALUATION.start
     found, spent = compare(range(first, first + options.methods), workers), costs(DEVELOPMENT.start)
+    print("the reflex in the loop", flush=True)
+    loop = closed_loop.run(range(first, first + options.loops), workers)
     pictures.save_figures(options.into / "warning_quality.png", campaign)
     pictures.save_methods(options.into / "warning_quality_methods.png", found, spent)
     examples_picture.save(options.into / "warning_quality_grasps.png", EXAMPLE_SEED)
-    page.write(options.into / "warning_quality.md", page.page(header, campaign, found, options.methods))
+    page.write(options.into / "warning_quality.md", page.page(header, campaign, found, options.methods, loop))
     return 0
 
 

@@ -16,6 +16,7 @@ FORESEEN = ("ramp", "pour", "torsion", "combined", "loosen", "edge", "few taxels
 """Families whose slips come slowly enough to be warned of."""
 
 SLIPPING_FAMILIES = (*FORESEEN, "creep", "sudden weight", "wet patch", "second slip")
+HOLDING = tuple(name for name in FAMILIES if name not in SLIPPING_FAMILIES)
 QUIET = ("hold", "shake", "vibrate", "collide")
 """Families in which "slipping" must never be reported."""
 
@@ -67,15 +68,20 @@ def _variants(family: str) -> tuple[Variant, ...]:
     return (*MAIN, *extra, *(UNLEARNED if family in SLIPPING_FAMILIES else ()))
 
 
-def run_campaign(seeds: int, workers: int, told: Callable[[int, int], None]) -> Campaign:
-    """Run everything; ``told`` hears how many runs are done, of how many."""
-    wanted = tasks(seeds)
-    total = sum(len(task.variants) for task in wanted)
+def run_campaign(seeds: int, workers: int, told: Callable[[int, int], bool]) -> Campaign:
+    """Run everything, seed by seed.
+
+    Args:
+        seeds: Most grasps of each family.
+        workers: Processes.
+        told: Hears how many seeds are done, and of how many; returns whether to go on.
+    """
     results: list[Result] = []
-    for result in run_all(wanted, workers):
-        results.append(result)
-        told(len(results), total)
-    return Campaign(sorted(results, key=lambda one: (one.family, one.seed)), seeds)
+    for done in range(seeds):
+        results += run_all(tasks(1, EVALUATION.start + done), workers)
+        if not told(done + 1, seeds):
+            break
+    return Campaign(sorted(results, key=lambda one: (one.family, one.seed)), done + 1)
 
 
 @cache

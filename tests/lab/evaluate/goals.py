@@ -32,7 +32,11 @@ PUBLISHED = {"actuation noise": 96.8, "change of grip": 79.4, "change of load": 
 
 def goals(campaign: Campaign) -> Table:
     """Return the table of the figures asked for."""
-    table = Table("Asked and found", ("figure", "asked", "found", ""))
+    table = Table(
+        "Asked and found",
+        ("figure", "asked", "found", ""),
+        notes=["Oracle: what a detector of a falling load misses although it is told the onset, see *visible* below."],
+    )
     for name, asked, found, reached in (*_missed(campaign), *_false(campaign), *_course(campaign), *_numbers(campaign)):
         table.rows.append((name, asked, found, {True: "yes", False: "**no**", None: ""}[reached]))
     return table
@@ -46,7 +50,7 @@ def _missed(c: Campaign) -> Iterator[Row]:
             yield (
                 f"gross slip without `slipping` in 100 ms, factor {variant.factor}{what}",
                 f"≤ {most:.0f} %",
-                f"{percent(s.missed)} of {s.long} (oracle of a fall: {percent(1.0 - s.visible)})",
+                f"{percent(s.missed)} of {s.long} (oracle: {percent(1.0 - s.visible)})",
                 _below(s.missed, most),
             )
     for factor, most in ((1.1, 1.0), (1.2, 5.0)):
@@ -88,7 +92,7 @@ def _false(c: Campaign) -> Iterator[Row]:
 def _course(c: Campaign) -> Iterator[Row]:
     for families, most in ((("sudden weight",), 5.0), (("ramp", "pour", "torsion", "combined", "loosen"), 25.0)):
         s = c.summary(families, *ALL)
-        found = f"{s.latency_p50_ms:.0f} ms (p95 {s.latency_p95_ms:.0f})"
+        found = f"{whole(s.latency_p50_ms)} ms (p95 {whole(s.latency_p95_ms)})"
         yield (
             f"latency of `slipping`, median, {', '.join(families)}",
             f"≤ {most:.0f} ms",
@@ -97,17 +101,22 @@ def _course(c: Campaign) -> Iterator[Row]:
         )
     s = c.summary(SLIPPING_FAMILIES, *ALL)
     yield "sliding beyond 100 ms reported `slipping`", "≥ 95 %", percent(s.reported), _above(s.reported, 95.0)
-    yield "sliding beyond 100 ms reported `stable`", "0 %", percent(s.stable), s.stable == 0.0
+    yield "sliding beyond 100 ms reported `stable`", "0 %", percent(s.stable), _within(s.stable, 0.0)
     s = c.summary(FORESEEN, *ALL)
-    yield "changes of level on the way to a slip, p95", "≤ 4", f"{s.changes_p95:.0f}", s.changes_p95 <= 4
+    yield "changes of level on the way to a slip, p95", "≤ 4", whole(s.changes_p95), _within(s.changes_p95, 4.0)
     s = c.summary(["hold"], *ALL)
-    yield "changes of level in steady holds", "≤ 1/min", f"{s.changes_per_min:.1f}/min", s.changes_per_min <= 1.0
+    yield (
+        "changes of level in steady holds",
+        "≤ 1/min",
+        f"{whole(s.changes_per_min, 1)}/min",
+        _within(s.changes_per_min, 1.0),
+    )
 
 
 def _numbers(c: Campaign) -> Iterator[Row]:
     s = c.summary(FORESEEN, EXACT)
     yield "warned before gross slip, μ known", "≥ 99 %", percent(s.warned), _above(s.warned, 99.0)
-    yield "lead of the warning, p5, μ known", "≥ 130 ms", f"{s.lead_p5_ms:.0f} ms", s.lead_p5_ms >= 130.0
+    yield "lead of the warning, p5, μ known", "≥ 130 ms", f"{whole(s.lead_p5_ms)} ms", _within(130.0, s.lead_p5_ms)
     many = [name for name in FAMILIES if name != "few taxels"]
     for families, what, most in ((many, "", 6.0), (["few taxels"], ", few taxels", 10.0)):
         s = c.summary(families, EXACT)
@@ -144,9 +153,18 @@ def percent(value: float) -> str:
     return f"{100.0 * value:.1f} %" if abs(value) < 0.0995 else f"{100.0 * value:.0f} %"
 
 
-def _below(value: float, most: float) -> bool | None:
-    return None if math.isnan(value) else 100.0 * value <= most
+def whole(value: float, digits: int = 0) -> str:
+    """Return a number; a dash where there is none."""
+    return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.{digits}f}"
 
 
-def _above(value: float, least: float) -> bool | None:
-    return None if math.isnan(value) else 100.0 * value >= least
+def _within(value: float, most: float) -> bool | None:
+    return None if math.isnan(value + most) else value <= most
+
+
+def _below(share: float, most_percent: float) -> bool | None:
+    return _within(100.0 * share, most_percent)
+
+
+def _above(share: float, least_percent: float) -> bool | None:
+    return _within(least_percent, 100.0 * share)

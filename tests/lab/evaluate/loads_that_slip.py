@@ -13,6 +13,12 @@ from slipd.sim.emulated_pvdf import PvdfElectronics
 from slipd.sim.finger_sensing import PadSensing
 from slipd.sim.stickslip.friction_law import FrictionMap
 
+BUILD_UP_S = (0.8, 2.5)
+"""How long a load takes that builds up, from none to the limit; faster ones are sudden, and a family of their own."""
+
+ARM_N_PER_M = (80.0, 1000.0)
+"""Stiffness of a human arm. With a stiff one the object sticks and slips many times."""
+
 
 def ramp(rng: Random) -> Scene:
     """A hand pulls harder and harder; the object follows it once it slides."""
@@ -163,18 +169,20 @@ def second_slip(rng: Random) -> Scene:
 
 def _loaded(rng: Random, contact: Contact, direction: Load) -> Scene:
     """A load grows steadily to beyond the limit, from where it drives the object on."""
-    course = Course(rng, contact, 3.0)
+    course = Course(rng, contact, 3.6)
     used, begin = rng.uniform(0.0, 0.4), course.held_s + 0.1
     course.add(contact.load(direction, used), course.smooth(begin, begin + 0.2))
-    seconds = log_uniform(rng, 0.3, 1.8)
+    seconds = (1.15 - used) * log_uniform(rng, *BUILD_UP_S)
     course.add(contact.load(direction, 1.15 - used), course.line(begin + 0.3, begin + 0.3 + seconds))
     return course.scene("slips")
 
 
 def _pulled(rng: Random, contact: Contact, direction: Load) -> Scene:
-    """A hand pulls through a spring, and follows."""
-    course = Course(rng, contact, 3.0)
+    """A hand pulls through the spring of an arm, and follows."""
+    course = Course(rng, contact, 3.6)
     used, begin = rng.uniform(0.0, 0.4), course.held_s + 0.1
     course.add(contact.load(direction, used), course.smooth(begin, begin + 0.2))
-    hand = course.hand(direction, begin + 0.3, 1.0 / log_uniform(rng, 0.4, 1.8), stiff=log_uniform(rng, 300.0, 3000.0))
-    return course.scene("slips", hand=hand)
+    stiff = log_uniform(rng, *ARM_N_PER_M)
+    return course.scene(
+        "slips", hand=course.hand(direction, begin + 0.3, 1.0 / log_uniform(rng, *BUILD_UP_S), stiff=stiff)
+    )

@@ -9,8 +9,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from chart.panels import FAINT, INK, written
-from evaluate.campaign import FORESEEN, MAIN, SLIPPING_FAMILIES, Campaign, factor_name
-from evaluate.families import FAMILIES
+from evaluate.campaign import FORESEEN, HOLDING, MAIN, SLIPPING_FAMILIES, Campaign, factor_name
 from evaluate.methods import METHODS, OPERATED_AT, Found
 from evaluate.running import FACTORS, Variant
 from evaluate.summary import Summary
@@ -22,7 +21,6 @@ from matplotlib.ticker import FuncFormatter
 DPI = 100
 COLOURS = dict(zip(METHODS, ("#999999", "#777777", "#AA4499", "#009E73", "#56B4E9", "#0072B2", "#D55E00"), strict=True))
 STYLE = {"font.size": 10.5, "axes.spines.top": False, "axes.spines.right": False, "text.color": INK}
-HOLDING = tuple(name for name in FAMILIES if name not in SLIPPING_FAMILIES)
 
 
 def save_figures(path: Path, campaign: Campaign) -> None:
@@ -72,7 +70,7 @@ def _leads(axes: Axes, campaign: Campaign) -> None:
         slips = [s for run in campaign.scores(FORESEEN, Variant(factor)) for s in run.episodes if s.first]
         leads = np.sort([1e3 * s.lead_s if s.warned else 0.0 for s in slips])
         if leads.size:
-            axes.step(leads, 100.0 * np.arange(1, leads.size + 1) / leads.size, color=colour, label=f"factor {factor}")
+            _steps(axes, leads, 0.0, colour, f"factor {factor}")
     axes.axvline(130.0, color=FAINT, lw=0.8, ls=(0, (4, 4)))
     axes.set(
         xlim=(0.0, 1000.0), ylim=(0.0, 100.0), xlabel="lead of the warning, ms (0: none)", ylabel="% of first slips"
@@ -89,10 +87,7 @@ def _latencies(axes: Axes, campaign: Campaign) -> None:
         slips = [s for run in campaign.scores(families, *variants) for s in run.episodes if s.long]
         latencies = np.sort([max(1e3 * s.latency_s, 0.3) for s in slips])
         if latencies.size:
-            axes.step(
-                np.minimum(latencies, 3e3), 100.0 * np.arange(1, latencies.size + 1) / latencies.size, color=colour,
-                label=name,
-            )  # fmt: skip
+            _steps(axes, latencies, 0.3, colour, name)
     axes.axvline(100.0, color=FAINT, lw=0.8, ls=(0, (4, 4)))
     axes.set(
         xscale="log",
@@ -101,8 +96,19 @@ def _latencies(axes: Axes, campaign: Campaign) -> None:
         xlabel="onset to `slipping`, ms",
         ylabel="% of slips of 100 ms or longer",
     )
-    axes.set_title("How soon: all μ factors", loc="left", fontsize=11)
+    axes.set_title("How soon: all μ factors; what is never reported is missing", loc="left", fontsize=11)
     axes.legend(frameon=False, loc="lower right")
+
+
+def _steps(axes: Axes, values: np.ndarray, first: float, colour: str, label: str) -> None:
+    """Draw the shares of sorted values up to each; infinite ones are beyond every share."""
+    finite = values[np.isfinite(values)]
+    shares = 100.0 * np.arange(1, finite.size + 1) / values.size
+    x, y = (
+        np.concatenate(([first], finite, [1e4])),
+        np.concatenate(([0.0], shares, shares[-1:] if finite.size else [0.0])),
+    )
+    axes.step(x, y, where="post", color=colour, label=label)
 
 
 def save_methods(path: Path, found: dict[str, Found], costs: dict[str, float]) -> None:
@@ -133,5 +139,7 @@ def save_methods(path: Path, found: dict[str, Found], costs: dict[str, float]) -
         bars.set_yticks(range(len(names)), names)
         bars.set(xscale="log", xlim=(5e-7, 5e-3))
         bars.xaxis.set_major_formatter(FuncFormatter(written))
-        bars.set_title("Time of a decision", loc="left", fontsize=11)
+        bars.set_title(
+            "Time of a decision; with evidence, of the whole engine from bytes to message", loc="right", fontsize=10
+        )
         figure.savefig(path)

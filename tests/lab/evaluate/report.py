@@ -5,18 +5,27 @@ from __future__ import annotations
 from pathlib import Path
 
 from bench.tables import Table
-from evaluate import score
-from evaluate.campaign import ERRONEOUS, ERROR_FAMILIES, FIXED, MAIN, SLIPPING_FAMILIES, Campaign, factor_name
+from evaluate import closed_loop, score
+from evaluate.campaign import (
+    ERRONEOUS,
+    ERROR_FAMILIES,
+    FIXED,
+    HOLDING,
+    MAIN,
+    SLIPPING_FAMILIES,
+    Campaign,
+    factor_name,
+)
+from evaluate.closed_loop import Outcome
 from evaluate.families import FAMILIES
-from evaluate.goals import ALL, EXACT, goals, percent, rejections
+from evaluate.goals import ALL, EXACT, goals, percent, rejections, whole
 from evaluate.methods import METHODS, OPERATED_AT, Found
-from evaluate.pictures import HOLDING
 from evaluate.running import Variant
 from evaluate.truth import LEAST_S, PAUSE_S, SPEED_MPS
 
 INTRODUCTION = """\
-How good are slipd's warnings where friction is not known? {runs} runs of {grasps} simulated grasps say it, {families}
-families of {seeds} each. A grasp is simulated with distributed stick and slip between the object and the pads
+How good are slipd's warnings where friction is not known? {runs} runs of {grasps} simulated grasps say it, {seeds}
+of each of {families} families. A grasp is simulated with distributed stick and slip between the object and the pads
 ([physics](physics.md)), without slipd's own mechanics. Object, contact shape, μ_s, μ_d/μ_s (0.6 to 0.97), loads and
 noise are drawn at random. The bytes of emulated strain gauges (1 kHz) and of a PVDF pad (200 images/s) of one finger
 enter the engine, and what it publishes is held against what really happened. The config gives μ as 0.8 to 1.2 times the
@@ -28,7 +37,9 @@ true one, or not at all. Tuning uses other seeds than this page.
 ![Figures by family and μ, leads of warnings and latencies](warning_quality.png)"""
 
 
-def page(header: str, campaign: Campaign, found: dict[str, Found], seeds_of_methods: int) -> str:
+def page(
+    header: str, campaign: Campaign, found: dict[str, Found], seeds_of_methods: int, loop: dict[str, list[Outcome]]
+) -> str:
     """Return the page."""
     intro = INTRODUCTION.format(
         runs=len(campaign.results), grasps=len(FAMILIES) * campaign.seeds, families=len(FAMILIES), seeds=campaign.seeds
@@ -37,6 +48,7 @@ def page(header: str, campaign: Campaign, found: dict[str, Found], seeds_of_meth
     parts = [f"# Quality of the warnings\n\n{header}.", intro, *(table.markdown().strip() for table in tables)]
     parts += [errors(campaign).markdown().strip(), methods(found, seeds_of_methods).markdown().strip()]
     parts += ["![Errors of every method over all thresholds, and the cost of a decision](warning_quality_methods.png)"]
+    parts += [closed_loop.table(loop).markdown().strip()]
     parts += ["## One grasp of each family", GRASPS, definitions()]
     return "\n\n".join(parts) + "\n"
 
@@ -58,9 +70,9 @@ def families_tables(campaign: Campaign) -> list[Table]:
     for name in SLIPPING_FAMILIES:
         s = campaign.summary([name], *ALL)
         slips.rows.append((
-            name, s.long, percent(s.warned), f"{_ms(s.lead_p50_ms)} / {_ms(s.lead_p5_ms)}",
-            f"{_ms(s.latency_p50_ms)} / {_ms(s.latency_p95_ms)}", percent(s.missed), percent(s.silent),
-            percent(s.early), f"{percent(s.reported)} / {percent(s.stable)}", _ms(s.changes_p95),
+            name, s.long, percent(s.warned), f"{whole(s.lead_p50_ms)} / {whole(s.lead_p5_ms)}",
+            f"{whole(s.latency_p50_ms)} / {whole(s.latency_p95_ms)}", percent(s.missed), percent(s.silent),
+            percent(s.early), f"{percent(s.reported)} / {percent(s.stable)}", whole(s.changes_p95),
         ))  # fmt: skip
     holds = Table(
         "Families that hold",
@@ -92,7 +104,7 @@ def by_mu(campaign: Campaign) -> Table:
         fixed = " fixed" if variant.finger_lines else ""
         rate = f"{s.false_warnings / s.safe_h:.1f}" if s.safe_h else "–"
         table.rows.append((
-            factor_name(variant) + fixed, percent(s.warned), percent(again.warned_again), _ms(s.lead_p5_ms),
+            factor_name(variant) + fixed, percent(s.warned), percent(again.warned_again), whole(s.lead_p5_ms),
             percent(s.missed), percent(s.silent), percent(s.reported), percent(s.stable), rate, percent(s.grip_short),
         ))  # fmt: skip
     return table
@@ -139,7 +151,7 @@ def definitions() -> str:
         "`PROMPT_S`": f"{1e3 * score.PROMPT_S:.0f} ms", "`EARLY_S`": f"{1e3 * score.EARLY_S:.0f} ms",
         "`LATE_S`": f"{1e3 * score.LATE_S:.0f} ms", "`SAFE`": f"{score.SAFE}",
         "`SETTLED_S`": f"{1e3 * score.SETTLED_S:.0f} ms", "`LEAST_USED`": f"{score.LEAST_USED}",
-        "`ORACLE_S`": f"{1e3 * score.ORACLE_S:.0f} ms", "`evaluate.truth`": "the next paragraph",
+        "`ORACLE_S`": f"{1e3 * score.ORACLE_S:.0f} ms", "in `evaluate.truth`": "below",
     }  # fmt: skip
     for name, value in values.items():
         text = text.replace(name, value)
@@ -154,7 +166,3 @@ def definitions() -> str:
 def write(path: Path, text: str) -> None:
     """Write the page."""
     path.write_text(text.replace("``", "`"), encoding="utf-8")
-
-
-def _ms(value: float) -> str:
-    return "–" if value != value else "∞" if value == float("inf") else f"{value:.0f}"
