@@ -228,8 +228,6 @@ class Scene:
 
     def _load(self) -> Load:
         """Return the load on both pads together."""
-        if self.script.carried(self.t_s) == 0.0:
-            return 0.0, 0.0, 0.0
         fx, fy, spin = self.script.weight(self.t_s, self.mass_kg)
         if self._phase != "tug" or self._hand_gone:
             return fx, fy, spin
