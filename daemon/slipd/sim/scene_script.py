@@ -29,7 +29,7 @@ class Script:
         pour_n_per_s: Growth of the poured weight.
         lever_m: Horizontal distance of the poured weight from the centre of the contact.
         tug_s: A hand starts to pull the object along +y of the left pad.
-        tug_speed_mps: Speed of the hand.
+        tug_speed_mps: Speed of the hand; a slower one lets the object stick and slip in turns.
         tug_stiffness_n_per_m: Stiffness of the hand: the pull grows by stiffness times speed until the object slips.
         tug_damping_ns_per_m: Damping of the hand, so that the object follows without bouncing.
         tug_slip_s: The hand lets go when the object has slipped for this long.
@@ -45,10 +45,10 @@ class Script:
     pour_n_per_s: float = 0.35
     lever_m: float = 0.06
     tug_s: float = 13.0
-    tug_speed_mps: float = 0.015
-    tug_stiffness_n_per_m: float = 1500.0
+    tug_speed_mps: float = 0.03
+    tug_stiffness_n_per_m: float = 750.0
     tug_damping_ns_per_m: float = 40.0
-    tug_slip_s: float = 0.05
+    tug_slip_s: float = 0.3
     set_down_s: float = 15.0
 
     def carried(self, t_s: float) -> float:

@@ -88,10 +88,10 @@ def test_a_pulled_object_slips_at_mu_s_and_the_friction_ratio_drops_towards_mu_d
     ratio = {round(t, 3): math.hypot(*load[:2]) / 2 / n for t, n, _, load, _ in seen if n > 0}
     assert max(ratio.values()) == pytest.approx(0.6, rel=0.01)
     assert max(ratio, key=ratio.get) == pytest.approx(begin, abs=0.01)
-    assert min(ratio[round(begin + k * 1e-3, 3)] for k in range(10, 40)) == pytest.approx(0.45, rel=0.05)
+    assert min(ratio[round(begin + k * 1e-3, 3)] for k in range(10, 200)) == pytest.approx(0.45, rel=0.05)
     assert ratio[round(end + 0.05, 3)] < 0.45
-    assert 0.04 < end - begin < 0.1
-    assert 0.001 < math.hypot(*scene.displacement_m) < 0.015
+    assert 0.2 < end - begin < 0.4
+    assert 0.003 < math.hypot(*scene.displacement_m) < 0.02
     assert abs(scene.angle_rad) < 0.01
 
 
