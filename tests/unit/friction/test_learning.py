@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
@@ -44,6 +46,7 @@ class Hand:
         shape: float = 0.0,
         teaches: bool = True,
         raises: bool = True,
+        pauses: bool = True,
     ) -> FrictionState:
         """Learn from readings of a pure translation; ``ratio``: the part of q that the friction ratio is."""
         values = list(readings)
@@ -55,7 +58,8 @@ class Hand:
         rows["contact"]["friction_ratio"] = ratio * rows["assessment"]["required_friction"]
         for begin, end in self.estimate.segments(times_ns):
             self.estimate.learn(rows[begin:end], shape, teaches=teaches, raises=raises)
-        self.pause()
+        if pauses:
+            self.pause()
         return self.estimate.state
 
     def pause(self) -> None:
@@ -325,3 +329,38 @@ def test_what_was_learned_counts_from_the_next_step_of_time(hand: Hand) -> None:
     times_ns = [1_000_000_000 + k * 7_000_000 for k in range(8)]
     assert list(hand.estimate.segments(times_ns)) == [(0, 3), (3, 6), (6, 8)]
     assert list(hand.estimate.segments([1_050_000_000, 1_059_000_000])) == [(0, 2)]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    parts=st.lists(st.tuples(st.floats(0.05, 1.5), st.sampled_from(("carry", "slip", "creep", "lost"))), max_size=8),
+    mu=st.one_of(st.none(), st.floats(0.1, 1.0)),
+    sizes=st.lists(st.integers(1, 40), min_size=1, max_size=4),
+)
+def test_whatever_comes_the_bound_is_explained_by_evidence_and_does_not_depend_on_the_reads(
+    parts: list[tuple[float, str]], mu: float | None, sizes: list[int]
+) -> None:
+    readings: list[Q] = []
+    for q, what in parts:
+        if what == "carry":
+            readings += carry(q)
+        elif what == "slip":
+            readings += slip(q, 0.7 * q)
+        else:
+            readings += [(q if what == "creep" else math.nan, math.nan, math.nan, what == "creep")] * 20
+    whole, split = Hand(mu), Hand(mu)
+    state = whole.feel(readings) if readings else whole.estimate.state
+    at = 0
+    while at < len(readings):
+        split.feel(readings[at : at + sizes[0]], pauses=False)
+        at, sizes = at + sizes[0], [*sizes[1:], sizes[0]]
+    split.pause()
+    assert split.estimate.state == state
+    evidence = [q for q, what in parts if what != "lost"] + ([mu] if mu is not None else [])
+    if state.mu is not None:
+        assert state.mu <= min(max(evidence), 1.0) * (1.0 + 1e-12)
+        assert state.mu_low is not None
+        assert state.mu_high is None or state.mu_low <= state.mu_high
+    assert (state.mu is None) == (state.source == "none")
+    if state.carried is not None:
+        assert state.carried <= max(evidence) * (1.0 + 1e-12)
