@@ -48,7 +48,7 @@ REASONS = {
     "slip_detected": "the contact moves",
     "stale": "readings that this verdict needs have been missing for longer than `stale_s`; "
     "readings that wait in a queue because the daemon is late are not missing",
-    "no_mu": "no friction coefficient is given",
+    "no_mu": "no friction coefficient is known: motion is seen, but a slip is not predicted",
     "rotation_unobserved": "there is no usable pad image, so the torque that the contact can carry is not known",
     "unsupportable": "no grip force holds this load",
     "not_finite": "a reading is not a finite number",
