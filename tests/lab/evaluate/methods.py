@@ -28,15 +28,14 @@ from evaluate.campaign import FIXED
 from evaluate.families import draw
 from evaluate.playing import play, truth_of
 from evaluate.reports import SLIPPING
-from evaluate.running import FACTORS, Variant, config_text
+from evaluate.running import FACTORS, Tape, Variant, config_text, record
 from evaluate.scene import Scene
 from evaluate.score import LATE_S, PROMPT_S, SAFE
 from evaluate.truth import Truth
 
 from slipd.arrays import Array
 from slipd.fusion import utilisation
-from slipd.sim.offline_grasp import Heard, run_offline
-from slipd.sim.stickslip import GraspTrace
+from slipd.sim.offline_grasp import Heard
 
 BEFORE_S, SPAN_S = 0.5, 0.5
 DEBOUNCE_S = 0.01
@@ -94,9 +93,10 @@ def observe(task: tuple[str, int]) -> dict[str, tuple[list[float], list[float]]]
     truth = truth_of(scene, trace)
     noise = zlib.crc32(f"{family} {seed}".encode())
     found: dict[str, tuple[list[float], list[float]]] = defaultdict(lambda: ([], []))
+    tape = record(scene, trace, "", noise)
     for factor in FACTORS:
-        fixed = _heard(scene, trace, Variant(factor, finger_lines=FIXED), noise)
-        learned = _heard(scene, trace, Variant(factor), noise)
+        fixed = _heard(scene, tape, Variant(factor, finger_lines=FIXED))
+        learned = _heard(scene, tape, Variant(factor))
         for name, (t, numbers) in (*_by_messages(fixed), _engine(LEARNED, learned)):
             _collect(found[name], truth, t, numbers)
         if factor == 1.0:
@@ -107,9 +107,9 @@ def observe(task: tuple[str, int]) -> dict[str, tuple[list[float], list[float]]]
     return dict(found)
 
 
-def _heard(scene: Scene, trace: GraspTrace, variant: Variant, noise: int) -> list[Heard]:
+def _heard(scene: Scene, tape: Tape, variant: Variant) -> list[Heard]:
     text = config_text(scene, variant).replace("tactile_hz = 1.0", f"tactile_hz = {SAMPLE_HZ}")
-    return run_offline(trace, {"left": scene.sensors}, text, noise, read_ns=1_000_000)
+    return [Heard(*message) for message in tape.play(text)]
 
 
 def _slips(heard: list[Heard]) -> list[Heard]:
@@ -224,7 +224,8 @@ def costs(seed: int) -> dict[str, float]:
     """
     scene = draw("combined", seed)
     trace = play(scene)
-    heard = _heard(scene, trace, Variant(1.0, finger_lines=FIXED), seed)
+    tape = record(scene, trace, "", seed)
+    heard = _heard(scene, tape, Variant(1.0, finger_lines=FIXED))
     contacts = list(contacts_of(heard, scene.friction.mu_s))
     mu = scene.friction.mu_s
     solved: dict[str, Callable[[ContactScene, float], object]] = {
@@ -239,7 +240,7 @@ def costs(seed: int) -> dict[str, float]:
     found[DEBOUNCED] = found[RATIO]
     for name, lines in ((EVIDENCE, FIXED), (LEARNED, "")):
         begun = time.perf_counter()
-        _heard(scene, trace, Variant(1.0, finger_lines=lines), seed)
+        _heard(scene, tape, Variant(1.0, finger_lines=lines))
         readings = (trace.t_s[-1] + 1.5) * scene.sensors.force.rate_hz
         found[name] = (time.perf_counter() - begun) / readings
     return found

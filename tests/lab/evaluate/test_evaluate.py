@@ -11,9 +11,11 @@ from evaluate import __main__ as program
 from evaluate.families import DEVELOPMENT, EVALUATION, FAMILIES, PERTURBATIONS, draw
 from evaluate.intervals import share
 from evaluate.playing import play, truth_of
-from evaluate.running import Result, Task, Variant, run_all, run_task
+from evaluate.running import READ_NS, Result, Task, Variant, config_text, record, run_all, run_task
 from evaluate.summary import summarise
 from evaluate.user_errors import ERRORS
+
+from slipd.sim.offline_grasp import run_offline
 
 
 def test_there_are_enough_families_and_no_seed_is_of_both_ranges() -> None:
@@ -80,6 +82,16 @@ def test_a_lower_mu_warns_earlier_and_leaves_the_errors_as_they_are(poured: list
     assert np.median(careful.used_errors) == pytest.approx(np.median(exact.used_errors), rel=0.2)
     assert np.median(exact.grip_errors) == pytest.approx(0.0, abs=0.05)
     assert np.median(careful.grip_errors) == pytest.approx(0.25, abs=0.06)
+
+
+def test_a_config_on_the_events_of_another_run_gives_its_own_messages() -> None:
+    scene = draw("grip closes", 0)
+    trace = play(scene)
+    tape = record(scene, trace, "", 5)
+    for variant in (Variant(), Variant(0.8)):
+        text = config_text(scene, variant)
+        alone = run_offline(trace, {"left": scene.sensors}, text, 5, read_ns=READ_NS)
+        assert [tuple(one) for one in alone] == [tuple(one) for one in tape.play(text)]
 
 
 def test_an_error_of_the_user_changes_what_is_reported(poured: list[Result]) -> None:
