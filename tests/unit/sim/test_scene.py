@@ -108,6 +108,21 @@ def test_without_help_the_box_turns_when_forecast_and_falls():
     assert min(sliding) < 0.85 * spin[round(begin - 0.02, 3)]
 
 
+def test_a_part_of_the_contact_slides_before_the_box_turns_as_a_whole():
+    scene, _ = play(Scene(), until_s=9.1)
+    assert not times(scene, "slide_begins")
+    assert 0.1 < scene._grasp.sliding_share < 0.95
+    assert 0.001 < scene.angle_rad < 0.05
+
+
+def test_a_slow_hand_lets_the_box_stick_and_slip_in_turns():
+    slow = Script(pour_s=NEVER, drain_s=NEVER, tug_speed_mps=0.015, tug_stiffness_n_per_m=1500.0)
+    scene, _ = play(Scene(slow), raised(3.0, 12.0), until_s=14.9)
+    begins, ends = times(scene, "slide_begins"), times(scene, "slide_ends")
+    assert len(begins) >= 3
+    assert all(0.05 < again - stopped < 0.5 for again, stopped in zip(begins[1:], ends, strict=False))
+
+
 def test_the_truth_of_the_utilisation_is_one_where_the_box_begins_to_turn():
     scene, _ = play(Scene(), until_s=9.6)
     begins = next(truth for truth in scene.truth if truth.event == "slide_begins")
