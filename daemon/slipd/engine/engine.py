@@ -166,7 +166,8 @@ class Engine:
                 self._report_motion(self._motion.update_pads(acquired_ns), t_ns, out)
                 if arrival.waited_ns:
                     self._publish_batches(finger.decide_delayed(t_ns, arrival.unread_ns), publisher, t_ns, out)
-        self._report_motion(self._motion.update_finger(finger), t_ns, out)
+        if found := self._motion.update_finger(finger):
+            self._report_motion(found, t_ns, out)
         if self._grasp_publisher is not None:
             self._grasp_publisher.publish(t_ns, out)
 

@@ -53,10 +53,10 @@ class HeldMotion:
 
     def update_finger(self, finger: Finger) -> Found:
         """Judge the evidence that a finger's readings and images gave since the last call."""
-        found: Found = []
         motion = finger.motion
         if motion is None or not motion.found:
-            return found
+            return []
+        found: Found = []
         for evidence in motion.take():
             kinds = self._risks[finger.name].update(evidence)
             if kinds:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from slipd.config import Finger as FingerConfig
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict_batch import VerdictBatch
-from slipd.fusion.rows import TOUCHING
+from slipd.fusion.rows import TOUCHING, Rows
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import LoadNoise
 from slipd.motion.image_shift import ImageShift
-from slipd.motion.vibration import LEAST_HZ, Vibration
+from slipd.motion.vibration import BLOCK, LEAST_HZ, Vibration
 
 
 class ContactMotion:
@@ -29,6 +31,9 @@ class ContactMotion:
         self._vibration: Vibration | None = None
         self.found: list[Evidence] = []
         self.looks_per_hour: dict[str, float] = {}
+        self._known = False  # a contact
+        self._rows: list[Rows] = []
+        self._count = 0
         wrench = config.wrench
         if wrench is None:
             return
@@ -45,8 +50,16 @@ class ContactMotion:
             if phase != TOUCHING:
                 self.forget()
                 return
-        if self._vibration is not None:
-            found = self._vibration.update(batch.readings.times_ns[-1], batch.readings.rows["wrench"])
+        self._known = True
+        if self._vibration is None:
+            return
+        rows = batch.readings.rows
+        self._rows.append(rows)
+        self._count += len(rows)
+        if self._count >= BLOCK:  # nothing is computed before, because a reading has no time for it
+            wrenches = np.concatenate([rows["wrench"] for rows in self._rows])
+            self._rows, self._count = [], 0
+            found = self._vibration.update(batch.readings.times_ns[-1], wrenches)
             if found is not None:
                 self.found.append(found)
 
@@ -60,13 +73,18 @@ class ContactMotion:
         """
         if self._shift is None:
             return
+        self._known = True
         found = self._shift.update(t_ns, image.loads, wrench, image.measured)
         if found is not None:
             self.found.append(found)
 
     def forget(self) -> None:
         """Forget everything: the contact ended, or is not known."""
+        if not self._known:
+            return
+        self._known = False
         self.found.clear()
+        self._rows, self._count = [], 0
         if self._vibration is not None:
             self._vibration.reset()
         self.forget_image()

@@ -58,25 +58,24 @@ class Vibration:
     def reset(self) -> None:
         """Forget everything: the contact ended."""
         self._since_ns: int | None = None
-        self._wrenches: list[Array] = []
-        self._count, self._blocks = 0, 0
+        self._blocks = 0
         self._background = np.zeros(3)
 
     def update(self, t_ns: int, wrenches: Array) -> Evidence | None:
-        """Update with the readings of one read, all of a contact.
+        """Update with some readings of a contact.
 
         Args:
             t_ns: When the last was acquired, CLOCK_MONOTONIC.
-            wrenches: Force, N, and torque, N·m, in the pad frame, shape (n, 6); not to be changed afterwards.
+            wrenches: Force, N, and torque, N·m, in the pad frame, shape (n, 6); the last ``BLOCK`` are a block.
+
+        Raises:
+            ValueError: There are fewer.
         """
+        if len(wrenches) < BLOCK:
+            raise ValueError(f"a block must have {BLOCK} readings, got {len(wrenches)}")
         if self._since_ns is None:
             self._since_ns = t_ns
-        self._wrenches.append(wrenches)
-        self._count += len(wrenches)
-        if self._count < BLOCK:
-            return None
-        block = np.concatenate(self._wrenches)[-BLOCK:, :3]
-        self._wrenches, self._count = [], 0
+        block = wrenches[-BLOCK:, :3]
         if t_ns - self._since_ns < SETTLED_NS:
             return None
         return self._look(t_ns, np.ascontiguousarray(block))

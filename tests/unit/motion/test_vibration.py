@@ -14,14 +14,14 @@ N = RATE_HZ * SECONDS
 T = np.arange(N) / RATE_HZ
 
 
-def surprises(wrenches: np.ndarray, read: int = 4) -> np.ndarray:
-    """Return the surprise of each block, 0 where there is no evidence; readings come in reads of ``read``."""
+def surprises(wrenches: np.ndarray, read: int = BLOCK) -> np.ndarray:
+    """Return the surprise of each block, 0 where there is no evidence; blocks begin ``read`` readings apart."""
     vibration = Vibration(RATE_HZ)
     found = []
-    for k in range(0, N, read):
+    for k in range(0, N - BLOCK, read):
         evidence = vibration.update(10**11 + (k + read) * 1_000_000, wrenches[k : k + read])
         found += [] if evidence is None else [evidence.surprise]
-    return np.concatenate((found, np.zeros(N // BLOCK - len(found))))
+    return np.concatenate((found, np.zeros(N // read - len(found))))
 
 
 def white(seed: int = 1) -> np.ndarray:
@@ -66,7 +66,7 @@ def test_a_motor_is_predicted() -> None:
     assert (found > 4.0).mean() < 0.03, "little but the block in which it begins"
 
 
-@pytest.mark.parametrize("read", [1, 4, 32])
+@pytest.mark.parametrize("read", [BLOCK, BLOCK + 8])
 def test_a_rough_surface_that_slides_is_heard_but_never_alone_enough(read: int) -> None:
     slides = np.where(T % 3.0 > 2.7, 1.0, 0.0)[:, None] * np.random.default_rng(3).normal(0.0, 0.05, (N, 6))
     found = surprises(white() + slides * (1.0, 1.0, 0.3, 0.0, 0.0, 0.0), read)
@@ -77,6 +77,11 @@ def test_a_rough_surface_that_slides_is_heard_but_never_alone_enough(read: int) 
 def test_silence_and_damage_say_nothing() -> None:
     assert not surprises(np.zeros((N, 6))).any()
     assert not surprises(np.full((N, 6), math.nan)).any()
+
+
+def test_a_block_needs_its_readings() -> None:
+    with pytest.raises(ValueError, match="must have 32 readings, got 31"):
+        Vibration(RATE_HZ).update(10**11, np.zeros((BLOCK - 1, 6)))
 
 
 def test_a_new_contact_settles_first() -> None:
