@@ -34,7 +34,7 @@ BURST_SHARE = 0.25
 """Share of a block's power in one reading beyond which it is a knock, not a noise that lasts."""
 
 LOUD = 3.0
-"""A block of at least this surprise is kept out of the background."""
+"""A block of less surprise is background, and no evidence."""
 MOST_SUPPORT = 6.0
 """Largest surprise that is reported: less than any rule asks of one kind alone."""
 
@@ -99,7 +99,7 @@ class Vibration:
             share = 1.0 / min(known + 1, BACKGROUND_BLOCKS)
             self._background = background + share * (power - background)
             self._blocks = min(known + 1, BACKGROUND_BLOCKS)
-        return Evidence("vibration", t_ns, min(surprise, MOST_SUPPORT)) if surprise > 0.0 else None
+        return Evidence("vibration", t_ns, min(surprise, MOST_SUPPORT)) if surprise >= LOUD else None
 
 
 @compiled
