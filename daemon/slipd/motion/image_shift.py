@@ -154,10 +154,11 @@ class ImageShift:
         lasts, self._beyond_before = beyond and self._beyond_before, beyond
         if not lasts:
             return None
-        found = _pattern_surprise(fit, shift), reference.path.surprise(shift)
-        if min(found) < EACH_SURPRISE:
+        along = _direction(fit, *block.tangential)
+        pattern, path = _pattern_surprise(fit, shift), reference.path.surprise(along, float(along @ shift))
+        if min(pattern, path) < EACH_SURPRISE:
             return None
-        return self._find(_Motion(block.t_ns, shift, max(found) - math.log(2.0), reference))
+        return self._find(_Motion(block.t_ns, shift, max(pattern, path) - math.log(2.0), reference))
 
     def _follow(
         self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference
@@ -204,9 +205,9 @@ def _slide(fit: ImageFit, fx_n: float, fy_n: float, spin_nm: float) -> Array:
     shift_x, shift_y, turn = fit.shift_m.tolist()
     shift_x, shift_y = _shrunk(shift_x, fit.growth_m[0]), _shrunk(shift_y, fit.growth_m[1])
     load_n = math.hypot(fx_n, fy_n)
-    if fx_n * shift_x + fy_n * shift_y < ALONG * load_n * math.hypot(shift_x, shift_y):
+    if fx_n * shift_x + fy_n * shift_y <= ALONG * load_n * math.hypot(shift_x, shift_y):
         shift_x = shift_y = 0.0
-    if spin_nm * turn < SPIN_SHARE * fit.radius_m * load_n * abs(turn):
+    if spin_nm * turn <= SPIN_SHARE * fit.radius_m * load_n * abs(turn):
         turn = 0.0
     return np.array((shift_x, shift_y, turn))
 
@@ -224,6 +225,13 @@ def _grown(on: Flags) -> Flags:
     grown[:, 1:] |= on[:, :-1]
     grown[:, :-1] |= on[:, 1:]
     return grown
+
+
+def _direction(fit: ImageFit, fx_n: float, fy_n: float, spin_nm: float) -> Array:
+    """Return the direction in which a load moves the contact, as `ImageFit.shift_m`, of length 1; the load is not 0."""
+    load = np.array((fx_n, fy_n, spin_nm / fit.radius_m))
+    direction: Array = load / math.sqrt(float(load @ load))
+    return direction
 
 
 def _pattern_surprise(fit: ImageFit, shift_m: Array) -> float:

@@ -14,7 +14,7 @@ from slipd.arrays import Array
 from slipd.motion.image_fit import MOTIONS
 from slipd.motion.surprises import f_surprise
 
-LONG_STEP = 8
+LONG_STEP = 4
 """Steps of the longer second difference."""
 LEAST_STD_M = 2e-6
 """The noise is taken as no smaller, m: images without noise, or in coarse counts, hide it."""
@@ -42,9 +42,14 @@ class ShiftPath:
         if len(known) > 2 * LONG_STEP:
             self._noise.add_long(known[-1] - 2.0 * known[-1 - LONG_STEP] + known[-1 - 2 * LONG_STEP])
 
-    def surprise(self, place_m: Array) -> float:
-        """Return −ln of the probability that noise takes the path as far as ``place_m`` in its number of steps."""
-        return self._noise.surprise(place_m, len(self._places))
+    def surprise(self, along: Array, length_m: float) -> float:
+        """Return −ln of the probability that noise takes the path as far in its number of steps.
+
+        Args:
+            along: A direction, shape (3,), of length 1.
+            length_m: How far along it, m.
+        """
+        return self._noise.surprise(along, length_m, len(self._places))
 
 
 class PathNoise:
@@ -64,7 +69,7 @@ class PathNoise:
         self._long_squares += difference_m * difference_m
         self._long_count += 1
 
-    def surprise(self, place_m: Array, steps: int) -> float:
+    def surprise(self, along: Array, length_m: float, steps: int) -> float:
         """Return as `ShiftPath.surprise`; 0 while nothing is known of the noise.
 
         Until the longer differences are many enough, all noise counts as a random walk.
@@ -78,5 +83,5 @@ class PathNoise:
             longer = doubt * self._long_squares / self._long_count
             walk = np.minimum(walk, np.maximum(longer - short, 0.0) / (2.0 * (LONG_STEP - 1)))
         variance = short / 3.0 + steps * walk
-        ratio = float((place_m * place_m / variance).sum()) / MOTIONS
-        return f_surprise(ratio, MOTIONS, FREEDOM_SHARE * self._count)
+        deviation_m2 = float(along * along @ variance)
+        return f_surprise(length_m * length_m / deviation_m2, 1, FREEDOM_SHARE * self._count)

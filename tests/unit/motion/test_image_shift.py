@@ -131,7 +131,7 @@ def test_noise_of_any_colour_is_no_motion(drifts: str) -> None:
 def test_the_surprise_of_a_path_is_as_rare_as_it_says(walks: float) -> None:
     """1600 paths of noise, white or walking or both."""
     rng = np.random.default_rng(11)
-    over = {4.0: 0, 6.0: 0}
+    over, along = {4.0: 0, 6.0: 0}, np.array((0.6, 0.0, 0.8))
     for _ in range(1600):
         path = ShiftPath(PathNoise())
         walk, reference = np.zeros(3), rng.normal(0.0, 1e-5, 3)
@@ -140,7 +140,7 @@ def test_the_surprise_of_a_path_is_as_rare_as_it_says(walks: float) -> None:
             place = walk + rng.normal(0.0, 1e-5, 3) - reference
             path.add(place)
         for limit in over:
-            over[limit] += path.surprise(place) > limit
+            over[limit] += path.surprise(along, float(along @ place)) > limit
     for limit, count in over.items():
         expected = 1600 * math.exp(-limit)
         assert count <= expected + 4.0 * math.sqrt(expected)
