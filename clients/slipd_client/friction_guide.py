@@ -68,7 +68,6 @@ class FrictionGuide:
         self._patience_s = patience_s
         self._watches = {finger: PullWatch() for finger in fingers}
         self._samples: dict[str, list[PullSample]] = {finger: [] for finger in fingers}
-        self._pulls = 0
         self._asked = ""
         self._since_s = self._clear_s = time.monotonic()
 
@@ -78,12 +77,19 @@ class FrictionGuide:
         return [slip_topic(finger) for finger in self._watches]
 
     def run(self, subscriber: Subscriber) -> None:
-        """Measure, and print the result.
+        """Measure, and print the result: in the end, or of each finger with enough samples where it ends before.
 
         Raises:
             FrictionNotMeasured: Nothing touched, nothing slipped, or the samples do not agree.
             Silence: The daemon fell silent.
         """
+        try:
+            self._follow(subscriber)
+        finally:
+            self._print_results()
+
+    def _follow(self, subscriber: Subscriber) -> None:
+        """Ask for pulls and add up what they show, until there is enough."""
         begin_s = time.monotonic()
         while not self._done():
             message = subscriber.receive(LISTEN_S)
@@ -94,7 +100,6 @@ class FrictionGuide:
                 raise Silence(f"no message from {where} for {SILENCE_S:g} s. {hint_for(where)}")
             self._ask()
             self._check_patience()
-        self._print_results()
 
     def _done(self) -> bool:
         return all(len(agreeing(samples)) >= self._wanted for samples in self._samples.values())
@@ -148,7 +153,6 @@ class FrictionGuide:
             raise FrictionNotMeasured(f"finger {finger}: {why}")
         if now_s - self._since_s > self._patience_s:
             why = "; ".join(f"finger {finger}: {each}" for finger, each in obstacles.items()) or "it did not slip"
-            self._print_results()
             raise FrictionNotMeasured(f"nothing more was measured for {self._patience_s:g} s: {why}")
 
     def _print_results(self) -> None:

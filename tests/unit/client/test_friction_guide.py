@@ -110,6 +110,18 @@ def test_both_fingers_are_measured_with_the_same_pulls(
     assert "right: static friction 0.700 ± 9.3%, dynamic friction 0.500" in out
 
 
+def test_what_one_finger_showed_is_printed_where_the_other_shows_nothing(
+    played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, right = Hand(), Hand("right")
+    both = [[one, other] for one, other in zip(left.once(), right.rest(2.2), strict=False)]
+    assert main([*played(both), "--samples", "1", "--patience", "2"]) == 1
+    shown = capsys.readouterr()
+    assert "left: static friction 0.600" in shown.out
+    assert "right" not in shown.out.partition("left: static")[2]
+    assert shown.err.startswith("slipctl: nothing more was measured for 2 s")
+
+
 def test_without_contact_it_asks_for_a_grip_and_gives_up_in_the_end(
     played: Callable[..., list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
