@@ -70,29 +70,16 @@ class HeldMotion:
 
     def update_grasp(self, sample: GripperSample | ObjectSample, acquired_ns: int) -> Found:
         """Judge a reading of the gripper, which has it already, or of the object, acquired at ``acquired_ns``."""
-        return self._update_object(sample, acquired_ns) if isinstance(sample, ObjectSample) else self._update_width()
-
-    def _update_width(self) -> Found:
-        """Judge the newest reading of the gripper."""
-        gripper, width = self._gripper, self._width
-        if gripper is None or width is None or gripper.sample is None:
-            return []
-        evidence = width.update(gripper.sample.t_ns, gripper.width_m, held=gripper.holds, command=gripper.command)
+        gripper, width, outside, evidence = self._gripper, self._width, self._outside, None
+        if isinstance(sample, GripperSample) and gripper is not None and width is not None:
+            evidence = width.update(sample.t_ns, gripper.width_m, held=gripper.holds, command=gripper.command)
+        elif isinstance(sample, ObjectSample) and outside is not None and not sample.status:
+            held = all(finger.is_pressed() for finger in self._fingers.values())
+            evidence = outside.update(acquired_ns, sample, held=held)
         found = [] if evidence is None else self._judge(evidence)
-        if found:
-            width.confirm()
-        return found
-
-    def _update_object(self, sample: ObjectSample, acquired_ns: int) -> Found:
-        """Judge what another process says of the object at ``acquired_ns``."""
-        outside = self._outside
-        if outside is None or sample.status:
-            return []
-        held = all(finger.is_pressed() for finger in self._fingers.values())
-        evidence = outside.update(acquired_ns, sample, held=held)
-        found = [] if evidence is None else self._judge(evidence)
-        if found:
-            outside.confirm()
+        for watch in (width, outside) if found else ():
+            if watch is not None:
+                watch.confirm()
         return found
 
     def _judge(self, evidence: Evidence) -> Found:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slipd.config import Finger as FingerConfig
+from slipd.config import Wrench
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion.rows import TOUCHING, Rows
@@ -18,7 +18,7 @@ class ContactMotion:
     """Looks for motion in the readings of a force sensor and the images of the pad in front of it.
 
     Args:
-        config: ``[finger.X]``.
+        wrench: ``[finger.X.wrench]``.
         image: The pad; None where there is none.
 
     Attributes:
@@ -26,7 +26,7 @@ class ContactMotion:
         found: Evidence that was found since the last `take`.
     """
 
-    def __init__(self, config: FingerConfig, image: ImageChannel | None) -> None:
+    def __init__(self, wrench: Wrench, image: ImageChannel | None) -> None:
         self._shift: ImageShift | None = None
         self._vibration: Vibration | None = None
         self.found: list[Evidence] = []
@@ -34,9 +34,6 @@ class ContactMotion:
         self._known = False  # a contact
         self._rows: list[Rows] = []
         self._count = 0
-        wrench = config.wrench
-        if wrench is None:
-            return
         if image is not None and not image.three_axis:
             self._shift = ImageShift(image.geometry, LoadNoise(wrench.force_std_n, wrench.torque_std_nm))
             self.looks_per_hour["image_change"] = self._shift.looks_per_hour

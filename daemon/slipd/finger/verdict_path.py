@@ -73,7 +73,7 @@ class VerdictPath:
         self.estimator = ContactEstimator(config, levels)
         self.presence = ContactPresence(config, force, image, self.estimator, freshness)
         self.negative_force = NegativeForceDetector(config)
-        self.motion = None if force is None else ContactMotion(config, image)
+        self.motion = None if config.wrench is None else ContactMotion(config.wrench, image)
         self.tares = TareGuard(tare, image, freshness, self.presence)
         self._tares = self.tares.current
 
