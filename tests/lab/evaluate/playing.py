@@ -13,6 +13,9 @@ from slipd.fusion import utilisation
 from slipd.sim.stickslip import GraspTrace, SteppedGrasp
 from slipd.sim.stickslip.pressed_patch import FIELD
 
+SAFETY = 1.3
+"""Factor on the load for which ``grip_needed_n`` is asked: ``grip_safety`` of the config."""
+
 TRUTH_EVERY = 4
 """Steps between two solutions of the true λ, linear between: 2 ms."""
 
@@ -96,9 +99,9 @@ def _gyration_m(scene: Scene) -> float:
 
 
 def _needed_n(scene: Scene, trace: GraspTrace, used: Array) -> Array:
-    """Return the least grip force that holds the load, with the size of the contact at that force."""
+    """Return the least grip force that holds `SAFETY` times the load, with the size of the contact at that force."""
     if scene.patch.growth == 0.0:
-        return used * trace.normal_n
+        return SAFETY * used * trace.normal_n
     indices = np.flatnonzero((np.arange(len(used)) % round(NEED_EVERY_S / STEP_S) == 0) & (used > 0.1) & (used < 1.0))
     if indices.size == 0:
         return np.full(len(used), np.nan)
@@ -110,14 +113,14 @@ def _grown_need_n(scene: Scene, trace: GraspTrace, i: int, used: float) -> float
     """Solve λ(f) = 1 by bisection in the grip force f, while the contact scales about its centre."""
     cells, normal = trace.pressure(i), float(trace.normal_n[i])
     cx, cy = scene.patch.centre_m
-    force, spin = trace.wrench_left[i, :2], trace.wrench_left[i, 5]
+    force, spin = SAFETY * trace.wrench_left[i, :2], SAFETY * trace.wrench_left[i, 5]
 
     def holds(grip_n: float) -> bool:
         size, load = (grip_n / normal) ** scene.patch.growth, grip_n / normal
         x, y = cx + size * (cells.x_m - cx), cy + size * (cells.y_m - cy)
         return utilisation(x, y, load * cells.holds_n, scene.friction.mu_s, force, spin, (0.0, 0.0)).value <= 1.0
 
-    low, high = 0.3 * used * normal, 1.2 * normal
+    low, high = 0.3 * used * normal, 2.0 * normal
     while high / low > 1.002:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if holds(middle) else (middle, high)

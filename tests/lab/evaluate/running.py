@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluate.families import draw
-from evaluate.playing import play, truth_of
+from evaluate.playing import SAFETY, play, truth_of
 from evaluate.reports import Reports, reports_of
 from evaluate.scene import Scene
 from evaluate.score import RunScore, score
@@ -34,9 +34,6 @@ from slipd.sim.stickslip import GraspTrace
 
 READ_NS = 1_000_000
 FACTORS = (0.8, 0.9, 1.0, 1.1, 1.2)
-SAFETY = 1.3
-"""``grip_safety`` of the config."""
-
 FEW_MESSAGES = "[rates]\nwrench_hz = 1.0\ntactile_hz = 1.0\n"
 """Of topics that are not scored."""
 
@@ -148,7 +145,7 @@ def run_task(task: Task) -> list[Result]:
     record_once = cache(lambda error: record(scene, trace, error, noise))
     for variant in task.variants:
         published = reports(scene, record_once(variant.error), variant)
-        figures = score(truth, published, safety=SAFETY, steady=scene.steady, closed_s=scene.closed_s)
+        figures = score(truth, published, steady=scene.steady, closed_s=scene.closed_s)
         found.append(Result(task.family, task.seed, variant, figures))
     return found
 

@@ -20,7 +20,8 @@ defined in `evaluate.truth`.
   **changes in steady holds**: those in the part of a run in which the load is at rest, and its duration.
 - **utilisation error**: |q / q_true − 1| of the required friction q = λ μ of a message and of the truth at its
   acquisition time, wherever the true λ is between `LEAST_USED` and 1 and nothing slides. It does not depend on μ.
-- **grip error**: ``grip_needed_n`` over the configured safety factor times the true need, less 1, at the same times.
+- **grip error**: ``grip_needed_n`` over the grip force that really holds the load times the configured safety factor,
+  less 1, at the same times.
 - **visible**: an oracle that is told the onset sees q fall: its mean over `ORACLE_S` from 20 ms after the onset on is
   below that before it by 3 standard errors, of noise as q has it before. What the oracle does not see, no detector of a
   fall can find; the object may still be seen to move by other evidence.
@@ -100,15 +101,12 @@ class RunScore:
     grip_errors: Array = field(repr=False)
 
 
-def score(
-    truth: Truth, reports: Reports, *, safety: float, steady: tuple[float, float] | None, closed_s: float
-) -> RunScore:
+def score(truth: Truth, reports: Reports, *, steady: tuple[float, float] | None, closed_s: float) -> RunScore:
     """Score one run.
 
     Args:
         truth: What happened.
         reports: What was published.
-        safety: ``grip_safety`` of the config.
         steady: From when to when the load is at rest, s; None if it never is.
         closed_s: From then on the grip is closed, s.
     """
@@ -116,7 +114,7 @@ def score(
     spans, episodes = reports.spans(end_s), truth.episodes()
     first_s = episodes[0].begin_s if episodes else math.inf
     slips = [s.begin_s for s in spans if s.level == SLIPPING and not _near_slip(s.begin_s, episodes)]
-    used, grip = _errors(truth, reports, episodes, safety)
+    used, grip = _errors(truth, reports, episodes)
     beyond = [Episode(e.begin_s + PROMPT_S, e.end_s) for e in episodes if e.end_s > e.begin_s + PROMPT_S]
     return RunScore(
         episodes=[_episode(k, episodes, spans, truth, reports) for k in range(len(episodes)) if _is_new(k, episodes)],
@@ -217,7 +215,7 @@ def _changes(spans: list[Span], from_s: float, to_s: float) -> int:
     return sum(max(from_s, touching) < s.begin_s <= to_s for s in spans)
 
 
-def _errors(truth: Truth, reports: Reports, episodes: list[Episode], safety: float) -> tuple[Array, Array]:
+def _errors(truth: Truth, reports: Reports, episodes: list[Episode]) -> tuple[Array, Array]:
     """Return the relative errors of required friction, and of the grip force needed."""
     at = reports.acquired_s
     used, normal = truth.at(truth.utilisation, at), truth.at(truth.normal_n, at)
@@ -225,5 +223,5 @@ def _errors(truth: Truth, reports: Reports, episodes: list[Episode], safety: flo
     for e in episodes:
         known &= (at < e.begin_s) | (at > e.end_s + LATE_S)
     errors = np.abs(reports.required[known] / (used[known] * truth.mu) - 1.0)
-    grip = reports.needed_n[known] / (safety * truth.at(truth.needed_n, at[known])) - 1.0
+    grip = reports.needed_n[known] / truth.at(truth.needed_n, at[known]) - 1.0
     return errors[np.isfinite(errors)], grip[np.isfinite(grip)]

@@ -10,7 +10,7 @@ import pytest
 from evaluate import __main__ as program
 from evaluate.families import DEVELOPMENT, EVALUATION, FAMILIES, PERTURBATIONS, draw
 from evaluate.intervals import share
-from evaluate.playing import play, truth_of
+from evaluate.playing import SAFETY, play, truth_of
 from evaluate.running import READ_NS, Result, Task, Variant, config_text, record, run_all, run_task
 from evaluate.summary import summarise
 from evaluate.user_errors import ERRORS
@@ -50,7 +50,17 @@ def test_the_truth_of_a_held_object_is_the_utilisation_that_was_drawn() -> None:
     steady = truth.utilisation[truth.t_s > 1.5]
     assert 0.2 <= steady.min() <= steady.max() <= 0.67
     assert np.ptp(steady) < 0.02
-    assert truth.needed_n[-1] == pytest.approx(steady[-1] * truth.normal_n[-1], rel=0.02) or scene.patch.growth > 0.0
+    assert scene.patch.growth == 0.0
+    assert truth.needed_n[-1] == pytest.approx(SAFETY * steady[-1] * truth.normal_n[-1], rel=0.02)
+
+
+def test_the_need_of_a_contact_that_grows_is_that_of_its_size_at_that_force() -> None:
+    """A pure torque on a contact whose size goes with f^γ has its limit at f^(1 + γ)."""
+    scene = next(scene for scene in (draw("torsion", seed) for seed in range(9)) if scene.patch.growth > 0.0)
+    truth = truth_of(scene, play(scene))
+    k = int(np.argmax((truth.utilisation > 0.6) & (truth.t_s > scene.closed_s)))
+    need = truth.normal_n[k] * (SAFETY * truth.utilisation[k]) ** (1.0 / (1.0 + scene.patch.growth))
+    assert truth.needed_n[k] == pytest.approx(need, rel=0.03)
 
 
 def test_an_object_that_falls_ends_its_run() -> None:

@@ -12,7 +12,6 @@ from evaluate.score import RunScore, score
 from evaluate.truth import Episode, Truth
 
 STEP_S = 1e-3
-SAFETY = 1.5
 
 
 def course(*slips: tuple[float, float], used: float = 0.5, seconds: float = 2.0, speed: float = 0.02) -> Truth:
@@ -31,11 +30,11 @@ def said(*levels: tuple[float, int], seconds: float = 2.0, q_error: float = 0.0,
     which = np.searchsorted([begin for begin, _ in levels], t, side="right") - 1
     level = np.array([level for _, level in levels], dtype=float)[which]
     used = np.full(t.size, 0.5 * (1.0 + q_error))
-    return Reports(t, t, level, used, np.full(t.size, 0.5), 0.5 * used, SAFETY * 5.0 * (1.0 + grip_error) + 0.0 * t)
+    return Reports(t, t, level, used, np.full(t.size, 0.5), 0.5 * used, 5.0 * (1.0 + grip_error) + 0.0 * t)
 
 
 def scored(truth: Truth, reports: Reports, steady: tuple[float, float] | None = None) -> RunScore:
-    return score(truth, reports, safety=SAFETY, steady=steady, closed_s=0.4)
+    return score(truth, reports, steady=steady, closed_s=0.4)
 
 
 def test_a_gross_slip_is_fast_enough_and_long_enough_and_short_pauses_do_not_end_it() -> None:

@@ -43,7 +43,8 @@ class Truth:
         speed_mps: Speed of the contact, shape (n,), m/s.
         gross: All loaded cells slide, shape (n,).
         normal_n: Grip force on the pad, shape (n,), N.
-        needed_n: Least grip force that holds the load at the true μ_s, shape (n,), N; NaN where it was not computed.
+        needed_n: Least grip force that holds the load times the safety factor at the true μ_s, shape (n,), N; NaN where
+            it was not computed.
         mu: True μ_s.
     """
 
