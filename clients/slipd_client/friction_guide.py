@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from slipd_client.errors import FrictionNotMeasured, Silence, hint_for
+from slipd_client.errors import FrictionNotMeasured, RequestRefused, Silence, hint_for
 from slipd_client.friction_pull import NO_CONTACT, PullRejected, PullSample, PullWatch
 from slipd_client.friction_samples import agreeing, config_lines, disagreement, median_of, spread
 from slipd_client.message_tracker import SILENCE_S
@@ -35,10 +35,17 @@ def check(ask_status: Callable[[], StatusReply], finger: str | None) -> list[str
 
     Raises:
         FrictionNotMeasured: There is no such finger, or one of its sensors still has a fault after OBSTACLE_S.
+        RequestRefused: The daemon still refuses after that time.
     """
     until_s = time.monotonic() + OBSTACLE_S
     while True:
-        status = ask_status()
+        try:
+            status = ask_status()
+        except RequestRefused:  # the machine stalled, and the request came too late
+            if time.monotonic() > until_s:
+                raise
+            time.sleep(LISTEN_S)
+            continue
         if finger is not None and finger not in status.fingers:
             raise FrictionNotMeasured(f"finger must be one of {', '.join(status.fingers)}, got {finger!r:.40}")
         fingers = list(status.fingers) if finger is None else [finger]

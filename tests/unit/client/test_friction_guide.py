@@ -162,12 +162,15 @@ def test_a_finger_that_cannot_be_measured_is_told_at_once(
 def test_a_sensor_with_a_fault_and_a_wrong_name_are_told_before_anything_else(
     daemon: Daemon, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("slipd_client.friction_guide.OBSTACLE_S", 0.2)
+    monkeypatch.setattr("slipd_client.friction_guide.OBSTACLE_S", 1.0)
     ill = {"left.wrench": {"health": 2, "message": "overloaded"}, "right.wrench": {"health": 0}}
     daemon.handlers["status"] = lambda _: STATUS | {"streams": ill}
     assert main(["--requests", daemon.endpoint, "friction", "left"]) == 1
     assert daemon.ops.count("status") > 1, "a sensor may just begin"
     assert capsys.readouterr().err == "slipctl: left.wrench is ERROR: overloaded\n"
+    late = {"error": {"code": "deadline_passed", "message": "it came too late"}}
+    answers = iter([late, late])
+    daemon.handlers["status"] = lambda _: next(answers, STATUS)
     assert main(["--requests", daemon.endpoint, "friction", "middle"]) == 1
     assert capsys.readouterr().err == "slipctl: finger must be one of left, right, got 'middle'\n"
 
