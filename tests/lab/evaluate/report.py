@@ -24,12 +24,12 @@ from evaluate.running import Variant
 from evaluate.truth import LEAST_S, PAUSE_S, SPEED_MPS
 
 INTRODUCTION = """\
-How good are slipd's warnings where friction is not known? {runs} runs of {grasps} simulated grasps say it, {seeds}
-of each of {families} families. A grasp is simulated with distributed stick and slip between the object and the pads
+How good are slipd's warnings where friction is not known? {runs} runs of {grasps} simulated grasps, {seeds} of each of
+{families} families. A grasp is simulated with distributed stick and slip between the object and the pads
 ([physics](physics.md)), without slipd's own mechanics. Object, contact shape, μ_s, μ_d/μ_s (0.6 to 0.97), loads and
 noise are drawn at random. The bytes of emulated strain gauges (1 kHz) and of a PVDF pad (200 images/s) of one finger
-enter the engine, and what it publishes is held against what really happened. The config gives μ as 0.8 to 1.2 times the
-true one, or not at all. Tuning uses other seeds than this page.
+enter the engine at reads 1 ms apart, and what it publishes is held against what really happened. The config gives μ as
+0.8 to 1.2 times the true one, or not at all. Tuning uses other seeds than this page.
 
 `make evaluate` makes this page; `python -m evaluate --quick` prints the figures of a few families in less than a minute
 (see its help in `tests/lab/evaluate/__main__.py`).
@@ -44,7 +44,10 @@ def page(
     intro = INTRODUCTION.format(
         runs=len(campaign.results), grasps=len(FAMILIES) * campaign.seeds, families=len(FAMILIES), seeds=campaign.seeds
     )
-    tables = (goals(campaign), *families_tables(campaign), by_mu(campaign), rejections(campaign))
+    asked = goals(campaign)
+    judged = [row[3] for row in asked.rows if row[3]]
+    intro += f"\n\n**In short**: {judged.count('yes')} of {len(judged)} figures asked for are reached."
+    tables = (asked, *families_tables(campaign), by_mu(campaign), rejections(campaign))
     parts = [f"# Quality of the warnings\n\n{header}.", intro, *(table.markdown().strip() for table in tables)]
     parts += [errors(campaign).markdown().strip(), methods(found, seeds_of_methods).markdown().strip()]
     parts += ["![Errors of every method over all thresholds, and the cost of a decision](warning_quality_methods.png)"]
