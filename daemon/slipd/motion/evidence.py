@@ -10,7 +10,7 @@ EVIDENCE = ("load_drop", "image_change", "spin_change", "vibration", "width", "e
 - load_drop: The load falls from static to dynamic friction, or exceeds what any friction carries.
 - image_change: The shares of the taxels change at unchanged load.
 - spin_change: The spin changes at unchanged load.
-- vibration: The high band of a force sensor or a PVDF pad is loud.
+- vibration: The high band of the force sensor is loud; it only supports other evidence.
 - width: The width of the gripper changes at unchanged grip force.
 - external: A driver of the user's says so.
 """
