@@ -44,6 +44,8 @@ ALONG = 0.5
 """Cosine of the largest angle between a shift and the tangential force: a turn beside it may bend its way so far."""
 SPIN_SHARE = 0.05
 """A spin torque below this share of the tangential force times the radius of gyration turns nothing."""
+OPENS = 0.25
+"""A gap may open where the pressure falls across the contact by this share of its mean on either side."""
 EACH_SURPRISE = 3.0
 """Both the pattern of the change and the path of the contact must look like a motion by this much."""
 MODEL_SHARE = 0.005
@@ -65,6 +67,7 @@ class ImageShift:
 
     def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
         self._fitter = ImageFitter(geometry)
+        self._x, self._y = geometry.positions()
         self._blocks = ImageBlocks(geometry, noise)
         self._grid, self._pitch_m = (geometry.rows, geometry.cols), geometry.pitch_m
         self._references: list[_Reference] = []
@@ -147,7 +150,7 @@ class ImageShift:
     def _judge(self, fit: ImageFit, block: Block, reference: _Reference) -> Evidence | None:
         """Return evidence where the path is one of motion along the load."""
         reference.path.add(fit.shift_m)
-        shift = _slide(fit, *block.tangential)
+        shift = _slide(fit, self._growth(fit, block, reference.block), *block.tangential)
         if self._known is not None:
             return self._follow(self._known, fit, shift, block, reference)
         beyond = float(shift @ shift) > LEAST_M**2 and fit.tilt < MOST_TILT
@@ -159,6 +162,25 @@ class ImageShift:
         if min(pattern, path) < EACH_SURPRISE:
             return None
         return self._find(_Motion(block.t_ns, shift, max(pattern, path) - math.log(2.0), reference))
+
+    def _growth(self, fit: ImageFit, block: Block, before: Block) -> tuple[float, float]:
+        """Return how far growth, or a gap that opens or closes, may have moved one edge along X and Y, m.
+
+        No contact grows faster with its normal force than that of a sphere (Hertz: with the cube root). A gap opens
+        only where an edge is hardly pressed.
+        """
+        share = abs(block.load[2] - before.load[2]) / (3.0 * block.load[2])
+        most = [share * fit.radius_m] * 2
+        for image in (before.image, block.image):
+            on = image > ACTIVE_SHARE * float(image.max())
+            loads = image[on]
+            for axis, at in enumerate((self._x[on], self._y[on])):
+                away = at - at.mean()
+                squares = float(away @ away)
+                fall = abs(float(away @ loads)) * math.sqrt(3.0 / (squares * len(at))) if squares > 0.0 else 0.0
+                if fall > OPENS * float(loads.mean()):
+                    most[axis] = math.inf
+        return min(fit.growth_m[0], most[0]), min(fit.growth_m[1], most[1])
 
     def _follow(
         self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference
@@ -196,14 +218,14 @@ class _Reference(NamedTuple):
     path: ShiftPath
 
 
-def _slide(fit: ImageFit, fx_n: float, fy_n: float, spin_nm: float) -> Array:
+def _slide(fit: ImageFit, growth_m: tuple[float, float], fx_n: float, fy_n: float, spin_nm: float) -> Array:
     """Return the part of a fitted motion that growth does not explain and friction allows, as `ImageFit.shift_m`.
 
     What slides moves along its load: friction takes power from the shift and from the turn. Growth and the opening of
     a gap may move one edge alone, which looks like growth and shift in equal parts.
     """
     shift_x, shift_y, turn = fit.shift_m.tolist()
-    shift_x, shift_y = _shrunk(shift_x, fit.growth_m[0]), _shrunk(shift_y, fit.growth_m[1])
+    shift_x, shift_y = _shrunk(shift_x, growth_m[0]), _shrunk(shift_y, growth_m[1])
     load_n = math.hypot(fx_n, fy_n)
     if fx_n * shift_x + fy_n * shift_y <= ALONG * load_n * math.hypot(shift_x, shift_y):
         shift_x = shift_y = 0.0
