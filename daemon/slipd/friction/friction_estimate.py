@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from slipd.finite import finite_or_none
 from slipd.friction.friction_state import FrictionState
-from slipd.friction.learning import LEARNING, begin_grasp, combine, end_grasp, learn
+from slipd.friction.learning import LEARNING, SCATTER, WIDENING, Z, begin_grasp, combine, end_grasp, learn
 from slipd.fusion.rows import Rows, new_rows
 
 STEP_NS = 20_000_000
@@ -91,6 +91,14 @@ class FrictionEstimate:
             begin_grasp(self._row)
         self._take_over()
 
+    @property
+    def least_known(self) -> float:
+        """Least coefficient with which the next grasp of a named object begins; inf where no slip of one is known."""
+        known = [*self._objects.values(), self._knowledge()]
+        added = WIDENING**2 + SCATTER**2
+        bounds = [ln[0] - Z * math.sqrt(var[0] + added) for ln, var, _ in known if not math.isnan(var[0])]
+        return math.exp(min(bounds, default=math.inf))
+
     def segments(self, times_ns: Sequence[int]) -> Iterator[tuple[int, int]]:
         """Yield ranges of readings with one state each; take over what was learned before each of them.
 
@@ -132,13 +140,14 @@ class FrictionEstimate:
         mu, low, high, mu_d, carried, learned = (
             self._row[name].item() for name in ("bound", "low", "high", "dynamic", "carried", "learned")
         )
-        known = finite_or_none(mu)
+        known, most = finite_or_none(mu), finite_or_none(high)
+        dynamic = self._stated_d if math.isnan(mu_d) else mu_d
         self.state = FrictionState(
             known,
             "none" if known is None else "learned" if learned else self._source,
             finite_or_none(low),
-            finite_or_none(high),
-            self._stated_d if math.isnan(mu_d) else mu_d,
+            most,
+            dynamic if dynamic is None or most is None else min(dynamic, most),
             carried or None,
             self._name,
         )

@@ -35,7 +35,7 @@ KEPT = 4
 
 _FLOATS = (
     *("stated", "spread", "most", "object_floor", "carried", "floor", "block_since_s", "block_last_s", "block_sum"),
-    *("block_squares", "onset_s", "bound", "low", "high", "dynamic"),
+    *("block_squares", "touched_s", "onset_s", "bound", "low", "high", "dynamic"),
 )
 _PAIRS = ("object_ln", "object_var", "block_error", "before")
 
@@ -57,10 +57,11 @@ LEARNING = np.dtype(
 ``stated``, ``spread``, ``most``: μ by config or request (NaN: unknown), its relative standard deviation, and the
 largest μ that a verdict may use. ``object_…``: knowledge of the named object from earlier grasps; NaN or 0: none.
 ``floor``: lower bound of μ_s from what was carried since the last slip. ``block_…``: sums of q, its square, and largest
-errors (noise, shape) of the readings of half a dwell; ``before``: mean and lower bound of the block before. ``onset``:
-what the sample of the present slip is from: 0 nothing, 1 q when it was noticed, 2 the peak before a drop; ``onset_s``:
-when it was noticed. ``plateau``: count, sum and largest error of its q. ``bound``: μ for verdicts. ``low``,
-``high``, ``dynamic``: as in `FrictionState`. ``learned``: the bound is not the stated μ. ``changes`` counts results."""
+errors (noise, shape) of the readings of half a dwell; ``before``: mean and lower bound of the block before.
+``touched_s``: time of the newest reading of the contact that is not UNTRUSTED. ``onset``: what the sample of the
+present slip is from: 0 nothing, 1 q when it was noticed, 2 the peak before a drop; ``onset_s``: when it was noticed.
+``plateau``: count, sum and largest error of its q. ``bound``: μ for verdicts; ``learned``: it is not the stated one.
+``low``, ``high``, ``dynamic``: as in `FrictionState`. ``changes`` counts results."""
 
 
 @compiled
@@ -88,6 +89,9 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool, raises:
                 end_grasp(rows)
             row["slipping"] = False
             continue
+        if reading["t_s"] - row["touched_s"] > GAP_S:
+            end_grasp(rows)
+        row["touched_s"] = reading["t_s"]
         if not (teaches and 0.0 < q < math.inf):
             row["slipping"] = found["slips"]
             row["block_count"] = 0
@@ -96,9 +100,11 @@ def learn(readings: Rows, rows: Rows, shape_error: float, teaches: bool, raises:
         noise = contact["friction_ratio_std"] / q
         shape = shape_error * max(1.0 - contact["friction_ratio"] / q, 0.0)
         if found["slips"]:
+            most = math.inf if raises else row["bound"]
+            if not math.isnan(most):
+                _slide(rows, reading["t_s"], q, found["peak_required"], found["plateau_required"], most, noise, shape)
             row["block_count"] = 0
             row["before"][0] = math.nan
-            _slide(rows, reading["t_s"], q, found["peak_required"], found["plateau_required"], noise, shape)
         else:
             _carry(rows, reading["t_s"], q, noise, shape, raises)
         row["slipping"] = found["slips"]
@@ -141,42 +147,48 @@ def _carry(rows: Rows, t_s: float, q: float, noise: float, shape: float, raises:
 
 
 @compiled
-def _slide(rows: Rows, t_s: float, q: float, peak: float, plateau: float, noise: float, shape: float) -> None:
-    """Take samples from a reading that slips: one of μ_s at the onset, and one of μ_d that the plateau refines."""
+def _slide(
+    rows: Rows, t_s: float, q: float, peak: float, plateau: float, most: float, noise: float, shape: float
+) -> None:
+    """Take samples from a reading that slips: one of μ_s at the onset, and one of μ_d that its plateau refines.
+
+    A sample of μ_s is at most ``most``, and without a peak what is stated or lasted: one reading may be a shock.
+    """
     row = rows[0]
+    lasted, stated = row["before"][0], row["stated"]
     sums = row["plateau"]
     if not row["slipping"]:
         row["onset"], row["onset_s"] = 0, t_s
         sums[0], sums[1], sums[2] = 0.0, 0.0, 0.0
     changed = False
     if peak > 0.0 and row["onset"] < 2:
-        _take_sample(rows, 0, math.log(peak), noise * noise + shape * shape + SCATTER * SCATTER, row["onset"] == 1)
+        var = noise * noise + shape * shape + SCATTER * SCATTER
+        _take_sample(rows, 0, min(peak, most), var, row["onset"] == 1)
         row["onset"], changed = 2, True
-    elif not row["slipping"] and math.isnan(peak):
-        _take_sample(rows, 0, math.log(q), ROUGH * ROUGH + shape * shape + SCATTER * SCATTER, False)
+    elif not row["slipping"] and math.isnan(peak) and (lasted > 0.0 or stated > 0.0):
+        lasting = lasted if math.isnan(stated) or lasted > stated else stated
+        _take_sample(rows, 0, min(q, most, lasting), ROUGH * ROUGH + shape * shape + SCATTER * SCATTER, False)
         row["onset"], changed = 1, True
     if changed:
         row["floor"] = 0.0  # a later slip says more than what was carried before
     if plateau > 0.0 and t_s - row["onset_s"] <= PLATEAU_S:
-        sums[0] += 1.0
-        sums[1] += plateau
+        sums[0], sums[1] = sums[0] + 1.0, sums[1] + plateau
         sums[2] = max(sums[2], math.hypot(noise, shape))
-        var = sums[2] * sums[2] + SCATTER * SCATTER
-        _take_sample(rows, 1, math.log(sums[1] / sums[0]), var, sums[0] > 1.0)
+        _take_sample(rows, 1, sums[1] / sums[0], sums[2] * sums[2] + SCATTER * SCATTER, sums[0] > 1.0)
         changed = True
     if changed:
         combine(rows)
 
 
 @compiled
-def _take_sample(rows: Rows, kind: int, ln: float, var: float, replaces: bool) -> None:
+def _take_sample(rows: Rows, kind: int, q: float, var: float, replaces: bool) -> None:
     """Keep a sample; ``replaces``: it is a better one of the same slip than the newest."""
     row = rows[0]
     lns, variances, samples = row["sample_ln"], row["sample_var"], row["taken"]
     if not replaces:
         samples[kind] += 1
     at = (samples[kind] - 1) % KEPT
-    lns[kind, at], variances[kind, at] = ln, var
+    lns[kind, at], variances[kind, at] = math.log(q), var
 
 
 @compiled

@@ -198,11 +198,11 @@ def test_one_slip_gives_one_sample_however_long_it_lasts() -> None:
 
 def test_motion_without_a_drop_gives_a_rough_sample_that_a_later_peak_replaces() -> None:
     hand = Hand(None)
-    creeps = [(0.45, math.nan, math.nan, True)] * 5
+    creeps = [*carry(0.45), *[(0.45, math.nan, math.nan, True)] * 5]
     rough = hand.feel(creeps)
     assert (rough.mu, rough.source) == (pytest.approx(0.45 * math.exp(-1.645 * math.sqrt(0.015))), "learned")
     assert rough.mu_d is None
-    assert hand.feel(slip(0.5, 0.4)) == Hand(None).feel(slip(0.5, 0.4))
+    assert hand.feel(slip(0.5, 0.4)) == Hand(None).feel([*carry(0.45), *slip(0.5, 0.4)])
 
 
 def test_without_a_prior_the_coefficient_is_unknown_until_a_slip_shows_it() -> None:
@@ -364,3 +364,51 @@ def test_whatever_comes_the_bound_is_explained_by_evidence_and_does_not_depend_o
     assert (state.mu is None) == (state.source == "none")
     if state.carried is not None:
         assert state.carried <= max(evidence) * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("seen", [slip(0.9, 0.8), [(0.9, math.nan, math.nan, True)] * 5], ids=["fall", "creep"])
+def test_a_slip_without_a_known_zero_raises_nothing_either(hand: Hand, seen: list[Q]) -> None:
+    state = hand.feel([*carry(0.9), *seen], raises=False)
+    assert state.mu is not None
+    assert state.mu <= 0.5
+    assert Hand(None).feel([*carry(0.9), *seen], raises=False).source == "none", "unknown does not become safe"
+
+
+def test_motion_seen_during_a_shock_raises_no_friction_beyond_what_lasted(hand: Hand) -> None:
+    shock = [(1.4, math.nan, math.nan, True), *[(0.2, math.nan, math.nan, True)] * 5]
+    state = hand.feel([*carry(0.2), *shock])
+    assert state.mu is not None
+    assert state.mu <= 0.5
+    unstated = Hand(None).feel([*carry(0.2), *shock])
+    assert unstated.mu is not None
+    assert unstated.mu <= 0.2
+    assert Hand(None).feel(shock).mu is None, "nothing lasted"
+
+
+def test_a_long_time_without_trusted_readings_ends_what_was_learned(hand: Hand) -> None:
+    """Another object may be in the grip by then."""
+    fresh = hand.estimate.state
+    assert hand.feel(carry(0.8)).mu == pytest.approx(0.8)
+    hand.feel(carry(0.8, 0.2), phase=UNTRUSTED)
+    assert hand.feel(carry(0.1)).mu == pytest.approx(0.8)
+    hand.feel(carry(0.8, 0.4), phase=UNTRUSTED)
+    assert hand.feel(carry(0.1, 0.02)) == fresh
+
+
+def test_dynamic_friction_is_never_above_the_interval_of_static_friction(hand: Hand) -> None:
+    hand.estimate.restart(0.6, 0.55, "request")
+    state = hand.feel([*carry(0.2), (0.25, 0.3, math.nan, True)])
+    assert state.mu_high is not None
+    assert state.mu_d is not None
+    assert state.mu_d <= state.mu_high < 0.4
+
+
+def test_the_least_that_is_known_of_an_object_is_what_its_next_grasp_begins_with(hand: Hand) -> None:
+    assert hand.estimate.least_known == math.inf
+    hand.estimate.set_object("soap")
+    hand.feel(slip(0.2, 0.1))
+    kept = hand.let_go().mu
+    assert hand.estimate.least_known == pytest.approx(kept)
+    hand.estimate.set_object("rubber")
+    hand.feel(slip(0.8, 0.7))
+    assert hand.estimate.least_known == pytest.approx(kept)
