@@ -63,12 +63,19 @@ class Friction:
         self.estimate.restart(mu_s, mu_d, "request")
         self.set_by, self.set_t_ns = by, t_ns
 
+    @property
+    def strictest(self) -> float | None:
+        """Least μ that is in use, stated, or known of a named object; None: unknown, now or with the next grasp."""
+        if self.mu is None or self.stated is None:
+            return None
+        return min(self.mu, self.stated, self.estimate.least_known)
+
     def is_more_lenient(self, mu_s: float, mu_d: float | None) -> bool:
-        """Return whether these coefficients would make a verdict more lenient than those in use.
+        """Return whether these coefficients would make a verdict more lenient, in this grasp or a later one.
 
         A larger μ does, and so does a larger fall before a slip is reported.
         """
-        if self.mu is None or mu_s > self.mu:
+        if self.strictest is None or mu_s > self.strictest:
             return True
         return mu_d is not None and _drop(mu_s, mu_d) > self.drop
 

@@ -159,9 +159,10 @@ def _check_friction(finger: Finger, mu_s: float, mu_d: float | None) -> Refusal 
 
 def _change(finger: Finger, mu_s: float) -> str:
     """Return what is more lenient about a coefficient, for people."""
-    if finger.friction.mu is None:
-        return f"mu_s {mu_s:g}, while no coefficient is known,"
-    return f"mu_s {mu_s:g} over {finger.friction.mu:g}" if mu_s > finger.friction.mu else "a lower mu_d"
+    strictest = finger.friction.strictest
+    if strictest is None:
+        return f"mu_s {mu_s:g}, while no coefficient is stated,"
+    return f"mu_s {mu_s:g} over {strictest:.3g}" if mu_s > strictest else "a lower mu_d"
 
 
 def client_name(client: bytes) -> str:

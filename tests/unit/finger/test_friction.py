@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterable
 
+import numpy as np
 import pytest
 from finger_bench import MS, T0, Image, Parse, Wrench, make_finger, read_force
 
 from slipd.finger.finger import Finger
+from slipd.fusion.rows import READING, TOUCHING, new_rows
 from slipd.publish.finger_messages import slip_body
 
 FALLS = {0.08: [4.8, 4.8, 4.8 * 0.92], 0.15: [4.8, 4.8, 4.8 * 0.85], 0.03: [4.8, 4.8, 4.8 * 0.97]}
@@ -84,3 +87,44 @@ def test_larger_mu_or_larger_fall_is_more_lenient(
 
 def test_any_mu_is_more_lenient_than_none(left: str, parse: Parse) -> None:
     assert make_finger(left.replace("mu = 0.5\n", ""), parse).friction.is_more_lenient(0.1, None)
+
+
+def teach(finger: Finger, q: float, *, slips: bool = False) -> None:
+    """Let the grasp carry the required friction q for 0.3 s, and then slip."""
+    rows = new_rows(READING, 61)
+    rows["phase"], rows["t_s"] = TOUCHING, 100.0 + 0.005 * np.arange(61)
+    rows["assessment"]["required_friction"] = rows["contact"]["friction_ratio"] = q
+    rows["assessment"]["peak_required"] = rows["assessment"]["plateau_required"] = math.nan
+    rows["assessment"]["slips"][-1] = slips
+    finger.friction.estimate.learn(rows, 0.0, teaches=True, raises=True)
+    list(finger.friction.estimate.segments([round(rows["t_s"][-1] * 1e9) + 20 * MS]))
+
+
+def test_what_a_grasp_taught_beyond_the_stated_mu_makes_no_larger_mu_strict(finger: Finger) -> None:
+    """It ends with the grasp; what a client states does not."""
+    teach(finger, 0.6)
+    assert finger.friction.mu == pytest.approx(0.6)
+    assert finger.friction.is_more_lenient(0.55, None)
+    assert not finger.friction.is_more_lenient(0.5, None)
+
+
+def test_what_a_grasp_taught_below_the_stated_mu_makes_the_stated_one_lenient(finger: Finger) -> None:
+    teach(finger, 0.3, slips=True)
+    assert finger.friction.is_more_lenient(0.5, None)
+    assert not finger.friction.is_more_lenient(0.2, None)
+
+
+def test_any_mu_is_more_lenient_than_none_although_the_grasp_taught_one(left: str, parse: Parse) -> None:
+    finger = make_finger(left.replace("mu = 0.5\n", ""), parse)
+    teach(finger, 0.5, slips=True)
+    assert finger.friction.source == "learned"
+    assert finger.friction.is_more_lenient(0.1, None)
+
+
+def test_a_mu_that_makes_a_slippery_object_unknown_is_more_lenient(finger: Finger) -> None:
+    finger.set_object("soap")
+    teach(finger, 0.3, slips=True)
+    finger.set_object("rubber")
+    assert finger.friction.mu == 0.5
+    assert finger.friction.is_more_lenient(0.5, None)
+    assert not finger.friction.is_more_lenient(0.2, None)

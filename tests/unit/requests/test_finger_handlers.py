@@ -84,7 +84,7 @@ class TestFriction:
         run.up()
         message = run.ask("friction.set", finger="left", mu_s=0.2)["error"]["message"]
         assert message.startswith(
-            "mu_s 0.2, while no coefficient is known, makes the verdicts on finger left more lenient"
+            "mu_s 0.2, while no coefficient is stated, makes the verdicts on finger left more lenient"
         )
         run.lease()
         assert run.refusal("friction.set", finger="left", mu_s=2.01) == ("out_of_range", "mu_s")
