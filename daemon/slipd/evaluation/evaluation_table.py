@@ -114,6 +114,9 @@ def _times(found: list[Interval]) -> str:
 
 def _compared(name: str, recorded: ConfigRun, run: ConfigRun) -> Iterator[str]:
     before, after = figures(recorded), figures(run)
+    if recorded.spans and not run.spans:
+        yield f"{name}: no levels; the sensors of a config must be those of the recording"
+        return
     found = differences(worst_spans(recorded.spans), worst_spans(run.spans))
     if not found:
         yield f"{name}: the same levels as {RECORDED}"

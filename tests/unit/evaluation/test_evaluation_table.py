@@ -59,6 +59,11 @@ def test_what_a_config_changes_is_told_against_the_recorded_one() -> None:
     assert list(comparisons([evaluation(same=again)])) == ["a.mcap, same: the same levels as recorded"]
 
 
+def test_a_config_that_reports_nothing_is_not_said_to_report_the_same() -> None:
+    (told,) = comparisons([evaluation(deaf=ConfigRun({}, end_s=4.0))])
+    assert told == "a.mcap, deaf: no levels; the sensors of a config must be those of the recording"
+
+
 def test_only_the_longest_differences_are_listed() -> None:
     flicker = [("warning" if n % 2 else "caution", n * 0.25, (n + 1) * 0.25) for n in range(12)]
     lines = list(comparisons([evaluation(flicker=run(*flicker))]))
