@@ -1,25 +1,28 @@
 """The definition of every metric, for one run: what was published, held against what really happened.
 
 Times are those at which a message left the engine. An *alarm* is the level "warning" or "slipping". Gross slip is
-defined in `evaluate.truth`.
+defined in `evaluate.truth`. One that begins within `LATE_S` of the end of another belongs to it: only its time counts,
+as sliding time.
 
-- **warned**: an alarm is in force at the onset of a gross slip. Its **lead** is the time since that alarm began,
-  without a pause.
-- **latency**: from the onset to the first time that the level is "slipping"; 0 where it is so already; infinite where
-  that never comes before the slip ends. **path**: how far the contact slides until then.
+- **warned**: an alarm is in force at the onset of a gross slip. The share is that of the first gross slips of the runs,
+  or, where it says so, of all later ones. Its **lead** is the time since that alarm began, without a pause.
+- **latency** of a gross slip of `PROMPT_S` or longer: from the onset to the first time that the level is "slipping"; 0
+  where it is so already; infinite where that never comes before the slip ends. **path**: how far the contact slides
+  until then.
 - **missed**: a gross slip of `PROMPT_S` or longer, without "slipping" in its first `PROMPT_S`. **silent**: likewise
   without any alarm.
 - **false slipping**: the level becomes "slipping" at a time that is not within a gross slip, nor up to `EARLY_S`
   before one or `LATE_S` after one. **closing**: a run in which that happens while the grip closes. **early**: a run in
   which it happens later, and before the first gross slip or in a run without one.
-- **false warning**: an alarm begins while the true λ has been below `SAFE` for `SETTLED_S`, and not up to `LATE_S`
-  after a gross slip. Both are counted against the time in which they can happen.
+- **false warning**: an alarm begins while the true λ has been below `SAFE` for `SETTLED_S`, and not from `EARLY_S`
+  before a gross slip to `LATE_S` after it. Both are counted against the time in contact in which they can happen.
 - **sliding time**: of gross slips, what is beyond their first `PROMPT_S`; the shares of it during which the level is
   "slipping", and during which it is "stable" or "no contact".
 - **changes on the way**: changes of level from the first level in contact to the onset of the first gross slip.
   **changes in steady holds**: those in the part of a run in which the load is at rest, and its duration.
 - **utilisation error**: |q / q_true − 1| of the required friction q = λ μ of a message and of the truth at its
-  acquisition time, wherever the true λ is between `LEAST_USED` and 1 and nothing slides. It does not depend on μ.
+  acquisition time, wherever a message has one, the true λ is between `LEAST_USED` and 1, the pad bears `LEAST_GRIP_N`
+  or more, and nothing slides nor did in the last `LATE_S`. It does not depend on μ.
 - **grip error**: ``grip_needed_n`` over the grip force that really holds the load times the configured safety factor,
   less 1, at the same times.
 - **visible**: an oracle that is told the onset sees q fall: its mean over `ORACLE_S` from 20 ms after the onset on is
@@ -36,6 +39,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from evaluate.reports import NO_CONTACT, SLIPPING, STABLE, UNKNOWN, WARNING, Reports, Span, merged_alarms
 from evaluate.truth import Episode, Truth
+from numpy.typing import NDArray
 
 from slipd.arrays import Array
 
@@ -115,15 +119,16 @@ def score(truth: Truth, reports: Reports, *, steady: tuple[float, float] | None,
     first_s = episodes[0].begin_s if episodes else math.inf
     slips = [s.begin_s for s in spans if s.level == SLIPPING and not _near_slip(s.begin_s, episodes)]
     used, grip = _errors(truth, reports, episodes)
+    safe = _safe(truth, episodes)
     beyond = [Episode(e.begin_s + PROMPT_S, e.end_s) for e in episodes if e.end_s > e.begin_s + PROMPT_S]
     return RunScore(
         episodes=[_episode(k, episodes, spans, truth, reports) for k in range(len(episodes)) if _is_new(k, episodes)],
         closing=any(s < closed_s for s in slips),
         early=any(closed_s <= s < first_s for s in slips),
         false_slipping=len(slips),
-        quiet_s=_quiet_s(truth, episodes),
-        false_warnings=sum(_is_safe(truth, s.begin_s, episodes) for s in merged_alarms(spans)),
-        safe_s=_safe_s(truth, episodes),
+        quiet_s=float(truth.step_s[_quiet(truth, episodes)].sum()),
+        false_warnings=sum(bool(safe[_index(truth, s.begin_s)]) for s in merged_alarms(spans)),
+        safe_s=float(truth.step_s[safe].sum()),
         sliding_s=sum(e.end_s - e.begin_s for e in beyond),
         sliding_reported_s=sum(_overlap(spans, e, (SLIPPING,)) for e in beyond),
         sliding_stable_s=sum(_overlap(spans, e, (STABLE, NO_CONTACT)) for e in beyond),
@@ -182,24 +187,23 @@ def _near_slip(t_s: float, episodes: list[Episode]) -> bool:
     return any(e.begin_s - EARLY_S <= t_s <= e.end_s + LATE_S for e in episodes)
 
 
-def _is_safe(truth: Truth, t_s: float, episodes: list[Episode]) -> bool:
-    """Return whether an alarm at this time is false."""
-    lately = (truth.t_s >= t_s - SETTLED_S) & (truth.t_s <= t_s)
-    return not _near_slip(t_s, episodes) and bool((truth.utilisation[lately] < SAFE).all())
+def _index(truth: Truth, t_s: float) -> int:
+    """Return the newest sample of the truth at a time."""
+    return max(int(np.searchsorted(truth.t_s, t_s, side="right")) - 1, 0)
 
 
-def _quiet_s(truth: Truth, episodes: list[Episode]) -> float:
-    step, quiet = truth.step_s, np.ones(truth.t_s.size, dtype=bool)
+def _quiet(truth: Truth, episodes: list[Episode]) -> NDArray[np.bool_]:
+    """Return when "slipping" would be false: in contact, and far from every gross slip."""
+    quiet = truth.normal_n > 0.0
     for e in episodes:
         quiet &= (truth.t_s < e.begin_s - EARLY_S) | (truth.t_s > e.end_s + LATE_S)
-    return float(step[quiet].sum())
+    return quiet
 
 
-def _safe_s(truth: Truth, episodes: list[Episode]) -> float:
-    safe = truth.utilisation < SAFE
-    for e in episodes:
-        safe &= (truth.t_s < e.begin_s - EARLY_S) | (truth.t_s > e.end_s + LATE_S)
-    return float(truth.step_s[safe].sum())
+def _safe(truth: Truth, episodes: list[Episode]) -> NDArray[np.bool_]:
+    """Return when a new alarm would be false."""
+    last_used_s = np.maximum.accumulate(np.where(truth.utilisation < SAFE, -math.inf, truth.t_s))
+    return _quiet(truth, episodes) & (truth.t_s - last_used_s > SETTLED_S)
 
 
 def _overlap(spans: list[Span], within: Episode, levels: tuple[int, ...]) -> float:

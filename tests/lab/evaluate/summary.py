@@ -22,16 +22,16 @@ class Summary:
         runs: Number of runs.
         slips: Gross slips, of all lengths.
         long: Those of `PROMPT_S` or longer.
-        warned: Share of first slips that were warned of.
+        warned: Share of the first slips of the runs that were warned of.
         warned_again: Likewise of later ones.
         lead_p50_ms: Lead of the warnings.
         lead_p5_ms: Likewise.
-        latency_p50_ms: From onset to "slipping".
+        latency_p50_ms: From onset to "slipping", of long slips.
         latency_p95_ms: Likewise; infinite where more are not reported.
         missed: Share of long slips without "slipping" within 100 ms.
         silent: Share of long slips without any alarm within 100 ms.
         visible: Share of long slips of which an oracle sees the fall.
-        within_1mm: Share of slips reported within 1 mm of sliding, of those that slide as far or are reported.
+        within_1mm: Share of long slips reported within 1 mm of sliding.
         closing: Share of runs with a false "slipping" while the grip closes.
         early: Share of runs with one later, before their first slip or without one.
         false_slipping: Their number.
@@ -87,7 +87,7 @@ def summarise(scores: Iterable[RunScore]) -> Summary:
     slips = [slip for run in runs for slip in run.episodes]
     long = [slip for slip in slips if slip.long]
     leads = [1e3 * slip.lead_s for slip in slips if slip.warned]
-    latencies = [1e3 * slip.latency_s for slip in slips if slip.long or math.isfinite(slip.latency_s)]
+    latencies = [1e3 * slip.latency_s for slip in long]
     quiet_h, safe_h = (sum(getattr(run, name) for run in runs) / 3600.0 for name in ("quiet_s", "safe_s"))
     false_slips, false_warnings = (sum(getattr(r, name) for r in runs) for name in ("false_slipping", "false_warnings"))
     sliding_s = sum(run.sliding_s for run in runs)

@@ -9,6 +9,7 @@ import pytest
 from evaluate.intervals import quantile, rate_upper, share_upper
 from evaluate.reports import CAUTION, NO_CONTACT, SLIPPING, STABLE, WARNING, Reports
 from evaluate.score import RunScore, score
+from evaluate.summary import summarise
 from evaluate.truth import Episode, Truth
 
 STEP_S = 1e-3
@@ -96,6 +97,24 @@ def test_slipping_is_false_far_from_a_slip(at: float, false: int) -> None:
     assert (found.false_slipping, found.closing, found.early) == (false, at < 0.4, bool(false) and 0.4 < at < 1.0)
     assert found.quiet_s == pytest.approx(2.0 - 0.5 - 0.02 - 0.25, abs=0.005)
     assert found.false_warnings == 0, "the object is near its limit"
+
+
+def test_time_counts_in_contact_and_where_the_load_has_been_safe_for_a_while() -> None:
+    truth = course(used=0.5)
+    truth.normal_n[truth.t_s < 0.5] = 0.0
+    truth.utilisation[(truth.t_s > 0.9995) & (truth.t_s < 1.0995)] = 0.8
+    found = scored(truth, said((0.0, STABLE), (1.11, WARNING), (1.12, STABLE), (1.14, WARNING)))
+    assert found.quiet_s == pytest.approx(1.5, abs=0.002)
+    assert found.safe_s == pytest.approx(1.5 - 0.1 - 0.03, abs=0.003)
+    assert found.false_warnings == 1, "the first follows a load near its limit"
+
+
+def test_a_short_slip_counts_for_no_latency_whether_it_is_reported_or_not() -> None:
+    reported = scored(course((1.0, 1.05)), said((0.0, STABLE), (1.01, SLIPPING)))
+    late = scored(course((1.0, 1.5)), said((0.0, STABLE), (1.2, SLIPPING)))
+    found = summarise([reported, late])
+    assert found.latency_p50_ms == found.latency_p95_ms == pytest.approx(200.0)
+    assert found.within_1mm == 0.0
 
 
 def test_an_alarm_on_a_safe_load_is_false_once() -> None:

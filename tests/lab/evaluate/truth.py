@@ -1,6 +1,7 @@
 """What really happened in a simulated grasp: the episodes of gross slip, and how near to slip it was.
 
-**Gross slip**: all loaded cells of the contact slide and the speed of the contact exceeds `SPEED_MPS`, for `LEAST_S` or
+**Gross slip**: the object slides as a whole (cells with 95 % of the frictional power slide, see
+`slipd.sim.stickslip.stepped_grasp.GROSS_SHARE`) and the speed of the contact exceeds `SPEED_MPS`, for `LEAST_S` or
 longer; pauses shorter than `PAUSE_S` do not end it. The speed of the contact is √(v² + (ω ρ)²): v at the centre of the
 patch, ρ its radius of gyration. Partial slip, where some cells slide and others stick, is not gross slip.
 """
@@ -41,7 +42,7 @@ class Truth:
         t_s: Times, shape (n,), rising, s.
         utilisation: λ at the true μ_s, shape (n,).
         speed_mps: Speed of the contact, shape (n,), m/s.
-        gross: All loaded cells slide, shape (n,).
+        gross: Whether the object slides as a whole, shape (n,).
         normal_n: Grip force on the pad, shape (n,), N.
         needed_n: Least grip force that holds the load times the safety factor at the true μ_s, shape (n,), N; NaN where
             it was not computed.

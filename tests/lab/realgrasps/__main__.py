@@ -9,9 +9,9 @@ began, and the evidence and reasons that the alarms name; for the levels ``warni
 ``slipping`` alone.
 
 A slip counts as reported by an alarm of any finger, or of the grasp, that is on at some time from the begin of the
-motion to the limit, or was raised within 0.5 s before the begin. Alarms before that are counted as early. The laxer
-counts accept any alarm since the grasp, so that one that is always on would report every slip: read them beside the
-early alarms.
+motion to the limit, or was raised within 0.5 s before the begin. Alarms before that are counted as early. An alarm
+that is always on reports every slip, so read the counts beside the early alarms. The laxer counts accept any alarm
+since the grasp.
 
 No such data are in this repository. Trials that fit are, for example, those of github.com/imanlab/tactile_prediction_
 flat_dataset; they have no licence, so they may be measured but not passed on. To lay data out, make a folder of

@@ -79,7 +79,7 @@ class Trial:
         label: The label.
         alarms: By level ``warning`` or ``slipping``.
         slipping: By level ``slipping`` alone.
-        unknown_s: How long the worse finger was "unknown" while the object was held, s.
+        unknown_s: How long a finger or the grasp was "unknown" while the object was held, s.
         held_s: How long the object was held, s.
     """
 
