@@ -12,6 +12,7 @@ from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.fusion import torque_limit
+from slipd.fusion.rows import READING, TOUCHING, new_rows
 from slipd.samples import TactileSample, WrenchSample
 from slipd_client.messages import Health
 
@@ -41,6 +42,17 @@ def read_force(finger: Finger, sample: WrenchSample, acquired_ns: int | None = N
 def verdict(state: FingerState) -> tuple[str, tuple[str, ...]]:
     """Return level and reasons."""
     return state.verdict.level, state.verdict.reasons
+
+
+def teach(finger: Finger, q: float, *, slips: bool = False) -> None:
+    """Let the grasp carry the required friction q for 0.3 s, and then slip."""
+    rows = new_rows(READING, 61)
+    rows["phase"], rows["t_s"] = TOUCHING, T0 * 1e-9 + 0.005 * np.arange(61)
+    rows["assessment"]["required_friction"] = rows["contact"]["friction_ratio"] = q
+    rows["assessment"]["peak_required"] = rows["assessment"]["plateau_required"] = math.nan
+    rows["assessment"]["slips"][-1] = slips
+    finger.friction.estimate.learn(rows, 0.0, teaches=True, raises=True)
+    list(finger.friction.estimate.segments([round(rows["t_s"][-1] * 1e9) + 20 * MS]))
 
 
 def limit_nm(finger: Finger, normal_n: float) -> float:

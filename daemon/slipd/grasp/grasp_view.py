@@ -40,7 +40,8 @@ class GraspState:
         internal_n: Grip force, N on one pad.
         grip_needed_n: Least grip force that holds both fingers with their configured safety, N on one pad; None also
             where no force would hold them.
-        grip_kept_n: Likewise without what friction was learned above the stated one: the reflex lowers no further.
+        grip_kept_n: Likewise without what friction was learned above the stated one: the reflex lowers no further. None
+            also where none is stated.
         utilisation: λ of the worse finger; None also where no grip holds.
         width_m: Width between the pads, m.
     """
@@ -181,9 +182,11 @@ def _needed_n(finger: Finger) -> float:
 
 
 def _learned_rise(finger: Finger) -> float:
-    """Return by which factor the friction in use is above the stated one; at least 1."""
+    """Return by which factor the friction in use is above the stated one, at least 1; inf where none is stated."""
     friction, stated = finger.state.friction, finger.friction.stated
-    return 1.0 if friction is None or friction.mu is None or stated is None else max(friction.mu / stated, 1.0)
+    if friction is None or friction.mu is None:
+        return 1.0
+    return math.inf if stated is None else max(friction.mu / stated, 1.0)
 
 
 def _wrench(finger: Finger, t_ns: int) -> tuple[float, ...]:

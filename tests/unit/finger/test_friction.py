@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Iterable
 
-import numpy as np
 import pytest
-from finger_bench import MS, T0, Image, Parse, Wrench, make_finger, read_force
+from finger_bench import MS, T0, Image, Parse, Wrench, make_finger, read_force, teach
 
 from slipd.finger.finger import Finger
-from slipd.fusion.rows import READING, TOUCHING, new_rows
 from slipd.publish.finger_messages import slip_body
 
 FALLS = {0.08: [4.8, 4.8, 4.8 * 0.92], 0.15: [4.8, 4.8, 4.8 * 0.85], 0.03: [4.8, 4.8, 4.8 * 0.97]}
@@ -87,17 +84,6 @@ def test_larger_mu_or_larger_fall_is_more_lenient(
 
 def test_any_mu_is_more_lenient_than_none(left: str, parse: Parse) -> None:
     assert make_finger(left.replace("mu = 0.5\n", ""), parse).friction.is_more_lenient(0.1, None)
-
-
-def teach(finger: Finger, q: float, *, slips: bool = False) -> None:
-    """Let the grasp carry the required friction q for 0.3 s, and then slip."""
-    rows = new_rows(READING, 61)
-    rows["phase"], rows["t_s"] = TOUCHING, 100.0 + 0.005 * np.arange(61)
-    rows["assessment"]["required_friction"] = rows["contact"]["friction_ratio"] = q
-    rows["assessment"]["peak_required"] = rows["assessment"]["plateau_required"] = math.nan
-    rows["assessment"]["slips"][-1] = slips
-    finger.friction.estimate.learn(rows, 0.0, teaches=True, raises=True)
-    list(finger.friction.estimate.segments([round(rows["t_s"][-1] * 1e9) + 20 * MS]))
 
 
 def test_what_a_grasp_taught_beyond_the_stated_mu_makes_no_larger_mu_strict(finger: Finger) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from finger_bench import read_force
+from finger_bench import read_force, teach
 from pad_wrenches import finger_load, pad_wrench
 from project import DOCS
 
@@ -238,6 +238,27 @@ def test_one_finger_against_a_wall_is_no_grip(hand: Hand) -> None:
     assert (body["internal_n"], body["asymmetry"], body["level"]) == (0.0, 1.0, "stable")
     assert body["load_share"] == {"left": 1.0, "right": 0.0}
     assert body["grip_needed_n"] is body["utilisation"] is None
+
+
+def test_learned_friction_lowers_the_need_but_not_what_the_reflex_keeps(hand: Hand) -> None:
+    hand.hold()
+    for finger in hand.fingers.values():
+        teach(finger, 0.6)
+    hand.hold(T0 + 400 * MS)
+    state = hand.view.update(WIDTH_M)
+    assert state.grip_needed_n == pytest.approx(1.3 * 2.0, rel=1e-5)
+    assert state.grip_kept_n == pytest.approx(1.3 * 2.4, rel=1e-5), "as with the stated μ of 0.5"
+
+
+def test_the_reflex_keeps_all_that_it_added_where_friction_is_only_learned(make_hand: MakeHand) -> None:
+    hand = make_hand(("mu = 0.5\n", ""))
+    hand.hold()
+    teach(hand.fingers["left"], 0.6, slips=True)
+    hand.hold(T0 + 400 * MS)
+    assert hand.fingers["left"].friction.source == "learned"
+    state = hand.view.update(WIDTH_M)
+    assert state.grip_needed_n is not None
+    assert state.grip_kept_n is None
 
 
 def test_grip_needed_is_nil_without_image_or_mu(make_hand: MakeHand) -> None:
