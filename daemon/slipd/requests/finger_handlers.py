@@ -137,7 +137,7 @@ class FingerHandlers:
         if refusal is None:
             return None
         why = f"{_change(finger, mu_s)} makes the verdicts on finger {finger.name} more lenient"
-        return Refusal(refusal.code, f"{why}: acquire the lease first (lease.acquire)")
+        return Refusal(refusal.code, f"{why}: {lease_advice(self._policy, t_ns)}")
 
     def _check_others_lease(self, request: Request, t_ns: int, done: str) -> Refusal | None:
         """Refuse to change the readings by which another client moves the gripper."""
@@ -163,6 +163,12 @@ def _change(finger: Finger, mu_s: float) -> str:
     if strictest is None:
         return f"mu_s {mu_s:g}, while no coefficient is stated,"
     return f"mu_s {mu_s:g} over {strictest:.3g}" if mu_s > strictest else "a lower mu_d"
+
+
+def lease_advice(policy: GripPolicy, t_ns: int) -> str:
+    """Return what a client without the lease may do about it, for people."""
+    held = policy.holder(t_ns) is not None
+    return "another client holds the lease" if held else "acquire the lease first (lease.acquire)"
 
 
 def client_name(client: bytes) -> str:

@@ -10,7 +10,7 @@ from slipd.gripper.grip_policy import GripPolicy
 from slipd.publish import replies
 from slipd.publish.replies import Result
 from slipd.refusal import Refusal
-from slipd.requests.finger_handlers import client_name
+from slipd.requests.finger_handlers import client_name, lease_advice
 from slipd.requests.gripper_handlers import Handler
 
 
@@ -56,4 +56,4 @@ class ObjectHandlers:
         if refusal is None:
             return None
         rule = "another name may make verdicts more lenient, as friction is learned for each"
-        return Refusal(refusal.code, f"{rule}: acquire the lease first (lease.acquire)")
+        return Refusal(refusal.code, f"{rule}: {lease_advice(self._policy, t_ns)}")

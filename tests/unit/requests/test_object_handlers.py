@@ -77,6 +77,15 @@ def test_only_the_lease_holder_may_give_another_name(run: Run) -> None:
     assert run.refusal("object.set", client=b"ben", name="mug") is None, "the same is no change"
 
 
+def test_a_refusal_says_whether_the_lease_can_be_had(run: Run) -> None:
+    asked = [("object.set", {"name": "mug"}), ("friction.set", {"finger": "left", "mu_s": 0.6})]
+    for op, fields in asked:
+        assert run.ask(op, **fields)["error"]["message"].endswith(": acquire the lease first (lease.acquire)")
+    run.lease()
+    for op, fields in asked:
+        assert run.ask(op, client=b"ben", **fields)["error"]["message"].endswith(": another client holds the lease")
+
+
 def test_a_config_may_allow_every_client_to_name_the_object(make_run: Callable[[str], Run], left: str) -> None:
     run = make_run(left + "\n[requests]\nfriction_without_lease = true\n")
     run.up()
