@@ -23,6 +23,8 @@ def hints(config: Config) -> Iterator[str]:
 def _finger_hints(path: str, finger: Finger) -> Iterator[str]:
     if finger.mu is None:
         yield f"{path}: no mu: it warns of nothing before a slip has shown the friction"
+    if finger.slip.armed_at is not None:
+        yield f"{path}.slip: armed_at has no effect any more: a slip is told by the course of the load. Remove it"
     if finger.pad is None:
         yield f'{path}: no pad: rotation is not observed, so its level is never "stable"'
     elif finger.wrench is None and axes_of(finger.pad) == 3 and not finger.pad.tare:

@@ -119,12 +119,19 @@ class Pad(Stream):
 
 
 class Slip(StrictModel):
-    """``[finger.X.slip]``: when a drop of R counts as a slip (see `slipd.fusion.levels.SlipSettings`)."""
+    """``[finger.X.slip]``: when a fall of the load counts as a slip (see `slipd.fusion.levels.SlipSettings`).
 
-    drop: float = Field(default=0.12, gt=0.0, lt=1.0)
+    Attributes:
+        drop: Least relative fall of the required friction; noise may ask for more.
+        window_s: Longest fall, s.
+        armed_at: No longer in use; `slipd check` says so.
+        hold_s: Longest time for which a slip is reported without new evidence, s. Motion that ends earlier ends it.
+    """
+
+    drop: float = Field(default=0.03, gt=0.0, lt=1.0)
     window_s: SlipWindow = 0.04
-    armed_at: Positive = 0.7
-    hold_s: SlipHold = 0.25
+    armed_at: Positive | None = None
+    hold_s: SlipHold = 3.0
 
 
 class Finger(StrictModel):

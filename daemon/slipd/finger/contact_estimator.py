@@ -1,7 +1,7 @@
 """Estimate the contact of one finger, read by read: contact phase, utilisation, tipping margin, slip, and level.
 
 All readings of one read go through the compiled kernels of `slipd.fusion` at once. What the next read continues from
-is kept here: whether the pad is in contact, the last velocity of slip, and the windows of the slip decision.
+is kept here: whether the pad is in contact, the last velocity of slip, and what the detection of slip remembers.
 """
 
 from __future__ import annotations
@@ -61,7 +61,9 @@ class ContactEstimator:
         self.in_contact = False
         self._caution = levels.caution
         self._contact_n = (least_n, CONTACT_HYSTERESIS * least_n)
-        self._watch = ContactWatch(thresholds, SlipSettings(**config.slip.model_dump()), half_pitch_m, least_n)
+        slip = config.slip
+        settings = SlipSettings(slip.drop, slip.window_s, slip.hold_s, levels.false_alarms_per_hour)
+        self._watch = ContactWatch(thresholds, settings, half_pitch_m, least_n)
         self._twist: tuple[float, float, float] | None = None
 
     @property

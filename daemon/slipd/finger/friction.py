@@ -8,8 +8,8 @@ from slipd.friction.friction_state import FrictionState
 
 SEEN_SHARE = 0.5
 """Part of the fall from static to dynamic friction that must be seen before it counts as slip."""
-LEAST_DROP = 0.05
-"""Least relative fall that counts as slip: noise may bring less."""
+LEAST_DROP = 0.01
+"""Least relative fall that counts as slip: less is no fall."""
 
 
 class Friction:
@@ -19,7 +19,7 @@ class Friction:
         config: ``[finger.X]``.
 
     Attributes:
-        drop: Relative fall of the friction ratio R that counts as slip.
+        drop: Least relative fall of the required friction that counts as slip: that of the config, or less.
         set_by: Client that set the coefficients last; None: only the config did.
         set_t_ns: When it did, CLOCK_MONOTONIC; None likewise.
         estimate: What is learned.
@@ -27,7 +27,7 @@ class Friction:
     """
 
     def __init__(self, config: FingerConfig) -> None:
-        self.drop = config.slip.drop
+        self.drop = self._most_drop = config.slip.drop
         self.set_by: str | None = None
         self.set_t_ns: int | None = None
         self.estimate = FrictionEstimate(config.mu, config.mu_spread, config.most_mu)
@@ -58,7 +58,7 @@ class Friction:
             t_ns: Now, CLOCK_MONOTONIC.
         """
         if mu_d is not None:
-            self.drop = _drop(mu_s, mu_d)
+            self.drop = self._drop(mu_s, mu_d)
         self.stated = mu_s
         self.estimate.restart(mu_s, mu_d, "request")
         self.set_by, self.set_t_ns = by, t_ns
@@ -77,9 +77,8 @@ class Friction:
         """
         if self.strictest is None or mu_s > self.strictest:
             return True
-        return mu_d is not None and _drop(mu_s, mu_d) > self.drop
+        return mu_d is not None and self._drop(mu_s, mu_d) > self.drop
 
-
-def _drop(mu_s: float, mu_d: float) -> float:
-    """Return the relative fall of the friction ratio that counts as slip for these coefficients."""
-    return max(SEEN_SHARE * (1.0 - mu_d / mu_s), LEAST_DROP)
+    def _drop(self, mu_s: float, mu_d: float) -> float:
+        """Return the least relative fall that counts as slip for these coefficients."""
+        return min(max(SEEN_SHARE * (1.0 - mu_d / mu_s), LEAST_DROP), self._most_drop)

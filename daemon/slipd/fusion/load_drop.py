@@ -1,45 +1,219 @@
-"""A load that falls from static to dynamic friction, reading by reading."""
+"""A load that falls from static to dynamic friction: how the force path sees an object slide.
+
+While a contact sticks, the required friction q follows the load. When it breaks loose, q falls from μ_s to μ_d within
+milliseconds and stays there, whatever the load does, until the motion ends. Other loads fall as well: of a pull that is
+let go, an object that is set down, a collision, a swing. A fall is a slip only if
+
+- q was rising before: friction that carries a steady load does not give way by itself,
+- it began at the largest q of the last tenth of a second, near the largest that this grasp carried without motion,
+- it is more than the noise, as stated and as measured, explains at the stated rate of false alarms, and more than twice
+  any swing of the last second,
+- it ended on a plateau that is shown to be flat and has lasted longer than the fall: a load that is let go falls on, or
+  swings about its new value on the springs of the pads,
+- the load itself gave way, along its own direction, and not the grip that became tighter,
+- it is not the way back from a push.
+
+**False alarms.** The deviation of the fall is that of white noise in two means, stated or measured, and of measured
+coloured noise. Gaussian noise exceeds the least surprise, ln(looks an hour / false alarms an hour), at the stated rate;
+the other rules make it rarer. `tests/unit/fusion/test_load_drop.py` counts them in hours of white and coloured noise.
+"""
 
 from __future__ import annotations
 
+import math
+
 from slipd.fusion.compiled import compiled
-from slipd.fusion.rows import Rows
+from slipd.fusion.load_blocks import (
+    BLOCK_S,
+    GAP_S,
+    LEVEL,
+    RING,
+    close_block,
+    is_closing,
+    mean_normal,
+    mean_q,
+    noise_of,
+    restart,
+    vibration,
+)
+from slipd.fusion.load_jump import look_for_jump
+from slipd.fusion.rows import Row, Rows
+from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, follow_slide, surprise_of
+
+LOOKS = 30.0
+"""Independent looks of each block: combinations of plateau and fall are strongly dependent."""
+
+FIRST = 5 * LEVEL
+"""Before so many blocks the noise is not known."""
+PLATEAUS = (2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48)
+"""Lengths of the plateau that are tried, in blocks."""
+FALLS = (0, 1, 2, 4, 6, 8, 12, 16, 22, 28)
+"""Lengths of the fall that are tried, in blocks."""
+LEAST_PLATEAU_S, MOST_PLATEAU_S = 0.005, 0.1
+"""A shorter plateau may be the turning point of a vibration; a longer one is not waited for."""
+
+EXPECTED, ODD, UNKNOWN_ODD = 0.85, 0.35, 0.5
+"""Of μ: from the first on a fall is expected; below it by the second, its plateau must last four times as long."""
+LONGER = 1.25
+"""An expected fall's plateau lasts at least so many times as long as the fall."""
+FLAT = 0.15
+"""A plateau changes by at most this part of the fall."""
+SHOWN = 0.08
+"""Noise must leave this part of the fall, as the deviation of the plateau's change, before a plateau counts as flat."""
+SCATTER = 0.15
+"""Readings scatter about a plateau by at most this part of the fall, beyond their noise: a swing does so by more."""
+BENT = 0.08
+"""Its ends lie above its middle by at most this part of the fall: the turning point of a swing is bent."""
+FROM_TOP = 0.15
+"""A fall begins within this part of itself from the top of the last tenth of a second."""
+ROUGH = 6.0
+"""Coloured noise adds so many of its variances to that of a fall: two means, of which one is the largest of many."""
+PUSH = 0.35
+"""A rise by more than this part of the fall, in twice its time, makes it a push and its way back."""
+PUSH_S = 0.015
+"""Least time over which that rise is taken, s."""
+ASIDE = 0.5
+"""The load gives way along its own direction: the part across it is at most this part of the fall."""
+CARRIED = 0.93
+"""A fall begins at no less than this part of the largest q that the grasp carried without motion."""
+LEAST_GROWTH = 0.01
+"""Before a fall, q rose by at least this part in the time of SLOW_S."""
 
 
 @compiled
-def fell(window: Rows, watch: Rows, which: int, t_s: float, load: float, ratio: float, used: float) -> bool:
-    """Add a reading to a window and return whether load and ratio fell within it; a fall forgets all before.
+def follow_load(
+    drop: Row, ring: Rows, t_s: float, q: float, normal: float, fx: float, fy: float, std: float, mu: float
+) -> bool:
+    """Add a reading and return whether the load shows that the object slides.
 
     Args:
-        window: Ring of rows of WINDOW.
-        watch: Settings, and where each ring begins and how many readings it holds.
-        which: The ring: 0 of force, 1 of spin.
-        t_s: Time of the reading, s.
-        load: Tangential force, N, or spin torque, N·m.
-        ratio: Load over normal force.
-        used: Utilisation; NaN where the reading arms no fall.
-
-    Source: paper, after eq. (4): R drops from the static to the dynamic coefficient.
+        drop: Settings and state, a row of DROP.
+        ring: Rows of BLOCK, shape (RING,).
+        t_s: Time, s.
+        q: Required friction; infinite where no friction would hold the load.
+        normal: Normal force, N.
+        fx: Tangential force, N.
+        fy: Likewise.
+        std: Standard deviation of q by the stated noise.
+        mu: Coefficient of static friction; NaN: unknown.
     """
-    size, kept, armed_at = len(window), watch["kept"], watch["armed_at"]
-    first, count = watch["first"], watch["count"]
-    while count[which] > 0 and window[first[which]]["t_s"] < t_s - watch["window_s"]:
-        first[which] = (first[which] + 1) % size
-        count[which] -= 1
-    fell = False
-    at = first[which]
-    for _k in range(count[which]):
-        before = window[at]
-        if before["utilisation"] >= armed_at and load <= kept * before["load"] and ratio <= kept * before["ratio"]:
-            fell = True
-            break
-        at += 1
-        if at == size:
-            at = 0
-    end = (first[which] + count[which]) % size
-    row = window[end]
-    row["t_s"], row["load"], row["ratio"], row["utilisation"] = t_s, load, ratio, used
-    if fell:
-        first[which], count[which] = end, 0
-    count[which] += 1
-    return fell
+    if not math.isfinite(q) or t_s <= drop["last_s"]:
+        return bool(drop["sliding"])
+    if t_s - drop["last_s"] > GAP_S:
+        restart(drop, ring, t_s, q)
+    drop["last_s"] = t_s
+    n = drop["n"] + 1
+    drop["n"] = n
+    drop["q"] += q
+    drop["normal"] += normal
+    drop["fx"] += fx
+    drop["fy"] += fy
+    if t_s - drop["end_s"] >= 0.9 * BLOCK_S:
+        close_block(drop, ring, t_s, std / math.sqrt(n))
+        if drop["sliding"]:
+            follow_slide(drop, ring, t_s)
+        elif drop["count"] >= FIRST:
+            _look(drop, ring, t_s, mu)
+    return bool(drop["sliding"])
+
+
+@compiled
+def _look(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
+    """Begin a slip if the load fell to a plateau, or jumped to one."""
+    k, count, dt = drop["block"], drop["count"], drop["dt"]
+    if drop["top"] - mean_q(ring, k, 2) < max(drop["least_drop"] * drop["top"], 2.0 * noise_of(drop)):
+        look_for_jump(drop, ring, t_s, mu)
+        return
+    for p in PLATEAUS:
+        if (p * dt < LEAST_PLATEAU_S and p > 2) or p * dt > MOST_PLATEAU_S:
+            continue
+        b = min(max(3, p), LEVEL)
+        for g in FALLS:
+            if g > p or g * dt > drop["window_s"] or p + g + b > count:
+                break
+            surprise = _surprise(drop, ring, p, g, b, mu)
+            if surprise >= drop["least_surprise"]:
+                high = mean_q(ring, k - p - g, b)
+                begin_slide(drop, t_s, high, mean_q(ring, k, p), high, surprise)
+                return
+
+
+@compiled
+def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float:
+    """Return the surprise of a fall over ``g`` blocks from a level of ``b`` to a plateau of the newest ``p``.
+
+    Returns:
+        −ln of its probability by noise; 0 where it is not that of a slip.
+    """
+    k, std = drop["block"], noise_of(drop)
+    top = k - p - g
+    low, high = mean_q(ring, k, p), mean_q(ring, top, b)
+    fall, before = high - low, ring[(top - b) % RING]
+    if not drop["least_drop"] * high <= fall <= MOST_DROP * high or fall < SWINGS * before["swing"]:
+        return 0.0
+    odd = UNKNOWN_ODD if math.isnan(mu) else min(max((EXPECTED - high / mu) / ODD, 0.0), 1.0)
+    if g * (LONGER + 3.0 * odd) > p + 1 or p * drop["dt"] < LEAST_PLATEAU_S * (1.0 + 3.0 * odd):
+        return 0.0
+    rough = vibration(drop, before["rough"])
+    surprise = surprise_of(fall / math.sqrt(std * std * (1.0 / p + 1.0 / b) + ROUGH * rough * rough))
+    if surprise < drop["least_surprise"] or not _is_flat(ring, k, p, low, fall, std):
+        return 0.0
+    grown, half = before["top"] - before["slow"], b // 2
+    if grown < LEAST_GROWTH * high or before["top"] - high > FROM_TOP * fall + std / math.sqrt(b):
+        return 0.0
+    falls_before = mean_q(ring, top - half, half) - mean_q(ring, top, half)
+    if falls_before > FLAT * fall + 2.0 * std / math.sqrt(half) or high < CARRIED * drop["carried"]:
+        return 0.0
+    tighter = mean_normal(ring, k, p) > (1.0 + 0.5 * fall / high) * mean_normal(ring, top, b)
+    if tighter or is_closing(ring, k, drop["count"]) or _goes_aside(ring, k, p, top, b):
+        return 0.0
+    return 0.0 if _is_push(drop, ring, g, top - b, b, high, fall, std) else surprise
+
+
+@compiled
+def _is_flat(ring: Rows, k: int, p: int, low: float, fall: float, std: float) -> bool:
+    """Return whether the newest ``p`` blocks are shown to be flat beside a fall: no slope, no bend, little scatter."""
+    half, at = p // 2, k - p
+    if 2.0 * std > SHOWN * fall * math.sqrt(p):
+        return False
+    if abs(mean_q(ring, k, half) - mean_q(ring, at + half, half)) > FLAT * fall:
+        return False
+    if p >= 6:
+        third = p // 3
+        ends, middle = mean_q(ring, k, third) + mean_q(ring, at + third, third), mean_q(ring, k - third, p - 2 * third)
+        if abs(0.5 * ends - middle) > BENT * fall + 1.5 * std / math.sqrt(third):
+            return False
+    scatter = (ring[k % RING]["q2"] - ring[at % RING]["q2"]) / p - low * low
+    return bool(scatter <= (SCATTER * fall) ** 2 + 2.0 * std * std)
+
+
+@compiled
+def _is_push(drop: Row, ring: Rows, g: int, end: int, b: int, high: float, fall: float, std: float) -> bool:
+    """Return whether q had come up about as fast as it fell.
+
+    Args:
+        drop: State.
+        ring: Blocks.
+        g: Length of the fall, in blocks.
+        end: Block before the level from which q fell.
+        b: Length of that level.
+        high: Its mean q.
+        fall: How far q fell.
+        std: Deviation of a block.
+    """
+    back = max(2 * g, int(PUSH_S / drop["dt"] + 0.5))
+    known = drop["count"] - (drop["block"] - end) - b
+    if known < 0:
+        return True
+    return high - mean_q(ring, end - min(back, known), b) > PUSH * fall + 1.5 * std
+
+
+@compiled
+def _goes_aside(ring: Rows, k: int, p: int, top: int, b: int) -> bool:
+    """Return whether the tangential force changed across its own direction more than along it."""
+    newest, at, high, low = ring[k % RING], ring[(k - p) % RING], ring[top % RING], ring[(top - b) % RING]
+    fx, fy = (high["fx"] - low["fx"]) / b, (high["fy"] - low["fy"]) / b
+    size = math.hypot(fx, fy)
+    dx, dy = (newest["fx"] - at["fx"]) / p - fx, (newest["fy"] - at["fy"]) / p - fy
+    along, across = -(dx * fx + dy * fy), abs(dx * fy - dy * fx)
+    return size > 0.0 and across > ASIDE * max(along, 0.1 * size * size)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Rows = NDArray[np.void]
+Row = np.void
+"""One of them, as kernels hand it on."""
 
 PENDING, TOUCHING, FREE, PULLED, LATE, UNTRUSTED = range(6)
 """Phase of a reading. Kernels find TOUCHING, FREE or PULLED for those that are PENDING.
@@ -93,23 +95,42 @@ moves it into the pad frame; M is NaN where the sensor measures none. ``tipping_
 
 WATCH = np.dtype(
     [
-        *_floats("caution", "warning", "hysteresis", "kept", "window_s", "armed_at", "hold_s"),
+        *_floats("caution", "warning", "hysteresis"),
         *_floats("half_pitch_m", "least_n", "mu", "force_std_n", "torque_std_nm", "force_n", "torque_nm"),
         *_floats("spin_utilisation_1n"),
         *_floats("moving_until_s"),
         ("moving_evidence", _INTEGER),
         ("step", _INTEGER),
-        ("slip_until_s", _FLOAT, (2,)),
-        ("first", _INTEGER, (2,)),
-        ("count", _INTEGER, (2,)),
+        ("tipping_step", _INTEGER),
+        ("held_s", _FLOAT, (2,)),
+        ("tipping_held_s", _FLOAT, (2,)),
     ],
     align=True,
 )
-"""State of `slipd.fusion.levels.ContactWatch` without its windows: settings, friction and uncertainty in force, memory.
-Pairs are (force, spin)."""
+"""State of `slipd.fusion.levels.ContactWatch` without that of its load: settings, friction and uncertainty in force,
+memory. ``held_s`` is when the load was last within the hysteresis of CAUTION and of WARNING, ``tipping_held_s`` when
+the tipping margin asked for them."""
 
-WINDOW = np.dtype(_floats("t_s", "load", "ratio", "utilisation"), align=True)
-"""A reading in the windows of a slip watch."""
+DROP = np.dtype(
+    [
+        *_floats("least_drop", "window_s", "hold_s", "least_surprise"),
+        *_floats("last_s", "end_s", "dt", "q", "normal", "fx", "fy", "std"),
+        *_floats("slow", "top", "smooth", "carried", "white", "rough", "swing", "crest", "trough"),
+        *_floats("since_s", "most", "peak", "plateau", "surprise"),
+        ("n", _INTEGER),
+        ("block", _INTEGER),
+        ("count", _INTEGER),
+        ("sliding", _FLAG),
+        ("exact", _FLAG),
+    ],
+    align=True,
+)
+"""Settings and state of `slipd.fusion.load_drop`: the open block, running means and noise, and the slip under way."""
+
+BLOCK = np.dtype(
+    _floats("t_s", "q", "q2", "normal", "fx", "fy", "slow", "top", "carried", "rough", "swing"), align=True
+)
+"""A block of readings in the ring of `slipd.fusion.load_drop`: sums up to it, and means and noise after it."""
 
 
 def new_rows(dtype: np.dtype[Any], count: int) -> Rows:

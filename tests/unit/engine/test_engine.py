@@ -39,10 +39,10 @@ CONTACTS: dict[str, list[tuple[Any, ...]]] = {
     "stable": [(10.0, (1.0, 0.0))],
     "caution": [(10.0, (3.75, 0.0))],
     "warning": [(10.0, (4.6, 0.0))],
-    "slipping": [(10.0, (4.9, 0.0)), (10.0, (3.9, 0.0))],
+    "slipping": [(10.0, (2.0 + 0.005 * k if k < 580 else 3.9, 0.0)) for k in range(620)],
     "unknown": [(math.nan,)],
 }
-"""One reading that brings the left finger to each level; "slipping" needs two."""
+"""One reading that brings the left finger to each level; "slipping" needs a pull that grows and falls."""
 
 
 def changes(run: Run, finger: str = "left") -> list[tuple[str, str, bool]]:
@@ -81,9 +81,10 @@ def test_every_level_is_reached_from_bytes_of_the_sensor(run: Run, level: str) -
 def test_every_change_of_level_is_published_at_once_with_the_previous_level(run: Run) -> None:
     levels = ("no_contact", "stable", "stable", "caution", "warning", "caution", "unknown", "stable", "no_contact")
     for n, level in enumerate(levels):
-        run.wait(100)  # a load that falls slowly is no slip
-        run.image(np.full((4, 4), 100) + n % 2)  # a pad that repeats itself while the force moves hangs
-        run.wrench(*CONTACTS[level][0])
+        for k in range(4 if n in (5, 7) else 1):  # a level is left after a while
+            run.wait(100)
+            run.image(np.full((4, 4), 100) + (n + k) % 2)  # a pad that repeats itself while the force moves hangs
+            run.wrench(*CONTACTS[level][0])
     assert changes(run) == [
         ("unknown", "no_contact", False),
         ("no_contact", "stable", True),
@@ -91,7 +92,8 @@ def test_every_change_of_level_is_published_at_once_with_the_previous_level(run:
         ("caution", "warning", True),
         ("warning", "caution", False),
         ("caution", "unknown", False),
-        ("unknown", "stable", False),
+        ("unknown", "caution", True),
+        ("caution", "stable", False),
         ("stable", "no_contact", False),
     ]
     assert {body["frame"] for body in run.published("warning")} == {"left_pad"}
@@ -180,10 +182,10 @@ def test_a_rate_may_be_raised_until_every_reading_is_published(make_run: Callabl
 
 def test_every_reading_gets_a_verdict_whatever_is_published(run: Run) -> None:
     run.image()
-    for pull in (3.75, 4.3, 3.95):  # within 3 ms; at 250 Hz one of them would be published
+    for pull in (3.0, 3.75, 4.3):  # within 3 ms; at 250 Hz one of them would be published
         run.wrench(10.0, (pull, 0.0))
-    assert [level for _, level, _ in changes(run)] == ["caution", "warning", "caution"]
-    assert [body["level"] for body in run.published("slip.left")] == ["caution", "warning", "caution"]
+    assert [level for _, level, _ in changes(run)] == ["stable", "caution", "warning"]
+    assert [body["level"] for body in run.published("slip.left")] == ["stable", "caution", "warning"]
 
 
 def test_status_is_published_once_a_second_and_when_a_link_changes(run: Run) -> None:

@@ -23,10 +23,11 @@ MS = 1_000_000
 T0 = 100_000_000_000
 FULL = np.full((4, 4), 100)
 
-LEARNED = {"mu_d", "carried_friction", "relative_utilisation", "required_friction"}
+LEARNED = {"mu_d", "carried_friction", "relative_utilisation"}
 """What a grasp must show before it is known."""
 
 ONLY_IN_CONTACT = LEARNED | {
+    "required_friction",
     *("tangential_n", "spin_nm", "centroid_m", "centroid_std_m", "friction_ratio", "centroid_residual_m"),
     *("utilisation", "utilisation_lower", "utilisation_upper", "torque_limit_nm", "pole_m"),
     *("tipping_margin_m", "grip_needed_n", "friction_ratio_std"),

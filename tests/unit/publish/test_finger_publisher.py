@@ -19,7 +19,7 @@ MS = 1_000_000
 T0 = 100_000_000_000
 Parse = Callable[[str], Config]
 Wrench = Callable[..., WrenchSample]
-PULLS = (0.5, 0.5, 0.5, 4.5, 0.5, 0.6, 0.5, 0.6, 3.6, 4.5, 4.5, 0.5)
+PULLS = (0.5, 0.5, 0.5, 3.6, 4.5, 0.6, 0.5, 0.6, 3.6, 4.5, 4.5, 0.5)
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def finger(left: str, parse: Parse) -> Finger:
 
 @pytest.fixture
 def batch(finger: Finger, wrench: Wrench) -> VerdictBatch:
-    """Readings a millisecond apart: stable, warning, then slipping."""
+    """Readings a millisecond apart: stable, caution, then warning."""
     finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
     samples = [wrench(T0 + 11 * MS, 10.0, (pull_n, 0.0)) for pull_n in PULLS]
     (batch,) = finger.decide(samples, [T0 + k * MS for k in range(len(samples))])
@@ -66,7 +66,7 @@ def test_each_topic_keeps_its_own_rate_and_a_change_is_published_beside_it(finge
         batch, out
     )
     changes = times(out, "warning")
-    assert changes == [0, 3, 4], "stable, warning, slipping"
+    assert changes == [0, 3, 4], "stable, caution, warning"
     assert times(out, "slip.left") == [0, 3, 4, 8]
     assert times(out, "wrench.left") == [0, 2, 3, 4, 6, 8, 10]
     assert published(out) == sorted(published(out), key=lambda one: one[1])

@@ -163,10 +163,12 @@ def test_rotation_is_warned_of_well_before_it_would_begin(unheeded):
     assert unheeded.reported("caution", "rotation") < warned
 
 
-def test_an_ignored_warning_ends_in_a_reported_slip_and_a_dropped_box(unheeded):
-    begins, reported = unheeded.truth("slide_begins"), unheeded.reported("slipping", "slip_detected")
-    assert begins <= reported < begins + 0.2  # a rotation begins slowly: it has turned by a few degrees then
-    assert unheeded.truth("dropped") > reported + 0.2
+def test_an_ignored_warning_stays_until_the_box_drops(unheeded):
+    """The turn begins too slowly for the load to show it, and the contact stays where it is on the pads."""
+    begins, dropped = unheeded.truth("slide_begins"), unheeded.truth("dropped")
+    levels = [body["level"] for t, body in unheeded.changes if begins - 0.5 < t < dropped]
+    assert set(levels) <= {"warning", "slipping"}
+    assert unheeded.reported("warning", "rotation") < begins < dropped
 
 
 def test_a_heeded_warning_saves_the_box(heeded):

@@ -1,0 +1,191 @@
+"""The level of each reading of a contact, in compiled code: utilisation against thresholds, tipping, and slip."""
+
+from __future__ import annotations
+
+import math
+
+from slipd.arrays import Array
+from slipd.fusion.compiled import compiled
+from slipd.fusion.load_blocks import forget_load
+from slipd.fusion.load_drop import follow_load
+from slipd.fusion.rows import (
+    CAUTION,
+    FREE,
+    LOAD_DROP_BIT,
+    NO_CONTACT,
+    SLIPPING,
+    STABLE,
+    TOUCHING,
+    UNKNOWN,
+    UNSOLVED,
+    UNTRUSTED,
+    WARNING,
+    Row,
+    Rows,
+)
+
+SPIN_ARM_M = 0.005
+"""Arm that makes a spin torque comparable with a force: friction in a contact of 15 mm acts about this far from its
+centre. It weighs noise, and stands in for the limit surface where there is no image."""
+DWELL_S = 0.25
+"""A level is left only after the load stayed a hysteresis below its threshold for this time, s: the period of the
+slowest vibration of arms and tools (some 5 Hz), and less than what a person or a program waits for."""
+NOISE_WIDTH = 4.0
+"""The hysteresis is at least this many standard deviations of the utilisation."""
+
+
+@compiled
+def assess_readings(readings: Rows, watches: Rows, drops: Rows, ring: Rows) -> None:
+    """Do the work of `slipd.fusion.levels.ContactWatch.assess`.
+
+    Args:
+        readings: Rows of READING, shape (n,).
+        watches: Settings and memory: one row of WATCH.
+        drops: Those of its load: one row of DROP.
+        ring: Rows of BLOCK.
+    """
+    watch, drop = watches[0], drops[0]
+    mu, unknown_n = watch["mu"], watch["force_n"]
+    for k in range(len(readings)):
+        row = readings[k]
+        contact, found = row["contact"], row["assessment"]
+        normal, phase, t_s = contact["normal_n"], row["phase"], row["t_s"]
+        _find_nothing(found)
+        if phase == UNTRUSTED:
+            continue
+        if phase != TOUCHING:
+            _forget(watch, drop)
+            if phase == FREE and normal + unknown_n < watch["least_n"]:
+                found["level"] = NO_CONTACT
+            continue
+        exact = row["utilisation"]["kind"] != UNSOLVED and not math.isnan(contact["spin_nm"])
+        slips = _find_motion(row, watch, drop, ring, exact)
+        if math.isnan(mu):
+            if slips:
+                found["level"] = SLIPPING
+            continue
+        upper = contact["friction_ratio"] / mu  # R / μ of paper eq. (4)
+        if exact:
+            upper = row["utilisation"]["upper"]
+            upper = math.inf if math.isnan(upper) else upper  # an unknown bound is not a safe one
+            if unknown_n > 0.0:  # the gauge of a sum is at most the sum of the gauges
+                free = normal - unknown_n
+                upper = (
+                    (upper * normal + unknown_n / mu + watch["spin_utilisation_1n"]) / free if free > 0.0 else math.inf
+                )
+        width = max(watch["hysteresis"], NOISE_WIDTH * max(drop["std"], drop["rough"]) / mu)
+        step = _held_step(upper, watch["step"], watch["caution"], watch["warning"], width, watch["held_s"], t_s)
+        watch["step"] = step
+        found["friction_step"], found["utilisation_upper"] = step, upper
+        if exact:
+            tipping = _find_tipping(row, watch)
+            found["level"] = SLIPPING if slips else max(step, tipping) + 1
+        elif slips or step == WARNING:  # translation alone can prove a grip unsafe, never safe
+            found["level"] = SLIPPING if slips else WARNING + 1
+
+
+@compiled
+def _find_nothing(found: Row) -> None:
+    """Fill in an assessment that knows nothing."""
+    found["level"], found["friction_step"], found["tipping_step"] = UNKNOWN, STABLE, STABLE
+    found["utilisation_upper"], found["slips"], found["tipping_by_unknown_load"] = math.nan, False, False
+    found["evidence"], found["drop_surprise"], found["required_friction"] = 0, 0.0, math.nan
+    found["peak_required"], found["plateau_required"] = math.nan, math.nan
+
+
+@compiled
+def _forget(watch: Row, drop: Row) -> None:
+    """Forget a contact that ended."""
+    watch["step"], watch["tipping_step"], watch["moving_until_s"] = STABLE, STABLE, -math.inf
+    forget_load(drop)
+
+
+@compiled
+def _find_motion(row: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bool:
+    """Fill in the required friction and what shows that the object moves; return whether it does.
+
+    Without an image, the limit surface is taken for an ellipsoid with the arm SPIN_ARM_M. Where μ is unknown, λ was
+    solved for μ = 1, so it is the required friction.
+    """
+    contact, found = row["contact"], row["assessment"]
+    normal, ratio, mu = contact["normal_n"], contact["friction_ratio"], watch["mu"]
+    if exact:
+        q = row["utilisation"]["value"] * (1.0 if math.isnan(mu) else mu)
+        found["required_friction"] = q
+    else:
+        spin = abs(contact["spin_nm"])
+        q = ratio if math.isnan(spin) else math.hypot(ratio, spin / (normal * SPIN_ARM_M))
+    if exact != drop["exact"]:  # another quantity: what is known of the one before says nothing of it
+        forget_load(drop)
+        drop["exact"] = exact
+    std = math.hypot(watch["force_std_n"] * math.hypot(1.0, ratio), watch["torque_std_nm"] / SPIN_ARM_M) / normal
+    dropped = follow_load(drop, ring, row["t_s"], q, normal, contact["fx_n"], contact["fy_n"], std, mu)
+    if dropped:
+        found["evidence"], found["drop_surprise"] = LOAD_DROP_BIT, drop["surprise"]
+        if exact:
+            found["peak_required"], found["plateau_required"] = drop["peak"], drop["plateau"]
+    if row["t_s"] < watch["moving_until_s"]:
+        found["evidence"] |= watch["moving_evidence"]
+        dropped = True
+    found["slips"] = dropped
+    return dropped
+
+
+@compiled
+def _held_step(used: float, step: int, caution: float, warning: float, width: float, held_s: Array, t_s: float) -> int:
+    """Return the step of a utilisation; a higher one is reached at once, a lower one only after DWELL_S.
+
+    Args:
+        used: Utilisation; infinity exceeds every threshold.
+        step: The step before.
+        caution: Threshold of CAUTION.
+        warning: Threshold of WARNING.
+        width: Hysteresis.
+        held_s: When ``used`` was last within the hysteresis of each threshold, shape (2,), s; updated.
+        t_s: Now, s.
+    """
+    if used >= caution - width:
+        held_s[0] = t_s
+    if used >= warning - width:
+        held_s[1] = t_s
+    reached = int(used >= caution) + int(used >= warning)
+    while reached < step and t_s - held_s[reached] < DWELL_S:
+        reached += 1
+    return reached
+
+
+@compiled
+def _find_tipping(row: Row, watch: Row) -> int:
+    """Fill in and return the step that the tipping margin asks for; a lower one is reached only after DWELL_S."""
+    contact, found, unknown_n, t_s = row["contact"], row["assessment"], watch["force_n"], row["t_s"]
+    normal = contact["normal_n"]
+    reach = math.hypot(contact["cx_m"], contact["cy_m"])
+    std = math.hypot(watch["torque_std_nm"], reach * watch["force_std_n"]) / normal
+    shift = (watch["torque_nm"] + reach * unknown_n) / max(normal - unknown_n, 1e-9)
+    tipping, by_unknown = _tips(row["tipping_margin_m"], 2.0 * std, watch["half_pitch_m"], shift)
+    held_s = watch["tipping_held_s"]
+    if tipping == STABLE or not by_unknown:
+        for reached in range(tipping):
+            held_s[reached] = t_s
+        while tipping < watch["tipping_step"] and t_s - held_s[tipping] < DWELL_S:
+            tipping += 1
+            by_unknown = False
+        watch["tipping_step"] = tipping
+    found["tipping_step"], found["tipping_by_unknown_load"] = tipping, by_unknown
+    return tipping
+
+
+@compiled
+def _tips(margin: float, noise: float, half_pitch: float, shift: float) -> tuple[int, bool]:
+    """Return the step that the tipping margin asks for, and whether it does so only for the unknown load's shift.
+
+    Taxels sense over a cell, so the outline is uncertain by half a pitch. Noise excuses a centroid outside it; an
+    unknown load does not, because it may as well hide one.
+
+    Source: paper Fig. 2c.
+    """
+    outside = -(margin + noise) / half_pitch
+    step = int(outside > 0.0) + int(outside > 1.0)
+    if step == STABLE and shift > 0.0 and margin < shift - half_pitch:
+        return CAUTION, True
+    return step, False

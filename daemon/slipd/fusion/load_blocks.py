@@ -1,0 +1,153 @@
+"""The course of a contact's load in blocks: running sums in a ring, and what is followed beside them.
+
+A block is a millisecond of readings, or one reading where they come more slowly. Sums up to each block give the mean of
+any stretch of blocks at once. Beside them are followed, each with its own time constant: the slow mean of q, its top,
+the largest that was carried without motion, the largest swing, and the noise of q.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slipd.fusion.compiled import compiled
+from slipd.fusion.rows import Row, Rows
+
+BLOCK_S = 0.001
+"""Readings are averaged over this time first; where they come more slowly, each is a block of its own."""
+RING = 256
+"""Blocks that are kept, a power of two."""
+GAP_S = 0.1
+"""After a longer silence nothing is known of the load before, s."""
+LEVEL = 8
+"""Most blocks that are averaged for a level: a period of 120 Hz at 1 kHz."""
+
+SLOW_S, TOP_S, CARRIED_S, NOISE_S, SWING_S = 0.15, 0.1, 0.016, 0.2, 1.0
+"""Time constants of the slow mean, of the decay of the top, of the mean for ``carried``, of measured noise, and with
+which swings are forgotten, s."""
+CLIP = 3.0
+"""A difference counts as at most this many times the noise so far, so that one fall of the load hardly changes it."""
+SECOND = 0.512
+"""√(π/2) / √6: deviation of white noise over the mean size of its second differences."""
+
+CLOSING, CLOSING_BLOCKS = 0.1, 48
+"""The grip closes where the normal force grew by this part within these blocks."""
+
+
+@compiled
+def forget_load(drop: Row) -> None:
+    """Forget the load: nothing is known of it before the next reading."""
+    drop["n"], drop["count"], drop["last_s"], drop["carried"] = 0, 0, -math.inf, 0.0
+    drop["sliding"], drop["rough"], drop["white"], drop["std"], drop["swing"] = False, 0.0, 0.0, 0.0, 0.0
+
+
+@compiled
+def restart(drop: Row, ring: Rows, t_s: float, q: float) -> None:
+    """Begin a new sequence of blocks with required friction q: what was before is too long ago."""
+    forget_load(drop)
+    drop["block"], drop["end_s"] = 0, t_s - BLOCK_S
+    drop["q"], drop["normal"], drop["fx"], drop["fy"] = 0.0, 0.0, 0.0, 0.0
+    drop["slow"], drop["top"], drop["smooth"], drop["crest"], drop["trough"] = q, q, q, q, q
+    row = ring[0]
+    row["q"], row["q2"], row["normal"], row["fx"], row["fy"] = 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@compiled
+def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
+    """Add the open block to the ring of running sums, and follow means and noise."""
+    n, k = drop["n"], drop["block"] + 1
+    q = drop["q"] / n
+    before, row = ring[(k - 1) % RING], ring[k % RING]
+    row["q"] = before["q"] + q
+    row["q2"] = before["q2"] + q * q
+    row["normal"] = before["normal"] + drop["normal"] / n
+    row["fx"] = before["fx"] + drop["fx"] / n
+    row["fy"] = before["fy"] + drop["fy"] / n
+    dt = min(t_s - drop["end_s"], GAP_S)
+    drop["block"], drop["n"], drop["end_s"], drop["dt"] = k, 0, t_s, dt
+    drop["q"], drop["normal"], drop["fx"], drop["fy"] = 0.0, 0.0, 0.0, 0.0
+    count = min(drop["count"] + 1, RING - 1)
+    drop["count"] = count
+    short = mean_q(ring, k, min(count, LEVEL))
+    drop["slow"] += (q - drop["slow"]) * dt / (SLOW_S + dt)
+    drop["smooth"] += (q - drop["smooth"]) * dt / (CARRIED_S + dt)
+    drop["top"] = max(short, drop["top"] + (short - drop["top"]) * dt / (TOP_S + dt))
+    if is_closing(ring, k, count):  # a contact that is just made carries little by much friction
+        drop["carried"], drop["swing"], drop["crest"], drop["trough"] = drop["smooth"], 0.0, short, short
+    elif not drop["sliding"]:
+        drop["carried"] = max(drop["carried"], drop["smooth"])
+    drop["std"] = std
+    row["slow"], row["top"], row["carried"] = drop["slow"], drop["top"], drop["carried"]
+    _measure_noise(drop, ring, k, count, dt)
+    row["rough"] = drop["rough"]
+    if not drop["sliding"]:
+        _follow_swings(drop, short, dt)
+    row["swing"] = drop["swing"]
+
+
+@compiled
+def _follow_swings(drop: Row, short: float, dt: float) -> None:
+    """Follow the largest fall from which q came back by half."""
+    drop["swing"] -= drop["swing"] * dt / (SWING_S + dt)
+    if short >= drop["crest"]:
+        drop["crest"], drop["trough"] = short, short
+        return
+    drop["crest"] += (short - drop["crest"]) * dt / (SLOW_S + dt)  # a slow fall is no swing
+    drop["trough"] = min(drop["trough"], short)
+    depth = drop["crest"] - drop["trough"]
+    if short > drop["trough"] + 0.5 * depth:
+        drop["swing"] = max(drop["swing"], depth)
+        drop["crest"], drop["trough"] = short, short
+
+
+@compiled
+def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float) -> None:
+    """Follow the deviation of blocks from their neighbours, and that of means of LEVEL blocks from theirs.
+
+    Second differences leave out a steady course. White noise is less in the means; what is not is coloured noise, a
+    vibration, or a swing.
+    """
+    if count < 8:
+        return
+    least, known = dt / (NOISE_S + dt), float(count - LEVEL)
+    second = abs(mean_q(ring, k, 1) - 2.0 * mean_q(ring, k - 1, 1) + mean_q(ring, k - 2, 1))
+    white = max(drop["white"], 0.5 * drop["std"])
+    drop["white"] += (min(SECOND * second, CLIP * white) - drop["white"]) * max(least, 1.0 / (known + 1.0))
+    if count < 3 * LEVEL:
+        return
+    second = abs(mean_q(ring, k, LEVEL) - 2.0 * mean_q(ring, k - LEVEL, LEVEL) + mean_q(ring, k - 2 * LEVEL, LEVEL))
+    rough = max(drop["rough"], 0.5 * drop["std"] / math.sqrt(LEVEL))
+    share = max(least, 1.0 / (known - 2.0 * LEVEL + 1.0))
+    drop["rough"] += (min(SECOND * second, CLIP * rough) - drop["rough"]) * share
+
+
+@compiled
+def mean_q(ring: Rows, end: int, count: int) -> float:
+    """Return the mean q of the blocks up to ``end``."""
+    total: float = ring[end % RING]["q"] - ring[(end - count) % RING]["q"]
+    return total / count
+
+
+@compiled
+def mean_normal(ring: Rows, end: int, count: int) -> float:
+    """Return the mean normal force of the blocks up to ``end``."""
+    total: float = ring[end % RING]["normal"] - ring[(end - count) % RING]["normal"]
+    return total / count
+
+
+@compiled
+def vibration(drop: Row, rough: float) -> float:
+    """Return the deviation of what does not average out like white noise."""
+    return math.sqrt(max(rough * rough - 1.5 / LEVEL * noise_of(drop) ** 2, 0.0))
+
+
+@compiled
+def is_closing(ring: Rows, end: int, count: int) -> bool:
+    """Return whether the normal force grew as that of a grip that closes, within the last of ``count`` blocks."""
+    few, back = min(count, 3), min(count, CLOSING_BLOCKS)
+    return mean_normal(ring, end, few) > (1.0 + CLOSING) * mean_normal(ring, end - back + few, few)
+
+
+@compiled
+def noise_of(drop: Row) -> float:
+    """Return the deviation of q of a block: what is stated, or measured where that is more."""
+    return max(float(drop["std"]), float(drop["white"]))

@@ -1,0 +1,87 @@
+"""A load that jumps beyond the limit: no fall shows, but a corner, at which q stops within a millisecond.
+
+A load that jumps and holds swings about its new value on the springs of the pads, and the crest of that swing is short
+beside its rise.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slipd.fusion.compiled import compiled
+from slipd.fusion.load_blocks import RING, is_closing, mean_q, noise_of, vibration
+from slipd.fusion.rows import Row, Rows
+from slipd.fusion.slide import SWINGS, begin_slide, surprise_of
+
+JUMP_S = 0.004
+"""A jump rises within this time before its corner, s."""
+RISE = 0.12
+"""It rises by at least this part of q in it."""
+FLAT = 0.07
+"""Beyond the corner, q changes by at most this part of that rise."""
+SCATTER = 0.03
+"""It scatters by at most this part of it, beyond its noise: the crest of a swing is bent."""
+PLATEAUS, LEAST_PLATEAU_S = (2, 3, 4, 5, 6, 8, 12), 0.0035
+"""Lengths of the plateau beyond the corner, in blocks, and the least one, s."""
+BEYOND = 1.1
+"""It goes to at least this times the largest q that the grasp carried."""
+CORNER = 1.0
+"""Its plateau lasts at least this part of the upper half of its rise: the crest of a swing is shorter."""
+FROM = 0.6
+"""A corner counts as slip from this part of the coefficient of friction on; where that is unknown, never."""
+
+
+@compiled
+def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
+    """Begin a slip if q rose fast to more than this grasp carried before, and stopped within a block."""
+    k, count = drop["block"], drop["count"]
+    if drop["dt"] > JUMP_S:  # what swings is not seen
+        return
+    steep = max(2, int(JUMP_S / drop["dt"] + 0.5))
+    for p in PLATEAUS:
+        if p * drop["dt"] < LEAST_PLATEAU_S or p + steep + 2 > count:
+            continue
+        low, before = mean_q(ring, k, p), ring[(k - p - steep) % RING]
+        rise = low - mean_q(ring, k - p - steep, 1)
+        if not low > FROM * mu or rise < max(RISE * low, SWINGS * before["swing"]) or low < BEYOND * before["carried"]:
+            continue
+        surprise = _jump_surprise(drop, ring, p, low, rise, before["rough"])
+        if surprise < drop["least_surprise"] or p < 1 + CORNER * _half_rise(drop, ring, k - p, low, steep):
+            continue
+        if not is_closing(ring, k, count):
+            begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)
+            return
+
+
+@compiled
+def _jump_surprise(drop: Row, ring: Rows, p: int, low: float, rise: float, rough: float) -> float:
+    """Return −ln of the probability of a rise by noise; 0 where q is not shown to be flat after it.
+
+    Args:
+        drop: State.
+        ring: Blocks.
+        p: Blocks since the corner.
+        low: Mean q since then.
+        rise: How far it rose within JUMP_S before.
+        rough: Roughness of q before the rise.
+    """
+    k, half, std = drop["block"], p // 2, noise_of(drop)
+    change = abs(mean_q(ring, k, half) - mean_q(ring, k - p + half, half))
+    scatter = (ring[k % RING]["q2"] - ring[(k - p) % RING]["q2"]) / p - low * low
+    if max(change, 2.0 * std / math.sqrt(p)) > FLAT * rise or scatter > (SCATTER * rise) ** 2 + 2.0 * std * std:
+        return 0.0
+    rough = vibration(drop, rough)
+    return surprise_of(rise / math.sqrt(std * std * (1.0 + 1.0 / p) + 2.0 * rough * rough))
+
+
+@compiled
+def _half_rise(drop: Row, ring: Rows, end: int, low: float, steep: int) -> int:
+    """Return for how many blocks q was in the upper half of its rise before block ``end``."""
+    most: int = min(drop["count"] - (drop["block"] - end) - 1, 8 * steep)
+    least = low
+    for back in range(steep, most, steep):
+        least = min(least, mean_q(ring, end - back, 1))
+    for back in range(most):
+        if mean_q(ring, end - back, 1) < 0.5 * (low + least):
+            return back
+    return most

@@ -1,0 +1,80 @@
+"""A slip that the load shows: its begin, its plateau, and its end.
+
+Friction of a moving object stays on a plateau that its speed and place change slowly. When the object stops, q follows
+the load again and leaves the plateau, sooner or later. A load that stays exactly there shows nothing, so a slip ends
+without new evidence after ``hold_s``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slipd.fusion.compiled import compiled
+from slipd.fusion.load_blocks import mean_q, noise_of, vibration
+from slipd.fusion.rows import Row, Rows
+
+SWINGS = 2.0
+"""A fall or jump is at least so many times the largest swing of the last second."""
+MOST_DROP = 0.42
+"""Dynamic friction is rarely less than this complement of the static one; a load that is let go falls further."""
+SETTLES_S = 0.05
+"""For so long after it was seen, a slip may still settle on a lower plateau, s."""
+LEAVES, LEAVES_STD = 0.1, 4.0
+"""Motion ends where q leaves its plateau by this part of it, and by so many deviations: friction of a moving object
+does not fall, the load of one at rest may."""
+FOLLOWS_S = 0.3
+"""Time constant with which the plateau follows q, for friction depends on speed and place, s."""
+LEAST_SLIDE_S = 0.03
+"""A slip is reported for at least this time, s."""
+
+
+@compiled
+def begin_slide(drop: Row, t_s: float, peak: float, plateau: float, most: float, surprise: float) -> None:
+    """Begin a slip.
+
+    Args:
+        drop: State, a row of DROP.
+        t_s: Now, s.
+        peak: q before it; NaN where the load did not fall.
+        plateau: q while it slides.
+        most: A larger q is carried without motion.
+        surprise: −ln of the probability of what was seen by noise alone.
+    """
+    drop["sliding"], drop["since_s"], drop["most"] = True, t_s, most
+    drop["peak"], drop["plateau"], drop["surprise"] = peak, plateau, surprise
+
+
+@compiled
+def follow_slide(drop: Row, ring: Rows, t_s: float) -> None:
+    """Follow the plateau while the object slides, and end the slip where q leaves it or nothing new shows motion."""
+    plateau, age, dt = drop["plateau"], t_s - drop["since_s"], drop["dt"]
+    short = mean_q(ring, drop["block"], min(3, drop["count"]))
+    if age < SETTLES_S and (1.0 - MOST_DROP) * drop["most"] < short < plateau:
+        drop["plateau"] += (short - plateau) * dt / (0.1 * SETTLES_S + dt)
+        return
+    band = LEAVES_STD * (noise_of(drop) / math.sqrt(3.0) + vibration(drop, drop["rough"]))
+    band = max(LEAVES * plateau, band)
+    if abs(short - plateau) > band or short > drop["most"] + 0.5 * band:
+        if age >= LEAST_SLIDE_S:
+            _end(drop, short)
+    elif age > drop["hold_s"]:
+        _end(drop, short)
+    else:
+        drop["plateau"] += (short - plateau) * dt / (FOLLOWS_S + dt)
+
+
+@compiled
+def _end(drop: Row, short: float) -> None:
+    """End a slip: what the grasp carries without motion is to be learned anew."""
+    drop["sliding"] = False
+    drop["top"], drop["smooth"], drop["carried"] = drop["plateau"], short, short
+    drop["crest"], drop["trough"] = short, short
+
+
+@compiled
+def surprise_of(deviations: float) -> float:
+    """Return −ln of the probability that Gaussian noise exceeds so many standard deviations, for more than 1.
+
+    Source: leading term of the tail, exp(−z²/2) / (z √(2π)).
+    """
+    return 0.0 if deviations <= 1.0 else 0.5 * deviations * deviations + math.log(deviations) + 0.919

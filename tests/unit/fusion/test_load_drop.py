@@ -1,0 +1,250 @@
+"""A load that falls from static to dynamic friction is a slip; loads that fall for other reasons are none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from load_course import MU, Watch, contact_rows
+
+from slipd.arrays import Array
+from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.fusion.rows import FREE, LOAD_DROP_BIT, Rows
+from slipd.motion.evidence import evidence_mask
+
+NORMAL_N = 10.0
+STD_N = 0.02
+
+
+def followed(
+    load: Array, normal: Array | float = NORMAL_N, *, aside: Array | float = 0.0, hz: float = 1000.0,
+    std_n: float = STD_N, mu: float = MU, seed: int = 0, settings: SlipSettings | None = None,
+    noise: Array | None = None,
+) -> Rows:  # fmt: skip
+    """Return the assessments of a course of the load, N, with noise."""
+    rng, n = np.random.default_rng(seed), len(load)
+    noise = rng.normal(0.0, std_n, (3, n)) if noise is None else noise
+    pulled, across, pressed = load + noise[0], aside + noise[1], normal + noise[2]
+    used = np.hypot(pulled, across) / pressed / (1.0 if math.isnan(mu) else mu)
+    rows = contact_rows(n, pulled, pressed, used, 100.0 + np.arange(n) / hz, aside_n=across)
+    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), settings or SlipSettings(), 0.001, 0.3)
+    watch.assess(rows, mu, Uncertainty(STD_N), 0.0)
+    return rows["assessment"]
+
+
+def slips_at(found: Rows) -> list[int]:
+    """Return the readings at which a slip begins."""
+    slips = found["slips"]
+    return (np.flatnonzero(slips & ~np.concatenate(([False], slips[:-1])))).tolist()
+
+
+def line(*parts: tuple[float, float, int]) -> Array:
+    """Return lines one after another: from, to, readings."""
+    return np.concatenate([np.linspace(a, b, n) for a, b, n in parts])
+
+
+def smooth(begin: float, end: float, count: int) -> Array:
+    part = np.linspace(0.0, 1.0, count)
+    return begin + (end - begin) * part * part * (3.0 - 2.0 * part)
+
+
+RISE = (2.0, 6.0, 800)
+WHOLE_NUMBERS = ("level", "friction_step", "tipping_step", "slips", "tipping_by_unknown_load", "evidence")
+
+
+@pytest.mark.parametrize("ratio", [0.62, 0.75, 0.85, 0.92])
+@pytest.mark.parametrize("mu", [MU, 0.8 * MU, 1.2 * MU, math.nan])
+def test_a_fall_from_static_to_dynamic_friction_is_a_slip(ratio: float, mu: float) -> None:
+    found = followed(line(RISE, (6.0, 6.0 * ratio, 3), (6.0 * ratio, 6.0 * ratio, 300)), mu=mu)
+    (at,) = slips_at(found)
+    assert 803 <= at <= 825
+    assert found["slips"][at:].all()
+    assert found["peak_required"][at] == pytest.approx(0.6, rel=0.03)
+    assert found["plateau_required"][-1] == pytest.approx(0.6 * ratio, rel=0.02)
+    assert found["evidence"][at] == LOAD_DROP_BIT == evidence_mask("load_drop")
+    assert found["drop_surprise"][at] > 17.0
+    assert found["level"][at] == 4
+
+
+def test_what_does_not_slip_has_no_peak_and_no_surprise() -> None:
+    found = followed(line(RISE))
+    assert np.isnan(found["peak_required"]).all()
+    assert np.isnan(found["plateau_required"]).all()
+    assert (found["drop_surprise"] == 0.0).all()
+    assert found["required_friction"][-1] == pytest.approx(0.6, rel=0.02)
+
+
+@pytest.mark.parametrize("milliseconds", [2, 10, 20])
+def test_a_slow_contact_breaks_loose_over_some_milliseconds(milliseconds: int) -> None:
+    found = followed(line((4.0, 6.0, 1500), (6.0, 4.5, milliseconds), (4.5, 4.5, 200)))
+    (at,) = slips_at(found)
+    assert at <= 1500 + 3 * milliseconds + 12
+
+
+def test_a_loosened_grip_slips_too() -> None:
+    normal = line((10.0, 5.0, 1000), (5.0, 4.8, 200))
+    load = np.minimum(np.full(1200, 3.0), np.where(np.arange(1200) < 1000, 3.0, 0.45 * normal))
+    (at,) = slips_at(followed(load, normal))
+    assert 1000 <= at <= 1020
+
+
+def test_a_wet_object_slips_far_below_the_believed_friction() -> None:
+    """Armed at λ 0.7 of the believed μ, nothing was reported, and the object fell."""
+    (at,) = slips_at(followed(line((1.0, 2.4, 800), (2.4, 1.8, 3), (1.8, 1.8, 300))))
+    assert 803 <= at <= 840
+
+
+def test_a_load_that_jumps_beyond_the_limit_is_reported_at_once() -> None:
+    found = followed(line((2.0, 2.0, 500), (2.0, 5.5, 5), (5.5, 5.4, 300)))
+    (at,) = slips_at(found)
+    assert at <= 510
+    assert math.isnan(found["peak_required"][at])
+
+
+def test_a_jump_that_swings_on_the_springs_of_the_pads_is_none() -> None:
+    t = np.arange(600) * 1e-3
+    for hz in (15.0, 30.0, 60.0):
+        swing = 5.0 - 3.0 * np.exp(-5.0 * t) * np.cos(2.0 * np.pi * hz * t)
+        assert slips_at(followed(np.concatenate((np.full(500, 2.0), swing)))) == []
+
+
+def test_a_slip_ends_when_the_load_leaves_the_plateau() -> None:
+    slide = line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 700))
+    found = followed(np.concatenate((slide, line((4.5, 3.0, 20), (3.0, 3.0, 300)))))
+    end = np.flatnonzero(found["slips"])[-1]
+    assert 1503 <= end <= 1525
+
+
+def test_a_slip_ends_when_a_raised_grip_holds_the_object() -> None:
+    """While it slides, R stays as the grip is raised; when it stops, R falls."""
+    normal = line((10.0, 10.0, 1000), (10.0, 16.0, 100), (16.0, 16.0, 300))
+    load = np.concatenate((line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 197)), np.minimum(0.45 * normal[1000:], 6.0)))
+    found = followed(load, normal)
+    assert found["slips"][1030]
+    assert not found["slips"][1150:].any()
+
+
+def test_a_slip_without_new_evidence_ends_after_hold_s() -> None:
+    found = followed(line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 1500)), settings=SlipSettings(hold_s=0.5))
+    count = int(found["slips"].sum())
+    assert 495 <= count <= 505
+
+
+@pytest.mark.parametrize("fall_ms", [3, 10, 40, 200])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pull_that_is_let_go_is_none(fall_ms: int, seed: int) -> None:
+    pulled = np.concatenate((smooth(2.0, 5.4, 400), np.full(50, 5.4), smooth(5.4, 2.0, fall_ms), np.full(400, 2.0)))
+    assert slips_at(followed(pulled, seed=seed)) == []
+
+
+@pytest.mark.parametrize("fall_ms", [3, 10, 40])
+def test_a_held_pull_that_is_let_go_is_none(fall_ms: int) -> None:
+    """Friction that carries a steady load does not give way by itself."""
+    pulled = np.concatenate((smooth(2.0, 5.4, 400), np.full(900, 5.4), smooth(5.4, 4.0, fall_ms), np.full(400, 4.0)))
+    assert slips_at(followed(pulled)) == []
+
+
+def test_a_pull_across_the_weight_that_is_let_go_is_none() -> None:
+    across = line((0.0, 4.0, 500), (4.0, 0.0, 4), (0.0, 0.0, 300))
+    assert slips_at(followed(np.full(804, 4.2), aside=across)) == []
+
+
+@pytest.mark.parametrize("ms", [30, 100, 300])
+def test_an_object_that_is_set_down_is_none(ms: int) -> None:
+    assert slips_at(followed(np.concatenate((smooth(0.5, 5.6, 300), smooth(5.6, 0.2, ms), np.full(300, 0.2))))) == []
+
+
+def test_a_tightened_grip_is_none() -> None:
+    normal = line((10.0, 10.0, 400), (10.0, 25.0, 50), (25.0, 25.0, 300))
+    assert slips_at(followed(np.full(750, 5.4), normal)) == []
+
+
+def test_a_grip_that_closes_is_none() -> None:
+    normal = np.concatenate((smooth(0.5, 10.0, 200), np.full(300, 10.0)))
+    assert slips_at(followed(0.5 * np.minimum(normal, 4.0), normal)) == []
+
+
+def test_a_push_and_its_way_back_is_none() -> None:
+    for ms in (8, 40):
+        bump = 4.0 + 1.6 * np.sin(np.pi * np.linspace(0.0, 1.0, ms))
+        assert slips_at(followed(np.concatenate((np.full(500, 4.0), bump, np.full(300, 4.0))))) == []
+
+
+@pytest.mark.parametrize("hz", [1.0, 4.0, 15.0, 120.0])
+def test_a_swing_is_none(hz: float) -> None:
+    t = np.arange(4000) * 1e-3
+    swing = np.clip((t - 0.5) / 0.1, 0.0, 1.0) * np.sin(2.0 * np.pi * hz * t)
+    assert slips_at(followed(3.5 + 1.5 * swing)) == []
+
+
+def test_the_end_of_the_contact_forgets_a_slip() -> None:
+    watch = Watch()
+    for load in line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 30)):
+        slips = watch.take(load, 10.0, load / 10.0 / MU).slips
+    assert slips
+    watch.take(0.0, 0.1, math.nan, phase=FREE)
+    assert not watch.take(4.5, 10.0, 0.75).slips
+
+
+def test_a_gap_forgets_what_was_before() -> None:
+    load = line(RISE, (4.5, 4.5, 300))
+    rows = contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3)
+    rows["t_s"][800:] += 0.2
+    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch.assess(rows, MU, Uncertainty(STD_N), 0.0)
+    assert not rows["assessment"]["slips"].any()
+
+
+@pytest.mark.parametrize("size", [1, 7, 100])
+def test_reads_of_any_length_give_the_same(size: int) -> None:
+    load = line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 100))
+    whole = followed(load)
+    noise = np.random.default_rng(0).normal(0.0, STD_N, (3, len(load)))
+    pulled, pressed = load + noise[0], NORMAL_N + noise[2]
+    used = np.hypot(pulled, noise[1]) / pressed / MU
+    rows = contact_rows(len(load), pulled, pressed, used, 100.0 + np.arange(len(load)) * 1e-3, aside_n=noise[1])
+    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    for first in range(0, len(load), size):
+        watch.assess(rows[first : first + size], MU, Uncertainty(STD_N), 0.0)
+    for name in whole.dtype.names or ():
+        assert np.array_equal(rows["assessment"][name], whole[name], equal_nan=name not in WHOLE_NUMBERS)
+
+
+@pytest.mark.parametrize("hz", [100.0, 7000.0])
+def test_other_rates_see_a_slip_too(hz: float) -> None:
+    t = np.arange(round(1.5 * hz)) / hz
+    load = np.where(t < 1.0, 3.0 + 3.0 * t, 4.5)
+    (at,) = slips_at(followed(load, hz=hz))
+    assert 0.0 < at / hz - 1.0 <= (0.06 if hz == 100.0 else 0.02)
+
+
+def coloured(rng: np.random.Generator, n: int, hz: float, cutoff_hz: float) -> Array:
+    """Return noise with a spectrum that is flat up to a frequency and falls beyond, of variance 1, shape (3, n)."""
+    spectrum = np.fft.rfft(rng.standard_normal((3, n)))
+    spectrum /= np.sqrt(1.0 + (np.fft.rfftfreq(n, 1.0 / hz) / cutoff_hz) ** 2)
+    noise = np.fft.irfft(spectrum, n)
+    return np.asarray(noise / noise.std())
+
+
+@pytest.mark.parametrize(
+    ("hz", "hours", "std_n", "cutoff_hz"),
+    [
+        (1000.0, 0.5, 0.02, None),
+        (1000.0, 0.5, 0.1, None),
+        (1000.0, 0.5, 0.1, 15.0),
+        (1000.0, 0.5, 0.05, 100.0),
+        (100.0, 3.0, 0.02, None),
+        (100.0, 3.0, 0.1, None),
+        (100.0, 3.0, 0.1, 5.0),
+    ],
+)
+@pytest.mark.parametrize("load_n", [2.0, 5.0])
+def test_F5_noise_is_reported_no_more_often_than_stated(
+    hz: float, hours: float, std_n: float, cutoff_hz: float | None, load_n: float
+) -> None:
+    """The config states one an hour."""
+    rng, n = np.random.default_rng(11), round(hours * 3600.0 * hz)
+    noise = std_n * (rng.standard_normal((3, n)) if cutoff_hz is None else coloured(rng, n, hz, cutoff_hz))
+    found = followed(np.full(n, load_n), hz=hz, noise=noise)
+    assert len(slips_at(found)) <= hours
