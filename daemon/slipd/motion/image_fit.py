@@ -135,8 +135,8 @@ def _fit(
         if not math.isfinite(variance[k]):
             continue
         west, east, south, north = beside[k, 0], beside[k, 1], beside[k, 2], beside[k, 3]
-        wide = pitch * ((west != k) + (east != k))
-        high = pitch * ((south != k) + (north != k))
+        wide = pitch * (int(west != k) + int(east != k))
+        high = pitch * (int(south != k) + int(north != k))
         gx = 0.5 * (before[east] + after[east] - before[west] - after[west]) / wide if wide > 0.0 else 0.0
         gy = 0.5 * (before[north] + after[north] - before[south] - after[south]) / high if high > 0.0 else 0.0
         mean, x, y = 0.5 * (before[k] + after[k]), xs[k] - cx, ys[k] - cy

@@ -193,3 +193,39 @@ def test_a_known_motion_is_reported_again_only_after_a_further_one() -> None:
             assert 300_000_000 <= shift.confirm() - evidence.t_ns <= 800_000_000
     assert len(found_ns) > 1
     assert np.diff(found_ns).min() >= 100_000_000
+
+
+def test_a_path_of_which_no_noise_is_known_is_no_surprise() -> None:
+    assert ShiftPath(PathNoise()).surprise(np.array((1.0, 0.0, 0.0)), 1e-3) == 0.0
+
+
+def test_images_without_load_or_without_grip_show_nothing() -> None:
+    for normal_n, image in ((10.0, np.zeros(128)), (0.0, np.ones(128))):
+        shift = ImageShift(GEOMETRY, NOISE)
+        wrench = (1.0, 0.0, -normal_n, 0.0, 0.0, 0.0)
+        assert all(shift.update(T0 + k * 10_000_000, image, wrench) is None for k in range(100))
+
+
+def test_a_confirmed_motion_is_followed_from_taxel_to_taxel_and_forgotten_after_a_rest() -> None:
+    trace = grasp(6.0, creeping(0.0025), kind="rectangle", law=CREEPS)
+    moved_m = math.hypot(*trace.displacement[-1, :2])
+    assert moved_m > PAD.pitch_m
+    shift, rng = ImageShift(GEOMETRY, NOISE), np.random.default_rng(1)
+    assert shift.looks_per_hour >= 3600.0
+    times_s = np.arange(0.0, trace.t_s[-1], 1.0 / RATE_HZ)
+    images = trace.taxel_loads(PAD, times_s)
+    at_m: list[float] = []
+    for t_s, image in zip(times_s, images, strict=True):
+        k = int(np.searchsorted(trace.t_s, t_s, side="right")) - 1
+        loads = image * trace.normal_n[k] / image.sum() + rng.normal(0.0, 0.005, image.size)
+        evidence = shift.update(T0 + round(t_s * 1e9), loads, tuple(trace.wrench_left[k].tolist()))
+        if evidence is not None and evidence.surprise > CERTAIN:
+            shift.confirm()
+            at_m.append(math.hypot(*trace.displacement[k, :2]))
+    assert at_m[-1] > PAD.pitch_m, "it is still followed"
+    wrench, end_ns = tuple(trace.wrench_left[-1].tolist()), T0 + round(trace.t_s[-1] * 1e9)
+    rested = [
+        shift.update(end_ns + k * 10_000_000, images[-1] + rng.normal(0.0, 0.005, images[-1].size), wrench)
+        for k in range(200)
+    ]
+    assert all(evidence is None for evidence in rested[100:])

@@ -81,3 +81,11 @@ def test_a_grasp_with_more_background_of_its_own_asks_for_more() -> None:
     assert of_calm is not None
     assert of_restless is not None
     assert of_restless < 0.5 * of_calm
+
+
+def test_a_new_grasp_has_nothing_to_compare_with() -> None:
+    step = ImageStep()
+    assert step.update([pad()], 0) is None
+    assert step.update([pad(0.2)], LOOK_NS) is not None
+    step.forget()
+    assert step.update([pad(0.4)], 2 * LOOK_NS) is None

@@ -43,8 +43,8 @@ def test_a_displacement_beyond_its_errors_is_found() -> None:
 
 def test_a_turn_beyond_its_errors_is_found() -> None:
     for sign in (1.0, -1.0):  # a quaternion and its negative are one orientation
-        turned = [observed((0.0, 0.0, 0.1), tuple(sign * q for q in turn(0.01 * max(k - 60, 0)))) for k in range(90)]
-        found = watch([observed((0.0, 0.0, 0.1), turn(0.0)), *turned])
+        turned = [tuple(sign**k * q for q in turn(0.01 * max(k - 60, 0))) for k in range(90)]
+        found = watch([observed((0.0, 0.0, 0.1), quaternion) for quaternion in turned])
         certain = [k for k, evidence in found if evidence.surprise > CERTAIN]
         assert 63 < certain[0] < 80
 
