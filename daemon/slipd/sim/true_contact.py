@@ -18,12 +18,10 @@ from numpy.typing import ArrayLike
 from slipd.arrays import Array
 from slipd.fusion import utilisation
 from slipd.sim.stickslip import ContactPatch
+from slipd.sim.stickslip.pressed_patch import electrode_points
 
 Load = tuple[float, float, float]
 """Tangential force along x and y, N, and spin torque about the centre of the contact, N·m."""
-
-ELECTRODE_SAMPLES = 7
-"""Points across an electrode for its mean pressure; 7 by 7 are within 0.5 % of the integral."""
 
 _KINDS = {2.0: "disc", 4.0: "rounded"}
 
@@ -119,11 +117,7 @@ class Pad:
         It is the mean pressure on the electrode times the area of the cell. The sum is only near 1, because the gaps
         between the electrodes sense nothing.
         """
-        offset = (np.arange(ELECTRODE_SAMPLES) - (ELECTRODE_SAMPLES - 1) / 2) / ELECTRODE_SAMPLES
-        dx, dy = (self.electrode_m * grid.ravel() for grid in np.meshgrid(offset, offset))
-        round_ = np.hypot(dx, dy) <= self.electrode_m / 2
-        x, y = self.centres()
-        mean = patch.pressure(x[:, None] + dx[round_], y[:, None] + dy[round_]).mean(axis=1)
+        mean = patch.pressure(*electrode_points(self)).mean(axis=1)
         return np.asarray(mean * (self.pitch_m**2 / _volume(patch)))
 
 

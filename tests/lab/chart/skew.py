@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from slipd.arrays import Array
 from slipd.fusion import grey_loads, matched_loads, tipping_margin, torque_limit, utilisation
-from slipd.sim.true_contact import ELECTRODE_SAMPLES, Pad, Patch
+from slipd.sim.stickslip.pressed_patch import ELECTRODE_SAMPLES
+from slipd.sim.true_contact import Pad, Patch
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure

@@ -11,7 +11,7 @@ from evaluate.truth import Truth
 from slipd.arrays import Array
 from slipd.fusion import utilisation
 from slipd.sim.stickslip import GraspTrace, SteppedGrasp
-from slipd.sim.stickslip.pressed_patch import FIELD
+from slipd.sim.stickslip.grasp_simulation import empty_trace, write_sample
 
 SAFETY = 1.3
 """Factor on the load for which ``grip_needed_n`` is asked: ``grip_safety`` of the config."""
@@ -30,25 +30,15 @@ def play(scene: Scene) -> GraspTrace:
         largest_grip_n=float(scene.grip_n.max()),
     )  # fmt: skip
     n = len(scene.grip_n)
-    trace = GraspTrace(
-        patch=scene.patch, friction=scene.friction, contact=grasp.contact, t_s=np.arange(n) * STEP_S,
-        normal_n=np.zeros(n), wrench_left=np.zeros((n, 6)), wrench_right=np.zeros((n, 6)),
-        displacement=np.zeros((n, 3)), velocity=np.zeros((n, 3)), sliding_share=np.zeros(n),
-        gross=np.zeros(n, np.bool_), energy=np.zeros((0, 4)), motion=np.zeros((n, 6)), tilt_nm=np.zeros((n, 2)),
-        fields=np.zeros((n, 2, FIELD)),
-    )  # fmt: skip
+    trace = empty_trace(scene.patch, scene.friction, grasp, np.arange(n) * STEP_S)
     loads, grips = scene.load.tolist(), scene.grip_n.tolist()
     for i in range(n):
         if i:
             fx, fy, torque = _load(scene, i, loads[i], grasp)
             grasp.advance(STEP_S, (fx, fy), torque, grips[i])
-        trace.normal_n[i], trace.motion[i], trace.fields[i] = grasp.normal_n, grasp.motion, grasp.fields
-        trace.wrench_left[i] = grasp.wrench()
-        trace.wrench_right[i] = grasp.wrench(right=True)
-        trace.displacement[i], trace.velocity[i] = grasp.displacement(), grasp.velocity()
-        trace.gross[i], trace.sliding_share[i] = grasp.gross, grasp.sliding_share
+        write_sample(trace, i, grasp)
         if math.hypot(*trace.displacement[i, :2].tolist()) > scene.lost_m or abs(trace.displacement[i, 2]) > 1.0:
-            return _cut(trace, i + 1)
+            return trace.until(i + 1)
     return trace
 
 
@@ -64,16 +54,6 @@ def _load(scene: Scene, i: int, load: list[float], grasp: SteppedGrasp) -> tuple
     px, py = kx * (hx - x) + cx * (ux - vx), ky * (hy - y) + cy * (uy - vy)
     x0, y0 = scene.patch.centre_m  # where the hand holds it
     return fx + px, fy + py, torque + ka * (ha - angle) + ca * (ur - rate) + x0 * py - y0 * px
-
-
-def _cut(trace: GraspTrace, n: int) -> GraspTrace:
-    """Return the first ``n`` samples of a trace."""
-    arrays = {
-        name: getattr(trace, name)[:n]
-        for name in ("t_s", "normal_n", "wrench_left", "wrench_right", "displacement", "velocity", "sliding_share",
-                     "gross", "motion", "tilt_nm", "fields")
-    }  # fmt: skip
-    return GraspTrace(patch=trace.patch, friction=trace.friction, contact=trace.contact, energy=trace.energy, **arrays)
 
 
 def truth_of(scene: Scene, trace: GraspTrace) -> Truth:

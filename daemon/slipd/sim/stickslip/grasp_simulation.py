@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slipd.arrays import Array
 from slipd.sim.stickslip.contact_patch import ContactPatch
 from slipd.sim.stickslip.friction_law import FrictionLaw
 from slipd.sim.stickslip.grasp_parts import GraspedObject, LoadHistory, PadCompliance
@@ -34,16 +35,11 @@ def simulate(
         obj, patch, friction, pad, grip_n=float(history.grip_n[0]), largest_grip_n=float(np.max(history.grip_n)),
         grip_lag_s=history.grip_lag_s, about_m=history.about_m, cell_m=cell_m, step_s=step_s,
     )  # fmt: skip
-    n = len(history.t_s)
-    tilt = np.zeros((n, 2)) if history.tilt_nm is None else np.asarray(history.tilt_nm, dtype=np.float64)
-    trace = GraspTrace(
-        patch=patch, friction=friction, contact=grasp.contact, t_s=np.array(history.t_s, dtype=np.float64),
-        normal_n=np.zeros(n), wrench_left=np.zeros((n, 6)), wrench_right=np.zeros((n, 6)),
-        displacement=np.zeros((n, 3)), velocity=np.zeros((n, 3)), sliding_share=np.zeros(n),
-        gross=np.zeros(n, np.bool_), energy=np.zeros((n, 4)), motion=np.zeros((n, 6)), tilt_nm=tilt,
-        fields=np.zeros((n, 2, FIELD)),
-    )  # fmt: skip
-    _record(trace, 0, grasp)
+    trace = empty_trace(patch, friction, grasp, history.t_s)
+    tilt = trace.tilt_nm
+    if history.tilt_nm is not None:
+        tilt[:] = history.tilt_nm
+    write_sample(trace, 0, grasp)
     steps = np.diff(trace.t_s).tolist()
     forces, torques, grips, tilts = (
         np.asarray(a, dtype=np.float64).tolist() for a in (history.force_n, history.torque_nm, history.grip_n, tilt)
@@ -51,12 +47,24 @@ def simulate(
     grasp.begin(tuple(forces[0]), torques[0])
     for i, dt in enumerate(steps, start=1):
         grasp.advance(dt, forces[i], torques[i], grips[i], (tilts[i][0], tilts[i][1]))
-        _record(trace, i, grasp)
+        write_sample(trace, i, grasp)
     return trace
 
 
-def _record(trace: GraspTrace, i: int, grasp: SteppedGrasp) -> None:
-    """Write the present state of the grasp into the trace."""
+def empty_trace(patch: ContactPatch, friction: FrictionLaw, grasp: SteppedGrasp, t_s: Array) -> GraspTrace:
+    """Return a trace of zeros at n times, for `write_sample` to fill; ``tilt_nm`` is left to the caller."""
+    n = len(t_s)
+    return GraspTrace(
+        patch=patch, friction=friction, contact=grasp.contact, t_s=np.array(t_s, dtype=np.float64),
+        normal_n=np.zeros(n), wrench_left=np.zeros((n, 6)), wrench_right=np.zeros((n, 6)),
+        displacement=np.zeros((n, 3)), velocity=np.zeros((n, 3)), sliding_share=np.zeros(n),
+        gross=np.zeros(n, np.bool_), energy=np.zeros((n, 4)), motion=np.zeros((n, 6)), tilt_nm=np.zeros((n, 2)),
+        fields=np.zeros((n, 2, FIELD)),
+    )  # fmt: skip
+
+
+def write_sample(trace: GraspTrace, i: int, grasp: SteppedGrasp) -> None:
+    """Write the present state of a grasp into sample ``i`` of a trace."""
     trace.normal_n[i], trace.motion[i], trace.fields[i] = grasp.normal_n, grasp.motion, grasp.fields
     trace.wrench_left[i], trace.wrench_right[i] = grasp.wrench(), grasp.wrench(right=True)
     trace.displacement[i], trace.velocity[i] = grasp.displacement(), grasp.velocity()

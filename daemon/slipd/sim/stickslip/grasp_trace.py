@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,6 +23,10 @@ SOLVED_AT_ONCE = 256
 
 RIGHT_TO_LEFT = (1.0, -1.0, -1.0)
 """Signs that turn (F_x, F_y, spin) of the right pad's frame into the left one's."""
+
+
+_WHOLE = ("patch", "friction", "contact")
+"""Attributes of a `GraspTrace` that are not arrays over time."""
 
 
 class CellLoads(NamedTuple):
@@ -76,6 +80,11 @@ class GraspTrace:
     motion: Array
     tilt_nm: Array
     fields: Array
+
+    def until(self, n: int) -> GraspTrace:
+        """Return the first ``n`` samples."""
+        arrays = {field.name: getattr(self, field.name)[:n] for field in fields(self) if field.name not in _WHOLE}
+        return replace(self, **arrays)
 
     def pressure(self, index: int, *, right: bool = False) -> CellLoads:
         """Return the normal force on every cell at a sample, in the frame of the left pad for either pad."""
