@@ -126,6 +126,8 @@ class ContactEstimator:
         if distribution is not None:
             distribution.outline.fill_margins(rows)
         ends_at = _contact_end(phases, self.in_contact)
+        if disagreement:
+            self.friction.estimate.discard_grasp()
         frictions: list[FrictionState] = []
         for begin, end in self.friction.estimate.segments(readings.times_ns):
             frictions += [self.friction.state] * (end - begin)

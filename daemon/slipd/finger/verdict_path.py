@@ -162,6 +162,8 @@ class VerdictPath:
             return Learning.NOTHING
         if not image.is_reliable(at_rest=True) or image.taxel_health.saturates:
             return Learning.NOTHING
+        if self._force is not None and self._force.suspect and not self._force.rests:
+            return Learning.NOTHING
         return Learning.ALL if self.presence.zero_known else Learning.SLIPS
 
     def _mark_late(self, readings: WrenchBatch, arrival: Arrival) -> None:

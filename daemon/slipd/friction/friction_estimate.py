@@ -69,6 +69,11 @@ class FrictionEstimate:
         end_grasp(self._row)
         self._take_over()
 
+    def discard_grasp(self) -> None:
+        """Forget what the grasp taught, for its object too: its readings turned out not to be trusted."""
+        begin_grasp(self._row)
+        self._take_over()
+
     def set_object(self, name: str | None) -> None:
         """Name the object in the grip, or the next one; None: it has no name.
 

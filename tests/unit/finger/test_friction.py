@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
-from finger_bench import MS, T0, Image, Parse, Wrench, make_finger, read_force, teach
+from finger_bench import MS, T0, Image, NoisyFinger, Parse, Wrench, make_finger, read_force, teach
 
 from slipd.finger.finger import Finger
 from slipd.publish.finger_messages import slip_body
@@ -119,3 +119,20 @@ def test_a_mu_that_makes_a_slippery_object_unknown_is_more_lenient(finger: Finge
     assert finger.friction.mu == 0.5
     assert finger.friction.is_more_lenient(0.5, None)
     assert not finger.friction.is_more_lenient(0.2, None)
+
+
+def test_a_grasp_whose_force_and_image_disagree_teaches_nothing_of_its_object(
+    make_noisy: Callable[..., NoisyFinger],
+) -> None:
+    """Its readings were wrong already before that was noticed."""
+    noisy = make_noisy(pad="gain_error = 0.05\n")
+    friction = noisy.finger.friction
+    noisy.finger.set_object("mug")
+    noisy.hold(0.3)
+    teach(noisy.finger, 0.8)
+    assert friction.mu == pytest.approx(0.8)
+    noisy.hold(0.3, lambda counts: np.multiply(counts, 0.3, out=counts))
+    assert noisy.verdict == ("unknown", ("disagreement", "disagreement_force"))
+    assert (friction.mu, friction.state.object_name) == (0.5, "mug")
+    noisy.send(np.zeros(3), np.zeros(3))
+    assert friction.mu == 0.5, "the next grasp of the object begins with what is stated"
