@@ -85,7 +85,9 @@ def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tu
     links = engine.links
     for t_ns, event in recording.events():
         if isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link not in links:
-            raise RecordingError(f"{recording.path}: an event of link {event.link!r}, which is not in the config")
+            known = ", ".join(sorted(links)) or "none"
+            text = f"{recording.path}: the config must have the link {event.link!r} of an event, got {known}"
+            raise RecordingError(text)
         if pace is not None:
             pace.wait_until(t_ns)
         for output in engine.handle(event, t_ns):

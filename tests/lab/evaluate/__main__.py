@@ -62,7 +62,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--families", default="", metavar="A,B", help="names, or parts of them (default: all)")
     parser.add_argument("--seeds", type=int, metavar="N", help="grasps of each family")
     parser.add_argument("--first", type=int, default=0, metavar="K", help="first seed")
-    parser.add_argument("--factors", default=QUICK_FACTORS, metavar="F,F", help=f"default {QUICK_FACTORS}")
+    parser.add_argument(
+        "--factors", type=factors, default=QUICK_FACTORS, metavar="F,F", help=f"default {QUICK_FACTORS}"
+    )
     parser.add_argument("--extra", default="", metavar="TEXT", help="more tables of the config")
     parser.add_argument("--finger", default="", metavar="TEXT", help="more lines of [finger.left]")
     parser.add_argument("--runs", action="store_true", help="also every run with a fault")
@@ -78,10 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not families:
         print(f"no family is named like {options.families!r}; there are: {', '.join(FAMILIES)}", file=sys.stderr)
         return 2
-    variants = tuple(
-        Variant(None if text == "no" else float(text), finger_lines=options.finger, extra=options.extra)
-        for text in options.factors.split(",")
-    )
+    variants = tuple(Variant(factor, finger_lines=options.finger, extra=options.extra) for factor in options.factors)
     seeds = options.seeds or (QUICK_SEEDS if options.families else QUICK_SEEDS_OF_ALL)
     return quick(families, range(options.first, options.first + seeds), variants, options)
 
@@ -114,6 +113,11 @@ def report(options: argparse.Namespace) -> int:
     examples_picture.save(options.into / "warning_quality_grasps.png", EXAMPLE_SEED)
     page.write(options.into / "warning_quality.md", page.page(header, campaign, found, options.methods, loop))
     return 0
+
+
+def factors(text: str) -> list[float | None]:
+    """Return the μ factors of a text; None for "no" μ."""
+    return [None if part == "no" else float(part) for part in text.split(",")]
 
 
 def chosen(text: str) -> list[str]:

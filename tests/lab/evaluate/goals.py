@@ -35,7 +35,10 @@ def goals(campaign: Campaign) -> Table:
     table = Table(
         "Asked and found",
         ("figure", "asked", "found", ""),
-        notes=["Oracle: what a detector of a falling load misses although it is told the onset, see *visible* below."],
+        notes=[
+            "Oracle: what a detector of a falling load misses although it is told the onset, see *visible* below.",
+            f"Warned before, its lead and changes on the way: families {', '.join(FORESEEN)}.",
+        ],
     )
     for name, asked, found, reached in (*_missed(campaign), *_false(campaign), *_course(campaign), *_numbers(campaign)):
         table.rows.append((name, asked, found, {True: "yes", False: "**no**", None: ""}[reached]))

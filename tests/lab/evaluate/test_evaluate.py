@@ -139,6 +139,9 @@ def test_what_cannot_be_run_is_refused(capsys: pytest.CaptureFixture[str]) -> No
     assert program.main(["--quick", "--families", "nonsense"]) == 2
     assert program.main(["--quick", "--families", "hold", "--first", str(EVALUATION.start)]) == 2
     assert "the others are the report's" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        program.main(["--quick", "--factors", "0.8,much"])
+    assert "invalid factors value: '0.8,much'" in capsys.readouterr().err
 
 
 def test_families_are_chosen_by_parts_of_their_names() -> None:

@@ -173,5 +173,5 @@ def test_an_event_of_an_unknown_link_is_reported(tmp_path: Path, two_pads: str) 
     recorder = Recorder(tmp_path / "run.mcap", config_text=two_pads, boot="b", wall_minus_monotonic_ns=0)
     recorder.event(LinkUp("middle.pad", ""), 1)
     recorder.close()
-    with pytest.raises(RecordingError, match=r"link 'middle\.pad', which is not in the config"):
+    with pytest.raises(RecordingError, match=r"must have the link 'middle\.pad' of an event, got left\.pad"):
         list(replay(open_recording(tmp_path / "run.mcap")))

@@ -153,3 +153,5 @@ def test_fewer_taxels_and_faulty_ones_are_read(held):
     heard = run_offline(held, sensors, offline_config(sensors, 0.55), 1)
     image = [one.body for one in heard if one.topic == "tactile.left"][-1]
     assert (image["rows"], image["cols"]) == (4, 4)
+    pressed = held.taxel_loads(pad, [1.5])[0] > 0.1
+    assert [bool(load) for load in image["loads_n"]] == [load and k != 5 for k, load in enumerate(pressed)]
