@@ -186,10 +186,12 @@ def test_contact_without_pad_is_unsafe_or_unknown(left: str, parse: Parse, wrenc
 
 
 def test_level_drops_a_hysteresis_below_its_threshold_after_a_while(press: Press) -> None:
+    before = 0.72
     for share, level in ((0.72, "caution"), (0.66, "caution"), (0.64, "stable"), (0.86, "warning"), (0.79, "caution")):
-        levels = pull(press, [0.5 * 10.0 * share] * 30)
+        shares = np.concatenate((np.linspace(before, share, 100), np.full(30, share)))  # a slow load is no slip
+        levels, before = pull(press, 0.5 * 10.0 * shares), share
         assert levels[-1] == level
-        assert len(set(levels)) <= 2
+        assert len(set(levels)) <= 3
 
 
 @pytest.mark.parametrize(("pull_n", "spin_nm", "reason"), [(0.0, 9e5, "rotation"), (9e5, 0.0, "translation")])
