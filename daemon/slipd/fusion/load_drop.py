@@ -39,6 +39,7 @@ from slipd.fusion.load_blocks import (
 from slipd.fusion.load_jump import look_for_jump
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, follow_slide, surprise_of
+from slipd.fusion.slow_fall import look_for_slow_fall
 
 LOOKS = 30.0
 """Independent looks of each block: combinations of plateau and fall are strongly dependent."""
@@ -114,6 +115,8 @@ def follow_load(
             follow_slide(drop, ring, t_s)
         elif drop["count"] >= FIRST:
             _look(drop, ring, t_s, mu)
+            if not drop["sliding"]:
+                look_for_slow_fall(drop, ring, t_s, mu)
     return bool(drop["sliding"])
 
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.load_blocks import LEVEL, mean_normal, mean_q, noise_of
+from slipd.fusion.load_blocks import LEVEL, RING, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import MOST_DROP, begin_slide, surprise_of
+from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, surprise_of
 
 EVERY_S = 0.004
 """It looks once in this time, and tries peaks that far apart, s."""
@@ -33,7 +33,8 @@ RISE, RISE_S = 0.02, 0.1
 STRAIGHT = 0.6
 """That rise is at least this part of the way that q went: a swing goes to and fro."""
 GOES_ON, GOES_ON_STDS = 0.005, 3.0
-"""From peak to plateau, R grows by this part of the peak, or the normal force falls by it, beyond so many deviations."""
+"""From peak to plateau, R grows by this part of the peak, or the normal force falls by it, beyond so many of the
+deviations of both."""
 TIGHTER = 0.02
 """The normal force grows by at most this part: a tightened grip lowers q too."""
 
@@ -51,10 +52,13 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     back, peak = _find_peak(ring, k, 2 * flat, most, every, level)
     if back == 0 or back + every > most or peak < CARRIED * drop["carried"] or peak < FROM * mu:
         return
-    low, std = mean_q(ring, k, flat), noise_of(drop)
-    fall, deviation = peak - low, std * math.sqrt(1.0 / flat + 1.0 / level)
+    low, before = mean_q(ring, k, flat), ring[(k - back - level) % RING]
+    rough = math.sqrt(2.0) * vibration(drop, before["rough"])
+    fall, deviation = peak - low, math.hypot(noise_of(drop) * math.sqrt(1.0 / flat + 1.0 / level), rough)
+    if not max(LEAST_FALL * peak, SWINGS * before["swing"]) <= fall <= MOST_DROP * peak:
+        return
     surprise = surprise_of(fall / deviation) if deviation > 0.0 else math.inf
-    if not LEAST_FALL * peak <= fall <= MOST_DROP * peak or surprise < drop["least_surprise"]:
+    if surprise < drop["least_surprise"]:
         return
     if abs(low - mean_q(ring, k - flat, flat)) > FLAT * fall * flat / (back - 0.5 * flat):
         return
@@ -98,5 +102,5 @@ def _goes_on(ring: Rows, k: int, back: int, flat: int, level: int, peak: float, 
 @compiled
 def _mean_shear(ring: Rows, end: int, count: int) -> float:
     """Return the size of the mean tangential force of the blocks up to ``end``."""
-    last, first = ring[end % len(ring)], ring[(end - count) % len(ring)]
+    last, first = ring[end % RING], ring[(end - count) % RING]
     return math.hypot(last["fx"] - first["fx"], last["fy"] - first["fy"]) / count

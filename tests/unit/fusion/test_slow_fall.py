@@ -1,0 +1,84 @@
+"""A required friction that falls slowly to a plateau is a slip where the load goes on, and none where it is let go."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from load_course import MU, contact_rows
+
+from slipd.arrays import Array
+from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+
+RISE_N, FALL_N, PLATEAU_N = 1000, 90, 200
+COUNT = RISE_N + FALL_N + PLATEAU_N
+STD = 0.002
+
+
+def fall(share: float) -> Array:
+    """Return q that rises to μ within a second, falls by a share of it within 90 ms, and stays."""
+    part = np.linspace(0.0, 1.0, FALL_N)
+    down = 1.0 - share * (1.0 - (1.0 - part) ** 2)
+    return np.asarray(MU * np.concatenate([np.linspace(0.4, 1.0, RISE_N), down, np.full(PLATEAU_N, 1.0 - share)]))
+
+
+def slips_at(
+    q: Array, shear_n: Array, normal_n: Array, *, mu: float = MU, hz: float = 1000.0, seed: int = 0
+) -> list[int]:
+    """Return the readings at which a slip begins, for a course of q, tangential force and normal force with noise."""
+    rng, n = np.random.default_rng(seed), len(q)
+    used = (q + rng.normal(0.0, STD, n)) / (1.0 if np.isnan(mu) else mu)
+    force_n = STD * 10.0
+    pulled, pressed = shear_n + rng.normal(0.0, force_n, n), normal_n + rng.normal(0.0, force_n, n)
+    rows = contact_rows(n, pulled, pressed, used, 100.0 + np.arange(n) / hz, aside_n=np.zeros(n))
+    watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+    watch.assess(rows, mu, Uncertainty(force_n), 0.0)
+    slips = rows["assessment"]["slips"]
+    return (np.flatnonzero(slips & ~np.concatenate(([False], slips[:-1])))).tolist()
+
+
+CONSTANT = np.full(COUNT, 10.0)
+GROWING = np.linspace(1.0, 4.0, COUNT)
+
+
+@pytest.mark.parametrize("share", [0.06, 0.12, 0.3])
+@pytest.mark.parametrize("mu", [MU, 0.8 * MU, 1.2 * MU, float("nan")])
+def test_a_rotation_that_breaks_away_while_the_shear_grows_is_a_slip(share: float, mu: float) -> None:
+    found = slips_at(fall(share), GROWING, CONSTANT, mu=mu)
+    assert found
+    assert RISE_N < found[0] <= RISE_N + FALL_N + 60
+
+
+def test_a_grip_that_loosens_on_is_a_slip() -> None:
+    found = slips_at(fall(0.1), np.full(COUNT, 2.0), np.linspace(10.0, 6.0, COUNT))
+    assert found
+    assert found[0] > RISE_N
+
+
+def test_the_same_fall_of_a_load_that_is_let_go_is_none() -> None:
+    let_go = np.concatenate([np.linspace(1.0, 4.0, RISE_N), np.linspace(4.0, 3.4, FALL_N), np.full(PLATEAU_N, 3.4)])
+    assert slips_at(fall(0.12), let_go, CONSTANT) == []
+
+
+def test_the_same_fall_by_a_tightened_grip_is_none() -> None:
+    normal = np.concatenate([np.full(RISE_N, 10.0), np.linspace(10.0, 11.4, FALL_N), np.full(PLATEAU_N, 11.4)])
+    assert slips_at(fall(0.12), GROWING, normal) == []
+
+
+def test_a_fall_far_below_what_the_grasp_carried_is_none() -> None:
+    q = np.concatenate([np.full(800, 0.9 * MU), np.linspace(0.9, 0.5, 300) * MU, 0.7 * fall(0.12)])
+    more = np.linspace(1.0, 4.0, len(q))
+    assert slips_at(q, more, np.full(len(q), 10.0)) == []
+
+
+def test_a_swing_near_the_limit_is_none() -> None:
+    t = np.arange(3000) * 1e-3
+    for hz in (1.5, 4.0, 9.0):
+        q = MU * (0.8 + 0.1 * np.sin(2.0 * np.pi * hz * t))
+        shear = 3.0 + 0.5 * np.sin(2.0 * np.pi * 0.37 * hz * t)
+        assert slips_at(q, shear, np.full(len(t), 10.0)) == []
+
+
+def test_noise_alone_in_ten_minutes_of_a_hold_is_none() -> None:
+    """One false alarm an hour is the risk: two in ten minutes have a chance of 1 in 80."""
+    n = 600_000
+    assert len(slips_at(np.full(n, 0.9 * MU), np.full(n, 3.0), np.full(n, 10.0))) <= 1
