@@ -12,7 +12,7 @@ import math
 from slipd.fusion.compiled import compiled
 from slipd.fusion.load_blocks import LEVEL, RING, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, surprise_of
+from slipd.fusion.slide import MOST_DROP, begin_slide, surprise_of
 
 EVERY_S = 0.004
 """It looks once in this time, and tries peaks that far apart, s."""
@@ -32,6 +32,8 @@ RISE, RISE_S = 0.02, 0.1
 """Before the peak, q rose by this part of it within this time, s."""
 STRAIGHT = 0.6
 """That rise is at least this part of the way that q went: a swing goes to and fro."""
+SWINGS = 1.3
+"""A fall is at least this many times the largest swing of the last second."""
 GOES_ON, GOES_ON_STDS = 0.005, 3.0
 """From peak to plateau, R grows by this part of the peak, or the normal force falls by it, beyond so many of the
 deviations of both."""
