@@ -44,6 +44,9 @@ from slipd.fusion.slow_fall import look_for_slow_fall
 LOOKS = 30.0
 """Independent looks of each block: combinations of plateau and fall are strongly dependent."""
 
+SLOWEST_S = 0.0125
+"""Readings further apart than this show no fall of some milliseconds, s: two or three of them cannot tell a plateau from
+a load that is let go. Pads that slow show motion by their images."""
 FIRST = 5 * LEVEL
 """Before so many blocks the noise is not known."""
 PLATEAUS = (2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48)
@@ -113,7 +116,7 @@ def follow_load(
         close_block(drop, ring, t_s, std / math.sqrt(n))
         if drop["sliding"]:
             follow_slide(drop, ring, t_s)
-        elif drop["count"] >= FIRST:
+        elif drop["count"] >= FIRST and drop["dt"] <= SLOWEST_S:
             _look(drop, ring, t_s, mu)
             if not drop["sliding"]:
                 look_for_slow_fall(drop, ring, t_s, mu)

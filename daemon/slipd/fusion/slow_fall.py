@@ -18,12 +18,13 @@ EVERY_S = 0.004
 """It looks once in this time, and tries peaks that far apart, s."""
 FALL_S = 0.15
 """The peak was at most this long ago, s."""
-PLATEAU_S = 0.012
-"""Length of the plateau, and of the stretch before it that it continues, s."""
+PLATEAU_S, PLATEAU_SHARE = 0.004, 6
+"""The plateau is three stretches, each this long, s, and at least one part in so many of the fall."""
 LEAST_FALL = 0.03
 """Of the peak: friction of most pairs falls by more."""
-FLAT = 0.35
-"""The plateau falls by at most this part of the mean rate of the fall."""
+FLAT = 0.22
+"""From stretch to stretch, the plateau changes by at most this part of the mean rate of the fall; a swing changes faster
+at its turning point."""
 FROM = 0.7
 """The peak is at least this part of the coefficient of friction, where that is known."""
 CARRIED = 0.93
@@ -48,12 +49,14 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     every = max(1, int(EVERY_S / dt + 0.5))
     if k % every:
         return
-    flat, level = max(2, int(PLATEAU_S / dt + 0.5)), max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5)))
+    least, level = max(2, int(PLATEAU_S / dt + 0.5)), max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5)))
     rising = max(2, int(RISE_S / dt + 0.5))
     most = min(int(FALL_S / dt + 0.5), count - rising - level - 1)
-    back, peak = _find_peak(ring, k, 2 * flat, most, every, level)
+    back, peak = _find_peak(ring, k, 5 * least, most, every, level)
     if back == 0 or back + every > most or peak < CARRIED * drop["carried"] or peak < FROM * mu:
         return
+    stretch = max(least, back // PLATEAU_SHARE)
+    flat = 2 * stretch
     low, before = mean_q(ring, k, flat), ring[(k - back - level) % RING]
     rough = math.sqrt(2.0) * vibration(drop, before["rough"])
     fall, deviation = peak - low, math.hypot(noise_of(drop) * math.sqrt(1.0 / flat + 1.0 / level), rough)
@@ -62,7 +65,7 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     surprise = surprise_of(fall / deviation) if deviation > 0.0 else math.inf
     if surprise < drop["least_surprise"]:
         return
-    if abs(low - mean_q(ring, k - flat, flat)) > FLAT * fall * flat / (back - 0.5 * flat):
+    if not _is_flat(ring, k, stretch, FLAT * fall * stretch / (back - stretch)):
         return
     if _rises(ring, k - back, rising, every, level, peak) and _goes_on(ring, k, back, flat, level, peak, deviation):
         begin_slide(drop, t_s, peak, low, peak, surprise)
@@ -77,6 +80,17 @@ def _find_peak(ring: Rows, k: int, least: int, most: int, every: int, level: int
         if high > peak:
             at, peak = back, high
     return at, peak
+
+
+@compiled
+def _is_flat(ring: Rows, k: int, stretch: int, most: float) -> bool:
+    """Return whether q changes by at most ``most`` over the three newest stretches of so many blocks, up or down."""
+    newest, middle, oldest = (
+        mean_q(ring, k, stretch),
+        mean_q(ring, k - stretch, stretch),
+        mean_q(ring, k - 2 * stretch, stretch),
+    )
+    return bool(max(abs(newest - middle), abs(middle - oldest)) <= most)
 
 
 @compiled

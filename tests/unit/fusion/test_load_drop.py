@@ -248,3 +248,10 @@ def test_F5_noise_is_reported_no_more_often_than_stated(
     noise = std_n * (rng.standard_normal((3, n)) if cutoff_hz is None else coloured(rng, n, hz, cutoff_hz))
     found = followed(np.full(n, load_n), hz=hz, noise=noise)
     assert len(slips_at(found)) <= hours
+
+
+def test_readings_too_far_apart_show_no_fall() -> None:
+    """A pad of 40 Hz that sends each reading four times sees steps: they are no falls to a plateau."""
+    rng = np.random.default_rng(5)
+    load = np.repeat(4.0 + np.cumsum(rng.normal(0.0, 0.2, 300)), 4)
+    assert slips_at(followed(load, hz=40.0, std_n=0.002)) == []
