@@ -45,8 +45,8 @@ LOOKS = 30.0
 """Independent looks of each block: combinations of plateau and fall are strongly dependent."""
 
 SLOWEST_S = 0.0125
-"""Readings further apart than this show no fall of some milliseconds, s: two or three of them cannot tell a plateau from
-a load that is let go. Pads that slow show motion by their images."""
+"""Readings further apart than this show no fall of some milliseconds, s: two or three of them look the same when a load
+is let go. Pads that slow show motion by their images."""
 FIRST = 5 * LEVEL
 """Before so many blocks the noise is not known."""
 PLATEAUS = (2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48)

@@ -18,12 +18,12 @@ EVERY_S = 0.004
 """It looks once in this time, and tries peaks that far apart, s."""
 FALL_S = 0.15
 """The peak was at most this long ago, s."""
-PLATEAU_S, PLATEAU_SHARE = 0.004, 6
+PLATEAU_S, PLATEAU_SHARE = 0.004, 8
 """The plateau is three stretches, each this long, s, and at least one part in so many of the fall."""
 LEAST_FALL = 0.03
 """Of the peak: friction of most pairs falls by more."""
-FLAT = 0.22
-"""From stretch to stretch, the plateau changes by at most this part of the mean rate of the fall; a swing changes faster
+FLAT = 0.28
+"""From stretch to stretch, the plateau changes by at most this part of the mean rate of the fall. A swing changes faster
 at its turning point."""
 FROM = 0.7
 """The peak is at least this part of the coefficient of friction, where that is known."""
