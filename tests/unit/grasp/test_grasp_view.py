@@ -328,3 +328,20 @@ def test_age_is_that_of_the_older_reading(hand: Hand) -> None:
     hand.press("left", 10.0)
     hand.press("right", 10.0, t_ns=T0 + 4 * MS)
     assert hand.body(T0 + 5 * MS)["age_s"] == pytest.approx(0.005)
+
+
+def test_the_reflex_lowers_only_to_what_the_stated_friction_needs(hand: Hand) -> None:
+    """A load beyond the stated friction is carried: it is known to hold, but learned friction never loosens a grip."""
+    left = hand.fingers["left"]
+    for k in range(100):
+        if k == 10:
+            left.begin_tare(T0 + 10 * MS, 0.05, "test")
+        hand.press("left", 0.0, (0.0, 0.0), t_ns=T0 + k * MS, counts=np.zeros((4, 4)))
+    for k in range(100, 700):
+        hand.press("left", 10.0, (min(0.02 * (k - 100), 6.0), 0.0), t_ns=T0 + k * MS, counts=FULL + k % 3)
+    hand.press("right", 10.0, (2.0, 0.0), t_ns=T0 + 699 * MS)
+    state = hand.view.update(WIDTH_M)
+    friction = left.friction_state
+    assert (friction.mu, friction.source) == (pytest.approx(0.6, rel=0.01), "learned")
+    assert state.grip_needed_n == pytest.approx(1.3 * 10.0, rel=0.01)
+    assert state.grip_kept_n == pytest.approx(1.3 * 10.0 * 0.6 / 0.5, rel=0.01)
