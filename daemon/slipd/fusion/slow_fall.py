@@ -23,8 +23,8 @@ PLATEAU_S, PLATEAU_SHARE = 0.004, 8
 LEAST_FALL = 0.03
 """Of the peak: friction of most pairs falls by more."""
 FLAT = 0.28
-"""From stretch to stretch, the plateau changes by at most this part of the mean rate of the fall. A swing changes faster
-at its turning point."""
+"""From stretch to stretch, the plateau changes by at most this part of the mean rate of the fall. At its turning point,
+a swing changes faster."""
 FROM = 0.7
 """The peak is at least this part of the coefficient of friction, where that is known."""
 CARRIED = 0.93

@@ -149,7 +149,7 @@ def test_a_sensor_that_is_not_trusted_teaches_nothing(make_grasp: MakeGrasp) -> 
     grasp = make_grasp(0.8 * TRUE_MU)
     grasp.load(0.2, 0.2, 0.3)
     before = grasp.finger.friction_state
-    grasp.load(0.48, 0.48, 0.5, status=("overload",))
+    grasp.load(0.48, 0.48, 0.25, status=("overload",))  # after 0.3 s, the grasp counts as another
     grasp.load(0.2, 0.2, 0.05)
     assert grasp.finger.friction_state == before
 
