@@ -114,19 +114,18 @@ class VerdictPath:
         image.update(sample, t_ns, NO_SUMMARY if check is None else check.take_summary(self.state), arrival)
         if check is not None:
             check.update_image(t_ns, self.state, self.estimator.least_normal_n)
-            self._look_for_motion(image, check, t_ns)
+        if check is not None and self.motion is not None:
+            self._look_for_motion(self.motion, image, check, t_ns)
         if self._force is not None or not image.three_axis:
             return None
         return self._estimate(wrench_by_taxels(image, sample, t_ns), arrival)
 
-    def _look_for_motion(self, image: ImageChannel, check: ForceImageCheck, t_ns: int) -> None:
+    def _look_for_motion(self, motion: ContactMotion, image: ImageChannel, check: ForceImageCheck, t_ns: int) -> None:
         """Look for motion in an image of a contact that force sensor and image agree on."""
-        if self.motion is None:
-            return
         if self.estimator.in_contact and image.is_independent and not check.disagreement:
-            self.motion.update_image(image, t_ns, check.wrench_at(t_ns))
+            motion.update_image(image, t_ns, check.wrench_at(t_ns))
         else:
-            self.motion.forget_image()
+            motion.forget_image()
 
     def _estimate(self, readings: WrenchBatch, arrival: Arrival) -> VerdictBatch:
         """Return the verdicts on conditioned readings, and update the comparison and the tares with them."""

@@ -108,16 +108,17 @@ def test_an_object_that_another_process_sees_move_is_a_slip() -> None:
         run.wrench(0.0)
     link = next(name for name in run.engine.links if name == "object")
 
-    def see(seconds: float, speed_mps: float) -> None:
+    def see(seconds: float, speed_mps: float, *status: str) -> None:
         for k in range(round(seconds * 50)):
             for _ in range(2):
                 run.feel(5.0)
                 run.wait(8)
             at_m = np.array((0.0, 0.0, 0.1 + speed_mps * k / 50)) + rng.normal(0.0, 3e-4, 3)
-            run.feed(Bytes(link, encode_reading("object", run.t_ns, object_pose={"xyz_m": at_m})))
+            run.feed(Bytes(link, encode_reading("object", run.t_ns, object_pose={"xyz_m": at_m}, status=status)))
 
     see(3.0, 0.0)
-    assert slips(run) == []
+    see(0.5, 0.02, "invalid")
+    assert slips(run) == [], "what its sender does not trust shows nothing"
     see(1.0, 0.02)
     for finger in ("left", "right"):
         assert slips(run, finger)[0]["evidence"] == ["external"]

@@ -72,8 +72,11 @@ def test_an_image_that_cannot_be_used_is_forgotten(finger: Finger, feel: Feel, i
 
 
 def test_a_finger_without_images_has_no_evidence_of_them(left: str, parse: Parse, finger: Finger) -> None:
-    blind = make_finger(left.split("[finger.left.pad]")[0], parse)
+    blind = motion_of(make_finger(left.split("[finger.left.pad]")[0], parse))
     with pytest.raises(ValueError, match="without images"):
-        motion_of(blind).confirm()
+        blind.confirm()
+    assert finger.image is not None
+    blind.update_image(finger.image, T0, (0.0,) * 6)
+    assert blind.take() == []
     with pytest.raises(ValueError, match="before it is confirmed"):
         motion_of(finger).confirm()
