@@ -109,6 +109,8 @@ class ContactEstimator:
             pulled_n: The normal force is clearly negative below minus this, N.
             learning: What the readings may teach of friction, where there is no disagreement.
         """
+        if disagreement:
+            self._watch.forget_load()  # a wrong reading, and its end, look like a load that falls
         rows = readings.rows
         find_contacts(
             rows,

@@ -113,6 +113,10 @@ class ContactWatch:
     def reset(self) -> None:
         """Forget everything: the contact ended."""
         self._watch["step"], self._watch["tipping_step"], self._watch["moving_until_s"] = STABLE, STABLE, -math.inf
+        self.forget_load()
+
+    def forget_load(self) -> None:
+        """Forget the course of the load: what was before the next reading shows no fall."""
         self._drop["last_s"], self._drop["sliding"] = -math.inf, False
 
     def set_drop(self, drop: float) -> None:

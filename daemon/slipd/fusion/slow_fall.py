@@ -65,7 +65,7 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     surprise = surprise_of(fall / deviation) if deviation > 0.0 else math.inf
     if surprise < drop["least_surprise"]:
         return
-    if not _is_flat(ring, k, stretch, FLAT * fall * stretch / (back - stretch)):
+    if not _is_plateau(ring, k, stretch, FLAT * fall * stretch / (back - stretch)):
         return
     if _rises(ring, k - back, rising, every, level, peak) and _goes_on(ring, k, back, flat, level, peak, deviation):
         begin_slide(drop, t_s, peak, low, peak, surprise)
@@ -83,7 +83,7 @@ def _find_peak(ring: Rows, k: int, least: int, most: int, every: int, level: int
 
 
 @compiled
-def _is_flat(ring: Rows, k: int, stretch: int, most: float) -> bool:
+def _is_plateau(ring: Rows, k: int, stretch: int, most: float) -> bool:
     """Return whether q changes by at most ``most`` over the three newest stretches of so many blocks, up or down."""
     newest, middle, oldest = (
         mean_q(ring, k, stretch),

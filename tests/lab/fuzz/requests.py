@@ -108,8 +108,10 @@ lower_n_per_s = 1.0
 """
 """Config of every second round: the object slips at times, and the reflex acts."""
 
-MOST_PULL = 0.6
-"""Largest pull as a share of the grip force; friction carries 0.5 of it."""
+MOST_PULL, STATIC, DYNAMIC = 0.7, 0.5, 0.36
+"""Largest pull as a share of the grip force, and what static and dynamic friction carry of it."""
+PULL_PER_READING = 0.006
+"""Growth of the pull from reading to reading, as a share of the grip force."""
 
 
 class _Connection:
@@ -299,13 +301,18 @@ class _Run:
             return
         self.hand.advance(self.now_ns)
         normal_n = self.hand.grip_n + rng.gauss(0.0, 0.02)
-        if rng.random() < 0.06:
-            self._pull[finger] = rng.uniform(0.0, MOST_PULL)
-        force = (rng.gauss(0.0, 0.02), self._pull[finger] * normal_n + rng.gauss(0.0, 0.02), -normal_n)
+        carried_n = self._carry(finger) * normal_n
+        force = (rng.gauss(0.0, 0.02), carried_n + rng.gauss(0.0, 0.02), -normal_n)
         status = OVERLOAD if state == "overload" else 0
         frame = bota.encode_frame(force, (0.0, 0.0, rng.gauss(0.0, 1e-4)), self.now_ns // 1000, status=status)
         self.book.feel(finger, self.now_ns, normal_n, good=not status)
         self._handle(Bytes(f"{finger}.wrench", frame))
+
+    def _carry(self, finger: str) -> float:
+        """Return the pull that friction carries, as a share of the grip force: it grows, slips, and is let go."""
+        pull = self._pull[finger] + PULL_PER_READING
+        self._pull[finger] = pull if pull < MOST_PULL else -self.rng.uniform(0.0, 1.0) * MOST_PULL
+        return max(pull, 0.0) if pull < STATIC else DYNAMIC
 
     def _strike(self) -> None:
         """Something fails, or is well again."""

@@ -82,7 +82,7 @@ def test_K5_a_replay_publishes_byte_for_byte_what_the_live_run_published(live: R
     assert live.complete
     assert len(recorded) > 500
     mus = {body["mu"] for topic, body in replay(live) if topic == "slip.right"}
-    assert mus == {0.5, 0.9}, "a raise of μ under the lease is part of the run"
+    assert mus >= {0.5, 0.9}, "a raise of μ under the lease is part of the run"
     assert {topic for topic, _ in recorded} >= {"slip.left", "slip.right", "tactile.left", "warning", "status"}
 
 
