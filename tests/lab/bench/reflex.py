@@ -54,8 +54,8 @@ IDLE_NS = (7 * MS, 11 * MS)
 OUTSTANDING_NS = MS
 """So long behind a poll the danger comes, before it is answered."""
 
-SETTLE_NS = 250 * MS
-"""From one trial to the next: the pull is calm again, and the control period of the reflex is over."""
+SETTLE_NS = 500 * MS
+"""From one trial to the next: the pull is calm again, the warning has ended, and so has the period of the reflex."""
 
 PATIENCE_NS = 100 * MS
 READY_S = 20.0
