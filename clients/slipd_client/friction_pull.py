@@ -195,7 +195,7 @@ class PullWatch:
         return max(confirmed or near, key=_required)
 
     def _judge(self, peak: _Reading) -> Union[PullSample, PullRejected]:
-        """Return the sample of the pull that ended, or why it is none."""
+        """Return the sample of the pull that ended, or the reason why it gives none."""
         before = [reading for reading in self._readings if reading.t_s <= peak.t_s]
         around = [reading.normal_n for reading in self._readings if abs(reading.t_s - peak.t_s) <= SUDDEN_S]
         half = next((reading for reading in reversed(before) if _required(reading) <= 0.5 * peak.required), None)

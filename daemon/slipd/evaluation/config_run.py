@@ -84,7 +84,7 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
 
     Raises:
         ConfigError: The config has faults.
-        RecordingError: The file cannot be read, its truth is none, or an event does not fit the config.
+        RecordingError: The file cannot be read, its truth is malformed, or an event does not fit the config.
     """
     recording = open_recording(path)
     settings = None

@@ -48,7 +48,7 @@ def outline(recording: Recording) -> Outline:
     """Return how long a recording is, and what truly happened in it.
 
     Raises:
-        RecordingError: The file cannot be read, or its truth is none.
+        RecordingError: The file cannot be read, or its truth is malformed.
     """
     first_ns = last_ns = None
     told: list[tuple[int, bool, float | None]] = []

@@ -100,7 +100,7 @@ class ContactMotion:
         """Take the newest evidence of the image as true; return until when the contact counts as moving, ns.
 
         Raises:
-            ValueError: There is none.
+            ValueError: The images gave no evidence.
         """
         if self._shift is None:
             raise ValueError("a finger without images has no evidence of them")

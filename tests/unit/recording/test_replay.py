@@ -81,8 +81,8 @@ def test_K5_a_replay_publishes_byte_for_byte_what_the_live_run_published(live: R
     assert replayed == recorded
     assert live.complete
     assert len(recorded) > 500
-    mus = {body["mu"] for topic, body in replay(live) if topic == "slip.right"}
-    assert mus >= {0.5, 0.9}, "a raise of μ under the lease is part of the run"
+    mus = {(body["mu"], body["mu_source"]) for topic, body in replay(live) if topic == "slip.right"}
+    assert mus == {(0.5, "config"), (0.9, "request"), (1.0, "learned")}, "stated, raised under the lease, and carried"
     assert {topic for topic, _ in recorded} >= {"slip.left", "slip.right", "tactile.left", "warning", "status"}
 
 

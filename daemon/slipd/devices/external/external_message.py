@@ -223,7 +223,7 @@ def _pose_end(buffer: bytes, at: int) -> int:
 
 
 def _is_orientation(quat_xyzw: Sequence[float] | None) -> bool:
-    """Return whether a quaternion is as long as 1, or is none; one with a value that is not finite is marked later."""
+    """Return whether a quaternion is missing or has unit length; values that are not finite are marked later."""
     if quat_xyzw is None or not all(map(math.isfinite, quat_xyzw)):
         return True
     return abs(math.hypot(*quat_xyzw) - 1.0) < UNIT_TOLERANCE
