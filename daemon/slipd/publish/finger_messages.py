@@ -86,6 +86,8 @@ def tactile_body(finger: Finger, image: ImageChannel) -> Body:
         "rows": geometry.rows,
         "cols": geometry.cols,
         "pitch_m": geometry.pitch_m,
+        "rows_along": geometry.rows_along,
+        "cols_along": geometry.cols_along,
         "tare_id": image.tare.current.id,
         "image_ok": known,
         "image_reasons": list(image.reasons),

@@ -40,6 +40,20 @@ class PadGeometry:
         """Number of taxels."""
         return self.rows * self.cols
 
+    @property
+    def rows_along(self) -> str:
+        """Direction of the pad frame in which the row index grows: "+x", "-x", "+y" or "-y"."""
+        return self._direction(along_x=self.swap_xy)
+
+    @property
+    def cols_along(self) -> str:
+        """Direction in which the column index grows, as `rows_along`."""
+        return self._direction(along_x=not self.swap_xy)
+
+    def _direction(self, *, along_x: bool) -> str:
+        against = self.flip_x if along_x else self.flip_y
+        return ("-" if against else "+") + ("x" if along_x else "y")
+
     def positions(self) -> tuple[Array, Array]:
         """Taxel centres x, y in the pad frame, each shape (rows · cols,) in scan order, m."""
         row, col = np.divmod(np.arange(self.taxels), self.cols)

@@ -170,6 +170,7 @@ def test_tactile_has_the_load_of_every_taxel_and_the_shape_of_the_contact(finger
     assert body["area_m2"] == pytest.approx(3 * 0.004**2)
     assert body["centroid_m"] == pytest.approx([-0.004, -0.005])
     assert (body["rows"], body["cols"], body["pitch_m"]) == (4, 4, 0.004)
+    assert (body["rows_along"], body["cols_along"]) == ("+y", "+x")
 
 
 def test_loads_and_shape_of_an_unusable_image_are_nil(finger: Finger, image: Image) -> None:

@@ -39,6 +39,17 @@ def test_flips_turn_the_axes_of_the_pad_and_not_those_of_the_scan(swap: bool) ->
     assert_allclose(flipped_y, (x, -y))
 
 
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize("flip_x", [False, True])
+@pytest.mark.parametrize("flip_y", [False, True])
+def test_rows_and_columns_run_in_the_stated_directions(swap: bool, flip_x: bool, flip_y: bool) -> None:
+    pad = PadGeometry(2, 3, 0.01, 0.004, swap_xy=swap, flip_x=flip_x, flip_y=flip_y)
+    x, y = pad.positions()
+    for direction, second in ((pad.rows_along, 3), (pad.cols_along, 1)):
+        step = x[second] - x[0] if direction[1] == "x" else y[second] - y[0]
+        assert step == pytest.approx(0.01 if direction[0] == "+" else -0.01)
+
+
 @given(
     rows=st.integers(1, 12),
     cols=st.integers(1, 12),

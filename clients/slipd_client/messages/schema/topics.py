@@ -172,6 +172,10 @@ class Tactile(Message):
     rows: int = wire("rows of taxels")
     cols: int = wire("columns of taxels")
     pitch_m: float | None = wire("distance of neighbouring taxels", default=None)
+    rows_along: str | None = wire(
+        'direction of the pad\'s frame in which the row index grows: "+x", "-x", "+y" or "-y"', default=None
+    )
+    cols_along: str | None = wire("direction in which the column index grows, likewise", default=None)
     tare_id: int | None = wire("tare of the pad in use; 0 is the config's", default=None)
     image_ok: bool = wire("the image can be used; where it can not, loads and shape are nil", default=False)
     image_reasons: tuple[str, ...] = wire("why the image cannot be used, see below; empty if it can", default=())
