@@ -1,0 +1,171 @@
+"""The ROS messages of recorded runs: every value, as two other libraries decode it."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import pytest
+import replays
+from mcap.records import Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap_ros2.decoder import DecoderFactory
+from ros_peers import plain, typestore
+
+from slipd_client.messages.schema.fields import fields_of
+from slipd_client.messages.schema.topics import TOPICS
+from slipd_client.ros.conversion import TYPES, RosMessage, encode, ros_messages, schema, stamp_ns
+from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.ros.slipd_types import NAMES
+
+STORE = typestore()
+RUNS = ("demo", "requests", "papillarray", "reflex")
+PLACES = {
+    "left": {"positions": [[0.0, 0.0, 0.0, 0.0], [0.08, 0.0, 0.04, 0.0]], "quat_xyzw": [1, -1, 1, 1]},
+    "right": {"positions": [[0.02, 0, -0.01, 0], [0.08, 0, -0.04, 0]], "quat_xyzw": [-0.5, -0.5, -0.5, 0.5]},
+}
+PADS = PadFrames(PLACES)
+
+Published = list[tuple[str, dict[str, Any]]]
+Converted = list[tuple[str, dict[str, Any], RosMessage]]
+
+
+@pytest.fixture(scope="module")
+def published() -> Published:
+    """Topic and body of every message of some runs."""
+    return [message for name in RUNS for message in replays.messages(name)]
+
+
+@pytest.fixture(scope="module")
+def converted(published: Published) -> Converted:
+    """Every ROS message, with the topic and body of the message that it was made of."""
+    return [(topic, body, each) for topic, body in published for each in ros_messages(topic, body, PADS)]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two values are the same; NaN is NaN."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(value, other[key]) for key, value in one.items())
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return one == other or (one != one and other != other)
+
+
+def test_two_other_libraries_decode_every_value(converted: Converted) -> None:
+    decoders = {}
+    for name in {message.type for _, _, message in converted}:
+        text = Schema(id=1, name=TYPES[name].full_name, encoding=SchemaEncoding.ROS2, data=schema(name).encode())
+        decoders[name] = DecoderFactory().decoder_for(MessageEncoding.CDR, text)
+    for _, _, message in converted:
+        data, wanted = encode(message), message.value
+        assert same(plain(STORE.deserialize_cdr(data, TYPES[message.type].full_name), message.type), wanted)
+        decode = decoders[message.type]
+        assert decode is not None
+        assert same(plain(decode(data), message.type), wanted)
+
+
+def test_every_field_of_a_message_of_slipd_is_in_its_ros_message(converted: Converted) -> None:
+    unknown: dict[str, Any] = {"string": "unknown", "int64": -1, "int8": -1}
+    for topic, body, (_, name, value) in converted:
+        cls = TOPICS[topic.partition(".")[0]]
+        if name.partition("/")[2] != NAMES.get(cls):
+            continue
+        types = {field.name: field for field in TYPES[name].fields}
+        assert value["header"]["frame_id"] == body["frame"]
+        assert value["header"]["stamp"] == dict(zip(("sec", "nanosec"), divmod(stamp_ns(body), 10**9), strict=True))
+        for key in {field.name for field in fields_of(cls)} - {"v", "timestamp", "frame"}:
+            wire, ros, kind = body[key], value[key], types[key]
+            if wire is None and kind.length is None:
+                assert same(ros, unknown.get(kind.type, math.nan))
+            elif wire is None:
+                assert same(ros, [] if kind.length == -1 else [math.nan] * (kind.length or 0))
+            elif kind.type == "geometry_msgs/Point":
+                assert [[point["x"], point["y"]] for point in ros] == wire
+            elif kind.type == "slipd_msgs/ReflexAct":
+                assert ros == [wire]
+            elif kind.type == "slipd_msgs/LeaseStatus":
+                assert same(ros["expires_in_s"], math.nan if wire["expires_in_s"] is None else wire["expires_in_s"])
+                assert ros["held"] is wire["held"]
+            elif kind.type in ("slipd_msgs/NamedNumber", "slipd_msgs/NamedWords"):
+                assert {each["name"]: each.get("value", each.get("words")) for each in ros} == wire
+            else:
+                assert same(ros, wire)
+
+
+def test_stock_messages_carry_wrench_contact_and_image(converted: Converted) -> None:
+    seen = set()
+    for topic, body, (name, kind, value) in converted:
+        finger = topic.partition(".")[2]
+        if kind == "geometry_msgs/WrenchStamped" and body["force_n"] is not None:
+            assert name == f"/slipd/{finger}/wrench"
+            assert list(value["wrench"]["force"].values()) == body["force_n"]
+        elif kind == "geometry_msgs/PointStamped":
+            assert name == f"/slipd/{finger}/contact"
+            assert same(list(value["point"].values()), [*(body["centroid_m"] or [math.nan] * 2), value["point"]["z"]])
+        elif kind == "sensor_msgs/Image":
+            pixels = struct.unpack(f"<{body['rows'] * body['cols']}f", value["data"])
+            assert (value["height"], value["width"], value["step"]) == (body["rows"], body["cols"], 4 * body["cols"])
+            assert same(pixels, body["loads_n"] or [math.nan] * len(pixels)) or pixels == pytest.approx(body["loads_n"])
+        seen.add(kind)
+    assert len(seen) == 11
+
+
+def test_diagnostics_carry_the_health_of_every_stream_and_an_unknown_verdict_is_a_warning(converted: Converted) -> None:
+    levels = set()
+    for topic, body, (name, _, value) in converted:
+        if topic != "status":
+            continue
+        assert name == "/diagnostics"
+        entries = {entry["name"].removeprefix("slipd: "): entry for entry in value["status"]}
+        for stream, state in body["streams"].items():
+            assert entries[stream]["level"] == state["health"]
+        for finger, state in body["fingers"].items():
+            assert entries[f"finger {finger}"]["level"] == (state["level"] == "unknown")
+        levels |= {(entry["name"], entry["level"]) for entry in value["status"]}
+    assert {("slipd: gripper", 3), ("slipd: gripper", 0), ("slipd: gripper", 2), ("slipd: daemon", 0)} <= levels
+
+
+def test_a_fault_of_the_daemon_itself_is_a_warning(published: Published) -> None:
+    body = next(body for topic, body in published if topic == "status")
+    late = body | {"late_s": 0.25, "recording": {"state": "failed"}}
+    (message,) = ros_messages("status", late)
+    daemon = message.value["status"][0]
+    assert (daemon["level"], daemon["message"]) == (1, "stalled for 0.250 s; recording failed")
+
+
+@pytest.mark.parametrize(
+    ("width_m", "places"),
+    [(0.04, {"left_pad": 0.02, "right_pad": -0.02}), (0.01, {"left_pad": 0.005}), (0.09, {}), (None, {})],
+)
+def test_a_pad_has_a_transform_at_a_width_where_its_place_is_known(
+    width_m: float | None, places: dict[str, float]
+) -> None:
+    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "gripper"}
+    found = PADS.transforms(header, width_m)
+    assert {each["child_frame_id"]: each["transform"]["translation"]["y"] for each in found} == pytest.approx(places)
+    for each in found:
+        assert each["header"] == header
+        assert sum(part**2 for part in each["transform"]["rotation"].values()) == pytest.approx(1.0)
+
+
+def test_a_topic_of_a_newer_daemon_has_no_ros_message() -> None:
+    assert list(ros_messages("weather", {"timestamp": 1.0})) == []
+
+
+def test_numbers_of_the_wire_keep_one_type(published: Published) -> None:
+    """Viewers type a field by its first value."""
+    types: dict[tuple[str, str], type] = {}
+
+    def check(place: str, key: str, value: Any) -> None:
+        if isinstance(value, dict):
+            for inner, entry in value.items():
+                check(place, f"{key}.{inner}", entry)
+        elif isinstance(value, list):
+            for entry in value:
+                check(place, f"{key}[]", entry)
+        elif value is not None:
+            assert types.setdefault((place, key), type(value)) is type(value), (place, key)
+
+    for topic, body in published:
+        check(topic.partition(".")[0], "", body)
