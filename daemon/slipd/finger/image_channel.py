@@ -117,7 +117,7 @@ class ImageChannel:
         if self.three_axis and self.geometry.swap_xy:
             values = values[:, (1, 0, 2)]  # the pad is turned as a whole: its shear axes with its rows
         values = self._scale * values
-        readings = -values[:, 2] if self.three_axis else values
+        readings, shear = (-values[:, 2], values[:, :2]) if self.three_axis else (values, None)
         pressure = None
         if self._charge is not None:
             anchored = summary.agrees and not doubtful and not self.taxel_health.masks
@@ -125,7 +125,7 @@ class ImageChannel:
                 self._charge.anchor(summary.normal_n)
             values = pressure = self._charge.update(values, t_ns * 1e-9, summary.no_contact)
         free = summary.normal_n is not None and summary.no_contact and summary.normal_n > -self._least_n
-        self.taxel_health.update(readings, t_ns, free, summary.moving, pressure)
+        self.taxel_health.update(readings, t_ns, free, summary.moving, pressure, shear)
         if not doubtful and not self.zero_known:
             self._watch_for_missing_tare(values, readings, t_ns, summary)
         self._set_pressure(values, sample)

@@ -40,7 +40,12 @@ class Blocks:
         new: Number of images in which any bits changed, shape (WINDOW,).
         free: Nothing touched the pad during the block, shape (WINDOW,).
         steady: The force did not move during the block, shape (WINDOW,).
+        shear: Mean shear, shape (WINDOW, taxels, 2); 0 where the taxels measure none.
+        shear_squares: Sum of squares of its steps, both axes together.
         run: Number of new images since the taxel's bits last changed, shape (taxels,).
+
+    Many pads send each image several times. Steps are those between images that differ, or a held image would make any
+    motion look like jumps.
     """
 
     def __init__(self, taxels: int) -> None:
@@ -52,10 +57,22 @@ class Blocks:
         self.free = np.zeros(WINDOW, dtype=bool)
         self.steady = np.zeros(WINDOW, dtype=bool)
         self.run = np.zeros(taxels, dtype=np.int64)
+        self.shear = np.zeros((WINDOW, taxels, 2))
+        self.shear_squares = np.zeros((WINDOW, taxels))
         self._images = np.empty((BLOCK_IMAGES + 2, taxels))  # the first two are the last of the previous block
+        self._shears = np.zeros((BLOCK_IMAGES + 2, taxels, 2))
         self._last_ns: int | None = None
 
-    def update(self, values: Array, t_ns: int, *, free: bool, steady: bool, pressure: Array | None) -> bool:
+    def update(
+        self,
+        values: Array,
+        t_ns: int,
+        *,
+        free: bool,
+        steady: bool,
+        pressure: Array | None = None,
+        shear: Array | None = None,
+    ) -> bool:
         """Update with an image; return True if it ends a block.
 
         Args:
@@ -64,12 +81,15 @@ class Blocks:
             free: Nothing touches the pad.
             steady: The force does not move.
             pressure: Pressure, shape (taxels,), NaN if not known; None if the readings are the pressure.
+            shear: Shear, shape (taxels, 2), all finite; None where the taxels measure none.
         """
         if self._last_ns is None or not 0 <= t_ns - self._last_ns <= GAP_NS:
-            self._begin(values, t_ns)
+            self._begin(values, t_ns, shear)
         self._last_ns = t_ns
         if self._filled < len(self._images):
             self._images[self._filled] = values
+            if shear is not None:
+                self._shears[self._filled] = shear
             self._filled += 1
         self._all_free &= free
         self._all_steady &= steady
@@ -87,13 +107,20 @@ class Blocks:
         jitter: Array = np.sqrt(self.squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
         return jitter
 
+    def shear_jitter(self) -> Array:
+        """Return the same of the shear, both axes together, shape (taxels,)."""
+        jitter: Array = np.sqrt(self.shear_squares.sum(axis=0) / (2 * max(int(self.new.sum()), 1)))
+        return jitter
+
     def change_rate(self) -> Array:
         """Return the fraction of new images in which each taxel's bits changed, shape (taxels,)."""
         rate: Array = self.changes.sum(axis=0) / max(int(self.new.sum()), 1)
         return rate
 
-    def _begin(self, values: Array, t_ns: int) -> None:
+    def _begin(self, values: Array, t_ns: int, shear: Array | None) -> None:
         self._images[:2] = values
+        if shear is not None:
+            self._shears[:2] = shear
         self._filled = 2
         self._all_free = self._all_steady = True
         self._block_ns = t_ns
@@ -102,10 +129,13 @@ class Blocks:
 
     def _end_block(self, t_ns: int, pressure: Array | None) -> None:
         """Replace the oldest block by the statistics of the images since."""
-        images = self._images[: self._filled]
-        steps = np.diff(images, axis=0)
+        images, shears = self._images[: self._filled], self._shears[: self._filled]
         slot = self.count % WINDOW
         self.means[slot] = images[2:].mean(axis=0)
+        self.shear[slot] = shears[2:].mean(axis=0)
+        differs = np.append([True, True], (images[2:] != images[1:-1]).any(axis=1))
+        steps = np.diff(images[differs], axis=0)
+        self.shear_squares[slot] = np.square(np.diff(shears[differs], axis=0)[1:]).sum(axis=(0, 2))
         self.pressures[slot] = self.means[slot] if pressure is None else np.nan_to_num(pressure)
         self.least[slot] = np.abs(images[2:]).min(axis=0)
         self.squares[slot] = np.square(steps[1:]).sum(axis=0)
@@ -114,7 +144,6 @@ class Blocks:
         self.shared[slot] = (steps[1:] * rest).sum(axis=0)
         self.rest[slot] = np.square(rest).sum(axis=0)
         changed = steps[1:] != 0.0
-        changed = changed[changed.any(axis=1)]  # an image that repeats the one before shows nothing
         self.new[slot] = len(changed)
         self.changes[slot] = changed.sum(axis=0)
         if len(changed):
@@ -122,6 +151,6 @@ class Blocks:
             self.run = np.where(self.changes[slot] > 0, since, self.run + len(changed))
         self.free[slot], self.steady[slot] = self._all_free, self._all_steady
         self.count += 1
-        self._images[:2] = images[-2:]
+        self._images[:2], self._shears[:2] = images[differs][-2:], shears[differs][-2:]
         self._filled, self._block_ns = 2, t_ns
         self._all_free = self._all_steady = True

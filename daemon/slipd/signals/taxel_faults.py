@@ -5,7 +5,7 @@ good or neither:
 
 * still: it rests while all its neighbours move together, as they do when the load changes. Taxels at the edge of a
   contact have resting neighbours, and those on a pivot line neighbours that move in opposite directions: neither is
-  rated.
+  rated. A three-axis taxel whose shear moves like its neighbours' is not still: one sensor measures all its axes.
 * frozen: its bits stay the same for longer than chance allows while its neighbours' bits keep changing.
 * hot: it is high while nothing touches the pad, or far above loaded neighbours, or it jitters alone.
 * saturated: it is at full scale.
@@ -74,6 +74,9 @@ EXPLAINED = 0.2
 """A jitter that the pad's common jitter explains to more than this fraction is that of the force."""
 JUMPY_BLOCKS = 3
 """Blocks of the window that must have such a jitter: a single one may be a step, such as a tare."""
+KNOCK_BLOCKS, BESIDE_KNOCK = 2, 0.1
+"""A knock goes up and down within two images, which are two blocks at 10 images a second: the other blocks must have
+this share of the jitter. Noise that lasts has less in one rating of seventy, with one image per block."""
 SATURATED = 0.97
 """Fraction of full scale from which a taxel is saturated: taxels with different offsets stop a little apart."""
 SATURATED_BLOCKS = 2
@@ -120,7 +123,7 @@ class TaxelFaults:
         row, col = np.divmod(np.arange(taxels), cols)
         self._inner_rows = (row > 0) & (row < rows - 1)
         self._inner_cols = (col > 0) & (col < cols - 1)
-        self._noise = self._spread = math.inf
+        self._noise = self._shear_noise = self._spread = math.inf
         self._peak = 0.0
         self._active = self._pressed = threshold
         self._noisy_rest = False
@@ -140,6 +143,7 @@ class TaxelFaults:
         jitter = self._blocks.jitter()
         floor = float(np.partition(jitter, jitter.size // 4)[jitter.size // 4])
         self._noise = _lowest(self._noise, floor)
+        self._shear_noise = _lowest(self._shear_noise, float(self._blocks.shear_jitter().min()))
         mean = self._blocks.means[self._blocks.last(1)[0]]
         self._peak *= 1.0 - 1.0 / PEAK_TIMES
         self._peak = max(self._peak, float(np.where(masked, 0.0, mean).max()))
@@ -176,19 +180,28 @@ class TaxelFaults:
 
         moves, judged = surroundings(believed)
         plateau = near_span.min(axis=1, where=self._within, initial=math.inf) >= PLATEAU * span.max()
-        bad = judged & (span <= STILL * moves) & (plateau | ~self._corner)
-        well = judged & (span >= MOVING * moves)
+        sheared = self._sheared(believed)
+        bad = judged & (span <= STILL * moves) & (plateau | ~self._corner) & ~sheared
+        well = judged & ((span >= MOVING * moves) | sheared)
         rests = span <= np.maximum(self._threshold, ABOVE_NOISE * jitter)
         for inner, beside, axis in ((self._inner_rows, _OTHER_ROWS, 1), (self._inner_cols, _OTHER_COLS, 0)):
             if self._lines(rests & inner, axis).any():
                 use = np.zeros_like(believed)
                 use[:, beside] = believed[:, beside]
                 moves, judged = surroundings(use)
-                still = judged & inner & (span <= STILL * moves)
+                still = judged & inner & (span <= STILL * moves) & ~sheared
                 bad |= self._lines(still | rests, axis) & self._several(still, axis)
             if self._masked.any():
                 well |= self._lines(well | self._masked, axis) & self._several(well, axis)
         return bad, well
+
+    def _sheared(self, believed: Mask) -> Mask:
+        """Return the taxels whose shear moves beyond the pad's noise, and not much less than their neighbours'."""
+        span = np.hypot(*np.ptp(self._blocks.shear, axis=0).T)
+        near = np.append(span, 0.0)[self._around]
+        usual = np.einsum("tk,tk->t", near, believed) / np.maximum(believed.sum(axis=1), 1)
+        moves: Mask = span > np.maximum(ABOVE_NOISE * self._shear_noise, STILL * usual)
+        return moves
 
     def _lines(self, which: Mask, axis: int) -> Mask:
         """Return the taxels in lines in which all taxels are set."""
@@ -242,8 +255,10 @@ class TaxelFaults:
         usual = np.take_along_axis(near, np.minimum(count // 2, near.shape[1] - 1), axis=1)[:, 0]
         blocks = self._blocks.squares > 2 * self._active**2 * np.maximum(self._blocks.new, 1)[:, None]
         alone: Mask = (jitter > np.maximum(self._active, ALONE * usual)) & (blocks.sum(axis=0) >= JUMPY_BLOCKS)
-        alone &= self._blocks.rough.sum(axis=0) > ROUGH * self._blocks.squares.sum(axis=0)
-        power = self._blocks.squares.sum(axis=0) * self._blocks.rest.sum(axis=0)
+        squares = self._blocks.squares.sum(axis=0)
+        alone &= np.sort(self._blocks.squares, axis=0)[:-KNOCK_BLOCKS].sum(axis=0) > BESIDE_KNOCK * squares
+        alone &= self._blocks.rough.sum(axis=0) > ROUGH * squares
+        power = squares * self._blocks.rest.sum(axis=0)
         alone &= np.square(self._blocks.shared.sum(axis=0)) < EXPLAINED * power
         if self._blocks.free.all():
             return alone

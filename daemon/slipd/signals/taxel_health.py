@@ -82,6 +82,7 @@ class TaxelHealth:
         known_free: bool | None,
         force_moving: bool | None,
         pressure: Array | None = None,
+        shear: Array | None = None,
     ) -> None:
         """Update with an image; ignore it if a reading is not finite.
 
@@ -92,16 +93,17 @@ class TaxelHealth:
             force_moving: The normal force of the force sensor moves beyond its noise; None without a force sensor.
             pressure: Result of the charge reconstruction, shape (taxels,), NaN if not known; None if the readings are
                 the pressure.
+            shear: Shear of three-axis taxels after tare and scale, shape (taxels, 2); None where they measure none.
 
         Raises:
             ValueError: The shape is wrong.
         """
         if values.shape != self.masked.shape:
             raise ValueError(f"an image must have shape {self.masked.shape}, got {values.shape}")
-        if not math.isfinite(float(np.dot(values, values))):
+        if not math.isfinite(float(np.dot(values, values)) + (0.0 if shear is None else float(np.vdot(shear, shear)))):
             return
         free, steady = known_free is True, force_moving is False
-        ended = self._blocks.update(values, t_ns, free=free, steady=steady, pressure=pressure)
+        ended = self._blocks.update(values, t_ns, free=free, steady=steady, pressure=pressure, shear=shear)
         if ended and self._blocks.count >= WINDOW and self._blocks.count % JUDGED_BLOCKS == 0:
             bad, well = self._faults.judge(self.masked)
             self._well = np.where(bad, 0, self._well + well)

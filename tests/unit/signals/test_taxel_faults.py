@@ -165,17 +165,14 @@ def test_T1_a_point_that_trembles_alone_under_a_moving_force_is_a_contact() -> N
 
 
 def test_T1_no_taxel_of_a_real_pad_is_masked_in_a_real_grip() -> None:
-    tares = tomllib.loads(GRIPS_TOML.read_text(encoding="utf-8"))["finger"]
-    with (TRIAL / "robot_state.csv").open(encoding="utf-8") as file:
-        times_ns = [round(float(row["time"]) * 1e9) for row in csv.DictReader(file)]
     for finger, sensor in (("left", 1), ("right", 2)):
-        readings = np.loadtxt(TRIAL / f"xela_sensor{sensor}.csv", delimiter=",", skiprows=1)[:, 2:48:3]
-        readings -= np.array(tares[finger]["pad"]["tare"])[2::3]
+        times_ns, taxels = real_pad(finger, sensor)
         for known in (True, False):
             health = TaxelHealth(4, 4, full_scale=28_000.0)
-            for t_ns, image in zip(times_ns, readings, strict=True):
-                free = bool(image.sum() < 500.0)
-                health.update(image, t_ns, free if known else None, not free if known else None)
+            for t_ns, image in zip(times_ns, taxels, strict=True):
+                free = bool(image[:, 2].sum() < 500.0)
+                shear = image[:, :2] if known else None
+                health.update(image[:, 2], int(t_ns), free if known else None, not free if known else None, shear=shear)
                 assert not health.masked.any()
 
 
@@ -216,3 +213,42 @@ def test_T1_a_corner_that_is_silent_beside_a_rounded_contact_is_well() -> None:
     images = counts(swing(t_s), CONTACTS["a box with a corner left out"], np.random.default_rng(16))
     images[images < 100.0] = 0.0
     assert feed(watch(), images, 30.0, swing(t_s)) == []
+
+
+def test_T1_a_taxel_in_a_hole_of_a_contact_is_well_where_its_shear_moves_and_dead_where_it_does_not() -> None:
+    t_s = np.arange(0.0, 4.0, 1 / 40)
+    rng = np.random.default_rng(18)
+    images = counts(swing(t_s), WIDE, rng)
+    images[:, 70] = np.rint(NOISE * rng.normal(size=len(t_s)))
+    shears = 0.2 * images[:, :, None] * np.array([0.6, 0.8])
+    for shear_counts, told in ((60.0, []), (0.0, [70])):
+        shears[:, 70] = shear_counts * np.sin(2.0 * np.pi * t_s)[:, None] + NOISE * rng.normal(size=(len(t_s), 2))
+        health = watch()
+        for t, image, shear in zip(t_s, N_PER_COUNT * images, N_PER_COUNT * shears, strict=True):
+            health.update(image, round(t * 1e9), False, True, shear=shear)
+        assert health.report()["dead"] == told
+
+
+@pytest.mark.parametrize("fault", ["dead", "stuck where it was", "garbage"])
+def test_T1_a_taxel_of_a_real_pad_that_is_lost_in_a_real_grip_is_masked(fault: str) -> None:
+    """All axes of a taxel are lost together. The drop moves the load; images repeat as recorded."""
+    times_ns, taxels = real_pad("right", 2)
+    for lost in (5, 6, 9):
+        images, later = taxels.copy(), times_ns - times_ns[0] > 1_000_000_000
+        images[later, lost] = FAULTS[fault](images[later, lost], np.random.default_rng(lost))
+        repeats = np.flatnonzero((taxels[1:] == taxels[:-1]).all(axis=(1, 2))) + 1
+        for k in repeats:
+            images[k] = images[k - 1]
+        health = TaxelHealth(4, 4)
+        for t_ns, image in zip(times_ns, images, strict=True):
+            health.update(image[:, 2], int(t_ns), None, None, shear=image[:, :2])
+        assert np.flatnonzero(health.masked).tolist() == [lost]
+
+
+def real_pad(finger: str, sensor: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times of a real trial, ns, and the counts of one pad in it, shape (images, taxels, 3)."""
+    tare = tomllib.loads(GRIPS_TOML.read_text(encoding="utf-8"))["finger"][finger]["pad"]["tare"]
+    with (TRIAL / "robot_state.csv").open(encoding="utf-8") as file:
+        times_ns = np.array([round(float(row["time"]) * 1e9) for row in csv.DictReader(file)])
+    counted = np.loadtxt(TRIAL / f"xela_sensor{sensor}.csv", delimiter=",", skiprows=1)
+    return times_ns, (counted - tare).reshape(-1, 16, 3)
