@@ -34,6 +34,14 @@ def utilisation(body: dict[str, Any]) -> str:
     return UNKNOWN
 
 
+def bounds(body: dict[str, Any]) -> str:
+    """Return both bounds of the utilisation where they differ visibly, else ""."""
+    lower, upper = number(body.get("utilisation_lower")), number(body.get("utilisation_upper"))
+    if lower is None or upper is None or f"{lower:.2f}" == f"{upper:.2f}":
+        return ""
+    return f"{lower:.2f} to {upper:.2f}"
+
+
 def margin(body: dict[str, Any]) -> str:
     """Return the utilisation λ; where it is not known, the relative utilisation λr if that is."""
     if relative_alone(body):
@@ -87,6 +95,16 @@ def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
     """Return a number, or the length of a vector, with its unit."""
     magnitude = _magnitude(body.get(field))
     return UNKNOWN if magnitude is None else f"{magnitude:.{digits}f} {unit}".rstrip()
+
+
+def place(body: dict[str, Any], field: str, name: str) -> str:
+    """Return a point of the pad in millimetres after its name; "" where it is not known."""
+    point = body.get(field)
+    numbers = [number(each) for each in point] if isinstance(point, list) else []
+    if len(numbers) != 2 or numbers[0] is None or numbers[1] is None:
+        return ""
+    x_mm, y_mm = (f"{1000.0 * each:.1f}" for each in numbers if each is not None)
+    return f"{name} {x_mm}, {y_mm} mm"
 
 
 def number(value: Any) -> float | None:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Message", "Subscriber", "SubscriberBase"]
 
+_DRAINED = 5000
+"""Most messages that one call of `Subscriber.newest` takes, however fast they arrive."""
+
 
 class SubscriberBase:
     """What the blocking and the asyncio subscriber share: the connection and the order of the messages.
@@ -80,6 +83,20 @@ class Subscriber(SubscriberBase):
     def receive(self, timeout_s: float | None = None) -> Message | None:
         """Wait for the next message; None when none came within ``timeout_s`` (None waits for ever)."""
         return self._receive(None if timeout_s is None else time.monotonic() + timeout_s)
+
+    def newest(self) -> list[Message]:
+        """Return the newest message of each topic that has arrived and was not yet received; never waits.
+
+        For a display: what it has no time to show is not decoded. The next message of its topic counts it as missed.
+        """
+        arrived: dict[bytes, list[bytes]] = {}
+        for _ in range(_DRAINED):
+            if (frames := self._link.take()) is None:
+                break
+            arrived.pop(frames[0], None)  # in the order of their newest messages
+            arrived[frames[0]] = frames
+        accepted = (self._tracker.accept(frames) for frames in arrived.values())
+        return [message for message in accepted if message is not None]
 
     def __iter__(self) -> Iterator[Message]:
         """Iterate over every message from now on.

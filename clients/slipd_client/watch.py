@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import shutil
 import sys
 import time
+from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from slipd_client.errors import Silence, hint_for
-from slipd_client.live_view import UNCUT, LiveView, change_line
+from slipd_client.live_view import UNCUT, LiveView, Terminal, change_line
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.subscriber import Message, Subscriber
+from slipd_client.terminal_screen import TerminalScreen
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
 TOPICS = ("slip", GRIPPER_TOPIC, WARNING_TOPIC, STATUS_TOPIC)
-"""What is drawn; forces and pad images arrive faster than anyone can read."""
+"""What is printed as lines."""
+
+DRAWN_TOPICS = (*TOPICS, "tactile")
+"""What is drawn on a terminal."""
 
 FIRST_S = 3.0
 """How long to wait for the first message: the daemon publishes ``status`` every second."""
@@ -29,6 +34,9 @@ GATHER_S = 0.8
 REDRAW_S = 0.1
 LINE_S = 1.0
 
+DEFAULT_SIZE = os.terminal_size((80, 24))
+"""Of a serial console, which reports 0."""
+
 
 def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once: bool) -> None:
     """Show messages on standard output until interrupted, or only the last of each topic with ``once``.
@@ -37,7 +45,8 @@ def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once
         Silence: No message came within ``FIRST_S``.
         CallError: ``endpoint`` is not a ZeroMQ endpoint.
     """
-    with Subscriber(endpoint, ("",) if as_json else TOPICS, keys=keys, silence_s=None) as subscriber:
+    topics = ("",) if as_json else DRAWN_TOPICS if _is_screen(sys.stdout) else TOPICS
+    with Subscriber(endpoint, topics, keys=keys, silence_s=None) as subscriber:
         first = subscriber.receive(FIRST_S)
         if first is None:
             unreadable = f"; {subscriber.bad} unreadable, the last: {subscriber.bad_reason}" if subscriber.bad else ""
@@ -76,8 +85,8 @@ def _show_once(newest: dict[str, Message], as_json: bool) -> None:
 
 
 def print_view(view: LiveView) -> None:
-    """Print a view once, cut to the width of the terminal where standard output is one."""
-    for line in view.render(_size(sys.stdout).columns, _colour(sys.stdout)):
+    """Print a view once, as wide as the terminal where standard output is one."""
+    for line in view.render(_terminal(sys.stdout, _size(sys.stdout).columns, UNCUT)):
         print(line)
 
 
@@ -97,35 +106,56 @@ def _json_line(message: Message) -> str:
 
 
 def _follow(subscriber: Subscriber, first: Message) -> None:
-    display = Display()
-    message: Message | None = first
-    while True:
-        if message is not None:
-            if not display.redraws:
-                _print_gaps(message)
-            display.add(message)
-        display.refresh(subscriber.age_s or 0.0)
-        message = subscriber.receive(display.wait_s())
+    with Display() as display:
+        display.add(first)
+        while True:
+            display.refresh(subscriber.age_s or 0.0)
+            if display.redraws:
+                time.sleep(display.wait_s())
+                for message in subscriber.newest():
+                    display.add(message)
+            elif (one := subscriber.receive(display.wait_s())) is not None:
+                _print_gaps(one)
+                display.add(one)
 
 
 class Display:
     """The live view on standard output: redrawn in place on a terminal, else a line per change and one per second.
+
+    Use it in a ``with`` statement: its end gives the terminal back, with the last view below what was there before.
 
     Attributes:
         redraws: Standard output is a terminal with a movable cursor.
     """
 
     def __init__(self) -> None:
-        self.redraws = sys.stdout.isatty() and not _dumb()
+        self.redraws = _is_screen(sys.stdout)
         self._view = LiveView()
-        self._drawn = 0
         self._period_s = REDRAW_S if self.redraws else LINE_S
         self._due_s = time.monotonic()
+        self._screen = TerminalScreen(sys.stdout) if self.redraws else None
+        self._silent_s = 0.0
+
+    def __enter__(self) -> Display:
+        if self._screen is not None:
+            self._screen.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._screen is None:
+            return
+        self._screen.__exit__(kind, error, trace)
+        with contextlib.suppress(OSError):  # the terminal is gone
+            for line in self._lines():
+                print(line)
+            sys.stdout.flush()
 
     def add(self, message: Message) -> None:
         """Add a message; without a terminal a change of level is printed at once."""
         if message.topic == WARNING_TOPIC and not self.redraws:
-            print(change_line(message.raw), flush=True)
+            print(change_line(message.raw, ascii_only=_ascii_only(sys.stdout)), flush=True)
         self._view.update(message.topic, message.raw)
 
     def wait_s(self) -> float:
@@ -137,14 +167,16 @@ class Display:
         if time.monotonic() < self._due_s:
             return
         self._due_s = time.monotonic() + self._period_s
-        if self.redraws:
-            size = _size(sys.stdout)
-            lines = self._view.render(size.columns, _colour(sys.stdout), silent_s, size.lines - 1)
-            back = f"\x1b[{self._drawn}F" if self._drawn else ""
-            print(back + "\x1b[J" + "\n".join(lines), flush=True)
-            self._drawn = len(lines)
+        self._silent_s = silent_s
+        if self._screen is not None:
+            self._screen.draw(self._lines(), _size(sys.stdout))
+        elif silent_s > LINE_S:
+            print(f"no message for {silent_s:.1f} s", flush=True)
         else:
-            print(f"no message for {silent_s:.1f} s" if silent_s > LINE_S else self._view.summary(), flush=True)
+            print(self._view.summary(ascii_only=_ascii_only(sys.stdout)), flush=True)
+
+    def _lines(self) -> list[str]:
+        return self._view.render(_terminal(sys.stdout, *_size(sys.stdout)), self._silent_s)
 
 
 def _print_gaps(message: Message) -> None:
@@ -154,15 +186,34 @@ def _print_gaps(message: Message) -> None:
         print(f"slipctl: {message.missed} messages of {message.topic} were missed", file=sys.stderr)
 
 
+def _is_screen(stream: TextIO) -> bool:
+    """Return whether a stream is a terminal with a movable cursor."""
+    return stream.isatty() and not _dumb()
+
+
+def _terminal(stream: TextIO, columns: int, lines: int) -> Terminal:
+    colour = _is_screen(stream) and not os.environ.get("NO_COLOR")
+    return Terminal(columns, lines, colour, _ascii_only(stream))
+
+
 def _size(stream: TextIO) -> os.terminal_size:
+    """Return the size of a terminal; any other stream has room for everything."""
     if not stream.isatty():
         return os.terminal_size((UNCUT, UNCUT))
-    size = shutil.get_terminal_size()
-    return os.terminal_size((size.columns or 80, size.lines or 24))  # a serial console reports 0
+    size = os.get_terminal_size(stream.fileno())
+    return size if size.columns and size.lines else DEFAULT_SIZE
 
 
-def _colour(stream: TextIO) -> bool:
-    return stream.isatty() and not os.environ.get("NO_COLOR") and not _dumb()
+def _ascii_only(stream: TextIO) -> bool:
+    """Return whether a stream can take ASCII only: it is not UTF-8, or the locale is not.
+
+    Where LANG is C or missing, Python itself sets LC_CTYPE to C.UTF-8; that says nothing of the terminal.
+    """
+    if stream.encoding.lower().replace("-", "") != "utf8":
+        return True
+    by_hand = os.environ.get("LC_CTYPE", "").replace("C.UTF-8", "")
+    locale = os.environ.get("LC_ALL") or by_hand or os.environ.get("LANG") or "C"
+    return "utf8" not in locale.lower().replace("-", "")
 
 
 def _dumb() -> bool:

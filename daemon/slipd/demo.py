@@ -16,7 +16,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -164,10 +164,9 @@ def _watch(
 ) -> Tally:
     """Receive every message until the robot program ends, the time is over, or Ctrl-C."""
     tally = Tally()
-    display = None if headless else Display()
     until_s = None if seconds is None else time.monotonic() + seconds
     try:
-        with Subscriber(publish, ("",)) as subscriber:
+        with Subscriber(publish, ("",)) as subscriber, nullcontext() if headless else Display() as display:
             while daemon.poll() is None and (program.is_alive() if until_s is None else time.monotonic() < until_s):
                 message = subscriber.receive(LISTEN_S)
                 if message is not None:

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipd_client.live_view import LEVEL_COLOURS, LiveView, change_line
+from slipd_client.live_view import LiveView, Terminal, change_line
 from slipd_client.live_view_format import clock_time
+from slipd_client.live_view_lines import LEVEL_COLOURS
 from slipd_client.messages import LEVELS
 
 SLIP: dict[str, Any] = {
@@ -58,12 +59,12 @@ def drawn(width: int = 200, silent_s: float = 0.0, **bodies: dict[str, Any]) -> 
     view = LiveView()
     for topic, body in bodies.items():
         view.update(topic.replace("_", "."), body)
-    return "\n".join(view.render(width, colour=False, silent_s=silent_s))
+    return "\n".join(view.render(Terminal(width), silent_s))
 
 
 def test_a_finger_shows_level_utilisation_forces_and_reasons() -> None:
     text = drawn(slip_left=SLIP)
-    assert re.search(r"left +WARNING +λ +0\.50 █{10}▒{5}·{5} ", text)
+    assert re.search(r"left +WARNING +λ +0\.50 +█{10}▒{5}·{5} +0\.50 to 0\.75 ", text)
     for part in ("normal 10.12 N", "tangential 3.50 N", "spin 0.0123 N·m", "mu 0.60", "needs 14.2 N"):
         assert part in text
     assert text.endswith("rotation, tipping")
@@ -99,9 +100,9 @@ def test_without_a_coefficient_the_relative_utilisation_is_shown() -> None:
     }
     grown = {"required_friction": 0.306, "carried_friction": 0.36, "relative_utilisation": 0.85}
     text = drawn(slip_left=SLIP | unknown | grown)
-    assert re.search(r"left +WARNING +λr +0\.85 ▒{17}·{3} ", text)
+    assert re.search(r"left +WARNING +λr +0\.85 +▒{17}·{3} ", text)
     assert "mu – none  requires 0.31 of 0.36 carried  needs 14.2 N" in text
-    assert re.search(r"λ +– ·{20} .* mu – none  needs", drawn(slip_left=SLIP | unknown)), "nothing carried yet"
+    assert re.search(r"λ +– +·{20} .* mu – none  needs", drawn(slip_left=SLIP | unknown)), "nothing carried yet"
 
 
 def test_the_source_of_the_coefficient_is_shown() -> None:
@@ -113,7 +114,7 @@ def test_the_source_of_the_coefficient_is_shown() -> None:
 def test_the_evidence_of_motion_is_shown_after_the_reasons() -> None:
     moving = {"reasons": ["no_mu"], "evidence": ["load_drop", "width"]}
     assert drawn(slip_left=SLIP | moving).endswith("no_mu  moves by load_drop, width")
-    assert drawn(slip_left=SLIP | moving | {"reasons": []}).endswith("          moves by load_drop, width")
+    assert drawn(slip_left=SLIP | moving | {"reasons": []}).endswith("\n          moves by load_drop, width")
     assert change_line(SLIP | moving | {"previous": "stable"}).endswith("(no_mu; moves by load_drop, width)")
 
 
@@ -122,7 +123,7 @@ def test_the_named_object_is_shown() -> None:
 
 
 def test_a_utilisation_beyond_one_fills_the_bar_and_no_more() -> None:
-    assert "█" * 20 + "  normal" in drawn(slip_left=SLIP | {"utilisation": 7.0, "utilisation_upper": 9.0})
+    assert "█" * 20 + "  0.50 to 9.00  normal" in drawn(slip_left=SLIP | {"utilisation": 7.0, "utilisation_upper": 9.0})
 
 
 def test_an_empty_daemon_is_all_dashes() -> None:
@@ -182,7 +183,7 @@ def test_every_level_has_a_colour_of_its_own() -> None:
 def test_the_level_is_drawn_in_its_colour(level: str) -> None:
     view = LiveView()
     view.update("slip.left", SLIP | {"level": level})
-    assert f"\x1b[{LEVEL_COLOURS[level]}m{level.upper()}" in view.render(200, colour=True)[1]
+    assert f"\x1b[{LEVEL_COLOURS[level]}m{level.upper()}" in view.render(Terminal(200, colour=True))[1]
 
 
 @given(st.integers(0, 120))
@@ -190,7 +191,7 @@ def test_no_line_is_wider_than_the_terminal_in_either_mode(width: int) -> None:
     view = LiveView()
     for topic, body in (("slip.left", SLIP), ("status", STATUS), ("gripper", GRIPPER)):
         view.update(topic, body)
-    plain, coloured = view.render(width, colour=False), view.render(width, colour=True)
+    plain, coloured = view.render(Terminal(width)), view.render(Terminal(width, colour=True))
     stripped = [re.sub(r"\x1b\[[0-9;]*m", "", line).rstrip() for line in coloured]
     assert stripped == plain
     assert max(map(len, plain)) <= width
@@ -206,7 +207,7 @@ def test_a_text_of_the_daemon_cannot_steer_the_terminal() -> None:
     view = LiveView()
     for topic, body in bodies.items():
         view.update(topic, body)
-    assert all(line.isprintable() for line in [*view.render(500, colour=False), view.summary()])
+    assert all(line.isprintable() for line in [*view.render(Terminal(500)), view.summary()])
     assert change_line(SLIP | {"previous": hostile, "finger": hostile}).isprintable()
 
 
@@ -216,7 +217,7 @@ def test_a_finger_that_the_daemon_no_longer_has_vanishes() -> None:
         view.update(f"slip.{finger}", SLIP | {"finger": finger, "boot": "one"})
     view.update("gripper", GRIPPER | {"boot": "one"})
     view.update("status", STATUS | {"boot": "one", "gripper": None})
-    text = "\n".join(view.render(200, colour=False))
+    text = "\n".join(view.render(Terminal(200)))
     assert "thumb" not in text
     assert "thumb" not in view.summary()
     assert re.search("^left", text, re.MULTILINE)
@@ -229,7 +230,7 @@ def test_what_another_run_of_the_daemon_said_vanishes() -> None:
     view.update("slip.thumb", SLIP | {"boot": "one"})
     view.update("gripper", GRIPPER | {"boot": "one"})
     view.update("slip.left", SLIP | {"boot": "two"})
-    text = "\n".join(view.render(200, colour=False))
+    text = "\n".join(view.render(Terminal(200)))
     assert "thumb" not in text
     assert "gripper" not in text
     assert "left" in text
@@ -251,7 +252,7 @@ def test_the_reason_of_a_fault_is_never_cut(width: int) -> None:
     view = LiveView()
     for topic, body in bodies.items():
         view.update(topic, body)
-    lines = view.render(width, colour=False)
+    lines = view.render(Terminal(width))
     assert max(map(len, lines)) <= width
     shown = re.sub(r"\s+", "", "".join(lines))
     for reason in (
@@ -267,11 +268,14 @@ def test_a_low_terminal_shows_the_streams_that_are_not_well() -> None:
     view = LiveView()
     view.update("slip.left", SLIP)
     view.update("status", STATUS | {"streams": streams | ill})
-    lines = view.render(80, colour=False, height=24)
+    lines = view.render(Terminal(80, 24))
     assert len(lines) <= 24
-    assert "29 streams without a fault are not shown" in lines[-1]
+    assert lines[-1] == "left out in 80 x 24: age and counters of 29 streams without a fault"
+    assert "f29.wrench 998 Hz" in "\n".join(lines)
+    lines = view.render(Terminal(80, 12))
+    assert lines[-1] == "left out in 80 x 12: 29 streams without a fault"
     assert re.sub(r"\s+", "", LONG) in re.sub(r"\s+", "", "".join(lines))
-    assert len(view.render(80, colour=False)) > 30
+    assert len(view.render(Terminal(80))) > 30
 
 
 @pytest.mark.parametrize(
@@ -311,9 +315,125 @@ def test_forces_without_calibration_are_not_shown_as_newtons() -> None:
     body = SLIP | {"force_unit": "uncalibrated"}
     view = LiveView()
     view.update("slip.left", body)
-    text = view.render(200, colour=False)[1]
+    text = view.render(Terminal(200))[1]
     assert "normal 10.12  tangential 3.50  spin 0.0123  mu 0.60  needs 14.2" in text
     assert view.summary().endswith("λ 0.50 10.12")
+
+
+PAD: dict[str, Any] = {
+    "finger": "left",
+    "rows": 8,
+    "cols": 16,
+    "pitch_m": 0.0032,
+    "image_ok": True,
+    "loads_n": [0.0] * 64 + [0.5] * 64,
+}
+RIG: dict[str, dict[str, Any]] = {
+    "slip.left": SLIP | {"centroid_m": [0.0, 0.0064], "pole_m": [0.004, 0.2]},
+    "slip.right": SLIP | {"finger": "right", "level": "slipping", "evidence": ["load_drop"]},
+    "tactile.left": PAD,
+    "tactile.right": PAD | {"finger": "right"},
+    "gripper": GRIPPER,
+    "status": STATUS
+    | {
+        "streams": {
+            f"{f}.{s}": STREAM | {"health": 0, "message": ""} for f in ("left", "right") for s in ("wrench", "pad")
+        }
+    },
+}
+
+
+def rig(terminal: Terminal, silent_s: float = 0.0, **more: dict[str, Any]) -> list[str]:
+    view = LiveView()
+    for topic, body in (RIG | {key.replace("_", "."): body for key, body in more.items()}).items():
+        view.update(topic, body)
+    return view.render(terminal, silent_s)
+
+
+def test_two_fingers_with_their_pads_and_the_gripper_fit_in_80_x_24() -> None:
+    lines = rig(Terminal(80, 24))
+    assert len(lines) <= 24
+    assert sum("█" * 15 in line for line in lines) == 8, "the loaded half of both pads, two columns a taxel"
+    text = "\n".join(lines)
+    for part in (
+        "WARNING",
+        "SLIPPING",
+        "0.50 to 0.75",
+        "rotation, tipping  moves by load_drop",
+        "normal 10.12 N",
+        "width",
+    ):
+        assert part in text
+    assert "centroid + 0.0, 6.4 mm  pole o 4.0, 200.0 mm" in text
+    assert "largest taxel 0.5" in text
+    assert lines[-1].startswith("left out in 80 x 24: age and counters of 4 streams")
+
+
+def test_a_narrow_terminal_gets_smaller_pads_and_every_fact() -> None:
+    lines = rig(Terminal(60, 20))
+    assert len(lines) <= 20
+    assert sum("█" * 7 in line and "█" * 17 not in line for line in lines if line[0] == "█") == 4
+    for part in ("normal 10.12 N", "tangential 3.50 N", "spin 0.0123 N·m", "mu 0.60", "needs 14.2 N", "pole o"):
+        assert part in "\n".join(lines)
+    assert lines[-2] == "left out in 60 x 20: age and counters of 4 streams without a"
+
+
+def test_a_large_terminal_gets_larger_pads_and_leaves_nothing_out() -> None:
+    lines = rig(Terminal(200, 60))
+    assert sum("█" * 31 in line for line in lines) == 16
+    assert not any(line.startswith("left out") for line in lines)
+    assert sum("reconnects 2" in line for line in lines) == 4
+
+
+@pytest.mark.parametrize(
+    ("columns", "lines", "left_out"),
+    [
+        (50, 30, "pad of left, pad of right"),
+        (80, 14, "pad of left, pad of right, age and counters of 4 streams"),
+        (80, 13, "pad of left, pad of right, 4 streams without a fault"),
+        (80, 8, "pad of left, pad of right, forces, 4 streams without a fault"),
+    ],
+)
+def test_what_does_not_fit_is_named(columns: int, lines: int, left_out: str) -> None:
+    drawn_lines = rig(Terminal(columns, lines))
+    assert len(drawn_lines) <= lines
+    assert left_out in " ".join(drawn_lines[-2:])
+    assert "WARNING" in drawn_lines[1]
+    assert any("SLIPPING" in line for line in drawn_lines), "levels stay to the last"
+
+
+def test_lines_that_do_not_fit_at_all_are_counted() -> None:
+    assert rig(Terminal(60, 3))[-1] == "9 more lines do not fit in 60 x 3"
+
+
+def test_a_silent_daemon_has_no_pads() -> None:
+    assert not any("█" * 16 in line for line in rig(Terminal(80, 24), silent_s=5.0))
+
+
+def test_a_pad_without_a_usable_image_is_not_drawn() -> None:
+    lines = rig(Terminal(80, 24), tactile_left=PAD | {"image_ok": False, "image_reasons": ["stale"], "loads_n": None})
+    assert sum("█" * 32 in line for line in lines) == 4, "of the other pad"
+    assert "no image: stale" in "\n".join(lines)
+
+
+@given(st.integers(1, 120), st.integers(1, 60), st.booleans(), st.booleans())
+def test_the_view_never_exceeds_the_terminal(columns: int, lines: int, colour: bool, ascii_only: bool) -> None:
+    drawn_lines = [re.sub(r"\x1b\[[0-9;]*m", "", line) for line in rig(Terminal(columns, lines, colour, ascii_only))]
+    assert len(drawn_lines) <= lines
+    assert max(map(len, drawn_lines)) <= columns
+    assert not ascii_only or "".join(drawn_lines).isascii()
+
+
+def test_in_ascii_every_character_is_spelled() -> None:
+    text = "\n".join(
+        rig(Terminal(80, 24, ascii_only=True), status=STATUS | {"object_name": "Teekanne µ", "streams": {}})
+    )
+    assert text.isascii()
+    for part in ("load  0.50  ##########=====.....", "spin 0.0123 N.m", "object Teekanne ?"):
+        assert part in text
+    assert change_line(SLIP | {"previous": "stable"}, ascii_only=True).endswith(
+        "left stable -> warning  (rotation, tipping)"
+    )
 
 
 anything = st.recursive(
@@ -324,16 +444,26 @@ anything = st.recursive(
 
 
 @given(
-    st.sampled_from([("slip.left", SLIP), ("status", STATUS), ("gripper", GRIPPER), ("status", {"streams": {"a": 1}})]),
+    st.sampled_from(
+        [
+            ("slip.left", RIG["slip.left"]),
+            ("tactile.left", PAD),
+            ("status", STATUS),
+            ("gripper", GRIPPER),
+            ("status", {"streams": {"a": 1}}),
+        ]
+    ),
     st.data(),
 )
 def test_a_field_of_any_kind_can_be_drawn(message: tuple[str, dict[str, Any]], data: st.DataObject) -> None:
     topic, body = message
     changed = body | {data.draw(st.sampled_from(sorted(body))): data.draw(anything)}
     view = LiveView()
+    view.update("slip.left", RIG["slip.left"])
+    view.update("tactile.left", PAD)
     view.update("status", STATUS | {"streams": {"left.wrench": STREAM | {"health": data.draw(anything)}}})
     view.update(topic, changed)
-    assert view.render(80, colour=True)
+    assert view.render(Terminal(80, colour=True))
     assert view.summary()
     assert change_line(changed)
 

@@ -1,10 +1,7 @@
 from __future__ import annotations
 
 import json
-import os
-import pty
 import re
-import select
 import signal
 import subprocess
 import threading
@@ -21,9 +18,9 @@ from slipd_client.watch import watch
 if TYPE_CHECKING:
     from conftest import Publisher
 
-Start = Callable[..., "subprocess.Popen[str]"]
-
 PATIENCE_S = 20.0
+
+Start = Callable[..., "subprocess.Popen[str]"]
 
 
 @pytest.fixture
@@ -147,66 +144,3 @@ def test_a_closed_output_pipe_is_not_an_error(publisher: Publisher, slipctl: Sta
         time.sleep(0.01)
     assert process.stderr is not None
     assert (process.returncode, process.stderr.read()) == (0, "")
-
-
-def test_a_dumb_terminal_gets_lines_without_escape_sequences(publisher: Publisher, slipctl: Start) -> None:
-    master, slave = pty.openpty()
-    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"} | {"TERM": "dumb"}
-    process = slipctl("--publish", publisher.endpoint, "watch", stdout=slave, env=environment)
-    os.close(slave)
-    for _ in module.TOPICS:
-        publisher.wait_for_subscriber()
-    shown = ""
-    until = time.monotonic() + PATIENCE_S
-    for seq in range(1, 10_000):
-        publisher.send("slip.left", seq, level="caution")
-        if select.select([master], [], [], 0.05)[0]:
-            shown += os.read(master, 65536).decode()
-        if shown.count("left caution") >= 2 or time.monotonic() > until:
-            break
-    process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE_S) == 0
-    os.close(master)
-    assert shown.count("left caution") >= 2
-    assert "\x1b" not in shown
-
-
-def test_a_dumb_terminal_gets_no_colours_of_a_view(publisher: Publisher, slipctl: Start) -> None:
-    master, slave = pty.openpty()
-    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"} | {"TERM": "dumb"}
-    process = slipctl("--publish", publisher.endpoint, "watch", "--once", stdout=slave, env=environment)
-    os.close(slave)
-    publisher.wait_for_subscriber()
-    publisher.send("slip.left", 1, level="caution")
-    assert process.wait(PATIENCE_S) == 0
-    shown = os.read(master, 65536).decode()
-    os.close(master)
-    assert "CAUTION" in shown
-    assert "\x1b" not in shown
-
-
-def test_on_a_terminal_it_draws_over_itself_in_colour(publisher: Publisher, slipctl: Start) -> None:
-    master, slave = pty.openpty()
-    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
-    process = slipctl("--publish", publisher.endpoint, "watch", stdout=slave, env=environment)
-    os.close(slave)
-    for _ in module.TOPICS:
-        publisher.wait_for_subscriber()
-    shown = ""
-    seq = 0
-    until = time.monotonic() + PATIENCE_S
-    os.set_blocking(master, False)
-    while shown.count("CAUTION") < 3 and time.monotonic() < until:
-        seq += 1
-        publisher.send("slip.left", seq, level="caution")
-        time.sleep(0.01)
-        try:
-            shown += os.read(master, 65536).decode()
-        except BlockingIOError:
-            continue
-    process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE_S) == 0
-    os.close(master)
-    assert shown.count("\x1b[33mCAUTION") >= 3
-    assert re.search(r"\x1b\[2F\x1b\[J", shown), "the second drawing goes back over the two lines of the first"
-    assert seq > 2 * shown.count("CAUTION"), "not every message is drawn"
