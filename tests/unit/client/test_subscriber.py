@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -40,6 +41,27 @@ def test_only_the_chosen_topics_are_heard(publisher: Publisher) -> None:
         publisher.send("slip.left", 1)
         publisher.send("warning", 1)
         assert heard(subscriber).topic == "warning"
+
+
+def test_a_display_gets_the_newest_message_of_each_topic(publisher: Publisher) -> None:
+    with Subscriber(publisher.endpoint, ["slip", "gripper", "warning"]) as subscriber:
+        assert subscriber.newest() == []
+        publisher.wait_for_subscriber()
+        publisher.send("warning", 0)
+        heard(subscriber)
+        for topic, seq in (("slip.left", 1), ("slip.right", 1), ("slip.left", 2), ("slip.left", 5), ("warning", 1)):
+            publisher.send(topic, seq)
+        publisher.send_frames(b"gripper", b"\xc1 no message")
+        found: dict[str, Message] = {}
+        until = time.monotonic() + PATIENCE_S
+        while "warning" not in found and time.monotonic() < until:
+            found |= {message.topic: message for message in subscriber.newest()}
+        assert {topic: message.seq for topic, message in found.items()} == {
+            "slip.right": 1,
+            "slip.left": 5,
+            "warning": 1,
+        }
+        assert subscriber.newest() == []
 
 
 def test_a_gap_is_told_on_the_topic_that_has_it(publisher: Publisher) -> None:
