@@ -1,13 +1,10 @@
-"""The command ``slipd``: run, demo, check, replay, evaluate, identify, import. Each command imports what it needs."""
+"""The command ``slipd``: run, demo, check, replay, evaluate, export, identify, import. Each imports what it needs."""
 
 from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
-import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,6 +96,22 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--out", type=Path, metavar="FOLDER", help="draw the levels over time into levels.svg there")
     evaluate.add_argument("--json", action="store_true", help="print all figures as one JSON list")
     evaluate.set_defaults(command=_evaluate)
+
+    export = _add_command(commands, "export", "write the messages of a recording as files for other programs")
+    export.epilog = (
+        "The recording is replayed, so the messages are those of this version of slipd. docs/viewers.md says which "
+        "program opens what. Exit code 1: nothing is written, or the recording is damaged and the export ends there."
+    )
+    export.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
+    export.add_argument("out", type=Path, metavar="OUT", help="new folder (ros2, csv) or file (json-mcap)")
+    export.add_argument(
+        "--to",
+        choices=("ros2", "json-mcap", "csv"),
+        required=True,
+        help="ros2: a bag (ROS, Foxglove, PlotJuggler); json-mcap: JSON (Foxglove); csv: one file for each topic",
+    )
+    export.add_argument("--overwrite", action="store_true", help="replace an earlier export")
+    export.set_defaults(command=_export)
 
     identify = _add_command(
         commands, "identify", "find mass and centre of mass of a finger from a recording of several poses"
@@ -201,21 +214,10 @@ def _reflex_text(rig: Config) -> str:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from slipd.recording.reader import open_recording
-    from slipd.recording.replay import replay
+    from slipd.replay_command import replay_command
 
-    recording = open_recording(arguments.file)
-    messages = replay(recording, speed=arguments.speed)
-    if arguments.publish:
-        asyncio.run(_publish(messages, recording.config_text, str(arguments.file), as_json=arguments.json))
-    else:
-        for topic, body in messages:
-            _print_message(topic, body, as_json=arguments.json)
-    if recording.complete:
-        return DONE
-    lost = f"{recording.lost} entries were lost while recording" if recording.lost else "the end is missing"
-    print(f"slipd: the recording is incomplete: {recording.fault or f'{arguments.file}: {lost}'}", file=sys.stderr)
-    return FAULT
+    whole = replay_command(arguments.file, arguments.speed, as_json=arguments.json, publish=arguments.publish)
+    return DONE if whole else FAULT
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
@@ -225,33 +227,11 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     return DONE if whole else FAULT
 
 
-async def _publish(messages: Iterator[tuple[str, dict[str, Any]]], text: str, file: str, *, as_json: bool) -> None:
-    """Publish a replay; the loop serves subscribers while a thread waits between messages."""
-    from slipd import config
-    from slipd.bus.publisher import Publisher
-    from slipd.bus.runtime_directory import RuntimeDirectory
-    from slipd_client.messages import encode
-    from slipd_client.paths import publish_endpoint, runtime_dir
+def _export(arguments: argparse.Namespace) -> int:
+    from slipd.export.export_command import export
 
-    endpoint = config.parse(text, file).bus.publish
-    with contextlib.ExitStack() as stack:
-        if endpoint is None:
-            stack.enter_context(RuntimeDirectory(runtime_dir()))
-        publisher = stack.enter_context(Publisher(endpoint or publish_endpoint()))
-        print(f"publish: {publisher.endpoint}", file=sys.stderr if as_json else sys.stdout, flush=True)
-        while (message := await asyncio.to_thread(next, messages, None)) is not None:
-            publisher.publish(message[0], encode(message[1]))
-            _print_message(*message, as_json=as_json)
-
-
-def _print_message(topic: str, body: dict[str, Any], *, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps({"topic": topic} | body, ensure_ascii=False, allow_nan=False))
-    elif topic == "warning":
-        reasons = ", ".join(body["reasons"]) or "none"
-        if body["evidence"]:
-            reasons += f"; moves by {', '.join(body['evidence'])}"
-        print(f"{body['t_ns'] * 1e-9:12.3f} s  {body['finger']}: {body['previous']} → {body['level']} ({reasons})")
+    whole = export(arguments.file, arguments.out, arguments.to, overwrite=arguments.overwrite)
+    return DONE if whole else FAULT
 
 
 def _import_grips(arguments: argparse.Namespace) -> int:

@@ -93,7 +93,7 @@ def _encoder(name: str) -> CdrEncoder:
 
 
 def stamp_ns(body: Body) -> int:
-    """Return when the readings of a message were acquired, ns since 1970; within 0.3 µs, the step of ``timestamp``."""
+    """Return when the readings of a message were acquired, ns since 1970, within 0.5 µs (steps of a float)."""
     seconds: float = body["timestamp"]
     return round(seconds * 1e9)
 

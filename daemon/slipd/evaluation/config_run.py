@@ -97,9 +97,7 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
     except RecordingError as error:
         raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
     run.spans = {source: [span.shifted(-begin_s) for span in of_source] for source, of_source in spans.items()}
-    if not recording.complete:
-        lost = f"{recording.lost} entries were lost while recording" if recording.lost else "the end is missing"
-        run.fault = recording.fault or f"{path}: {lost}"
+    run.fault = recording.gap
     return run
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,10 +14,9 @@ from slipd.evaluation.evaluate import Evaluation, NamedConfig, evaluate, short_n
 from slipd.evaluation.evaluation_table import as_map, comparisons, table
 from slipd.evaluation.level_picture import picture
 from slipd.evaluation.result_cache import ResultCache, cache_folder
+from slipd.progress import Progress
 
 PICTURE = "levels.svg"
-ERASE = "\r\x1b[K"
-"""Erases the line of a terminal."""
 
 
 def evaluate_command(recordings: Sequence[Path], configs: Sequence[Path], out: Path | None, *, as_json: bool) -> bool:
@@ -40,7 +38,7 @@ def evaluate_command(recordings: Sequence[Path], configs: Sequence[Path], out: P
     named = _named(list(dict.fromkeys(configs)))
     if out is not None:
         _make(out)
-    progress = Progress()
+    progress = Progress(lambda done, of: f"{done} of {of} runs")
     try:
         found = evaluate(recordings, named, ResultCache(cache_folder()), progress.show)
     finally:
@@ -56,35 +54,6 @@ def evaluate_command(recordings: Sequence[Path], configs: Sequence[Path], out: P
     for fault in faults:
         print(f"slipd: {fault}", file=sys.stderr)
     return not faults
-
-
-class Progress:
-    """One line on a terminal with the number of runs that are done; nothing where the output is no terminal.
-
-    A library for this would be one more dependency of the daemon's package, for twenty lines.
-    """
-
-    def __init__(self) -> None:
-        self._begun_s: float | None = None
-        self._at_begin = 0
-
-    def show(self, done: int, of: int) -> None:
-        """Show that ``done`` of ``of`` runs are done."""
-        if not sys.stderr.isatty():
-            return
-        if self._begun_s is None:
-            self._begun_s, self._at_begin = time.monotonic(), done
-        text = f"{done} of {of} runs"
-        if self._at_begin < done < of:
-            left_s = (time.monotonic() - self._begun_s) / (done - self._at_begin) * (of - done)
-            text += f", about {left_s:.0f} s left"
-        bar = "█" * round(30 * done / max(of, 1))
-        print(f"{ERASE}{bar:·<30} {text}", end="", file=sys.stderr, flush=True)
-
-    def erase(self) -> None:
-        """Erase the line."""
-        if self._begun_s is not None:
-            print(ERASE, end="", file=sys.stderr, flush=True)
 
 
 def _named(paths: list[Path]) -> list[NamedConfig]:

@@ -76,6 +76,8 @@ class Recording:
         closed: Whether the file was closed in good order, by its last bytes.
         fault: Why a pass ended early; None if no pass did.
         lost: Number of entries that a pass found missing, as far as it can tell.
+        size_bytes: Size of the file when the present pass began; 0 before the first.
+        read_bytes: How much of it that pass has read.
     """
 
     path: Path
@@ -86,11 +88,21 @@ class Recording:
     closed: bool
     fault: str | None = None
     lost: int = 0
+    size_bytes: int = 0
+    read_bytes: int = 0
 
     @property
     def complete(self) -> bool:
         """Whether nothing is missing; faults within the file are known only after a pass."""
         return self.closed and self.fault is None and self.lost == 0
+
+    @property
+    def gap(self) -> str:
+        """What is missing, for people, after a pass; "" where nothing is."""
+        if self.complete:
+            return ""
+        lost = f"{self.lost} entries were lost while recording" if self.lost else "the end is missing"
+        return self.fault or f"{self.path}: {lost}"
 
     def events(self) -> Iterator[tuple[int, Event]]:
         """Yield ``(t_ns, event)`` of every event, in the order in which they entered the engine."""
@@ -109,8 +121,9 @@ class Recording:
         walk = _Walk(self.wall_minus_monotonic_ns)
         try:
             with open_mcap(self.path) as file:
-                walk.file_bytes = os.fstat(file.fileno()).st_size
+                self.size_bytes = walk.file_bytes = os.fstat(file.fileno()).st_size
                 for record in data_records(file):
+                    self.read_bytes = file.tell()
                     yield from walk.entries(record)
             if walk.entry_count is None:
                 walk.fault = "ends without an end record"

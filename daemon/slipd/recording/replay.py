@@ -75,13 +75,24 @@ def replay(
         ValueError: The speed is not a finite number above 0.
     """
     pace = None if speed is None else Pace(speed, sleep)
+    return ((topic, body) for _, topic, body in _run(_engine(recording, settings), recording, pace))
+
+
+def replay_dated(recording: Recording, settings: Config | None = None) -> Iterator[tuple[int, str, dict[str, Any]]]:
+    """Yield ``(t_ns, topic, body)`` of every message, as fast as possible; arguments and errors are those of `replay`.
+
+    ``t_ns`` is when the message was published, CLOCK_MONOTONIC of the recorded run.
+    """
+    return _run(_engine(recording, settings), recording, None)
+
+
+def _engine(recording: Recording, settings: Config | None) -> Engine:
     if settings is None:
         settings = config.parse(recording.config_text, f"{recording.path}: config")
-    engine = Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
-    return _run(engine, recording, pace)
+    return Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
 
 
-def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tuple[str, dict[str, Any]]]:
+def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tuple[int, str, dict[str, Any]]]:
     links = engine.links
     for t_ns, event in recording.events():
         if isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link not in links:
@@ -92,4 +103,4 @@ def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tu
             pace.wait_until(t_ns)
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):
-                yield output.topic, output.body
+                yield t_ns, output.topic, output.body

@@ -21,8 +21,8 @@ from slipd_client.messages.schema.topics import TOPICS
 OTHER_FORMATS = {"devices", "sim", "recording", "config"}
 """Rooms with formats of their own: bytes of devices, emulators of devices, recordings, config files."""
 
-CLIENTS = {"cli.py", "demo.py", "evaluation"}
-"""Programs and a room that read messages, as every client does."""
+CLIENTS = {"replay_command.py", "demo.py", "evaluation", "export"}
+"""Programs and rooms that read messages, as every client does."""
 
 READERS = {"requests", "bus"}
 """Rooms that read requests."""

@@ -1,0 +1,80 @@
+"""The command ``slipd export``: a recording, replayed, as files that other programs open."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from slipd import config
+from slipd.config import Config
+from slipd.errors import SlipdError
+from slipd.export.csv_files import CsvFiles
+from slipd.export.draft import draft
+from slipd.export.json_mcap import JsonMcap
+from slipd.export.message_files import MessageFiles
+from slipd.export.ros2_bag import Ros2Bag
+from slipd.progress import Progress
+from slipd.recording.reader import Recording, open_recording
+from slipd.recording.replay import replay_dated
+from slipd_client.ros.pad_frames import PadFrames
+
+Create = Callable[[Path, Config], MessageFiles]
+
+FORMATS: dict[str, tuple[str, Create]] = {
+    "ros2": (".mcap", lambda path, settings: Ros2Bag(path, _pads(settings))),
+    "json-mcap": (".mcap", lambda path, _: JsonMcap(path)),
+    "csv": (".csv", lambda path, _: CsvFiles(path)),
+}
+"""Ending of the files of each format, and what writes them."""
+
+
+def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
+    """Write the messages that a recording gives with today's slipd.
+
+    Args:
+        path: The recording.
+        out: The file or folder to create.
+        to: One of `FORMATS`.
+        overwrite: Replace an earlier export.
+
+    Returns:
+        Whether the recording is complete; if not, the export ends where the recording does.
+
+    Raises:
+        ConfigError: The recorded config has faults (for this version of slipd).
+        SlipdError: The recording cannot be read or holds no message, or ``out`` cannot be written.
+    """
+    recording = open_recording(path)
+    settings = config.parse(recording.config_text, f"{path}: config")
+    kind, create = FORMATS[to]
+    progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
+    try:
+        with draft(out, kind, overwrite=overwrite) as written, contextlib.closing(create(written, settings)) as files:
+            count = _write(recording, settings, files, progress.show)
+            if not count:
+                raise SlipdError(recording.fault or f"{path}: holds no event that causes a message")
+            files.finish()
+    finally:
+        progress.erase()
+    print(f"{out}: written, {count} messages of slipd")
+    if not recording.complete:
+        print(f"slipd: the export is incomplete: {recording.gap}", file=sys.stderr)
+    return recording.complete
+
+
+def _write(recording: Recording, settings: Config, files: MessageFiles, progress: Callable[[int, int], None]) -> int:
+    """Write every message; return their number."""
+    count = 0
+    for t_ns, topic, body in replay_dated(recording, settings):
+        files.write(t_ns + recording.wall_minus_monotonic_ns, topic, body)
+        count += 1
+        progress(recording.read_bytes, recording.size_bytes)
+    return count
+
+
+def _pads(settings: Config) -> PadFrames | None:
+    if settings.grasp is None:
+        return None
+    return PadFrames({finger: pad.model_dump() for finger, pad in settings.grasp.pads.items()})

@@ -1,0 +1,34 @@
+"""One recorded run, with what the engine publishes for it, and its exports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from replays import RECORDINGS
+
+from slipd.export.export_command import export
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay_dated
+
+Dated = list[tuple[int, str, dict[str, Any]]]
+
+RUN = RECORDINGS / "demo.mcap"
+
+
+@pytest.fixture(scope="session")
+def dated() -> Dated:
+    """Time of publication (ns since 1970), topic and body of every message."""
+    recording = open_recording(RUN)
+    offset_ns = recording.wall_minus_monotonic_ns
+    return [(t_ns + offset_ns, topic, body) for t_ns, topic, body in replay_dated(recording)]
+
+
+@pytest.fixture(scope="session")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Export of the run in each format."""
+    folder = tmp_path_factory.mktemp("exports")
+    for to in ("ros2", "json-mcap", "csv"):
+        assert export(RUN, folder / to, to, overwrite=False)
+    return {to: folder / to for to in ("ros2", "json-mcap", "csv")}

@@ -1,0 +1,98 @@
+"""The command as a person calls it: results, refusals, damaged recordings."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from replays import RECORDINGS
+
+from slipd import cli
+from slipd.export.export_command import FORMATS
+from slipd.recording.mcap_file import RecordingFile
+
+RUN = RECORDINGS / "demo.mcap"
+
+
+def export(*arguments: Path | str) -> int:
+    return cli.main(["export", *map(str, arguments)])
+
+
+def names(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir()]
+
+
+@pytest.mark.parametrize("to", ["ros2", "json-mcap", "csv"])
+def test_an_export_that_exists_is_refused_unless_it_may_be_overwritten(
+    to: str, tmp_path: Path, exported: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    copy = shutil.copytree if exported[to].is_dir() else shutil.copy
+    copy(exported[to], out)
+    assert export(RUN, out, "--to", to) == 1
+    assert capsys.readouterr().err == f"slipd: {out}: exists already; give a new name, or --overwrite\n"
+    assert export(RUN, out, "--to", to, "--overwrite") == 0
+    assert capsys.readouterr().out == f"{out}: written, 515 messages of slipd\n"
+    assert names(tmp_path) == ["out"]
+
+
+def test_a_truncated_recording_is_exported_up_to_its_end_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    half = tmp_path / "half.mcap"
+    half.write_bytes(RUN.read_bytes()[: RUN.stat().st_size * 3 // 4])
+    assert export(half, tmp_path / "out", "--to", "csv") == 1
+    shown = capsys.readouterr()
+    assert shown.out.startswith(f"{tmp_path / 'out'}: written, ")
+    assert shown.err.startswith(f"slipd: the export is incomplete: {half}: was cut off in the record at byte ")
+    assert (tmp_path / "out" / "slip.left.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "error"),
+    [
+        (None, "cannot be opened: No such file or directory"),
+        (b"", "is empty: the writer ended before it wrote anything"),
+        (b"time,force\n1,2\n", "not an MCAP file, and so not a recording of slipd"),
+        (b"json-mcap", "an MCAP file, but not a recording of slipd"),
+        (b"start", "is cut off or damaged before its config, so nothing can be read"),
+    ],
+)
+def test_what_is_no_recording_is_refused_and_nothing_is_written(
+    content: bytes | None, error: str, tmp_path: Path, exported: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "run.mcap"
+    if content == b"json-mcap":
+        shutil.copy(exported["json-mcap"], file)
+    elif content == b"start":
+        file.write_bytes(RUN.read_bytes()[:200])
+    elif content is not None:
+        file.write_bytes(content)
+    assert export(file, tmp_path / "out", "--to", "ros2") == 1
+    assert f"{file}: {error}" in capsys.readouterr().err or content == b"start"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_recording_without_an_event_is_refused(tmp_path: Path, rig: str, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "empty.mcap"
+    recording = RecordingFile(file, config_text=rig, boot="b", wall_minus_monotonic_ns=0)
+    recording.finish(0)
+    recording.close()
+    assert export(file, tmp_path / "out", "--to", "ros2") == 1
+    assert capsys.readouterr().err == f"slipd: {file}: holds no event that causes a message\n"
+    assert names(tmp_path) == ["empty.mcap"]
+
+
+def test_a_rig_without_a_grasp_has_no_transforms(tmp_path: Path) -> None:
+    run = RUN.with_name("netft.mcap")
+    assert export(run, tmp_path / "out", "--to", "ros2") == 0
+    assert "/tf" not in (tmp_path / "out" / "metadata.yaml").read_text()
+
+
+def test_the_parser_knows_every_format(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        export("a", "b", "--to", "xlsx")
+    error = capsys.readouterr().err
+    for to in FORMATS:
+        assert f"'{to}'" in error

@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from slipd.progress import Progress
+
+
+@contextmanager
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    ours, theirs = os.openpty()
+    try:
+        with os.fdopen(theirs, "w", encoding="utf-8") as stream:
+            monkeypatch.setattr("sys.stderr", stream)
+            yield ours
+    finally:
+        os.close(ours)
+
+
+def test_a_terminal_shows_the_share_and_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 0.05, 2.0, 3.0])
+    with terminal(monkeypatch) as shown:
+        progress = Progress(lambda done, of: f"{done} of {of}", now=lambda: next(clock))
+        for done in (0, 1, 10, 40):
+            progress.show(done, 40)
+        progress.erase()
+        lines = os.read(shown, 4000).decode().split("\r\x1b[K")[1:]
+    assert lines == [
+        "·" * 30 + " 0 of 40",
+        "█" * 8 + "·" * 22 + " 10 of 40, about 6 s left",
+        "█" * 30 + " 40 of 40",
+        "",
+    ]
+
+
+def test_a_file_gets_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    progress = Progress(lambda done, of: f"{done} of {of}")
+    progress.show(1, 2)
+    progress.erase()
+    assert capfd.readouterr().err == ""
