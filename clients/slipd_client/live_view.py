@@ -198,11 +198,10 @@ class LiveView:
             return
         status = self._newest.get(STATUS_TOPIC, {})
         lease = either(self._status("lease").get("held"), "held", "free")
-        facts = [
-            f"up {quantity(status, 'uptime_s', 's', 0)}",
-            f"config {plain(status.get('config_id'))}",
-            f"lease {lease}",
-        ]
+        facts = [f"up {quantity(status, 'uptime_s', 's', 0)}"]
+        if "config_id" in status:  # the topic has it, and the reply to a request does not
+            facts.append(f"config {plain(status['config_id'])}")
+        facts.append(f"lease {lease}")
         if named := status.get("object_name"):
             facts.append(f"object {plain(named)}")
         sheet.facts([(f"slipd {plain(status.get('version'))}", "1")], [(fact, "") for fact in facts])

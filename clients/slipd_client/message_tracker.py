@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 
 from slipd_client.errors import CallError, MessageError, Silence, check_seconds, hint_for
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.reader import read, typed_message
-from slipd_client.messages.schema.topics import Message
+from slipd_client.messages.schema.topics import TOPICS, TOPICS_OF_FINGERS, Message
 
 SILENCE_S = 3.0
 """The daemon publishes ``status`` once a second: after so long without a message it is gone or cut off."""
@@ -30,13 +31,16 @@ class MessageTracker:
         prefixes: Beginnings of the topics to subscribe to.
 
     Raises:
-        CallError: ``topics`` is not a sequence of strings, or ``silence_s`` is not a positive time.
+        CallError: ``topics`` is not a sequence of strings, one of them begins no topic, or ``silence_s`` is not a
+            positive time.
     """
 
     def __init__(self, topics: Sequence[str], silence_s: float | None) -> None:
         strings = isinstance(topics, Sequence) and all(isinstance(each, str) for each in topics)
         if not strings or isinstance(topics, str):
             raise CallError(f'topics must be a sequence of strings, e.g. ("slip",), got {topics!r:.60}')
+        for each in topics:
+            _check_beginning(each)
         if silence_s is not None:
             check_seconds("silence_s", silence_s, SILENCE_S)
         self.silence_s = silence_s
@@ -94,3 +98,19 @@ class MessageTracker:
         wanted = topic.startswith(self._topics)
         self._restart_pending = message.restarted and not wanted
         return message if wanted else None
+
+
+def _check_beginning(beginning: str) -> None:
+    """Do nothing for the beginning of a topic; the name of its finger is not checked.
+
+    Raises:
+        CallError: No topic begins like that, so that nothing would ever arrive.
+    """
+    word, dot, finger = beginning.partition(".")
+    if dot:
+        known = word in TOPICS_OF_FINGERS and re.fullmatch("[a-z0-9]{0,32}", finger) is not None
+    else:
+        known = any(topic.startswith(word) for topic in TOPICS)
+    if not known:
+        names = ", ".join(f"{topic}.FINGER" if topic in TOPICS_OF_FINGERS else topic for topic in TOPICS)
+        raise CallError(f'topics must be beginnings of {names}, or "" for everything, got {beginning!r:.60}')

@@ -11,6 +11,7 @@ from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages import STATUS_TOPIC
 from slipd_client.messages.schema.replies import Reply, StatusReply
+from slipd_client.slipctl_parser import PATIENCE_S, SAMPLES
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -18,10 +19,13 @@ def run(chosen: argparse.Namespace) -> None:
 
     Raises:
         ClientError: The daemon refused, or did not answer.
-        CallError: An endpoint is wrong, or one of ``--key`` and ``--server-key`` is missing.
+        CallError: An endpoint is wrong, or options do not go together.
         KeyFileError: A key file cannot be used or created.
     """
     command: str = chosen.command
+    measures = command == "friction" and chosen.mu_s is None
+    if command == "friction" and not measures and (chosen.samples, chosen.patience) != (None, None):
+        raise CallError("--samples and --patience are for measuring; with MU_S the friction is set, not measured")
     if command.startswith("keys "):
         keys_command.run(chosen)
     elif command == "watch":
@@ -34,7 +38,7 @@ def run(chosen: argparse.Namespace) -> None:
                 _print_status(client.status(), chosen.json)
             elif command.startswith("grip "):
                 _grip(client, chosen)
-            elif command == "friction" and chosen.mu_s is None:
+            elif measures:
                 _measure_friction(client, chosen)
             else:
                 _print_result(_request(client, chosen))
@@ -45,7 +49,9 @@ def _measure_friction(client: GripClient, chosen: argparse.Namespace) -> None:
     from slipd_client.subscriber import Subscriber
 
     guide = friction_guide.FrictionGuide(
-        friction_guide.check(client.status, chosen.finger), chosen.samples, chosen.patience
+        friction_guide.check(client.status, chosen.finger),
+        SAMPLES if chosen.samples is None else chosen.samples,
+        PATIENCE_S if chosen.patience is None else chosen.patience,
     )
     with Subscriber(chosen.publish, guide.topics, keys=_keys(chosen)) as subscriber:
         guide.run(subscriber)

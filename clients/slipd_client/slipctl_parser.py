@@ -18,6 +18,10 @@ from slipd_client.paths import publish_endpoint, requests_endpoint
 Add = Callable[[str, str], argparse.ArgumentParser]
 """Adds a command, given its name and help text."""
 
+SAMPLES = 3
+PATIENCE_S = 60.0
+"""Of ``slipctl friction`` where nothing else is given."""
+
 _METAVARS = {"seconds": "S", "width_m": "M", "speed_mps": "MPS"}
 """Of options; a positional argument has the name of its field."""
 
@@ -93,12 +97,11 @@ def _friction(friction: argparse.ArgumentParser) -> None:
         "--samples",
         type=int,
         choices=range(1, MOST_SAMPLES + 1),
-        default=3,
         metavar="N",
-        help=f"pulls that must agree, 1 to {MOST_SAMPLES} (default: %(default)s)",
+        help=f"pulls that must agree, 1 to {MOST_SAMPLES} (default: {SAMPLES})",
     )
     friction.add_argument(
-        "--patience", type=_seconds, default=60.0, metavar="S", help="how long to wait for each pull (default: 60)"
+        "--patience", type=_seconds, metavar="S", help=f"how long to wait for each pull (default: {PATIENCE_S:g})"
     )
 
 
@@ -181,7 +184,8 @@ def _help(field: Field) -> str:
         )
         if part
     )
-    return _escaped(f"{field.meaning} ({facts})" if facts else field.meaning).replace("`", "")
+    meaning = field.meaning.partition("; nil")[0]  # nobody types nil
+    return _escaped(f"{meaning} ({facts})" if facts else meaning).replace("`", "")
 
 
 def _escaped(text: str) -> str:

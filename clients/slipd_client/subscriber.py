@@ -28,14 +28,15 @@ class SubscriberBase:
 
     Args:
         endpoint: Where the daemon publishes; its default endpoint when None.
-        topics: Beginnings of the topics to receive: ``slip`` is every finger's verdict, "" is everything.
+        topics: Beginnings of the topics to receive: ``slip`` is every finger's verdict, ``slip.left`` that of one, ""
+            is everything, also what a newer daemon adds.
         keys: Keys of this client, for a daemon across a network; None on this machine.
         silence_s: Iteration raises Silence after so long without any message; None waits for ever. The daemon's
             ``status`` counts whatever the topics are, so that a quiet topic is not mistaken for a dead daemon.
 
     Raises:
-        CallError: ``endpoint`` is not a ZeroMQ endpoint, ``topics`` is not a sequence of strings, or
-            ``silence_s`` is not a positive time.
+        CallError: ``endpoint`` is not a ZeroMQ endpoint, ``topics`` is not a sequence of strings, one of them begins
+            no topic that this client knows, or ``silence_s`` is not a positive time.
     """
 
     def __init__(

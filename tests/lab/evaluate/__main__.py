@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m evaluate", description="Score slipd's warnings.")
     parser.add_argument("--quick", action="store_true", help="one compact table from development seeds")
     parser.add_argument("--families", default="", metavar="A,B", help="names, or parts of them (default: all)")
-    parser.add_argument("--seeds", type=int, metavar="N", help="grasps of each family")
+    parser.add_argument("--seeds", type=count, metavar="N", help="grasps of each family")
     parser.add_argument("--first", type=int, default=0, metavar="K", help="first seed")
     parser.add_argument(
         "--factors", type=factors, default=QUICK_FACTORS, metavar="F,F", help=f"default {QUICK_FACTORS}"
@@ -68,11 +68,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--extra", default="", metavar="TEXT", help="more tables of the config")
     parser.add_argument("--finger", default="", metavar="TEXT", help="more lines of [finger.left]")
     parser.add_argument("--runs", action="store_true", help="also every run with a fault")
-    parser.add_argument("--methods", type=int, default=METHOD_SEEDS, metavar="N", help="grasps for methods (report)")
-    parser.add_argument("--loops", type=int, default=LOOP_SEEDS, metavar="N", help="grasps with the reflex (report)")
+    parser.add_argument("--methods", type=count, default=METHOD_SEEDS, metavar="N", help="grasps for methods (report)")
+    parser.add_argument("--loops", type=count, default=LOOP_SEEDS, metavar="N", help="grasps with the reflex (report)")
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="no new grasps after (report)")
     parser.add_argument("--into", type=Path, default=DOCS, metavar="FOLDER", help="folder of the report (docs)")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default 1; report: 2)")
+    parser.add_argument("--workers", type=count, metavar="N", help="processes (default 1; report: 2)")
     options = parser.parse_args(argv)
     if not options.quick:
         return report(options)
@@ -113,6 +113,13 @@ def report(options: argparse.Namespace) -> int:
     examples_picture.save(options.into / "warning_quality_grasps.png", EXAMPLE_SEED)
     page.write(options.into / "warning_quality.md", page.page(header, campaign, found, options.methods, loop))
     return 0
+
+
+def count(text: str) -> int:
+    """Return the number in a text, 1 or more."""
+    if not text.isdecimal() or not int(text):
+        raise argparse.ArgumentTypeError(f"must be a whole number from 1 on, got {text!r}")
+    return int(text)
 
 
 def factors(text: str) -> list[float | None]:

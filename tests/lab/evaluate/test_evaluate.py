@@ -142,6 +142,9 @@ def test_what_cannot_be_run_is_refused(capsys: pytest.CaptureFixture[str]) -> No
     with pytest.raises(SystemExit, match="2"):
         program.main(["--quick", "--factors", "0.8,much"])
     assert "invalid factors value: '0.8,much'" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        program.main(["--quick", "--seeds", "0"])
+    assert "argument --seeds: must be a whole number from 1 on, got '0'" in capsys.readouterr().err
 
 
 def test_families_are_chosen_by_parts_of_their_names() -> None:

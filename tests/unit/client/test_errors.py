@@ -98,6 +98,21 @@ def test_topics_that_are_no_strings_are_a_wrong_call(topics: object) -> None:
         Subscriber("ipc:///tmp/none", topics=topics)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("topic", ["slips", "slip.Left", "sli.left", "warning.left", "status.", "Slip", "slip left"])
+def test_a_topic_that_does_not_exist_is_a_wrong_call(topic: str) -> None:
+    with pytest.raises(CallError) as caught:
+        Subscriber("ipc:///tmp/none", topics=("slip", topic))
+    assert str(caught.value) == (
+        "topics must be beginnings of slip.FINGER, warning, wrench.FINGER, tactile.FINGER, grasp, gripper, status, "
+        f'or "" for everything, got {topic!r}'
+    )
+
+
+@pytest.mark.parametrize("topic", ["", "s", "slip", "slip.", "slip.left", "tactile.f2", "grasp"])
+def test_a_beginning_of_a_topic_can_be_subscribed_to(topic: str, tmp_path: Path) -> None:
+    Subscriber(f"ipc://{tmp_path}/none", topics=(topic,)).close()
+
+
 def test_an_endpoint_of_another_type_is_a_wrong_call() -> None:
     with pytest.raises(CallError, match=r"^endpoint must be of the form .*, got 3"):
         GripClient(3)  # type: ignore[arg-type]

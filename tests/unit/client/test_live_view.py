@@ -127,12 +127,14 @@ def test_a_utilisation_beyond_one_fills_the_bar_and_no_more() -> None:
 
 
 def test_an_empty_daemon_is_all_dashes() -> None:
-    assert drawn() == "slipd –  up –  config –  lease –"
+    assert drawn() == "slipd –  up –  lease –"
 
 
 def test_status_shows_the_daemon_its_fingers_and_its_streams() -> None:
     lines = drawn(status=STATUS).splitlines()
     assert lines[0] == "slipd 0.1.0  up 75 s  config 3f2a  lease held"
+    reply = {key: value for key, value in STATUS.items() if key != "config_id"}
+    assert drawn(status=reply).splitlines()[0] == "slipd 0.1.0  up 75 s  lease held"
     assert re.match(r"left +CAUTION +λ +– ", lines[1])
     assert re.match(r"right +UNKNOWN +λ +– ", lines[2])
     assert re.match(r"left\.wrench +WARN +998 Hz of 1000 Hz  age 2 ms  bad 3  lost 0  reconnects 2", lines[3])

@@ -42,6 +42,13 @@ def test_a_missing_command_names_the_commands(
     assert capsys.readouterr().err.endswith(error)
 
 
+@pytest.mark.parametrize("command", [["object"], ["friction"], ["grip", "close"], ["tare", "take"]])
+def test_help_is_in_words_of_the_command_line(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([*command, "--help"])
+    assert "nil" not in capsys.readouterr().out
+
+
 def test_help_and_wrong_arguments_need_no_zeromq() -> None:
     code = "import sys; from slipd_client.slipctl import main; main(sys.argv[1:])"
     for arguments in (["--help"], ["grip", "set", "-1"], ["keys", "new", "--help"]):
@@ -88,6 +95,8 @@ def test_the_process_exits_with_1_when_no_daemon_answers(requests: str, slipctl:
         (["tare", "left"], "invalid choice"),
         (["tare", "take", "left", "--seconds", "0"], "--seconds"),
         (["friction", "left", "slippery"], "must be a number, got 'slippery'"),
+        (["friction", "left", "0.5", "--samples", "2"], "--samples and --patience are for measuring"),
+        (["friction", "left", "0.5", "--patience", "0"], "with MU_S the friction is set, not measured"),
         (["record"], "COMMAND must be one of start, stop"),
         (["--requests", "nowhere", "status"], "'nowhere'"),
         (["--publish", "tcp://robot", "watch"], "'tcp://robot'"),

@@ -270,3 +270,6 @@ TOPICS: dict[str, type[Message]] = {
     "status": Status,
 }
 """Class of each topic, by the topic's first word."""
+
+TOPICS_OF_FINGERS = ("slip", "wrench", "tactile")
+"""Topics that each finger has: a dot and the finger's name follow the word."""
