@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from project import ROOT
 
+pytestmark = pytest.mark.no_cover
+
 PAGE = (ROOT / "docs" / "adding_a_device.md").read_text(encoding="utf-8")
 FILE = re.compile(r"<!-- file: (\S+) -->\n```python\n(.*?)```", re.DOTALL)
 CONFIG = re.compile(r"<!-- config -->\n```toml\n(.*?)```", re.DOTALL)

@@ -399,6 +399,7 @@ def test_boot_and_wall_clock_change_nothing_else(left: str, right: str, gripper:
     assert runs[0] == runs[1]
 
 
+@pytest.mark.no_cover
 @given(
     values=st.lists(
         st.tuples(*[st.floats(width=32)] * 6, st.integers(0, 15), st.booleans(), st.integers(0, 16)), max_size=12
@@ -423,6 +424,7 @@ def test_no_reading_of_a_force_sensor_breaks_a_message(
             assert body["normal_n"] is not None
 
 
+@pytest.mark.no_cover
 @given(
     chunks=st.lists(
         st.tuples(st.sampled_from(("left.wrench", "left.pad", "right.pad", "gripper")), st.binary(max_size=200)),

@@ -110,6 +110,7 @@ def health(run: Run, stream: str) -> tuple[int, str]:
     return found["health"], found["message"]
 
 
+@pytest.mark.no_cover
 def test_no_raise_from_the_first_repeated_reading_on_and_unknown_within_100_ms(
     hold: Callable[..., Hand],
 ) -> None:
@@ -149,6 +150,7 @@ def test_the_reflex_does_not_raise_again_on_a_frozen_sensor(hold: Callable[..., 
     assert len(acts()) == 2
 
 
+@pytest.mark.no_cover
 def test_a_sensor_with_coarse_counts_may_raise_and_keeps_its_level(hold: Callable[..., Hand]) -> None:
     """One count is wider than the noise, so that seven of ten readings repeat the one before."""
     hand = hold()
@@ -290,6 +292,7 @@ def test_a_finger_without_a_pad_publishes_no_image(make_run: Make, left: str) ->
     assert run.level() == ("unknown", ["stale"])
 
 
+@pytest.mark.no_cover
 def test_no_raise_on_an_image_that_repeats_while_the_force_changes(hold: Callable[..., Hand]) -> None:
     hand = hold()
     same = np.full(16, 30.0)
@@ -376,6 +379,7 @@ def test_a_jump_allows_no_raise_before_the_next_reading_confirms_it(hold: Callab
     assert hand.raises() is None
 
 
+@pytest.mark.no_cover
 def test_levels_do_not_flicker_when_readings_repeat_now_and_then(hold: Callable[..., Hand]) -> None:
     hand = hold()
     before = len(hand.run.published("warning"))

@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.no_cover
+
 SCRIPT = """
 import sys
 import numpy as np

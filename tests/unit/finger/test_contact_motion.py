@@ -80,3 +80,19 @@ def test_a_finger_without_images_has_no_evidence_of_them(left: str, parse: Parse
     assert blind.take() == []
     with pytest.raises(ValueError, match="before it is confirmed"):
         motion_of(finger).confirm()
+
+
+def test_evidence_from_elsewhere_is_a_slip_only_of_a_finger_that_touches_and_is_trusted(
+    finger: Finger, wrench: Wrench
+) -> None:
+    assert finger.note_motion(T0 + 500 * MS, ("width",)) is None, "no reading yet"
+    for t_ns, normal_n, status, slips in (
+        (T0, 0.0, (), False),
+        (T0 + MS, 8.0, ("invalid",), False),
+        (T0 + 2 * MS, 8.0, (), True),
+    ):
+        read_force(finger, wrench(t_ns, normal_n, status=status))
+        state = finger.note_motion(T0 + 500 * MS, ("width",))
+        assert (state is not None) == slips
+    assert state is not None
+    assert (state.verdict.level, state.verdict.reasons[0]) == ("slipping", "slip_detected")

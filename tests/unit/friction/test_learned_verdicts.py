@@ -13,6 +13,8 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.samples import TactileSample
 
+pytestmark = pytest.mark.no_cover
+
 TRUE_MU = 0.5
 NORMAL_N = 10.0
 DYNAMIC = 0.8

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import pytest
 from project import CONFIG
 
 from slipd import config
@@ -97,6 +98,7 @@ def test_a_grip_that_closes_or_opens_is_no_slip() -> None:
     assert slips(closing + [hold(0.01, 1.0, 20_700.0)] * 10 + opening) == []
 
 
+@pytest.mark.no_cover
 def test_an_arm_that_shakes_a_held_box_is_no_slip() -> None:
     looks = [hold(0.06 * np.sin(0.7 * k), 1.0 + 0.01 * np.sin(0.7 * k)) for k in range(200)]
     assert slips(looks) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -259,14 +260,20 @@ class TestCloseOnlyNarrows:
             assert judge(close, seen) == Permit("move", 0.0, None, 6.0)
 
 
-def callers(*functions: str) -> set[str]:
-    """Return the files of the daemon that call a function, class or method, such as ``session.execute``."""
-    found = set()
-    for path in DAEMON.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(functions):
-                found.add(path.relative_to(DAEMON).as_posix())
-    return found
+@cache
+def calls() -> list[tuple[str, str]]:
+    """Return file and callee of every call in the daemon, such as ``session.execute``."""
+    return [
+        (path.relative_to(DAEMON).as_posix(), ast.unparse(node.func))
+        for path in DAEMON.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+    ]
+
+
+def callers(function: str) -> set[str]:
+    """Return the files of the daemon that call a function, class or method."""
+    return {path for path, called in calls() if called.endswith(function)}
 
 
 def test_only_the_gate_issues_permits() -> None:

@@ -6,6 +6,8 @@ import pytest
 from motions.cell import PART_M, brought_up
 from motions.jaws import GRIPPERS, Jaws, Sent
 
+pytestmark = pytest.mark.no_cover
+
 EACH = pytest.mark.parametrize("jaws", GRIPPERS.values(), ids=GRIPPERS.keys())
 
 

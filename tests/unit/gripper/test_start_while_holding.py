@@ -6,6 +6,8 @@ import pytest
 from motions.cell import MOST_N, PART_M, STEP_N, Cell, brought_up
 from motions.jaws import GRIPPERS, Jaws, RobotiqJaws, Sent
 
+pytestmark = pytest.mark.no_cover
+
 EACH = pytest.mark.parametrize("jaws", GRIPPERS.values(), ids=GRIPPERS.keys())
 HELD_N = 6.0
 

@@ -17,6 +17,8 @@ from slipd.events import Reply
 from slipd_client.messages import MessageError, decode, encode
 from slipd_client.messages.schema.ops import OPS
 
+pytestmark = pytest.mark.no_cover
+
 MS = 1_000_000
 Run = Any
 
