@@ -10,7 +10,7 @@ READY := $(VENV)/.ready
 MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
-ROOMS := $(addprefix tests/unit/,devices signals motion finger grasp gripper requests publish engine)
+ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
 # Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
 DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import signal
 from collections.abc import AsyncIterator
 
+import pytest
 import pytest_asyncio
 from hypothesis import HealthCheck, settings
 
@@ -23,7 +25,14 @@ settings.register_profile("repeatable", settings.get_profile("explore"), derando
 settings.load_profile("repeatable")
 
 
-@pytest_asyncio.fixture(autouse=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let every asynchronous test end without a pending task; the others need no event loop, and get none."""
+    for item in items:
+        if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.obj):
+            item.fixturenames.insert(0, _no_task_is_leaked.__name__)
+
+
+@pytest_asyncio.fixture
 async def _no_task_is_leaked() -> AsyncIterator[None]:
     """Fails a test that leaves an asyncio task pending behind it."""
     before = asyncio.all_tasks()

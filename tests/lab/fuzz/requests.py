@@ -166,8 +166,8 @@ class _Run:
 
     # -- messages
 
-    def play(self, count: int) -> None:
-        """Sends so many messages."""
+    def play(self, count: int, until: str = "") -> None:
+        """Sends so many messages; fewer where a fault is found whose words contain ``until``."""
         for number in range(count):
             self._pass_time()
             if number % RESTART_EVERY == RESTART_EVERY - 1:
@@ -176,6 +176,8 @@ class _Run:
                 self._strike()
             self._look()
             self._send(self._asker.next(), number)
+            if until and any(until in fault for fault in self.book.violations + self.found.bad):
+                break
 
     def _send(self, ask: Ask, number: int) -> None:
         self.found.messages[ask.kind] += 1
@@ -401,12 +403,18 @@ def _body(frames: tuple[bytes, ...]) -> dict[str, Any] | None:
     return body if isinstance(body, dict) else None
 
 
-def fuzz(seed: int, count: int = ROUND) -> Found:
-    """One round; its slow messages are timed again, by playing the same round once more."""
+def fuzz(seed: int, count: int = ROUND, until: str = "") -> Found:
+    """One round; its slow messages are timed again, by playing the same round once more.
+
+    Args:
+        seed: Of the round.
+        count: Number of messages.
+        until: Part of the words of a fault that ends the round.
+    """
     run = _Run(seed)
     gc.collect()
     gc.freeze()  # as in the service
-    run.play(count)
+    run.play(count, until)
     took_ns = np.array(run.took_ns)
     kinds = run.kinds
     for _ in range(AGAIN):

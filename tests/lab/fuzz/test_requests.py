@@ -30,8 +30,8 @@ from slipd.requests.idempotency import IdempotencyCache
 SEED = 20261122  # the same every time; `python -m fuzz` draws others
 AGAIN = f"PYTHONPATH=tests/support:tests/lab python -m fuzz --only requests --seed {SEED} --rounds 1"
 SHARE, BROKEN = 5_000, 2_500
-BROKEN_SEEDS = (7, 9, 11, 1, 2, 5)
-"""One of these rounds must find what is broken; the reflex is on in all of them."""
+BROKEN_SEEDS = (5, 9, 7, 11, 1, 2)
+"""One of these rounds must find what is broken; the first that find most stand first."""
 
 
 @pytest.fixture(autouse=True)
@@ -104,7 +104,7 @@ def test_what_is_broken_is_found(
     monkeypatch: pytest.MonkeyPatch, owner: object, name: str, broken: object, what: str
 ) -> None:
     monkeypatch.setattr(owner, name, broken)
-    assert any(what in fault for seed in BROKEN_SEEDS for fault in fuzz(seed, BROKEN).bad)
+    assert any(what in fault for seed in BROKEN_SEEDS for fault in fuzz(seed, BROKEN, until=what).bad)
 
 
 def test_what_is_asked_is_of_every_kind_and_mostly_within_the_size_that_is_read() -> None:

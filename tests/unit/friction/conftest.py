@@ -1,0 +1,24 @@
+"""A hand whose readings teach friction, with kernels that are compiled or not."""
+
+from __future__ import annotations
+
+import pytest
+from learning_hand import Hand
+
+from slipd.friction import friction_estimate, learning
+
+
+@pytest.fixture
+def hand() -> Hand:
+    """μ 0.5 by the config with a spread of a tenth, at most 1."""
+    return Hand()
+
+
+@pytest.fixture(params=["compiled", "plain"])
+def both_ways(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a test with the compiled kernels, and without compilation, which shows coverage their lines."""
+    if request.param == "plain":
+        for module in (learning, friction_estimate):
+            for name, kernel in list(vars(module).items()):
+                if hasattr(kernel, "py_func"):
+                    monkeypatch.setattr(module, name, kernel.py_func)
