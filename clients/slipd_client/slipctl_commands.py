@@ -32,6 +32,14 @@ def run(chosen: argparse.Namespace) -> None:
         from slipd_client.watch import watch  # here: requests need no subscriber
 
         watch(chosen.publish, keys=_keys(chosen), as_json=chosen.json, once=chosen.once)
+    elif command == "viewers":
+        from slipd_client.viewers import viewers_command
+
+        viewers_command.run(chosen, _keys(chosen))
+    elif command == "relay":
+        from slipd_client.viewers.relay import relay
+
+        relay(chosen.publish, chosen.listen, keys=_keys(chosen), time_frame=chosen.time_frame)
     else:
         with GripClient(chosen.requests, keys=_keys(chosen)) as client:
             if command == "status":

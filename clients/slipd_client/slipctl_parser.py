@@ -14,6 +14,7 @@ from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.paths import publish_endpoint, requests_endpoint
+from slipd_client.viewers.viewers_arguments import add_viewers
 
 Add = Callable[[str, str], argparse.ArgumentParser]
 """Adds a command, given its name and help text."""
@@ -45,6 +46,7 @@ def parser() -> argparse.ArgumentParser:
     watch = add("watch", "show levels, forces and health as they change")
     watch.add_argument("--json", action="store_true", help="print every message, one per line")
     watch.add_argument("--once", action="store_true", help="show the last messages and exit")
+    add_viewers(add)
     status = add("status", "show the state of the daemon and its streams")
     status.add_argument("--json", action="store_true", help="print the whole reply")
 

@@ -23,7 +23,7 @@ from slipd_client.ros.cdr import CdrEncoder
 from slipd_client.ros.diagnostics import diagnostics
 from slipd_client.ros.pad_frames import PadFrames
 from slipd_client.ros.ros_types import schema_text
-from slipd_client.ros.slipd_types import CONVERTERS, NAMES, PACKAGE, SLIPD_TYPES
+from slipd_client.ros.slipd_types import CONVERTERS, NAMES, PACKAGE, SLIPD_TYPES, time_of
 from slipd_client.ros.stock_types import STOCK_TYPES
 
 TYPES = STOCK_TYPES | SLIPD_TYPES
@@ -71,7 +71,7 @@ def ros_messages(topic: str, body: Body, pads: PadFrames | None = None) -> Itera
     elif cls is Tactile:
         yield RosMessage(f"{place}/image", "sensor_msgs/Image", _image(header, body))
     elif cls is Grasp and pads is not None:
-        transforms = pads.transforms(header, body["width_m"])
+        transforms = pads.transforms(header, body.get("width_m"))
         if transforms:
             yield RosMessage(TRANSFORMS_TOPIC, "tf2_msgs/TFMessage", {"transforms": transforms})
 
@@ -98,12 +98,6 @@ def stamp_ns(body: Body) -> int:
     return round(seconds * 1e9)
 
 
-def time_of(t_ns: int) -> dict[str, int]:
-    """Return a time in ns since 1970 as ``builtin_interfaces/Time``."""
-    seconds, nanoseconds = divmod(t_ns, 1_000_000_000)
-    return {"sec": seconds, "nanosec": nanoseconds}
-
-
 def _header(body: Body) -> dict[str, Any]:
     return {"stamp": time_of(stamp_ns(body)), "frame_id": body.get("frame") or ""}
 
@@ -114,19 +108,22 @@ def _vector(values: list[float] | None) -> dict[str, float]:
 
 
 def _wrench(header: dict[str, Any], body: Body) -> dict[str, Any]:
-    return {"header": header, "wrench": {"force": _vector(body["force_n"]), "torque": _vector(body["torque_nm"])}}
+    return {
+        "header": header,
+        "wrench": {"force": _vector(body.get("force_n")), "torque": _vector(body.get("torque_nm"))},
+    }
 
 
 def _contact(header: dict[str, Any], body: Body) -> dict[str, Any]:
     """Return the contact centroid, in the plane of the pad."""
-    centroid_m = body["centroid_m"]
+    centroid_m = body.get("centroid_m")
     return {"header": header, "point": _vector(None if centroid_m is None else [*centroid_m, 0.0])}
 
 
 def _image(header: dict[str, Any], body: Body) -> dict[str, Any]:
     """Return the loads as an image, one pixel for each taxel; NaN where the image of the pad cannot be used."""
     rows, cols = body["rows"], body["cols"]
-    loads = body["loads_n"] or [math.nan] * (rows * cols)
+    loads = body.get("loads_n") or [math.nan] * (rows * cols)
     return {
         "header": header,
         "height": rows,

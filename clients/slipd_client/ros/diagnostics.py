@@ -27,11 +27,11 @@ def stale_diagnostics(last: Mapping[str, Any], header: Mapping[str, Any], why: s
 
 def _entries(body: Mapping[str, Any]) -> Iterator[Entry]:
     yield _daemon(body)
-    for finger, state in body["fingers"].items():
+    for finger, state in body.get("fingers", {}).items():
         yield _finger(finger, state)
     if body.get("gripper") is not None:
         yield _gripper(body["gripper"])
-    for stream, state in body["streams"].items():
+    for stream, state in body.get("streams", {}).items():
         values = {key: value for key, value in state.items() if key not in _IN_STATUS}
         yield _entry(stream, state["health"], state.get("message") or "", state.get("hardware_id") or "", values)
 

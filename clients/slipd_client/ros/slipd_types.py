@@ -1,7 +1,8 @@
 """The types of the package ``slipd_msgs``, made from the wire schema, and messages of the wire as values of them.
 
 A ROS message knows no nil. What is not known is NaN in a float, -1 in a count, "unknown" in a text and an empty
-sequence in a list; a boolean that may be unknown is an ``int8`` of 0, 1 and -1.
+sequence in a list; a boolean that may be unknown is an ``int8`` of 0, 1 and -1. Times are of type ``Time``: PlotJuggler
+plots every number as a float, and refuses an integer that no float can hold.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ _HEADER = RosField("header", "std_msgs/Header", None, "time of acquisition, and 
 _LEVELS = tuple(("int64", f"LEVEL_{level.upper()}", level_code(level)) for level in LEVELS)
 _ASCII = str.maketrans({"−": "-", "π": "pi", "μ": "mu", "×": "x", "→": "->", "`": "'"})  # noqa: RUF001
 _UNITS = {
-    "_n": "N", "_nm": "N m", "_m": "m", "_m2": "m^2", "_s": "s", "_ns": "ns", "_hz": "Hz", "_a": "A", "_rad": "rad",
+    "_n": "N", "_nm": "N m", "_m": "m", "_m2": "m^2", "_s": "s", "_hz": "Hz", "_a": "A", "_rad": "rad",
 }  # fmt: skip
+_NS, _TIME = "_ns", "builtin_interfaces/Time"
 
 _ELSEWHERE = re.compile(r"[;,] (see (below|\[[^]]*\]\([^)]*\))|in the order below)")
 """Pointers of a meaning to other places of docs/protocol.md."""
@@ -98,12 +100,29 @@ def _map(inner: Kind) -> _Shape:
 
 
 def _part(cls: type[Any]) -> Convert:
-    plan = [(field.name, _shape(field.kind, field.nullable).convert) for field in _kept(cls)]
-    return lambda body: {name: convert(body.get(name)) for name, convert in plan}
+    plan = [(field.name, _ros_name(field), _field_shape(field).convert) for field in _kept(cls)]
+    return lambda body: {name: convert(body.get(key)) for key, name, convert in plan}
 
 
 def _kept(cls: type[Any]) -> list[Field]:
     return [field for field in fields_of(cls) if field.name not in _IN_HEADER]
+
+
+def _ros_name(field: Field) -> str:
+    """Return the name of a field in ROS; a time carries no unit."""
+    return field.name.removesuffix(_NS) if field.kind is INTEGER else field.name
+
+
+def _field_shape(field: Field) -> _Shape:
+    if field.kind is INTEGER and field.name.endswith(_NS):
+        return _Shape(_TIME, None, time_of, "0")
+    return _shape(field.kind, field.nullable)
+
+
+def time_of(t_ns: int) -> dict[str, int]:
+    """Return a time in ns as ``builtin_interfaces/Time``."""
+    seconds, nanoseconds = divmod(t_ns, 1_000_000_000)
+    return {"sec": seconds, "nanosec": nanoseconds}
 
 
 def _number(value: float | None) -> float:
@@ -151,12 +170,14 @@ def _declare(cls: type[Any]) -> RosType:
 
 
 def _declared(field: Field) -> RosField:
-    shape = _shape(field.kind, field.nullable)
+    shape = _field_shape(field)
+    name = _ros_name(field)
     meaning = _ELSEWHERE.sub("", field.meaning)
-    unit = next((f" [{unit}]" for end, unit in _UNITS.items() if field.name.endswith(end)), "")
+    unit = next((f" [{unit}]" for end, unit in _UNITS.items() if name.endswith(end)), "")
     unknown = f"; {shape.unknown}: not known" if field.nullable and "nil" not in meaning else ""
-    comment = re.sub(r"\bnil\b", shape.unknown, meaning) + unit + unknown
-    return RosField(field.name, shape.type, shape.length, _ascii(comment))
+    clock = ", by CLOCK_MONOTONIC of the daemon's machine" if shape.type == _TIME else ""
+    comment = re.sub(r"\bnil\b", shape.unknown, meaning) + unit + clock + unknown
+    return RosField(name, shape.type, shape.length, _ascii(comment))
 
 
 def _ascii(text: str) -> str:

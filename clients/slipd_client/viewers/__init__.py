@@ -1,0 +1,1 @@
+"""Live messages for viewers that people already have: Foxglove, Lichtblick, PlotJuggler."""

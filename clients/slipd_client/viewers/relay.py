@@ -1,0 +1,93 @@
+"""``slipctl relay``: messages on a TCP port of this machine, for programs that cannot open the daemon's own socket.
+
+PlotJuggler's ZeroMQ source is such a program: its version 4 adds a port to every address, so it cannot open ``ipc``,
+and it takes the time of a message from a third frame. Version 3 reads the time from ``timestamp`` in the message, and
+a third frame breaks it. The relay only publishes; requests do not cross it.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import zmq
+
+from slipd_client.errors import CallError, hint_for
+from slipd_client.link import Link
+from slipd_client.message_tracker import SILENCE_S
+from slipd_client.messages import MessageError
+from slipd_client.messages.reader import read
+from slipd_client.viewers.viewers_arguments import RELAY_LISTEN
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
+
+_LISTEN = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\d.]+):(\d{1,5}|\*)")
+
+
+def relay(endpoint: str, listen: str, *, keys: Keys | None, time_frame: bool) -> None:
+    """Publish every message of the daemon again, until interrupted.
+
+    Args:
+        endpoint: Where the daemon publishes.
+        listen: Where to publish: ``tcp://127.0.0.1:PORT``, port ``*`` is any that is free.
+        keys: Keys of this client, for a daemon across a network; None on this machine.
+        time_frame: Add a third frame: the time of acquisition in seconds, as text.
+
+    Raises:
+        CallError: An endpoint is wrong, or ``listen`` is in use or beyond this machine.
+    """
+    _check(listen)
+    source = Link(zmq.SUB, endpoint, keys)
+    try:
+        source.socket.setsockopt(zmq.SUBSCRIBE, b"")
+        with zmq.Context() as context, context.socket(zmq.PUB) as out:
+            out.setsockopt(zmq.LINGER, 0)
+            out.setsockopt(zmq.IPV6, int("[" in listen))
+            try:
+                out.bind(listen)
+            except zmq.ZMQError as error:
+                raise CallError(f"cannot publish on {listen}: {error.strerror}") from error
+            print(f"relay: {out.getsockopt_string(zmq.LAST_ENDPOINT)}", flush=True)
+            _forward(source, out, time_frame=time_frame)
+    finally:
+        source.close()
+
+
+def _forward(source: Link, out: zmq.Socket[bytes], *, time_frame: bool) -> None:
+    silent = False
+    while True:
+        frames = source.receive(time.monotonic() + SILENCE_S)
+        if frames is None:
+            if not silent:
+                why = f"no message from {source.endpoint} for {SILENCE_S:g} s. {hint_for(source.endpoint)}"
+                print(f"slipctl: {why}", file=sys.stderr, flush=True)
+            silent = True
+            continue
+        silent = False
+        if time_frame:
+            try:
+                _, body = read(frames)
+            except MessageError:
+                continue  # of another version: nobody knows its time
+            frames.append(f"{body['timestamp']:.6f}".encode())
+        out.send_multipart(frames)
+
+
+def _check(listen: str) -> None:
+    """Refuse an address that other machines reach: over a network, the daemon serves with keys."""
+    match = _LISTEN.fullmatch(listen)
+    if match is None:
+        raise CallError(f"--listen must be of the form {RELAY_LISTEN}, got {listen!r:.80}")
+    try:
+        loopback = ipaddress.ip_address(match[1].strip("[]")).is_loopback
+    except ValueError as error:
+        raise CallError(f"--listen must name an IP address, e.g. {RELAY_LISTEN}: {error}") from error
+    if not loopback:
+        raise CallError(
+            f"--listen must be an address of this machine only, e.g. {RELAY_LISTEN}, got {listen}: over a network, "
+            "subscribe to the daemon's own endpoint, with keys"
+        )

@@ -1,0 +1,55 @@
+"""Arguments of ``slipctl viewers`` and ``slipctl relay``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+VIEWERS_LISTEN = "127.0.0.1:8765"
+"""The port that Foxglove proposes."""
+
+RELAY_LISTEN = "tcp://127.0.0.1:9872"
+"""The port that PlotJuggler proposes."""
+
+MOST_PORT = 65_535
+
+
+def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
+    """Add both commands; ``add`` adds a command, given its name and help text."""
+    viewers = add("viewers", "serve live messages to Foxglove, Lichtblick and PlotJuggler (docs/viewers.md)")
+    viewers.add_argument(
+        "--listen",
+        type=_address,
+        default=_address(VIEWERS_LISTEN),
+        metavar="HOST:PORT",
+        help=f"where to serve (default: {VIEWERS_LISTEN}; port 0: any); whoever reaches it can read everything",
+    )
+    viewers.add_argument(
+        "--config", type=Path, metavar="FILE", help="config of the daemon: the places of its pads become /tf"
+    )
+    viewers.add_argument(
+        "--write-layouts", type=Path, metavar="FOLDER", help="write layouts for these viewers and exit"
+    )
+    viewers.add_argument(
+        "--fingers", nargs="+", default=["left", "right"], metavar="NAME", help="fingers of the layouts (left right)"
+    )
+    relay = add("relay", "publish the messages on a TCP port of this machine, for PlotJuggler's ZeroMQ source")
+    relay.add_argument(
+        "--listen",
+        default=RELAY_LISTEN,
+        metavar="ENDPOINT",
+        help="where to publish (default: %(default)s; port *: any)",
+    )
+    relay.add_argument(
+        "--time-frame",
+        action="store_true",
+        help="add the time as a third frame: PlotJuggler 4 wants it, a third frame breaks PlotJuggler 3",
+    )
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not host or not colon or not port.isdecimal() or int(port) > MOST_PORT:
+        raise argparse.ArgumentTypeError(f"must be HOST:PORT, e.g. {VIEWERS_LISTEN}, got {text!r:.80}")
+    return host.strip("[]"), int(port)

@@ -1,0 +1,81 @@
+"""``slipctl viewers``: serve the daemon's messages to viewers until interrupted, or write layouts for them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from slipd_client.errors import CallError, hint_for
+from slipd_client.message_tracker import SILENCE_S
+from slipd_client.ros.pad_frames import PadFrames
+from slipd_client.subscriber import Subscriber
+from slipd_client.viewers import layouts
+from slipd_client.viewers.viewer_server import ViewerServer
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
+
+
+def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Carry out the command.
+
+    Raises:
+        CallError: An argument is wrong, a file cannot be read or written, or foxglove-sdk is not installed.
+    """
+    if chosen.write_layouts is not None:
+        for path in layouts.write(chosen.write_layouts, chosen.fingers):
+            print(path)
+        return
+    pads = None if chosen.config is None else pads_of(chosen.config)
+    host, port = chosen.listen
+    with Subscriber(chosen.publish, ("",), keys=keys, silence_s=None) as subscriber:
+        server = ViewerServer(host, port, pads)
+        try:
+            print(f"viewers: ws://{f'[{host}]' if ':' in host else host}:{server.port}", flush=True)
+            _serve(subscriber, server)
+        finally:
+            server.stop()
+
+
+def _serve(subscriber: Subscriber, server: ViewerServer) -> None:
+    silent = False
+    while True:
+        message = subscriber.receive(SILENCE_S)
+        if message is None:
+            if not silent:
+                silent = True
+                why = f"no message from {subscriber.endpoint} for {SILENCE_S:g} s. {hint_for(subscriber.endpoint)}"
+                print(f"slipctl: {why}", file=sys.stderr, flush=True)
+                server.silent(why)
+            continue
+        if silent:
+            silent = False
+            server.alive()
+        if message.restarted:
+            server.restart()
+        server.publish(message.topic, message.raw)
+
+
+def pads_of(path: Path) -> PadFrames:
+    """Return the places of the pads in a config of the daemon.
+
+    Raises:
+        CallError: The file cannot be read, or has no ``[grasp.pads]``.
+    """
+    try:
+        import tomllib
+    except ModuleNotFoundError as error:  # of Python 3.11
+        raise CallError("--config needs Python 3.11 or newer") from error
+    try:
+        config: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        return PadFrames(config["grasp"]["pads"])
+    except OSError as error:
+        raise CallError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CallError(f"{path}: not a TOML file: {error}") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise CallError(
+            f"{path}: must have [grasp.pads] with positions and quat_xyzw; check it: slipd check"
+        ) from error

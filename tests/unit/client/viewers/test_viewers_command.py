@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from foxglove_client import FoxgloveClient
+from project import ROOT
+
+from slipd_client.errors import CallError
+from slipd_client.slipctl import main
+from slipd_client.viewers.viewers_command import pads_of
+
+if TYPE_CHECKING:
+    from conftest import Publisher
+
+PATIENCE_S = 20.0
+
+HEADER = {"timestamp": 1_700_000_000.5, "frame": "", "config_id": "c"}
+
+
+def test_a_silence_of_the_daemon_is_reported_to_the_person_and_to_the_viewers_until_it_ends(
+    publisher: Publisher, slipctl: Callable[..., subprocess.Popen[str]]
+) -> None:
+    process = slipctl("--publish", publisher.endpoint, "viewers", "--listen", "127.0.0.1:0")
+    assert process.stdout is not None
+    assert process.stderr is not None
+    url = process.stdout.readline().removeprefix("viewers: ").strip()
+    publisher.wait_for_subscriber()
+    publisher.send("status", 1, **HEADER)
+    with FoxgloveClient(url) as client:
+        client.subscribe("/diagnostics")
+        assert client.receive().message.status[0].name == "slipd: daemon"
+        why = f"no message from {publisher.endpoint} for 3 s. Is slipd running?"
+        assert process.stderr.readline() == f"slipctl: {why}\n"
+        assert client.receive().message.status[0].message == why
+        assert client.heard("status")["message"] == why
+        publisher.boot = "boot-2"
+        publisher.send("status", 1, **HEADER)
+        assert client.receive().message.status[0].message == "OK"
+        client.heard("removeStatus")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (0, "")
+
+
+def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["viewers", "--write-layouts", str(tmp_path / "new" / "layouts"), "--fingers", "a", "b"]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert [Path(line).name for line in shown] == ["foxglove.json", "plotjuggler_bridge.xml", "plotjuggler_zmq.xml"]
+    assert all(Path(line).exists() for line in shown)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--listen", "8765"], "argument --listen: must be HOST:PORT, e.g. 127.0.0.1:8765, got '8765'"),
+        (["--listen", "localhost:99999"], "must be HOST:PORT"),
+        (["--config", "/nowhere/rig.toml"], "/nowhere/rig.toml: cannot be read: No such file or directory"),
+        (["--write-layouts", "/dev/null/layouts"], "/dev/null/layouts: cannot be written: Not a directory"),
+    ],
+)
+def test_wrong_arguments_exit_with_2(arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["viewers", *arguments])
+    assert end.value.code == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_the_places_of_the_pads_are_those_of_a_config(tmp_path: Path) -> None:
+    pads = pads_of(ROOT / "config" / "demo.toml")
+    found = pads.transforms({"stamp": {"sec": 1, "nanosec": 0}, "frame_id": ""}, 0.06)
+    assert [(each["child_frame_id"], each["transform"]["translation"]["y"]) for each in found] == [
+        ("left_pad", pytest.approx(0.03)),
+        ("right_pad", pytest.approx(-0.03)),
+    ]
+    for text, complaint in (
+        ("[grasp", "not a TOML file"),
+        ("[finger.left]", "must have [grasp.pads]"),
+        ("[grasp.pads.left]\npositions = 3", "must have [grasp.pads]"),
+    ):
+        (tmp_path / "rig.toml").write_text(text)
+        with pytest.raises(CallError) as refused:
+            pads_of(tmp_path / "rig.toml")
+        assert complaint in str(refused.value)
