@@ -38,7 +38,7 @@ _IN_HEADER = ("v", "timestamp", "frame")
 """Fields of every message that the header replaces; the version belongs to the wire."""
 
 _HEADER = RosField("header", "std_msgs/Header", None, "time of acquisition, and frame of the vectors")
-_LEVELS = tuple(("int64", f"LEVEL_{level.upper()}", level_code(level)) for level in LEVELS)
+_LEVELS = tuple(("int32", f"LEVEL_{level.upper()}", level_code(level)) for level in LEVELS)
 _ASCII = str.maketrans({"−": "-", "π": "pi", "μ": "mu", "×": "x", "→": "->", "`": "'"})  # noqa: RUF001
 _UNITS = {
     "_n": "N", "_nm": "N m", "_m": "m", "_m2": "m^2", "_s": "s", "_hz": "Hz", "_a": "A", "_rad": "rad",
@@ -116,6 +116,8 @@ def _ros_name(field: Field) -> str:
 def _field_shape(field: Field) -> _Shape:
     if field.kind is INTEGER and field.name.endswith(_NS):
         return _Shape(_TIME, None, time_of, "0")
+    if field.name == "seq":  # 2^31 messages are 99 days at 250 Hz
+        return _Shape("int64", None, _integer, "-1")
     return _shape(field.kind, field.nullable)
 
 
@@ -147,7 +149,7 @@ def _point(pair: list[float]) -> dict[str, float]:
 
 _SCALARS = {
     NUMBER: _Shape("float64", None, _number, "NaN"),
-    INTEGER: _Shape("int64", None, _integer, "-1"),
+    INTEGER: _Shape("int32", None, _integer, "-1"),
     TEXT: _Shape("string", None, _text, '"unknown"'),
     LEVEL: _Shape("string", None, _text, '"unknown"'),
 }

@@ -28,7 +28,11 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        ([], "slipctl: error: COMMAND must be one of watch, status, grip, tare, friction, object, record, keys\n"),
+        (
+            [],
+            "slipctl: error: COMMAND must be one of watch, viewers, relay, status, grip, tare, friction, object, "
+            "record, keys\n",
+        ),
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
         (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),
     ],

@@ -66,7 +66,7 @@ def test_two_other_libraries_decode_every_value(converted: Converted) -> None:
 
 
 def test_every_field_of_a_message_of_slipd_is_in_its_ros_message(converted: Converted) -> None:
-    unknown: dict[str, Any] = {"string": "unknown", "int64": -1, "int8": -1}
+    unknown: dict[str, Any] = {"string": "unknown", "int32": -1, "int8": -1}
     for topic, body, (_, name, value) in converted:
         cls = TOPICS[topic.partition(".")[0]]
         if name.partition("/")[2] != NAMES.get(cls):
