@@ -40,6 +40,8 @@ def run(chosen: argparse.Namespace) -> None:
         from slipd_client.viewers.relay import relay
 
         relay(chosen.publish, chosen.listen, keys=_keys(chosen), time_frame=chosen.time_frame)
+    elif command == "view":
+        _view(chosen)
     else:
         with GripClient(chosen.requests, keys=_keys(chosen)) as client:
             if command == "status":
@@ -50,6 +52,16 @@ def run(chosen: argparse.Namespace) -> None:
                 _measure_friction(client, chosen)
             else:
                 _print_result(_request(client, chosen))
+
+
+def _view(chosen: argparse.Namespace) -> None:
+    import asyncio
+
+    try:
+        from slipd_client.page.view_command import view
+    except ModuleNotFoundError as error:
+        raise CallError(f"slipctl view needs {error.name}: pip install 'slipd-client[view]'") from error
+    asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, keys=_keys(chosen), buttons=chosen.buttons))
 
 
 def _measure_friction(client: GripClient, chosen: argparse.Namespace) -> None:

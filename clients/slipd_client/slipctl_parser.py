@@ -13,6 +13,7 @@ from slipd_client.friction_samples import MOST_SAMPLES
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
+from slipd_client.page.listen_address import add_listen
 from slipd_client.paths import publish_endpoint, requests_endpoint
 from slipd_client.viewers.viewers_arguments import add_viewers
 
@@ -46,6 +47,14 @@ def parser() -> argparse.ArgumentParser:
     watch = add("watch", "show levels, forces and health as they change")
     watch.add_argument("--json", action="store_true", help="print every message, one per line")
     watch.add_argument("--once", action="store_true", help="show the last messages and exit")
+    view = add("view", "show the same in a browser, with the pads; prints the address of the page")
+    add_listen(view)
+    view.add_argument(
+        "--buttons",
+        action=argparse.BooleanOptionalAction,
+        help="the page may take tares and change the grip force by 1 N "
+        "(default: only if no other machine can open the page)",
+    )
     add_viewers(add)
     status = add("status", "show the state of the daemon and its streams")
     status.add_argument("--json", action="store_true", help="print the whole reply")

@@ -1,4 +1,7 @@
-"""The command ``slipd``: run, demo, check, replay, evaluate, export, identify, import. Each imports what it needs."""
+"""The command ``slipd``: run, demo, check, replay, view, evaluate, export, identify, import.
+
+Each command imports what it needs.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from slipd import __version__
 from slipd.errors import ConfigError, SlipdError
 from slipd.log_lines import open_log
+from slipd_client.page.listen_address import add_listen
 
 if TYPE_CHECKING:
     from slipd.config import Config
@@ -77,6 +81,11 @@ def _parser() -> argparse.ArgumentParser:
         "--publish", action="store_true", help="publish the messages on the endpoint of the recorded config"
     )
     replay.set_defaults(command=_replay)
+
+    view = _add_command(commands, "view", "show a recording in a browser; prints the address of the page")
+    view.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
+    add_listen(view)
+    view.set_defaults(command=_view)
 
     evaluate = _add_command(commands, "evaluate", "compare what configs would have reported on recordings")
     evaluate.epilog = (
@@ -218,6 +227,13 @@ def _replay(arguments: argparse.Namespace) -> int:
 
     whole = replay_command(arguments.file, arguments.speed, as_json=arguments.json, publish=arguments.publish)
     return DONE if whole else FAULT
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    from slipd.recording.view_recording import view_recording
+
+    view_recording(arguments.file, arguments.listen)
+    return DONE
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:

@@ -6,7 +6,9 @@ the live view is that of a subscriber. At the end a summary compares the reports
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import statistics
 import subprocess
@@ -14,6 +16,7 @@ import sys
 import tempfile
 import threading
 import time
+import webbrowser
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -80,10 +83,11 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
             print(f"publish: {publish}\nrequests: {requests}", flush=True)
             truth = _collect(gripper)
             program = RobotProgram(publish, requests)
-            program.start()
-            tally = _watch(publish, program, daemon, seconds, headless=headless)
-            program.end()
-            program.join(END_S)
+            with contextlib.nullcontext() if headless else _page(ports, publish, requests):
+                program.start()
+                tally = _watch(publish, program, daemon, seconds, headless=headless)
+                program.end()
+                program.join(END_S)
             streams = _final_streams(requests) if daemon.poll() is None else {}
         _summary(tally, program.report, truth, streams)
         if daemon.returncode != 0:
@@ -131,6 +135,20 @@ def _part(name: str, log: Path, *arguments: str) -> Iterator[subprocess.Popen[st
                 process.wait(END_S)
             except subprocess.TimeoutExpired:
                 process.kill()
+
+
+@contextmanager
+def _page(ports: Path, publish: str, requests: str) -> Iterator[None]:
+    """Serve the live view for a browser, print its address, and open it where there is a display."""
+    log = ports / "view.log"
+    endpoints = ("--publish", publish, "--requests", requests)
+    with _part("slipd_client.slipctl", log, *endpoints, "view", "--listen", "127.0.0.1:0") as view:
+        (line,) = _first_lines(view, 1, log)
+        print(line, end="", flush=True)
+        if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+            with contextlib.suppress(webbrowser.Error):
+                webbrowser.open(line.split(": ", 1)[1].strip())
+        yield
 
 
 def _first_lines(process: subprocess.Popen[str], count: int, log: Path) -> list[str]:

@@ -1,0 +1,70 @@
+// The WebSocket to the view's server: one frame at a time, again whenever it is lost, and only while the page is seen.
+
+const RETRY_MS = 500;
+const WRONG_TOKEN = 4403;
+
+export class Connection {
+  /**
+   * @param token the token in the page's address
+   * @param handlers onFrame(frame), onPermission(text), onReply(reply), onState(word, text)
+   */
+  constructor(token, handlers) {
+    this.token = token;
+    this.handlers = handlers;
+    this.socket = null;
+    this.refused = false;
+    document.addEventListener("visibilitychange", () => this.#follow());
+    this.#follow();
+  }
+
+  #follow() {
+    if (document.hidden) {
+      this.socket?.close();
+      this.socket = null;
+    } else if (!this.socket && !this.refused) {
+      this.#open();
+    }
+  }
+
+  #open() {
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    this.socket = socket;
+    socket.onopen = () => {
+      socket.send(this.token);
+      socket.send("next");
+      this.handlers.onState("open", "");
+    };
+    socket.onmessage = (event) => this.#receive(socket, JSON.parse(event.data));
+    socket.onclose = (event) => {
+      if (this.socket !== socket) return;
+      this.socket = null;
+      this.refused = event.code === WRONG_TOKEN;
+      if (this.refused) {
+        this.handlers.onState("refused", "this address is of an earlier start: open the one that is printed now");
+      } else {
+        this.handlers.onState("closed", event.reason);
+        setTimeout(() => this.#follow(), RETRY_MS);
+      }
+    };
+  }
+
+  #receive(socket, message) {
+    if (message.topics) {
+      this.handlers.onFrame(message);
+      requestAnimationFrame(() => {
+        if (socket.readyState === WebSocket.OPEN) socket.send("next");
+      });
+    } else if ("permission" in message) {
+      this.handlers.onPermission(message.permission);
+    } else if (message.reply) {
+      this.handlers.onReply(message.reply);
+    }
+  }
+
+  /** Send a request; return whether there was a connection for it. */
+  request(body) {
+    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(body));
+    return true;
+  }
+}

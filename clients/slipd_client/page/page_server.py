@@ -1,0 +1,136 @@
+"""Serves the page, and one WebSocket to each browser that shows it.
+
+Three locks keep others out. ``Host`` must be an address or a name of this machine, against DNS rebinding. ``Origin``
+must be the page itself, against pages of other sites. And whatever is shown or requested needs the token of this start,
+which is only in the address that was printed: any user of the machine can connect to a port of 127.0.0.1.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import logging
+import re
+import secrets
+from collections.abc import AsyncIterator, Awaitable, Callable
+from http import HTTPStatus
+from urllib.parse import urlsplit
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.http11 import Request, Response
+
+from slipd_client.errors import CallError
+from slipd_client.page.listen_address import ListenAddress
+from slipd_client.page.site import Site, refusal
+
+LIVE_PATH = "/live"
+
+TOKEN_S = 5.0
+"""How long a WebSocket may take to send the token."""
+
+MESSAGE_BYTES = 4096
+"""Longest message from a page."""
+
+WRONG_TOKEN = 4403
+"""Close code of a WebSocket whose token is not that of this start."""
+
+_ORIGIN = re.compile(r"https?://[^/\s]+")
+
+_LOG = logging.getLogger("slipd_client.page")
+_LOG.setLevel(logging.CRITICAL)  # a browser that breaks off is no matter of the log
+
+OnViewer = Callable[[ServerConnection], Awaitable[None]]
+"""Serves one browser until it leaves."""
+
+OnData = Callable[[str], Response | None]
+"""Returns the answer to the path of a request for data; None where there is none."""
+
+
+class PageServer:
+    """The server of one page.
+
+    Args:
+        address: Where to listen.
+        site: The files of the page.
+        on_viewer: Serves the WebSocket of a browser; None where the page has none.
+        on_data: Answers requests for data below ``/data/``, with the token in ``Authorization``; None: there are none.
+
+    Attributes:
+        token: What a browser must know to see or request anything; new for each server.
+    """
+
+    def __init__(
+        self, address: ListenAddress, site: Site, on_viewer: OnViewer | None = None, on_data: OnData | None = None
+    ) -> None:
+        self.token = secrets.token_urlsafe(16)
+        self._address = address
+        self._site = site
+        self._on_viewer = on_viewer
+        self._on_data = on_data
+
+    @contextlib.asynccontextmanager
+    async def serving(self) -> AsyncIterator[str]:
+        """Serve while the block runs; yield the address for a browser, with the token.
+
+        Raises:
+            CallError: The port cannot be opened.
+        """
+        host, port = self._address.host, self._address.port
+        try:
+            server = await serve(
+                self._view,
+                host,
+                port,
+                origins=[_ORIGIN],  # one that must be stated; `_request` compares it with Host
+                process_request=self._request,
+                max_size=MESSAGE_BYTES,
+                max_queue=4,
+                compression=None,
+                server_header=None,
+                logger=_LOG,
+            )
+        except OSError as error:
+            raise CallError(_listen_error(host, port, error)) from error
+        async with server:
+            opened = next(iter(server.sockets)).getsockname()[1]
+            yield f"{self._address.url(opened)}#{self.token}"
+
+    def _request(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request for a file or for data; None lets the handshake of a WebSocket go on."""
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        if len(hosts) != 1 or not self._address.allows(hosts[0]):
+            return refusal(HTTPStatus.FORBIDDEN, "Host must be an IP address or the name of this machine")
+        if origins and [urlsplit(origin).netloc for origin in origins] != hosts:
+            return refusal(HTTPStatus.FORBIDDEN, "Origin must be the page itself")
+        path = request.path.partition("?")[0]
+        if path == LIVE_PATH and self._on_viewer is not None:
+            return None if origins else refusal(HTTPStatus.FORBIDDEN, "a WebSocket must state its Origin")
+        if path.startswith("/data/") and self._on_data is not None:
+            if not self._knows(request.headers.get("Authorization", "").removeprefix("Bearer ")):
+                return refusal(HTTPStatus.UNAUTHORIZED, "the token must be that of the address that was printed")
+            found = self._on_data(path)
+        else:
+            found = self._site.answer(path)
+        return found or refusal(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    def _knows(self, token: str) -> bool:
+        return hmac.compare_digest(token.encode(), self.token.encode())
+
+    async def _view(self, connection: ServerConnection) -> None:
+        """Serve one browser, once it has sent the token."""
+        if self._on_viewer is None:
+            return
+        try:
+            first = await asyncio.wait_for(connection.recv(), TOKEN_S)
+        except asyncio.TimeoutError:
+            first = ""
+        if isinstance(first, str) and self._knows(first):
+            await self._on_viewer(connection)
+        else:
+            await connection.close(WRONG_TOKEN, "the token must be that of the address that was printed")
+
+
+def _listen_error(host: str, port: int, error: OSError) -> str:
+    hint = f"; --listen {host}:0 takes any free port" if port else ""
+    return f"the page cannot be served on {host}:{port}: {error.strerror or error}{hint}"

@@ -1,0 +1,39 @@
+"""``slipctl view``: shows a running slipd in a browser."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from slipd_client.page.listen_address import ListenAddress
+from slipd_client.page.live_feed import LiveFeed
+from slipd_client.page.page_server import PageServer
+from slipd_client.page.requests_of_page import ADJUST_N, PageRequests
+from slipd_client.page.site import Site
+from slipd_client.paths import publish_endpoint
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
+
+
+async def view(
+    publish: str | None, requests: str | None, address: ListenAddress, *, keys: Keys | None = None, buttons: bool | None
+) -> None:
+    """Serve the page of a running slipd until the task is cancelled, and print its address.
+
+    Args:
+        publish: Endpoint on which slipd publishes; its default when None.
+        requests: Endpoint on which it accepts requests, likewise.
+        address: Where to serve the page.
+        keys: Keys of this client, for a daemon across a network; None on this machine.
+        buttons: The page may request; None: only where no other machine can open it.
+
+    Raises:
+        CallError: An endpoint is wrong, or the port cannot be opened.
+    """
+    allowed = address.loopback if buttons is None else buttons
+    where = publish_endpoint() if publish is None else publish
+    feed = LiveFeed(where, PageRequests(requests, keys) if allowed else None, keys)
+    site = Site({"live": True, "source": where, "buttons": allowed, "adjust_n": ADJUST_N})
+    async with PageServer(address, site, feed.view).serving() as url:
+        print(f"view: {url}", flush=True)
+        await feed.run()

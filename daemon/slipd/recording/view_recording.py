@@ -1,0 +1,95 @@
+"""``slipd view``: shows a recording in a browser, on the page of the live view."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from http import HTTPStatus
+from pathlib import Path
+
+from websockets.http11 import Response
+
+from slipd.errors import SlipdError
+from slipd.recording.reader import Recording, open_recording
+from slipd.recording.recorded_blocks import Messages, RecordedBlocks
+from slipd.recording.replay import replay
+from slipd_client.errors import CallError
+from slipd_client.page.listen_address import ListenAddress
+from slipd_client.page.page_server import PageServer
+from slipd_client.page.site import Site, answer, json_answer
+
+
+def view_recording(path: Path, address: ListenAddress) -> None:
+    """Serve the page of a recording until Ctrl-C, and print its address.
+
+    The recording is replayed beside that; what is replayed so far can be shown.
+
+    Raises:
+        RecordingError: The file cannot be read.
+        ConfigError: The recorded config has faults for this version of slipd.
+        SlipdError: The port cannot be opened.
+    """
+    recording = open_recording(path)
+    view = RecordingView(recording, replay(recording))
+    site = Site({"live": False, "source": str(path), "buttons": False})
+    try:
+        asyncio.run(_serve(PageServer(address, site, on_data=view.answer), view))
+    except CallError as error:
+        raise SlipdError(str(error)) from error
+
+
+async def _serve(server: PageServer, view: RecordingView) -> None:
+    async with server.serving() as url:
+        print(f"view: {url}", flush=True)
+        view.start()
+        await asyncio.Event().wait()
+
+
+class RecordingView:
+    """Replays a recording in a thread, and answers the page's requests for it."""
+
+    def __init__(self, recording: Recording, messages: Messages) -> None:
+        self.blocks = RecordedBlocks()
+        self._recording = recording
+        self._messages = messages
+        self._failure = ""
+
+    def start(self) -> None:
+        """Begin to replay; the thread ends with the program."""
+        threading.Thread(target=self._replay, name="replay", daemon=True).start()
+
+    def _replay(self) -> None:
+        try:
+            self.blocks.add_all(self._messages)
+        except Exception as error:
+            self._failure = f"the replay ended early: {error}"
+            self.blocks.end()
+            raise
+
+    def answer(self, path: str) -> Response | None:
+        """Answer ``/data/recording/N``, what there is and the changes of level from the N-th, or ``/data/block/N``."""
+        _, _, kind, number = path.split("/") if path.count("/") == 3 else ("", "", "", "")
+        if not number.isdecimal():
+            return None
+        if kind == "recording":
+            return json_answer(self._state(int(number)))
+        data = self.blocks.block(int(number)) if kind == "block" else None
+        return None if data is None else answer(HTTPStatus.OK, data, "application/json", "gzip")
+
+    def _state(self, known: int) -> dict[str, object]:
+        blocks = self.blocks
+        ended = blocks.ended
+        return {
+            "begin_ns": blocks.begin_ns,
+            "seconds": blocks.seconds,
+            "ended": ended,
+            "changes": blocks.changes[known:],
+            "fault": self._fault() if ended else "",
+        }
+
+    def _fault(self) -> str:
+        """Return why what is shown may not be the whole recording; "" where it is."""
+        recording = self._recording
+        if self._failure or recording.complete:
+            return self._failure
+        return recording.fault or (f"{recording.lost} entries are missing" if recording.lost else "the end is missing")

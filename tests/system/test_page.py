@@ -1,0 +1,245 @@
+"""The live view in a real browser, against a daemon on the virtual gripper."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from browser import MISSING, PATIENCE_S, Browser
+from viewed_rig import ViewedRig
+
+from slipd_client.errors import ClientError
+from slipd_client.messages.names import REASONS
+
+pytestmark = [pytest.mark.process, pytest.mark.skipif(bool(MISSING), reason=MISSING), pytest.mark.timeout(180)]
+
+GRIP_N = 12.0
+GRIPS = 3
+"""A pad that loses readings on a busy machine cannot be used until the next grasp."""
+
+CARD = "slipd.cards.get('left')"
+
+Parts = tuple[ViewedRig, Browser]
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Parts]:
+    """A gripped object, and a browser that shows it."""
+    with Browser() as browser:
+        for _ in range(GRIPS):
+            with ViewedRig(tmp_path_factory.mktemp("page")) as rig:
+                rig.grip(GRIP_N)
+                if rig.seen("left"):
+                    browser.open(rig.url)
+                    browser.until(f"{CARD}?.drawn.slip?.pole_m && {CARD}.drawn.pad.circles.length > 0")
+                    yield rig, browser
+                    return
+        pytest.fail(f"the pads lost readings in each of {GRIPS} grips: the machine is too busy for a gripper")
+
+
+def number(text: str) -> float:
+    """The first number of a text of the page."""
+    found = re.search(r"−?\d+(\.\d+)?", text)
+    assert found is not None, text
+    return float(found[0].replace("−", "-"))
+
+
+def test_the_numbers_of_a_finger_are_those_of_the_message(parts: Parts) -> None:
+    rig, browser = parts
+    page = browser.value(
+        f"""(() => {{
+            const field = (name) => document.querySelector(`[data-field="left.${{name}}"]`).textContent;
+            const names = ["normal_n", "tangential_vector", "spin_nm", "friction_ratio", "mu", "required_friction",
+                "centroid_m", "tipping_margin_m", "bounds", "utilisation"];
+            return {{seq: {CARD}.drawn.slip.seq, level: document.querySelector(".level").textContent,
+                texts: Object.fromEntries(names.map((name) => [name, field(name)]))}};
+        }})()"""
+    )
+    message = rig.wait(lambda: rig.messages.get(("slip.left", page["seq"])))
+    texts = page["texts"]
+    assert page["level"] == shown(message["level"])
+    for field, factor, digits in (
+        ("normal_n", 1, 2),
+        ("spin_nm", 1, 4),
+        ("friction_ratio", 1, 3),
+        ("mu", 1, 2),
+        ("required_friction", 1, 3),
+        ("tipping_margin_m", 1000, 1),
+    ):
+        assert_shown(texts[field], message[field], factor, digits)
+    for name, field, factor, digits in (
+        ("tangential_vector", "tangential_n", 1, 2),
+        ("centroid_m", "centroid_m", 1000, 1),
+    ):
+        for text, value in zip(texts[name].split(","), message[field], strict=True):
+            assert_shown(text, value, factor, digits)
+    assert_shown(texts["utilisation"], message["utilisation"], 1, 2)
+
+
+def assert_shown(text: str, value: float | None, factor: float, digits: int) -> None:
+    if value is None:
+        assert text == "unknown"
+    else:
+        assert number(text) == pytest.approx(value * factor, abs=0.51 * 10**-digits)
+
+
+def test_centroid_pole_and_circles_are_drawn_where_the_numbers_say(parts: Parts) -> None:
+    rig, browser = parts
+    drawn = browser.until(
+        f"""(() => {{
+            const {{ slip, tactile, pad }} = {CARD}.drawn;
+            if (!slip?.pole_m || !pad.circles.length) return null;
+            const canvas = {CARD}.pad;
+            const context = canvas.getContext("2d");
+            const pixel = ([x, y]) => [...context.getImageData(x * devicePixelRatio, y * devicePixelRatio, 1, 1).data];
+            const [x, y, radius] = pad.circles[0];
+            const ring = [];
+            for (let off = -2; off <= 2; off += 0.5) ring.push(pixel([x - radius + off, y]));
+            const style = getComputedStyle(document.documentElement);
+            const colours = Object.fromEntries(["centroid", "pole", "circle"].map(
+                (name) => [name, style.getPropertyValue(`--${{name}}`).trim()]));
+            return {{ slip: slip.seq, tactile: tactile.seq, ...pad, ring, colours,
+                centroidPixel: pixel(pad.centroid), polePixel: pixel(pad.pole.middle) }};
+        }})()"""
+    )
+    slip = rig.wait(lambda: rig.messages.get(("slip.left", drawn["slip"])))
+    tactile = rig.wait(lambda: rig.messages.get(("tactile.left", drawn["tactile"])))
+    scale, (left, top) = drawn["scale"], drawn["origin"]
+    x_m, y_m = slip["centroid_m"]
+    assert drawn["centroid"] == pytest.approx([left + scale * x_m, top - scale * y_m], abs=0.01)
+    assert drawn["centroidPixel"][:3] == rgb(drawn["colours"]["centroid"])
+    assert drawn["polePixel"][:3] == rgb(drawn["colours"]["pole"])
+    assert drawn["pole"]["distance_m"] == pytest.approx(
+        sum((a - b) ** 2 for a, b in zip(slip["pole_m"], slip["centroid_m"], strict=True)) ** 0.5
+    )
+    assert_circles(drawn, slip, tactile)
+
+
+def assert_circles(drawn: dict[str, Any], slip: dict[str, Any], tactile: dict[str, Any]) -> None:
+    """Each loaded taxel has a circle round its centre, as large as its share of the friction limit."""
+    loads, pitch, cols = tactile["loads_n"], tactile["pitch_m"], tactile["cols"]
+    assert (tactile["rows_along"], tactile["cols_along"]) == ("+y", "+x")
+    assert [index for *_, index in drawn["circles"]] == [index for index, load in enumerate(loads) if load > 0]
+    for x, y, radius, index in drawn["circles"]:
+        row, col = divmod(index, cols)
+        right = (col - (cols - 1) / 2) * pitch
+        up = (row - (tactile["rows"] - 1) / 2) * pitch
+        left, top = drawn["origin"]
+        assert (x, y) == pytest.approx((left + drawn["scale"] * right, top - drawn["scale"] * up), abs=0.01)
+        limit_n = slip["mu"] * slip["normal_n"] * loads[index] / sum(loads)
+        assert radius * drawn["newtonsPerPixel"] == pytest.approx(limit_n)
+    ink = rgb(drawn["colours"]["circle"])
+    assert any(max(abs(a - b) for a, b in zip(pixel[:3], ink, strict=True)) < 60 for pixel in drawn["ring"])
+
+
+def rgb(colour: str) -> list[int]:
+    return list(bytes.fromhex(colour.removeprefix("#")))
+
+
+def press(browser: Browser, button: str, reply: str) -> None:
+    """Press a button until its reply begins as expected: a busy machine has reasons of its own to refuse."""
+
+    def replied() -> bool:
+        browser.click(button)
+        text = browser.until("((text) => text !== '…' && text)(document.getElementById('reply').textContent)")
+        return bool(text.startswith(reply))
+
+    until(replied)
+
+
+def until(condition: Callable[[], bool]) -> None:
+    until_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < until_s
+        time.sleep(0.1)
+
+
+def test_a_refused_request_shows_the_words_of_the_daemon(parts: Parts) -> None:
+    _, browser = parts
+    press(browser, ".tare", "in_contact: ")
+    assert browser.value("document.getElementById('reply').dataset.ok") == "false"
+
+
+def test_a_change_of_the_grip_force_reaches_the_gripper(parts: Parts) -> None:
+    rig, browser = parts
+    with rig.client() as client:
+        before_n = rig.wait(lambda: client.status()["gripper"]["force_command_n"])
+        press(browser, "#more", "grip force +1 N: the gripper was sent ")
+        rig.wait(lambda: client.status()["gripper"]["force_command_n"] > before_n + 0.5)
+
+
+def test_another_client_that_holds_the_lease_is_named_as_the_reason(parts: Parts) -> None:
+    """The lease is held by a client that renews it in time: the refusal comes from the daemon."""
+    rig, browser = parts
+    ended = threading.Event()
+
+    def hold() -> None:
+        with rig.client() as client:
+            while not ended.is_set():
+                with contextlib.suppress(ClientError), client.lease() as lease:
+                    while not ended.is_set():
+                        lease.wait(0.05)
+
+    holder = threading.Thread(target=hold)
+    holder.start()
+    try:
+        press(browser, "#more", "lease_held: another client holds the lease")
+    finally:
+        ended.set()
+        holder.join()
+
+
+def test_a_change_of_level_appears_in_the_list_as_it_was_published(parts: Parts) -> None:
+    """The sensors fall silent, which makes both fingers unknown."""
+    rig, browser = parts
+    rig.gripper.send_signal(signal.SIGSTOP)
+    try:
+        texts = browser.until(
+            """((items) => items.length > 1 && items.map((item) => item.textContent))(
+                [...document.querySelectorAll('#change-list li[data-level="unknown"]')])"""
+        )
+        assert browser.until("document.querySelector('.level').textContent === 'UNKNOWN'")
+    finally:
+        rig.gripper.send_signal(signal.SIGCONT)
+    for text in texts:
+        assert rig.wait(lambda text=text: any(change in text for change in published(rig))), text
+    assert REASONS["stale"].replace("`", "") in texts[0]
+
+
+def published(rig: ViewedRig) -> set[str]:
+    """The changes of level that were published, as the page words them."""
+    changes = [body for (topic, _), body in list(rig.messages.items()) if topic == "warning"]
+    return {f"{body['finger']}: {shown(body['previous'])} → {shown(body['level'])}" for body in changes}
+
+
+def shown(level: str) -> str:
+    return level.upper().replace("_", " ")
+
+
+def test_a_daemon_that_ends_is_stale_and_one_that_returns_is_live(parts: Parts) -> None:
+    rig, browser = parts
+    state = "document.getElementById('connection').dataset.state"
+    browser.until(f"{state} === 'live'")
+    rig.daemon.terminate()
+    browser.until(f"{state} === 'stale' && slipd.state.staleFingers().length === 2")
+    cards = browser.value(
+        """[...document.querySelectorAll(".finger")].map((card) => [card.querySelector(".level").textContent,
+            card.querySelector(".why").textContent, card.querySelector('[data-field$=".normal_n"]').textContent])"""
+    )
+    assert [level for level, _, _ in cards] == ["UNKNOWN", "UNKNOWN"]
+    assert all(why.startswith("stale: no verdict for ") and normal == "unknown" for _, why, normal in cards)
+    rig.daemon.wait()
+    with rig.start_daemon():
+        browser.until(f"{state} === 'live'")
+
+
+def test_the_page_loads_nothing_from_elsewhere_and_its_scripts_report_no_error(parts: Parts) -> None:
+    rig, browser = parts
+    assert browser.problems == []
+    assert browser.hosts == {rig.url.split("/")[2]}
