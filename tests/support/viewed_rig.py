@@ -1,4 +1,7 @@
-"""The virtual gripper, a daemon and the server of the live view as processes, and a robot program that grips."""
+"""A daemon, an emulated gripper and the server of the live view as processes; the readings are those of the test.
+
+The sensors push their readings, at rates that a busy machine keeps up with.
+"""
 
 from __future__ import annotations
 
@@ -8,45 +11,166 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slipd import config
+import numpy as np
+import zmq
+
+from slipd.devices.external import encode_reading
+from slipd.signals.pad import PadGeometry
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
 from slipd_client.subscriber import Subscriber
 
 PATIENCE_S = 60.0
-SEEN_POLLS = 100
+PERIOD_S = 0.02
+
+PADS = {
+    "left": PadGeometry(4, 8, 0.004, 0.003, flip_x=True),
+    "right": PadGeometry(8, 4, 0.004, 0.003, swap_xy=True),
+}
+
+FINGER = """
+[finger.{name}]
+mu = 0.5
+min_normal_n = 0.4
+
+[finger.{name}.wrench]
+device = "external"
+port = "ipc://{folder}/readings"
+sensor = "{name}.wrench"
+rate_hz = 50.0
+stale_s = 0.5
+force_std_n = 0.02
+torque_std_nm = 0.0005
+
+[finger.{name}.pad]
+device = "external"
+port = "ipc://{folder}/readings"
+sensor = "{name}.pad"
+rate_hz = 50.0
+stale_s = 0.5
+rows = {rows}
+cols = {cols}
+swap_xy = {swap_xy}
+flip_x = {flip_x}
+pitch_m = 0.004
+electrode_m = 0.003
+axis_scale = [1.0]
+threshold = 0.02
+gain_error = 0.10
+"""
+
+GRIPPER = """
+[gripper]
+device = "external_gripper"
+port = "unix://{folder}/gripper"
+rate_hz = 50.0
+min_force_n = 2.0
+max_force_n = 40.0
+step_n = 5.0
+
+[grasp.pads.left]
+positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.05, 0.0]]
+quat_xyzw = [0.5, -0.5, 0.5, 0.5]
+
+[grasp.pads.right]
+positions = [[0.0, 0.0, 0.0, 0.0], [0.1, 0.0, -0.05, 0.0]]
+quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+"""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What presses on a finger.
+
+    Attributes:
+        loads_n: Load on each taxel in scan order, N.
+        tangential_n: Tangential force on the finger.
+        spin_nm: Torque about the pad's normal through the centroid of the loads.
+    """
+
+    loads_n: np.ndarray
+    tangential_n: Sequence[float]
+    spin_nm: float
+
+    def wrench(self, pad: PadGeometry) -> tuple[np.ndarray, np.ndarray]:
+        """Return force and torque about the pad's origin."""
+        x, y = pad.positions()
+        total_n = self.loads_n.sum()
+        centroid_m = (*((x @ self.loads_n, y @ self.loads_n) / total_n), 0.0) if total_n > 0 else (0.0, 0.0, 0.0)
+        force_n = np.array((*self.tangential_n, -total_n))
+        return force_n, np.cross(centroid_m, force_n) + np.array((0.0, 0.0, self.spin_nm))
+
+
+class Sensors(threading.Thread):
+    """Pushes the readings of both fingers until it is stopped.
+
+    Attributes:
+        contacts: What presses on each finger; None: nothing.
+        silent: Nothing is sent.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        super().__init__(name="sensors")
+        self.contacts: dict[str, Contact | None] = {"left": None, "right": None}
+        self.silent = False
+        self._endpoint = endpoint
+        self._ended = threading.Event()
+
+    def stop(self) -> None:
+        self._ended.set()
+        self.join()
+
+    def run(self) -> None:
+        noise = np.random.default_rng(1)
+        with zmq.Context() as context, context.socket(zmq.PUSH) as push:
+            push.setsockopt(zmq.LINGER, 0)
+            push.setsockopt(zmq.SNDHWM, 10)
+            push.connect(self._endpoint)
+            while not self._ended.wait(PERIOD_S):
+                for name, pad in PADS.items():
+                    contact = self.contacts[name] or Contact(np.zeros(pad.taxels), (0.0, 0.0), 0.0)
+                    force_n, torque_nm = contact.wrench(pad)
+                    noisy = {
+                        "force_n": force_n + 0.01 * noise.standard_normal(3),
+                        "torque_nm": torque_nm + 0.0002 * noise.standard_normal(3),
+                    }
+                    loads_n = np.where(contact.loads_n > 0, contact.loads_n + 0.001 * noise.random(pad.taxels), 0.0)
+                    if not self.silent:
+                        t_ns = time.monotonic_ns()
+                        with contextlib.suppress(zmq.Again):  # no daemon
+                            push.send(encode_reading(f"{name}.pad", t_ns, values=loads_n), zmq.NOBLOCK)
+                            push.send(encode_reading(f"{name}.wrench", t_ns, **noisy), zmq.NOBLOCK)
 
 
 class ViewedRig:
-    """The parts, each a process; ``with`` starts and ends them.
+    """The parts; ``with`` starts and ends them.
 
     Attributes:
         url: Address of the page.
-        gripper: The process of the virtual gripper.
+        sensors: What the sensors send.
         daemon: The process of the first daemon.
-        messages: Every message since the start, by topic and number, of the newest run of the daemon.
+        messages: Every message so far, by topic and number.
     """
 
-    def __init__(self, folder: Path, edit: Callable[[str], str] = lambda text: text) -> None:
+    def __init__(self, folder: Path) -> None:
         self.messages: dict[tuple[str, int], dict[str, Any]] = {}
         self.url = ""
         self._folder = folder
         self._environment = os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")}
         self._publish, self._requests = f"ipc://{folder}/run/publish", f"ipc://{folder}/run/requests"
-        self._config = folder / "rig.toml"
-        text = config.shipped("demo.toml").read_text(encoding="utf-8")
-        self._config.write_text(edit(text.replace('"virtual/', f'"{folder}/')), encoding="utf-8")
         self._ended = threading.Event()
+        self.sensors = Sensors(f"ipc://{folder}/readings")
 
     def __enter__(self) -> ViewedRig:
         with contextlib.ExitStack() as stack:
-            gripper, _ = self._part("slipd.sim.virtual_gripper", "--dir", str(self._folder))
-            self.gripper = stack.enter_context(gripper)
+            gripper = f"unix://{self._folder}/gripper"
             self.daemon = stack.enter_context(self.start_daemon())
+            stack.enter_context(self._part("slipd.sim.emulate", "external_gripper", "--at", gripper)[0])
             endpoints = ("--publish", self._publish, "--requests", self._requests)
             arguments = (*endpoints, "view", "--listen", "127.0.0.1:0")
             view, line = self._part("slipd_client.slipctl", *arguments)
@@ -56,6 +180,8 @@ class ViewedRig:
             listener.start()
             stack.callback(listener.join)
             stack.callback(self._ended.set)
+            self.sensors.start()
+            stack.callback(self.sensors.stop)
             self._stack = stack.pop_all()
         return self
 
@@ -65,7 +191,10 @@ class ViewedRig:
     @contextlib.contextmanager
     def start_daemon(self) -> Iterator[subprocess.Popen[str]]:
         """Start a daemon, which serves once this returns."""
-        part, _ = self._part("slipd", "run", "--config", str(self._config))
+        fingers = [FINGER.format(name=name, folder=self._folder, **_layout(pad)) for name, pad in PADS.items()]
+        config = self._folder / "rig.toml"
+        config.write_text("".join(fingers) + GRIPPER.format(folder=self._folder), encoding="utf-8")
+        part, _ = self._part("slipd", "run", "--config", str(config))
         with part as process:
             yield process
 
@@ -73,27 +202,12 @@ class ViewedRig:
         """Return a client for requests."""
         return GripClient(self._requests, timeout_s=5.0)
 
-    def grip(self, force_n: float) -> None:
-        """Tare both fingers, activate the gripper, and close it onto the object."""
+    def grip(self, force_n: float, contacts: dict[str, Contact | None]) -> None:
+        """Close the gripper onto an object, which then presses on the fingers."""
         with self.client() as client:
-            for finger in ("left", "right"):
-                self.wait(lambda finger=finger: client.tare(finger, 0.2))
-            self.wait(lambda: _with_lease(client, client.gripper_activate))
-            self.wait(lambda: client.status()["gripper"]["active"])
-            self.wait(lambda: _with_lease(client, client.gripper_close, force_n, speed_mps=0.1))
+            self.wait(lambda: _with_lease(client, client.gripper_close, force_n))
             self.wait(lambda: (client.status()["gripper"]["object"] or "").startswith("contact"))
-
-    def seen(self, finger: str) -> bool:
-        """Return whether the contact is known with its image: one that lost bytes cannot be used until the next grasp."""
-        for _ in range(SEEN_POLLS):
-            if self.newest(f"slip.{finger}").get("pole_m"):
-                return True
-            time.sleep(0.1)
-        return False
-
-    def newest(self, topic: str) -> dict[str, Any]:
-        """Return the newest message of a topic, or an empty map."""
-        return max((body for (name, _), body in list(self.messages.items()) if name == topic), key=_seq, default={})
+        self.sensors.contacts = contacts
 
     def wait(self, condition: Callable[[], Any]) -> Any:
         """Wait until a condition holds, and return its value; a request that fails is tried again."""
@@ -130,6 +244,11 @@ class ViewedRig:
         return _ending(process), line
 
 
+def _layout(pad: PadGeometry) -> dict[str, Any]:
+    flags = {"swap_xy": pad.swap_xy, "flip_x": pad.flip_x}
+    return {"rows": pad.rows, "cols": pad.cols} | {key: str(flag).lower() for key, flag in flags.items()}
+
+
 @contextlib.contextmanager
 def _ending(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
     with process:
@@ -143,11 +262,7 @@ def _ending(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
                 process.kill()
 
 
-def _seq(body: dict[str, Any]) -> int:
-    return int(body["seq"])
-
-
-def _with_lease(client: GripClient, request: Callable[..., Any], *arguments: Any, **more: Any) -> bool:
+def _with_lease(client: GripClient, request: Callable[..., Any], *arguments: Any) -> bool:
     with client.lease():
-        request(*arguments, **more)
+        request(*arguments)
     return True

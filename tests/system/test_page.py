@@ -4,43 +4,46 @@ from __future__ import annotations
 
 import contextlib
 import re
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from browser import MISSING, PATIENCE_S, Browser
-from viewed_rig import ViewedRig
+from viewed_rig import PADS, Contact, ViewedRig
 
+from slipd.signals.pad import PadGeometry
 from slipd_client.errors import ClientError
 from slipd_client.messages.names import REASONS
 
 pytestmark = [pytest.mark.process, pytest.mark.skipif(bool(MISSING), reason=MISSING), pytest.mark.timeout(180)]
-
-GRIP_N = 12.0
-GRIPS = 3
-"""A pad that loses readings on a busy machine cannot be used until the next grasp."""
 
 CARD = "slipd.cards.get('left')"
 
 Parts = tuple[ViewedRig, Browser]
 
 
+def held(pad: PadGeometry, tangential_n: tuple[float, float], spin_nm: float) -> Contact:
+    """A contact of 10 N that is off the centre of the pad, with more load on one side."""
+    x, y = pad.positions()
+    loads = np.where((np.abs(x + 0.002) < 0.007) & (np.abs(y - 0.002) < 0.005), 1.0 + 60.0 * x + 40.0 * y, 0.0)
+    return Contact(10.0 * loads / loads.sum(), tangential_n, spin_nm)
+
+
+HELD = {"left": held(PADS["left"], (0.4, 1.2), 0.008), "right": held(PADS["right"], (0.4, -1.2), -0.008)}
+SLIDING = {"left": held(PADS["left"], (0.4, 4.7), 0.008), "right": HELD["right"]}
+
+
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Parts]:
     """A gripped object, and a browser that shows it."""
-    with Browser() as browser:
-        for _ in range(GRIPS):
-            with ViewedRig(tmp_path_factory.mktemp("page")) as rig:
-                rig.grip(GRIP_N)
-                if rig.seen("left"):
-                    browser.open(rig.url)
-                    browser.until(f"{CARD}?.drawn.slip?.pole_m && {CARD}.drawn.pad.circles.length > 0")
-                    yield rig, browser
-                    return
-        pytest.fail(f"the pads lost readings in each of {GRIPS} grips: the machine is too busy for a gripper")
+    with Browser() as browser, ViewedRig(tmp_path_factory.mktemp("page")) as rig:
+        browser.open(rig.url)
+        rig.grip(10.0, HELD)
+        browser.until(f"{CARD}?.drawn.slip?.pole_m && {CARD}.drawn.pad.circles.length > 0")
+        yield rig, browser
 
 
 def number(text: str) -> float:
@@ -98,13 +101,14 @@ def test_centroid_pole_and_circles_are_drawn_where_the_numbers_say(parts: Parts)
             const canvas = {CARD}.pad;
             const context = canvas.getContext("2d");
             const pixel = ([x, y]) => [...context.getImageData(x * devicePixelRatio, y * devicePixelRatio, 1, 1).data];
-            const [x, y, radius] = pad.circles[0];
-            const ring = [];
-            for (let off = -2; off <= 2; off += 0.5) ring.push(pixel([x - radius + off, y]));
+            const rings = pad.circles.map(([x, y, radius]) => {{
+                const off = [-1.5, -1, -0.5, 0, 0.5, 1, 1.5].map((step) => radius + step);
+                return off.flatMap((r) => [pixel([x - r, y]), pixel([x + r, y]), pixel([x, y - r]), pixel([x, y + r])]);
+            }});
             const style = getComputedStyle(document.documentElement);
             const colours = Object.fromEntries(["centroid", "pole", "circle"].map(
                 (name) => [name, style.getPropertyValue(`--${{name}}`).trim()]));
-            return {{ slip: slip.seq, tactile: tactile.seq, ...pad, ring, colours,
+            return {{ slip: slip.seq, tactile: tactile.seq, ...pad, rings, colours,
                 centroidPixel: pixel(pad.centroid), polePixel: pixel(pad.pole.middle) }};
         }})()"""
     )
@@ -123,19 +127,22 @@ def test_centroid_pole_and_circles_are_drawn_where_the_numbers_say(parts: Parts)
 
 def assert_circles(drawn: dict[str, Any], slip: dict[str, Any], tactile: dict[str, Any]) -> None:
     """Each loaded taxel has a circle round its centre, as large as its share of the friction limit."""
-    loads, pitch, cols = tactile["loads_n"], tactile["pitch_m"], tactile["cols"]
-    assert (tactile["rows_along"], tactile["cols_along"]) == ("+y", "+x")
+    loads = tactile["loads_n"]
+    across, along = PADS["left"].positions()
     assert [index for *_, index in drawn["circles"]] == [index for index, load in enumerate(loads) if load > 0]
     for x, y, radius, index in drawn["circles"]:
-        row, col = divmod(index, cols)
-        right = (col - (cols - 1) / 2) * pitch
-        up = (row - (tactile["rows"] - 1) / 2) * pitch
         left, top = drawn["origin"]
-        assert (x, y) == pytest.approx((left + drawn["scale"] * right, top - drawn["scale"] * up), abs=0.01)
+        where = (left + drawn["scale"] * across[index], top - drawn["scale"] * along[index])
+        assert (x, y) == pytest.approx(where, abs=0.01)
         limit_n = slip["mu"] * slip["normal_n"] * loads[index] / sum(loads)
         assert radius * drawn["newtonsPerPixel"] == pytest.approx(limit_n)
     ink = rgb(drawn["colours"]["circle"])
-    assert any(max(abs(a - b) for a, b in zip(pixel[:3], ink, strict=True)) < 60 for pixel in drawn["ring"])
+    drawn_circles = [any(near(pixel[:3], ink) for pixel in ring) for ring in drawn["rings"]]
+    assert sum(drawn_circles) >= 0.8 * len(drawn_circles), "labels may cover a few"
+
+
+def near(pixel: list[int], ink: list[int]) -> bool:
+    return max(abs(a - b) for a, b in zip(pixel, ink, strict=True)) < 80
 
 
 def rgb(colour: str) -> list[int]:
@@ -196,26 +203,36 @@ def test_another_client_that_holds_the_lease_is_named_as_the_reason(parts: Parts
 
 
 def test_a_change_of_level_appears_in_the_list_as_it_was_published(parts: Parts) -> None:
-    """The sensors fall silent, which makes both fingers unknown."""
     rig, browser = parts
-    rig.gripper.send_signal(signal.SIGSTOP)
+    rig.sensors.contacts = SLIDING
     try:
         texts = browser.until(
-            """((items) => items.length > 1 && items.map((item) => item.textContent))(
-                [...document.querySelectorAll('#change-list li[data-level="unknown"]')])"""
+            """((items) => items.length > 0 && items.map((item) => item.textContent))([...document.querySelectorAll(
+                '#change-list li[data-level="warning"], #change-list li[data-level="slipping"]')])"""
         )
-        assert browser.until("document.querySelector('.level').textContent === 'UNKNOWN'")
+        browser.until("['WARNING', 'SLIPPING'].includes(document.querySelector('.level').textContent)")
     finally:
-        rig.gripper.send_signal(signal.SIGCONT)
+        rig.sensors.contacts = HELD
     for text in texts:
         assert rig.wait(lambda text=text: any(change in text for change in published(rig))), text
-    assert REASONS["stale"].replace("`", "") in texts[0]
+    assert REASONS["translation"] in " ".join(texts)
 
 
 def published(rig: ViewedRig) -> set[str]:
     """The changes of level that were published, as the page words them."""
     changes = [body for (topic, _), body in list(rig.messages.items()) if topic == "warning"]
     return {f"{body['finger']}: {shown(body['previous'])} → {shown(body['level'])}" for body in changes}
+
+
+def test_sensors_that_fall_silent_are_unknown_with_the_reason(parts: Parts) -> None:
+    rig, browser = parts
+    rig.sensors.silent = True
+    try:
+        browser.until("document.querySelector('.level').textContent === 'UNKNOWN'")
+        browser.until("document.querySelector('.why').textContent.startsWith('stale: ')")
+        browser.until("document.querySelector('[data-stream=\"left.wrench\"]').dataset.health === 'STALE'")
+    finally:
+        rig.sensors.silent = False
 
 
 def shown(level: str) -> str:
