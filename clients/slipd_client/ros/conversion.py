@@ -93,9 +93,11 @@ def _encoder(name: str) -> CdrEncoder:
 
 
 def stamp_ns(body: Body) -> int:
-    """Return when the readings of a message were acquired, ns since 1970, within 0.5 µs (steps of a float)."""
-    seconds: float = body["timestamp"]
-    return round(seconds * 1e9)
+    """Return when the readings of a message were acquired, ns since 1970, within 0.5 µs (steps of a float).
+
+    It is 0 where the message does not say so; in ROS that is no time.
+    """
+    return round((body.get("timestamp") or 0.0) * 1e9)
 
 
 def _header(body: Body) -> dict[str, Any]:

@@ -70,10 +70,10 @@ def _forward(source: Link, out: zmq.Socket[bytes], *, time_frame: bool) -> None:
         silent = False
         if time_frame:
             try:
-                _, body = read(frames)
-            except MessageError:
+                seconds = float(read(frames)[1]["timestamp"])
+            except (MessageError, KeyError, TypeError):
                 continue  # of another version: nobody knows its time
-            frames.append(f"{body['timestamp']:.6f}".encode())
+            frames.append(f"{seconds:.6f}".encode())
         out.send_multipart(frames)
 
 

@@ -45,7 +45,7 @@ class ViewerServer:
         try:
             import foxglove  # here: only this command needs the extra `viewers`
         except ModuleNotFoundError as error:
-            raise CallError("slipctl viewers needs foxglove-sdk: pip install 'slipd-client[viewers]'") from error
+            raise CallError("slipctl viewers needs foxglove-sdk: pip install foxglove-sdk") from error
         self._foxglove = foxglove
         self._pads = pads
         self._lock = threading.Lock()  # subscriptions arrive on threads of the library

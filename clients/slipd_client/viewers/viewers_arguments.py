@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -32,7 +33,12 @@ def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
         "--write-layouts", type=Path, metavar="FOLDER", help="write layouts for these viewers and exit"
     )
     viewers.add_argument(
-        "--fingers", nargs="+", default=["left", "right"], metavar="NAME", help="fingers of the layouts (left right)"
+        "--fingers",
+        nargs="+",
+        type=_finger,
+        default=["left", "right"],
+        metavar="NAME",
+        help="fingers of the layouts (default: left right)",
     )
     relay = add("relay", "publish the messages on a TCP port of this machine, for PlotJuggler's ZeroMQ source")
     relay.add_argument(
@@ -46,6 +52,12 @@ def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
         action="store_true",
         help="add the time as a third frame: PlotJuggler 4 wants it, a third frame breaks PlotJuggler 3",
     )
+
+
+def _finger(text: str) -> str:
+    if not re.fullmatch("[a-z0-9]{1,32}", text):
+        raise argparse.ArgumentTypeError(f"must be the name of a finger, a-z and 0-9, got {text!r:.80}")
+    return text
 
 
 def _address(text: str) -> tuple[str, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ipaddress
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,8 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
         server = ViewerServer(host, port, pads)
         try:
             print(f"viewers: ws://{f'[{host}]' if ':' in host else host}:{server.port}", flush=True)
+            if not _is_loopback(host):
+                print(f"slipctl: whoever reaches port {server.port} can read every message", file=sys.stderr)
             _serve(subscriber, server)
         finally:
             server.stop()
@@ -56,6 +59,13 @@ def _serve(subscriber: Subscriber, server: ViewerServer) -> None:
         if message.restarted:
             server.restart()
         server.publish(message.topic, message.raw)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def pads_of(path: Path) -> PadFrames:

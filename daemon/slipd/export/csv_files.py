@@ -98,16 +98,12 @@ def _field(kind: Kind, value: Any, message: Body, name: str, path: tuple[str | i
             yield f"{name}.{index}", (*path, index), _plain
     elif kind.inner is TEXT:
         yield name, path, _words
-    elif kind.name.startswith("map") and not _of_integers(kind.inner):
+    elif kind.name.startswith("map") and kind.inner.inner is not INTEGER:
         for key in value if value is not None else message.get("fingers", ()):
             entry = None if value is None else value[key]
             yield from _field(kind.inner, entry, message, f"{name}.{key}", (*path, key))
     else:
         yield name, path, _json
-
-
-def _of_integers(kind: Kind) -> bool:
-    return kind.inner is INTEGER
 
 
 def _plain(value: Any) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from slipd.errors import SlipdError
+from slipd.recording.reader import is_recording
 
 
 @contextlib.contextmanager
@@ -45,18 +46,24 @@ def _check(out: Path, kind: str, *, overwrite: bool) -> None:
         raise SlipdError(f"{out}: exists already; give a new name, or --overwrite")
     if out.is_symlink() or not (out.is_file() or out.is_dir()):
         raise SlipdError(f"{out}: only a file or a folder can be overwritten")
-    if out.is_dir():
-        others = sorted(path.name for path in out.iterdir() if not path.is_file() or path.suffix not in (kind, ".yaml"))
-        if others:
-            raise SlipdError(f"{out}: is a folder that also holds {others[0]!r}, and is not overwritten")
+    if out.is_file() and is_recording(out):
+        raise SlipdError(f"{out}: is a recording of slipd, and is not overwritten")
+    for path in sorted(out.iterdir()) if out.is_dir() else ():
+        if not path.is_file() or path.suffix not in (kind, ".yaml") or is_recording(path):
+            raise SlipdError(f"{out}: is a folder that also holds {path.name!r}, and is not overwritten")
 
 
 def _place(written: Path, out: Path, aside: Path) -> None:
     """Move the result to its place; an earlier one is moved away first, because a folder cannot replace another."""
+    written.chmod(0o777 & ~_umask() if written.is_dir() else 0o666 & ~_umask())
     if os.path.lexists(out):
         out.rename(aside)
-    written.chmod(0o777 & ~_umask() if written.is_dir() else 0o666 & ~_umask())
-    written.rename(out)
+    try:
+        written.rename(out)
+    except BaseException:
+        if os.path.lexists(aside):
+            aside.rename(out)
+        raise
 
 
 def _umask() -> int:

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+from replays import RECORDINGS
 
 from slipd.errors import SlipdError
 from slipd.export.draft import draft
@@ -76,6 +77,21 @@ def test_an_earlier_result_stays_where_the_new_one_fails(tmp_path: Path) -> None
     assert out.read_text() == "old"
 
 
+def test_an_earlier_result_returns_where_the_new_one_is_gone(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "old.csv").write_text("old")
+
+    def lose() -> None:
+        with draft(out, ".csv", overwrite=True) as written:
+            written.mkdir()
+            (written.parent / "replaced").write_text("in the way")
+
+    with pytest.raises(SlipdError, match="out: cannot be written"):
+        lose()
+    assert names(out) == ["old.csv"]
+
+
 def test_a_folder_with_other_files_is_never_replaced(tmp_path: Path) -> None:
     out = tmp_path / "home"
     out.mkdir()
@@ -83,6 +99,16 @@ def test_a_folder_with_other_files_is_never_replaced(tmp_path: Path) -> None:
     with pytest.raises(SlipdError, match=r"is a folder that also holds 'thesis.tex', and is not overwritten"):
         draft(out, ".csv", overwrite=True).__enter__()
     assert (out / "thesis.tex").exists()
+
+
+def test_a_recording_is_never_replaced(tmp_path: Path) -> None:
+    for out in (tmp_path / "run.mcap", tmp_path / "recordings" / "damaged.mcap"):
+        out.parent.mkdir(exist_ok=True)
+        out.write_bytes((RECORDINGS / "bota.mcap").read_bytes()[:4000])
+    with pytest.raises(SlipdError, match="is a recording of slipd, and is not overwritten"):
+        draft(tmp_path / "run.mcap", ".mcap", overwrite=True).__enter__()
+    with pytest.raises(SlipdError, match=r"is a folder that also holds 'damaged\.mcap'"):
+        draft(tmp_path / "recordings", ".mcap", overwrite=True).__enter__()
 
 
 def test_a_link_or_a_device_is_not_overwritten(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import shutil
 from pathlib import Path
 
@@ -35,6 +36,18 @@ def test_an_export_that_exists_is_refused_unless_it_may_be_overwritten(
     assert export(RUN, out, "--to", to, "--overwrite") == 0
     assert capsys.readouterr().out == f"{out}: written, 515 messages of slipd\n"
     assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("to", ["ros2", "json-mcap", "csv"])
+def test_a_disk_that_is_full_leaves_nothing_behind(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
+    try:
+        assert export(RUN, tmp_path / "out", "--to", to) == 1
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert capsys.readouterr().err == f"slipd: {tmp_path / 'out'}: cannot be written: File too large\n"
+    assert names(tmp_path) == []
 
 
 def test_a_truncated_recording_is_exported_up_to_its_end_and_says_so(

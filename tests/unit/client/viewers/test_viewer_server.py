@@ -124,5 +124,5 @@ def test_an_address_that_cannot_be_used_is_named(server: ViewerServer) -> None:
 
 def test_without_its_library_the_server_names_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "foxglove", None)
-    with pytest.raises(CallError, match=r"needs foxglove-sdk: pip install 'slipd-client\[viewers\]'"):
+    with pytest.raises(CallError, match="slipctl viewers needs foxglove-sdk: pip install foxglove-sdk"):
         ViewerServer("127.0.0.1", 0)

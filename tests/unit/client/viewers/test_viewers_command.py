@@ -47,6 +47,16 @@ def test_a_silence_of_the_daemon_is_reported_to_the_person_and_to_the_viewers_un
     assert (process.returncode, errors) == (0, "")
 
 
+def test_a_server_that_other_machines_reach_says_that_they_can_read(
+    publish: str, slipctl: Callable[..., subprocess.Popen[str]]
+) -> None:
+    process = slipctl("--publish", publish, "viewers", "--listen", "0.0.0.0:0")
+    assert process.stdout is not None
+    assert process.stderr is not None
+    port = process.stdout.readline().strip().removeprefix("viewers: ws://0.0.0.0:")
+    assert process.stderr.readline() == f"slipctl: whoever reaches port {port} can read every message\n"
+
+
 def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["viewers", "--write-layouts", str(tmp_path / "new" / "layouts"), "--fingers", "a", "b"]) == 0
     shown = capsys.readouterr().out.splitlines()
@@ -60,6 +70,7 @@ def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.Cap
         (["--listen", "8765"], "argument --listen: must be HOST:PORT, e.g. 127.0.0.1:8765, got '8765'"),
         (["--listen", "localhost:99999"], "must be HOST:PORT"),
         (["--config", "/nowhere/rig.toml"], "/nowhere/rig.toml: cannot be read: No such file or directory"),
+        (["--fingers", "Left"], "argument --fingers: must be the name of a finger, a-z and 0-9, got 'Left'"),
         (["--write-layouts", "/dev/null/layouts"], "/dev/null/layouts: cannot be written: Not a directory"),
     ],
 )
