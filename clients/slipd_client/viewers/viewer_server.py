@@ -65,6 +65,11 @@ class ViewerServer:
         """The port in use."""
         return int(self._server.port)
 
+    @property
+    def watched(self) -> bool:
+        """A client has subscribed to something."""
+        return any(channel.has_sinks() for channel in self._channels.values())
+
     def publish(self, topic: str, body: Mapping[str, Any]) -> None:
         """Send a message of the daemon to the clients that subscribed to what is made of it."""
         log_ns = time.time_ns()

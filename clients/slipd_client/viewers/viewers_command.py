@@ -5,18 +5,23 @@ from __future__ import annotations
 import argparse
 import ipaddress
 import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipd_client.errors import CallError, hint_for
 from slipd_client.message_tracker import SILENCE_S
 from slipd_client.ros.pad_frames import PadFrames
-from slipd_client.subscriber import Subscriber
+from slipd_client.subscriber import Message, Subscriber
 from slipd_client.viewers import layouts
 from slipd_client.viewers.viewer_server import ViewerServer
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
+
+IDLE_S = 0.1
+"""Time between two looks at the messages while no viewer has subscribed: most are then never decoded."""
 
 
 def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
@@ -44,21 +49,32 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
 
 def _serve(subscriber: Subscriber, server: ViewerServer) -> None:
     silent = False
+    heard_s = time.monotonic()
     while True:
-        message = subscriber.receive(SILENCE_S)
-        if message is None:
-            if not silent:
-                silent = True
-                why = f"no message from {subscriber.endpoint} for {SILENCE_S:g} s. {hint_for(subscriber.endpoint)}"
-                print(f"slipctl: {why}", file=sys.stderr, flush=True)
-                server.silent(why)
-            continue
-        if silent:
+        messages = _arrived(subscriber, watched=server.watched)
+        if messages:
+            heard_s = time.monotonic()
+            if silent:
+                server.alive()
             silent = False
-            server.alive()
-        if message.restarted:
-            server.restart()
-        server.publish(message.topic, message.raw)
+        elif not silent and time.monotonic() - heard_s >= SILENCE_S:
+            silent = True
+            why = f"no message from {subscriber.endpoint} for {SILENCE_S:g} s. {hint_for(subscriber.endpoint)}"
+            print(f"slipctl: {why}", file=sys.stderr, flush=True)
+            server.silent(why)
+        for message in messages:
+            if message.restarted:
+                server.restart()
+            server.publish(message.topic, message.raw)
+
+
+def _arrived(subscriber: Subscriber, *, watched: bool) -> Sequence[Message]:
+    """Wait for messages: for the next one, or, while nobody watches, for the newest of each topic."""
+    if watched:
+        message = subscriber.receive(SILENCE_S)
+        return () if message is None else (message,)
+    time.sleep(IDLE_S)
+    return subscriber.newest()
 
 
 def _is_loopback(host: str) -> bool:
