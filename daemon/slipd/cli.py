@@ -122,6 +122,22 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("--overwrite", action="store_true", help="replace an earlier export")
     export.set_defaults(command=_export)
 
+    plot = _add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
+    plot.epilog = (
+        "The recording is replayed, so another config shows what would have been reported with it. Its length does not "
+        "matter for memory: of each column of the picture, the least and the largest value are kept. Exit code 1: the "
+        "recording is damaged or cut off; it is drawn as far as it goes."
+    )
+    plot.add_argument("file", type=Path, metavar="RECORDING", help="recording, MCAP")
+    plot.add_argument(
+        "--out",
+        type=_picture,
+        metavar="FILE",
+        help="a page, .html, or a picture, .png (needs matplotlib); default: RECORDING.html in this folder",
+    )
+    plot.add_argument("--config", type=Path, metavar="FILE", help="replay with this config instead of the recorded one")
+    plot.set_defaults(command=_plot)
+
     identify = _add_command(
         commands, "identify", "find mass and centre of mass of a finger from a recording of several poses"
     )
@@ -243,6 +259,13 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     return DONE if whole else FAULT
 
 
+def _plot(arguments: argparse.Namespace) -> int:
+    from slipd.plot.plot_command import plot_command
+
+    whole = plot_command(arguments.file, arguments.out, arguments.config)
+    return DONE if whole else FAULT
+
+
 def _export(arguments: argparse.Namespace) -> int:
     from slipd.export.export_command import export
 
@@ -268,6 +291,12 @@ def _positive(text: str) -> float:
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
     return value
+
+
+def _picture(text: str) -> Path:
+    if not text.endswith((".html", ".png")):
+        raise argparse.ArgumentTypeError(f"must end in .html or .png, got {text!r}")
+    return Path(text)
 
 
 def _speed(text: str) -> float | None:

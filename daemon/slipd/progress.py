@@ -44,8 +44,9 @@ class Progress:
         if self._at_begin < done < of:
             left_s = (now_s - self._begun_s) / (done - self._at_begin) * (of - done)
             text += f", about {left_s:.0f} s left"
-        bar = "█" * round(30 * done / max(of, 1))
-        print(f"{ERASE}{bar:·<30} {text}", end="", file=sys.stderr, flush=True)
+        full, empty = ("█", "·") if sys.stderr.encoding.lower() == "utf-8" else ("#", ".")
+        bar = full * round(30 * done / max(of, 1))
+        print(f"{ERASE}{bar:{empty}<30} {text}", end="", file=sys.stderr, flush=True)
 
     def erase(self) -> None:
         """Erase the line."""

@@ -89,7 +89,7 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
     recording = open_recording(path)
     settings = None
     if config_text is not None:
-        settings = _with_tares(config.parse(config_text, name), recording)
+        settings = with_recorded_tares(config.parse(config_text, name), recording)
     begin_s, end_s, truth = outline(recording)
     run = ConfigRun({}, end_s=end_s - begin_s, truth=truth)
     try:
@@ -112,8 +112,8 @@ def _watched(
         yield topic, body
 
 
-def _with_tares(settings: Config, recording: Recording) -> Config:
-    """Return a config with the tares of the pads of the recorded one."""
+def with_recorded_tares(settings: Config, recording: Recording) -> Config:
+    """Return a config with the tares of the pads of the recorded one: they were measured, not chosen."""
     recorded = config.parse(recording.config_text, f"{recording.path}: config").finger
     fingers = dict(settings.finger)
     for name, finger in settings.finger.items():

@@ -1,0 +1,146 @@
+"""The command ``slipd plot``: one recording as a page or a picture."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from slipd import config
+from slipd.errors import RecordingError, SlipdError
+from slipd.evaluation.config_run import with_recorded_tares
+from slipd.plot.chart import chart
+from slipd.plot.report_page import Report, page
+from slipd.plot.run_tracks import RunTracks
+from slipd.progress import Progress
+from slipd.recording.reader import Recording, open_recording
+from slipd.recording.replay import replay
+
+
+def plot_command(path: Path, out: Path | None, config_file: Path | None) -> bool:
+    """Replay a recording and write the picture.
+
+    Args:
+        path: The recording.
+        out: The picture; it replaces a file of that name once it is complete. None: a page in this folder.
+        config_file: A config to replay with; None: the recorded one.
+
+    Returns:
+        Whether the recording is complete; if not, it is drawn as far as it goes.
+
+    Raises:
+        ConfigError: The config cannot be read or has faults.
+        RecordingError: The recording cannot be read, or does not fit the config.
+        SlipdError: The picture cannot be written, or matplotlib is missing for a PNG.
+    """
+    out = out or Path(f"{path.stem}.html")
+    write = _writer(out)
+    recording = open_recording(path)
+    progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % replayed")
+    with _new_file(out) as draft:
+        try:
+            report = make_report(recording, config_file, progress.show)
+        finally:
+            progress.erase()
+        write(report, draft)
+    if recording.gap:
+        print(f"slipd: the recording is incomplete: {recording.gap}", file=sys.stderr)
+    print(f"{out}: written")
+    return recording.complete
+
+
+def make_report(recording: Recording, config_file: Path | None, progress: Callable[[int, int], None]) -> Report:
+    """Replay a recording and return what is drawn of it.
+
+    Args:
+        recording: The recording.
+        config_file: A config to replay with; None: the recorded one.
+        progress: Called with how much of the file is replayed, and its size.
+
+    Raises:
+        ConfigError: The config cannot be read or has faults.
+        RecordingError: The recording has no messages, or does not fit the config.
+    """
+    if config_file is None:
+        settings = config.parse(recording.config_text, f"{recording.path}: config")
+    else:
+        settings = with_recorded_tares(config.load(config_file), recording)
+    first = next(recording.events(), None)
+    if first is None:
+        raise RecordingError(f"{recording.path}: no events in it, so there is nothing to draw")
+    tracks = RunTracks(first[0])
+    for topic, body in replay(recording, settings=settings):
+        tracks.add(topic, body)
+        progress(recording.read_bytes, recording.size_bytes)
+    if not tracks.end_s:
+        raise RecordingError(f"{recording.path}: its events cause no messages, so there is nothing to draw")
+    return Report(
+        recording.path.name,
+        _facts(recording, tracks, first[0], config_file, settings.config_id),
+        [recording.gap] if recording.gap else [],
+        tracks.end_s,
+        chart(tracks, settings.levels),
+        tracks.changes,
+    )
+
+
+def _facts(
+    recording: Recording, tracks: RunTracks, begin_ns: int, config_file: Path | None, config_id: str
+) -> list[str]:
+    begun = datetime.fromtimestamp((begin_ns + recording.wall_minus_monotonic_ns) * 1e-9, UTC)
+    recorded = f"Recorded by slipd {recording.versions.get('slipd', 'of an unknown version')}"
+    facts = [f"{recorded} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {tracks.end_s:.1f} s."]
+    if config_file is None:
+        return [*facts, f"Replayed with its own config ({config_id})."]
+    other = f"Replayed with {config_file.name} ({config_id}): what slipd would have reported with that config."
+    return [*facts, other, "The recorded motion stays as it was, and so does the zero of the pads."]
+
+
+def _writer(out: Path) -> Callable[[Report, Path], None]:
+    """Return what writes files of this kind.
+
+    Raises:
+        SlipdError: Matplotlib is missing.
+    """
+    if out.suffix == ".html":
+        return _write_page
+    try:
+        from slipd.plot import chart_png  # matplotlib is in the extra "chart" only
+    except ImportError as error:
+        raise SlipdError(
+            f"{out}: a PNG needs matplotlib: pip install 'slipd[chart]'; a file .html needs nothing"
+        ) from error
+    return chart_png.save
+
+
+def _write_page(report: Report, path: Path) -> None:
+    path.write_text(page(report), encoding="utf-8")
+
+
+@contextmanager
+def _new_file(out: Path) -> Iterator[Path]:
+    """Give a file to write into, which takes the place of ``out`` once it is complete.
+
+    Raises:
+        SlipdError: There cannot be such a file.
+    """
+    draft = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        if out.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if out.exists() and not os.access(out, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        draft.touch()
+    except OSError as error:
+        raise SlipdError(f"{out}: cannot be written: {error.strerror}") from error
+    try:
+        yield draft
+        draft.replace(out)
+    except OSError as error:
+        raise SlipdError(f"{out}: cannot be written: {error.strerror}") from error
+    finally:
+        draft.unlink(missing_ok=True)
