@@ -1,0 +1,153 @@
+"""``slipd plot`` on recordings of real daemons: files, output and exit code."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from replays import RECORDINGS
+from terminals import PATIENCE_S, PseudoTerminal
+
+from slipd.cli import main
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
+
+DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
+SLIPD = str(Path(sys.executable).with_name("slipd"))
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def sticky(here: Path) -> str:
+    """The config of the demo for a rig with more friction than there was."""
+    path = here / "sticky.toml"
+    path.write_text(open_recording(Path(DEMO)).config_text.replace("mu = 0.55", "mu = 0.8"), encoding="utf-8")
+    return str(path)
+
+
+def test_a_page_is_written_into_this_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plot", DEMO]) == 0
+    assert capsys.readouterr().out == "demo.html: written\n"
+    assert [path.name for path in here.iterdir()] == ["demo.html"]
+    text = (here / "demo.html").read_text(encoding="utf-8")
+    assert "Replayed with its own config" in text
+    assert re.search(r"left: warning, λ 0\.8", text)
+    assert oct((here / "demo.html").stat().st_mode & 0o777) == oct(0o666 & ~current_umask())
+
+
+def current_umask() -> int:
+    umask = os.umask(0)
+    os.umask(umask)
+    return umask
+
+
+def test_another_config_shows_what_it_would_have_reported(sticky: str, here: Path) -> None:
+    assert main(["plot", DEMO, "--config", sticky, "--out", "a.html"]) == 0
+    text = (here / "a.html").read_text(encoding="utf-8")
+    assert "Replayed with sticky.toml" in text
+    assert "No finger rose" in text
+
+
+def test_a_recording_that_was_cut_off_is_drawn_as_far_as_it_goes(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("cut.mcap").write_bytes(Path(REFLEX).read_bytes()[:-20_000])
+    assert main(["plot", "cut.mcap"]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == "cut.html: written\n"
+    assert captured.err.startswith("slipd: the recording is incomplete: cut.mcap: ")
+    assert 'class="fault">cut.mcap: ' in (here / "cut.html").read_text(encoding="utf-8")
+
+
+def test_a_recording_without_events_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = open_recording(Path(DEMO)).config_text
+    RecordingFile(Path("none.mcap"), config_text=text, boot="b", wall_minus_monotonic_ns=0).finish(0)
+    assert main(["plot", "none.mcap"]) == 1
+    assert capsys.readouterr().err == "slipd: none.mcap: no events in it, so there is nothing to draw\n"
+    assert not Path("none.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "ends", "told"),
+    [
+        (["foreign"], 1, "slipd: foreign: not an MCAP file, and so not a recording of slipd"),
+        (["empty"], 1, "slipd: empty: is empty: the writer ended before it wrote anything"),
+        (["none.mcap"], 1, "slipd: none.mcap: cannot be opened: No such file or directory"),
+        ([DEMO, "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
+        ([DEMO, "--config", "bad.toml"], 2, "bad.toml:2: finger.left.mu: must be from 0.01 to 2, got 9"),
+        ([DEMO, "--out", "none/a.html"], 1, "slipd: none/a.html: cannot be written: No such file or directory"),
+        ([DEMO, "--out", "folder.html"], 1, "slipd: folder.html: cannot be written: Is a directory"),
+        ([DEMO, "--out", "/proc/a.html"], 1, "slipd: /proc/a.html: cannot be written: "),
+    ],
+)
+def test_wrong_files_are_told_before_anything_is_replayed(
+    arguments: list[str], ends: int, told: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("foreign").write_bytes(b"\xff\xfe no recording")
+    Path("empty").touch()
+    Path("bad.toml").write_text("[finger.left]\nmu = 9.0\n")
+    Path("folder.html").mkdir()
+    before = sorted(here.iterdir())
+    assert main(["plot", *arguments]) == ends
+    captured = capsys.readouterr()
+    assert told in captured.err
+    assert captured.out == ""
+    assert sorted(here.iterdir()) == before, "nothing is left behind"
+
+
+def test_a_file_that_may_not_be_written_stays_as_it_is(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("a.html").write_text("kept")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everything
+    assert main(["plot", DEMO, "--out", "a.html"]) == 1
+    assert capsys.readouterr().err == "slipd: a.html: cannot be written: Permission denied\n"
+    assert [(path.name, path.read_text()) for path in here.iterdir()] == [("a.html", "kept")]
+
+
+@pytest.mark.parametrize("call", [["plot"], ["plot", DEMO, "--out", "a.pdf"], ["plot", DEMO, DEMO]])
+def test_wrong_arguments_print_the_usage(call: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(call)
+    assert ended.value.code == 2
+    assert "usage: slipd" in capsys.readouterr().err
+
+
+def test_a_png_without_matplotlib_names_what_to_install(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "slipd.plot.chart_png", raising=False)
+    monkeypatch.delattr("slipd.plot.chart_png", raising=False)
+    assert main(["plot", DEMO, "--out", "a.png"]) == 1
+    assert "a.png: a PNG needs matplotlib: pip install 'slipd[chart]'" in capsys.readouterr().err
+    assert list(here.iterdir()) == []
+
+
+def test_a_png_is_written(here: Path) -> None:
+    pytest.importorskip("matplotlib")
+    assert main(["plot", REFLEX, "--out", "a.png"]) == 0
+    assert (here / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.process
+def test_progress_is_shown_on_a_terminal_only_while_it_works(here: Path) -> None:
+    with PseudoTerminal() as terminal:
+        process = subprocess.Popen([SLIPD, "plot", DEMO], stdout=subprocess.DEVNULL, stderr=terminal.slave)
+        os.close(terminal.slave)
+        terminal.wait_for(lambda lines: "% replayed" in lines[0] or process.poll() is not None)
+        assert process.wait(PATIENCE_S) == 0
+        while terminal.read(0.05):
+            pass
+        assert b"% replayed" in terminal.sent
+        assert terminal.sent.endswith(b"\r\x1b[K"), "and erased at the end"
+    assert [path.name for path in here.iterdir()] == ["demo.html"]
