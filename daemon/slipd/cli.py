@@ -1,4 +1,4 @@
-"""The command ``slipd``: run, demo, check, replay, view, evaluate, export, identify, import.
+"""The command ``slipd``: run, demo, check, replay, view, evaluate, plot, export, identify, import.
 
 Each command imports what it needs.
 """
@@ -8,13 +8,11 @@ from __future__ import annotations
 import argparse
 import asyncio
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slipd import __version__
+from slipd.cli_parser import parser
 from slipd.errors import ConfigError, SlipdError
 from slipd.log_lines import open_log
-from slipd_client.page.listen_address import add_listen
 
 if TYPE_CHECKING:
     from slipd.config import Config
@@ -25,10 +23,10 @@ DONE, FAULT, WRONG = 0, 1, 2
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command and return its exit code: 0 done, 1 fault at run time, 2 wrong arguments or config."""
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
     open_log()
     try:
-        return int(arguments.command(arguments))
+        return COMMANDS[arguments.command](arguments)
     except ConfigError as error:
         print(error, file=sys.stderr)
         return WRONG
@@ -40,137 +38,6 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output is gone, and with it the reader of an error
         return DONE
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="slipd", description="Warn a robot that its gripper is about to drop something."
-    )
-    parser.add_argument("--version", action="version", version=f"slipd {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    run = _add_command(commands, "run", "run the daemon")
-    run.add_argument("--config", type=Path, required=True, metavar="FILE", help="config of the rig, TOML")
-    run.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
-    run.set_defaults(command=_run)
-
-    demo = _add_command(commands, "demo", "run the daemon on a virtual gripper")
-    demo.add_argument(
-        "--seconds",
-        type=_positive,
-        default=None,
-        metavar="N",
-        help="end after N seconds (default: at the end of the scene)",
-    )
-    demo.add_argument("--headless", action="store_true", help="print only the summary, without a live view")
-    demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
-    demo.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
-    demo.set_defaults(command=_demo)
-
-    check = _add_command(commands, "check", "report every fault in a config")
-    check.add_argument("file", type=Path, metavar="FILE", help="config of a rig, TOML")
-    check.set_defaults(command=_check)
-
-    replay = _add_command(commands, "replay", "run a recording through the engine again")
-    replay.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
-    replay.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
-    )
-    replay.add_argument("--json", action="store_true", help="print every message, one per line")
-    replay.add_argument(
-        "--publish", action="store_true", help="publish the messages on the endpoint of the recorded config"
-    )
-    replay.set_defaults(command=_replay)
-
-    view = _add_command(commands, "view", "show a recording in a browser; prints the address of the page")
-    view.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
-    add_listen(view)
-    view.set_defaults(command=_view)
-
-    evaluate = _add_command(commands, "evaluate", "compare what configs would have reported on recordings")
-    evaluate.epilog = (
-        "The recorded motion stays as it was: a config changes what is reported on it, not what the robot would have "
-        "done about that. The zero of a pad stays that of the recording too. Exit code 1: a recording is damaged, or "
-        "does not fit a config; the others are evaluated."
-    )
-    evaluate.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="recordings, MCAP")
-    evaluate.add_argument(
-        "--config",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="replay with this config too, beside the recorded one; may be given several times",
-    )
-    evaluate.add_argument("--out", type=Path, metavar="FOLDER", help="draw the levels over time into levels.svg there")
-    evaluate.add_argument("--json", action="store_true", help="print all figures as one JSON list")
-    evaluate.set_defaults(command=_evaluate)
-
-    export = _add_command(commands, "export", "write the messages of a recording as files for other programs")
-    export.epilog = (
-        "The recording is replayed, so the messages are those of this version of slipd. docs/viewers.md says which "
-        "program opens what. Exit code 1: nothing is written, or the recording is damaged and the export ends there."
-    )
-    export.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
-    export.add_argument("out", type=Path, metavar="OUT", help="new folder (ros2, csv) or file (json-mcap)")
-    export.add_argument(
-        "--to",
-        choices=("ros2", "json-mcap", "csv"),
-        required=True,
-        help="ros2: a bag (ROS, Foxglove, PlotJuggler); json-mcap: JSON (Foxglove); csv: one file for each topic",
-    )
-    export.add_argument("--overwrite", action="store_true", help="replace an earlier export")
-    export.set_defaults(command=_export)
-
-    plot = _add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
-    plot.epilog = (
-        "The recording is replayed, so another config shows what would have been reported with it. Its length does not "
-        "matter for memory: of each column of the picture, the least and the largest value are kept. Exit code 1: the "
-        "recording is damaged or cut off; it is drawn as far as it goes."
-    )
-    plot.add_argument("file", type=Path, metavar="RECORDING", help="recording, MCAP")
-    plot.add_argument(
-        "--out",
-        type=_picture,
-        metavar="FILE",
-        help="a page, .html, or a picture, .png (needs matplotlib); default: RECORDING.html in this folder",
-    )
-    plot.add_argument("--config", type=Path, metavar="FILE", help="replay with this config instead of the recorded one")
-    plot.set_defaults(command=_plot)
-
-    identify = _add_command(
-        commands, "identify", "find mass and centre of mass of a finger from a recording of several poses"
-    )
-    identify.add_argument("file", type=Path, metavar="FILE", help="recording with gravity.set requests, MCAP")
-    identify.add_argument("--finger", required=True, metavar="NAME", help="name of the finger in the config")
-    identify.set_defaults(command=_identify)
-
-    importer = _add_command(commands, "import", "convert other data to a recording")
-    formats = importer.add_subparsers(required=True, metavar="FORMAT")
-    grips = _add_command(formats, "grips", "import a gripper trial with two XELA pads")
-    grips.add_argument(
-        "source", type=Path, metavar="SRC", help="folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"
-    )
-    grips.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
-    grips.add_argument(
-        "--config", type=Path, metavar="FILE", help="config of the rig (default: the shipped grips.toml)"
-    )
-    grips.add_argument(
-        "--tare-rows",
-        type=int,
-        metavar="N",
-        help="the fingers are open in the first N rows: take the zero of the pads from them (default: the config's)",
-    )
-    grips.set_defaults(command=_import_grips)
-    return parser
-
-
-def _add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentParser:
-    """Add a subcommand with its purpose for both help texts."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}."
-    )
-    return parser
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -283,21 +150,16 @@ def _import_grips(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
-    return value
-
-
-def _picture(text: str) -> Path:
-    if not text.endswith((".html", ".png")):
-        raise argparse.ArgumentTypeError(f"must end in .html or .png, got {text!r}")
-    return Path(text)
-
-
-def _speed(text: str) -> float | None:
-    return None if text == "max" else _positive(text)
+COMMANDS = {
+    "run": _run,
+    "demo": _demo,
+    "check": _check,
+    "replay": _replay,
+    "view": _view,
+    "evaluate": _evaluate,
+    "export": _export,
+    "plot": _plot,
+    "identify": _identify,
+    "import grips": _import_grips,
+}
+"""What carries out each command of the parser."""
