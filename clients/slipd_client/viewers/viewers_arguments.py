@@ -7,13 +7,13 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from slipd_client.page.listen_address import parse_listen
+
 VIEWERS_LISTEN = "127.0.0.1:8765"
 """The port that Foxglove proposes."""
 
 RELAY_LISTEN = "tcp://127.0.0.1:9872"
 """The port that PlotJuggler proposes."""
-
-MOST_PORT = 65_535
 
 
 def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
@@ -21,10 +21,10 @@ def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     viewers = add("viewers", "serve live messages to Foxglove, Lichtblick and PlotJuggler (docs/viewers.md)")
     viewers.add_argument(
         "--listen",
-        type=_address,
-        default=_address(VIEWERS_LISTEN),
+        type=parse_listen,
+        default=VIEWERS_LISTEN,
         metavar="HOST:PORT",
-        help=f"where to serve (default: {VIEWERS_LISTEN}; port 0: any); whoever reaches it can read everything",
+        help="where to serve (default: %(default)s; port 0: any); whoever reaches it can read everything",
     )
     viewers.add_argument(
         "--config", type=Path, metavar="FILE", help="config of the daemon: the places of its pads become /tf"
@@ -58,10 +58,3 @@ def _finger(text: str) -> str:
     if not re.fullmatch("[a-z0-9]{1,32}", text):
         raise argparse.ArgumentTypeError(f"must be the name of a finger, a-z and 0-9, got {text!r:.80}")
     return text
-
-
-def _address(text: str) -> tuple[str, int]:
-    host, colon, port = text.rpartition(":")
-    if not host or not colon or not port.isdecimal() or int(port) > MOST_PORT:
-        raise argparse.ArgumentTypeError(f"must be HOST:PORT, e.g. {VIEWERS_LISTEN}, got {text!r:.80}")
-    return host.strip("[]"), int(port)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ipaddress
 import sys
 import time
 from collections.abc import Sequence
@@ -19,6 +18,7 @@ from slipd_client.viewers.viewer_server import ViewerServer
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
+    from slipd_client.page.listen_address import ListenAddress
 
 IDLE_S = 0.1
 """Time between two looks at the messages while no viewer has subscribed: most are then never decoded."""
@@ -35,12 +35,12 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
             print(path)
         return
     pads = None if chosen.config is None else pads_of(chosen.config)
-    host, port = chosen.listen
+    listen: ListenAddress = chosen.listen
     with Subscriber(chosen.publish, ("",), keys=keys, silence_s=None) as subscriber:
-        server = ViewerServer(host, port, pads)
+        server = ViewerServer(listen.host, listen.port, pads)
         try:
-            print(f"viewers: ws://{f'[{host}]' if ':' in host else host}:{server.port}", flush=True)
-            if not _is_loopback(host):
+            print(f"viewers: ws:{listen.url(server.port).removeprefix('http:').rstrip('/')}", flush=True)
+            if not listen.loopback:
                 print(f"slipctl: whoever reaches port {server.port} can read every message", file=sys.stderr)
             _serve(subscriber, server)
         finally:
@@ -75,13 +75,6 @@ def _arrived(subscriber: Subscriber, *, watched: bool) -> Sequence[Message]:
         return () if message is None else (message,)
     time.sleep(IDLE_S)
     return subscriber.newest()
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def pads_of(path: Path) -> PadFrames:

@@ -53,7 +53,7 @@ def test_a_server_that_other_machines_reach_says_that_they_can_read(
     process = slipctl("--publish", publish, "viewers", "--listen", "0.0.0.0:0")
     assert process.stdout is not None
     assert process.stderr is not None
-    port = process.stdout.readline().strip().removeprefix("viewers: ws://0.0.0.0:")
+    port = process.stdout.readline().strip().rpartition(":")[2]
     assert process.stderr.readline() == f"slipctl: whoever reaches port {port} can read every message\n"
 
 
@@ -67,7 +67,7 @@ def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["--listen", "8765"], "argument --listen: must be HOST:PORT, e.g. 127.0.0.1:8765, got '8765'"),
+        (["--listen", "8765"], "argument --listen: must be HOST:PORT, e.g. 127.0.0.1:"),
         (["--listen", "localhost:99999"], "must be HOST:PORT"),
         (["--config", "/nowhere/rig.toml"], "/nowhere/rig.toml: cannot be read: No such file or directory"),
         (["--fingers", "Left"], "argument --fingers: must be the name of a finger, a-z and 0-9, got 'Left'"),
