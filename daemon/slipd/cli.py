@@ -136,7 +136,11 @@ def _plot(arguments: argparse.Namespace) -> int:
 def _export(arguments: argparse.Namespace) -> int:
     from slipd.export.export_command import export
 
-    whole = export(arguments.file, arguments.out, arguments.to, overwrite=arguments.overwrite)
+    try:
+        whole = export(arguments.file, arguments.out, arguments.to, overwrite=arguments.overwrite)
+    except KeyboardInterrupt:
+        print("slipd: interrupted; nothing was written", file=sys.stderr)
+        return FAULT
     return DONE if whole else FAULT
 
 

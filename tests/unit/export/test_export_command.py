@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 import resource
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from replays import RECORDINGS
 
 from slipd import cli
+from slipd.config import Config
+from slipd.export import export_command
 from slipd.export.export_command import FORMATS
 from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import Recording
+from slipd.recording.replay import replay_dated
 
 RUN = RECORDINGS / "demo.mcap"
 
@@ -47,6 +54,19 @@ def test_a_disk_that_is_full_leaves_nothing_behind(to: str, tmp_path: Path, caps
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert capsys.readouterr().err == f"slipd: {tmp_path / 'out'}: cannot be written: File too large\n"
+    assert names(tmp_path) == []
+
+
+def test_an_export_that_is_interrupted_writes_nothing_and_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(recording: Recording, settings: Config) -> Iterator[tuple[int, str, dict[str, Any]]]:
+        yield from itertools.islice(replay_dated(recording, settings), 20)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(export_command, "replay_dated", interrupted)
+    assert export(RUN, tmp_path / "out", "--to", "csv") == 1
+    assert capsys.readouterr().err == "slipd: interrupted; nothing was written\n"
     assert names(tmp_path) == []
 
 
