@@ -16,7 +16,8 @@ from slipd.motion.width_change import WidthChange
 from slipd.samples import GripperSample, ObjectSample
 
 REPORTED_NS = 300_000_000
-"""Motion of the jaws, or by another process, stays reported for this long after the last evidence."""
+"""Motion of the jaws, in pads that measure the force, or by another process, stays reported for this long after the
+last evidence: three looks of a pad with 10 new images a second."""
 
 Found = list[tuple[Finger, FingerState]]
 """Fingers that now report motion, with their states."""
@@ -35,13 +36,15 @@ class HeldMotion:
     def __init__(
         self, fingers: Mapping[str, Finger], levels: Levels, grasp: Grasp | None, gripper: GripperControl | None
     ) -> None:
-        self._gripper, self._pads = gripper, make_pad_motion(levels, list(fingers.values()))
+        self._gripper, self._pads = gripper, make_pad_motion(list(fingers.values()))
         self._width = None if gripper is None else WidthChange(gripper.width_step_m)
         observed = None if grasp is None else grasp.object
         self._outside = None if observed is None else OutsideMotion(observed.std_m, observed.rate_hz)
         self._risks: dict[str, MotionRisk] = {}
         self._fingers = fingers
         shared = {}
+        if self._pads is not None:
+            shared["image_change"] = self._pads.looks_per_hour
         if self._width is not None:
             shared["width"] = self._width.looks_per_hour
         if self._outside is not None:
@@ -66,7 +69,14 @@ class HeldMotion:
 
     def update_pads(self, acquired_ns: int) -> Found:
         """Look at pads that measure the force themselves, after an image acquired at ``acquired_ns``."""
-        return [] if self._pads is None else self._pads.update(acquired_ns)
+        pads = self._pads
+        look = None if pads is None else pads.update(acquired_ns)
+        if pads is None or look is None:
+            return []
+        found = self._judge(*look)
+        if found:
+            pads.confirm()
+        return found
 
     def update_grasp(self, sample: GripperSample | ObjectSample, acquired_ns: int) -> Found:
         """Judge a reading of the gripper, which has it already, or of the object, acquired at ``acquired_ns``."""
@@ -82,9 +92,14 @@ class HeldMotion:
                 watch.confirm()
         return found
 
-    def _judge(self, evidence: Evidence) -> Found:
-        """Judge evidence of the whole grasp: all fingers report what is enough for one of them."""
-        kinds = max((risk.update(evidence) for risk in self._risks.values()), key=len)
+    def _judge(self, evidence: Evidence, belief: float = 0.0) -> Found:
+        """Judge evidence of the whole grasp: all fingers report what is enough for one of them.
+
+        Args:
+            evidence: The evidence.
+            belief: What the load says, see `MotionRisk.update`.
+        """
+        kinds = max((risk.update(evidence, belief) for risk in self._risks.values()), key=len)
         found: Found = []
         for finger in self._fingers.values() if kinds else ():
             found += _report(finger, evidence.t_ns + REPORTED_NS, kinds)

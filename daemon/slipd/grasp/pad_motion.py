@@ -1,4 +1,8 @@
-"""Motion of the object in a grasp by pads that measure the force themselves, from the images of all of them."""
+"""Evidence that the object moves in a grasp by pads that measure the force themselves, from all of them together.
+
+Two things tell of one motion: `ImageStep` how much the images changed, `LoadBelief` how likely the load makes a motion.
+Both need both pads, so they are looked at here; `slipd.engine.held_motion` judges them with all other evidence.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slipd.config import Levels
 from slipd.finger.finger import Finger
-from slipd.finger.finger_state import FingerState
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_step import LOOKS_PER_HOUR, ImageStep
 from slipd.motion.load_belief import LoadBelief
-from slipd.motion.risk import MotionRisk
 
-REPORTED_NS = 300_000_000
-"""Motion stays reported for this long after the last look that showed it: three looks of a pad with 10 new images a
-second, after which the object rests."""
 SENSES = 1.0, -1.0
 """Signs of the spin of one twist of the object on the first and the second pad, which face each other."""
 
@@ -27,47 +25,46 @@ class PadMotion:
 
     Args:
         fingers: The one or two fingers whose pad measures the force.
-        false_alarms_per_hour: How often a hold may be reported as motion, 1/h.
     """
 
-    def __init__(self, fingers: Sequence[Finger], false_alarms_per_hour: float) -> None:
+    looks_per_hour = LOOKS_PER_HOUR
+
+    def __init__(self, fingers: Sequence[Finger]) -> None:
         self._fingers = fingers
-        self._risk = MotionRisk(false_alarms_per_hour, {"image_change": LOOKS_PER_HOUR})
         self._step = ImageStep()
         self._belief = LoadBelief()
 
-    def update(self, t_ns: int) -> list[tuple[Finger, FingerState]]:
-        """Look after an image acquired at ``t_ns``; return the state of every finger that now reports motion."""
+    def update(self, t_ns: int) -> tuple[Evidence, float] | None:
+        """Look after an image acquired at ``t_ns``.
+
+        Returns:
+            Evidence, and the odds of motion by the load alone, in nats. None where this is no look.
+        """
         images = [finger.image for finger in self._fingers]
         loads = [_load(finger) for finger in self._fingers]
         known = [load for load in loads if load is not None]
         if len(known) < len(loads):
-            self._forget()
-            return []
+            self._step.forget()
+            self._belief.forget()
+            return None
         if any(image is None or image.t_ns != t_ns for image in images):
-            return []  # the other pad's image of this time is still to come
+            return None  # the other pad's image of this time is still to come
         surprise = self._step.update([image.pressure for image in images if image is not None], t_ns)
         if surprise is None:
-            return []
+            return None
         spin = sum(sense * load[0] for sense, load in zip(SENSES, known, strict=False)) / len(known)
         whole = sum(load[1] for load in known) / len(known)
-        kinds = self._risk.update(Evidence("image_change", t_ns, surprise), self._belief.update(spin, whole))
-        if not kinds:
-            return []
+        return Evidence("image_change", t_ns, surprise), self._belief.update(spin, whole)
+
+    def confirm(self) -> None:
+        """Take the newest evidence as true: the object lies otherwise now, and what was carried before says nothing."""
         self._belief.forget_carried()
-        found = [(finger, finger.note_motion(t_ns + REPORTED_NS, kinds)) for finger in self._fingers]
-        return [(finger, state) for finger, state in found if state is not None]
-
-    def _forget(self) -> None:
-        self._risk.forget()
-        self._step.forget()
-        self._belief.forget()
 
 
-def make_pad_motion(levels: Levels, fingers: Sequence[Finger]) -> PadMotion | None:
+def make_pad_motion(fingers: Sequence[Finger]) -> PadMotion | None:
     """Make the look at all pads; None where a finger has a force sensor, or no pad that measures the force."""
     alone = all(finger.force is None and finger.image is not None and finger.image.three_axis for finger in fingers)
-    return PadMotion(fingers, levels.false_alarms_per_hour) if alone and len(fingers) <= len(SENSES) else None
+    return PadMotion(fingers) if alone and len(fingers) <= len(SENSES) else None
 
 
 def _load(finger: Finger) -> tuple[float, float] | None:

@@ -40,16 +40,12 @@ class MotionRisk:
         self._combined = max(self._single.values())
         self._newest: dict[str, Evidence] = {}
 
-    def forget(self) -> None:
-        """Forget all evidence: the contact ended."""
-        self._newest.clear()
-
     def update(self, evidence: Evidence, belief: float = 0.0) -> tuple[str, ...]:
         """Add one piece of evidence.
 
         Args:
             evidence: Of a kind in use; it replaces the one before of its kind.
-            belief: What else is known of the odds of motion, in nats; 0: nothing. See `slipd.motion.rotation_load`.
+            belief: What else is known of the odds of motion, in nats; 0: nothing. See `slipd.motion.load_belief`.
 
         Returns:
             The kinds that together show motion, in the order of EVIDENCE; empty where they do not.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from slipd.arrays import Array
 from slipd.motion.image_step import BACKGROUND, LONGEST_LOOK_NS, LOOK_NS, LOOKS_PER_HOUR, ImageStep
@@ -45,11 +46,24 @@ def test_a_box_that_slides_by_a_fifth_of_the_pitch_is_seen() -> None:
     assert surprise > 5.0
 
 
+def test_a_motion_that_goes_on_counts_twice_as_much_as_one_that_swings_back() -> None:
+    surprises = []
+    for places in ((0.0, 0.1, 0.2), (0.0, 0.1, 0.0)):
+        step = ImageStep()
+        surprises.append([step.update([pad(place)], k * PERIOD_NS) for k, place in enumerate(places)][-1])
+    assert surprises[0] == pytest.approx(2.0 * surprises[1], rel=0.05)
+
+
 def test_shares_that_change_with_the_grip_are_no_look() -> None:
     step = ImageStep()
     assert step.update([pad()], 0) is None
     assert step.update([pad(0.5, 30_000.0)], PERIOD_NS) is None
-    assert step.update([pad(0.51, 30_100.0)], 2 * PERIOD_NS) is not None
+    before = step.update([pad(0.51, 30_100.0)], 2 * PERIOD_NS)
+    assert before is not None
+    creeping = step.update([pad(0.52, 32_000.0)], 3 * PERIOD_NS)
+    assert creeping is not None
+    since_last = step.update([pad(0.9, 34_500.0)], 4 * PERIOD_NS)
+    assert since_last is not None, "the grip of the last look is the same, that of the one before is not"
 
 
 def test_a_repeated_image_or_an_early_or_late_one_is_no_look() -> None:
@@ -74,10 +88,10 @@ def test_both_pads_count_alike() -> None:
 
 def test_a_grasp_with_more_background_of_its_own_asks_for_more() -> None:
     calm, restless = ImageStep(), ImageStep()
-    for k in range(100):
+    for k in range(300):
         calm.update([pad(0.001 * (k % 2))], k * PERIOD_NS)
-        restless.update([pad(0.1 * (k % 2))], k * PERIOD_NS)
-    of_calm, of_restless = calm.update([pad(0.3)], 100 * PERIOD_NS), restless.update([pad(0.3)], 100 * PERIOD_NS)
+        restless.update([pad(0.3 * (k % 2))], k * PERIOD_NS)
+    of_calm, of_restless = calm.update([pad(0.9)], 300 * PERIOD_NS), restless.update([pad(0.9)], 300 * PERIOD_NS)
     assert of_calm is not None
     assert of_restless is not None
     assert of_restless < 0.5 * of_calm

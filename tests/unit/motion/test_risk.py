@@ -40,8 +40,6 @@ def test_weak_evidence_of_two_kinds_counts_together_only_at_one_time() -> None:
     assert risk.update(Evidence("image_change", 0, 9.0)) == ()
     assert risk.update(Evidence("vibration", TOGETHER_NS + 1, 9.0)) == ()
     assert risk.update(Evidence("image_change", TOGETHER_NS + 2, 9.0)) == ("image_change", "vibration")
-    risk.forget()
-    assert risk.update(Evidence("vibration", TOGETHER_NS + 3, 9.0)) == ()
 
 
 def test_a_smaller_risk_asks_for_more_and_a_belief_for_less() -> None:
