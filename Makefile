@@ -7,6 +7,8 @@ VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2
 VENV := $(if $(filter python3,$(PYTHON)),.venv,.venv-$(VERSION))
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# Tests start many processes: each would compile the sources again.
+unexport PYTHONDONTWRITEBYTECODE
 MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
@@ -14,25 +16,25 @@ ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gr
 # Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
 DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
-.PHONY: demo test lint portable bench chart evaluate fuzz soak clean
+.PHONY: demo test lint portable_quick portable bench chart evaluate fuzz soak clean
 
 demo: $(READY)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
 	@$(BIN)/slipd demo $(DEMO)
 
-test: $(READY) lint
 ifdef TESTS
+test: $(READY) lint
 	@echo "== tests"
 	@$(BIN)/pytest $(TESTS)
 else
+test: $(READY)
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target lint portable_quick
 	@echo "== tests of the rooms from devices to the engine, with coverage"
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== the other tests that can share the machine"
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS))
-	@echo "== a share of the numeric tests, as on a processor without vector instructions"
-	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
 	@echo "== tests of whole daemons"
 	@$(BIN)/pytest --numprocesses=2 --dist loadfile $(DAEMONS)
 endif
@@ -43,6 +45,10 @@ lint: $(READY)
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+
+portable_quick: $(READY)
+	@echo "== a share of the numeric tests, as on a processor without vector instructions"
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
 
 portable: $(READY)
 	@echo "== numeric tests as on older processors (about 10 minutes)"

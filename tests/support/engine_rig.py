@@ -87,6 +87,17 @@ width_table = [[0.0, 0.085], [1.0, 0.0]]
 speed_table = [[0, 0.02], [255, 0.15]]
 max_force_n = 25.0
 """
+MOVES: dict[str, dict[str, Any]] = {
+    "grip.set": {"force_n": 5.0},
+    "grip.adjust": {"delta_n": 0.5},
+    "grip.hold": {},
+    "gripper.close": {"force_n": 5.0},
+    "gripper.open": {"drop": True},
+    "gripper.stop": {},
+    "gripper.activate": {"drop": True},
+}
+"""A valid request of every op that moves the gripper, or changes its force."""
+
 FULL_IMAGE = np.full((4, 4), 100)
 NO_IMAGE = np.zeros((4, 4), dtype=int)
 

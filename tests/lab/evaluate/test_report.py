@@ -104,7 +104,10 @@ def test_methods_are_asked_about_slips_and_safe_spans() -> None:
     assert found == ([0.95], [0.3])
 
 
-def test_a_box_stays_in_a_strong_grip_and_falls_from_a_weak_one() -> None:
+def test_a_box_stays_in_a_strong_grip_and_falls_from_a_weak_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in the report, but poured three times as fast."""
+    for name, seconds in (("POUR_S", 1.9), ("POURED_S", 2.9), ("END_S", 3.4)):
+        monkeypatch.setattr(closed_loop, name, seconds)
     strong = closed_loop.Mode("strong", reflex=False, force_n=closed_loop.STRONG_N)
     assert closed_loop.hold(3, closed_loop.MODES[0]).dropped
     held = closed_loop.hold(3, strong)

@@ -3,100 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Any
 
 import pytest
-from permits import activate, forget, halt, move, set_force
+from permits import activate, halt, move, set_force
+from wsg_bench import GO, Bench, SplitCheck, updates
 
-from slipd.devices.shared.command_queue import ATTEMPTS
-from slipd.devices.shared.weiss_packets import SEED_WITH_PREAMBLE, Packet, PacketScanner
+from slipd.devices.shared.weiss_packets import Packet
 from slipd.devices.wsg import Decoder, Session
 from slipd.devices.wsg import wsg_messages as wire
 from slipd.devices.wsg.wsg_command_queue import ANSWER_NS
-from slipd.devices.wsg.wsg_session import HOMING_NS
 from slipd.samples import GripperSample
-from slipd.sim.emulated_wsg import LIMITS, Gripper, make
-
-SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
-MS = 1_000_000
-GO = (wire.SET_FORCE, wire.PREPOSITION, wire.GET_FORCE)
-
-
-def updates(width_mm: float = 40.0, force: float = 20.0, words: tuple[str, ...] = ("referenced",)) -> list[bytes]:
-    return [
-        wire.encode_number(wire.WIDTH, width_mm),
-        wire.encode_number(wire.FORCE, force),
-        wire.encode_grasping("idle"),
-        wire.encode_state(set(words)),
-    ]
-
-
-@dataclass
-class Bench:
-    """A session and a gripper, with a delay of a millisecond; keeps what the session sends, and may swallow it."""
-
-    session: Session = field(default_factory=Session)
-    gripper: Gripper = field(default_factory=lambda: make(0))
-    now_ns: int = 0
-    samples: list[GripperSample] = field(default_factory=list)
-    sent: list[Packet] = field(default_factory=list)
-    swallow: Callable[[Packet], bool] = lambda _: False
-    mute: bool = False
-    forge: Callable[[int], int | None] = lambda _: None
-
-    def start(self) -> Bench:
-        self.gripper.opened(self.now_ns)
-        self.write(self.session.start(self.now_ns))
-        return self.run(0.3)
-
-    def write(self, data: bytes) -> None:
-        for packet in PacketScanner(SEED_WITH_PREAMBLE, lambda *_: True, 9, Decoder().health).packets(data):
-            self.sent.append(packet)
-            if self.swallow(packet):
-                continue
-            forged = self.forge(packet.id)
-            answers = self.gripper.receive(wire.encode(*packet), self.now_ns) if forged is None else []
-            self.deliver(answers if forged is None else [wire.encode_reply(packet.id, forged)])
-
-    def deliver(self, pieces: list[bytes]) -> None:
-        for piece in [] if self.mute else pieces:
-            self.samples += self.session.receive(piece, self.now_ns)
-
-    def run(self, seconds: float) -> Bench:
-        for _ in range(round(seconds * 1000)):
-            self.now_ns += MS
-            self.deliver(self.gripper.advance(self.now_ns))
-            while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
-                self.write(self.session.on_time(self.now_ns))
-        return self
-
-    @property
-    def last(self) -> GripperSample:
-        return self.samples[-1]
-
-    def commands(self) -> list[int]:
-        return [packet.id for packet in self.sent if packet.id < wire.STATE]
-
-
-@pytest.fixture
-def bench() -> Bench:
-    made = Bench().start()
-    assert made.session.state == "active"
-    made.sent.clear()
-    return made
-
-
-@pytest.fixture
-def holding(bench: Bench) -> Bench:
-    bench.gripper.part_mm = 40.0
-    assert move(bench.session, 0.0, 0.2, 10.0) == 10.0
-    bench.run(0.5)
-    assert (bench.last.object, bench.last.moving) == ("contact_closing", False)
-    bench.sent.clear()
-    return bench
 
 
 def test_starting_sends_queries_and_moves_nothing() -> None:
@@ -178,100 +96,6 @@ def test_a_force_while_nothing_is_held_and_no_goal_is_known_moves_nothing(bench:
     assert bench.last.width_m == 0.06
 
 
-@pytest.mark.parametrize("blocked", ["blocked_plus", "blocked_minus"])
-@pytest.mark.parametrize("width_m", [None, 0.1])
-def test_a_force_never_opens_or_resumes_after_a_stop(bench: Bench, blocked: str, width_m: float | None) -> None:
-    if width_m is not None:  # an obstacle blocks the opening
-        move(bench.session, width_m, 0.05, 10.0)
-        bench.run(0.1)
-        bench.gripper.receive(wire.encode(wire.STOP), bench.now_ns)
-    else:
-        move(bench.session, 0.0, 0.05, 10.0)
-        bench.run(0.1)
-        halt(bench.session)
-    bench.gripper._blocked = blocked
-    bench.run(0.1)
-    stood_m = bench.last.width_m
-    bench.sent.clear()
-    assert set_force(bench.session, 12.0) == 12.0
-    bench.run(1.0)
-    assert bench.commands() == [wire.SET_FORCE, wire.GET_FORCE]
-    assert (bench.last.width_m, bench.gripper.limit) == (stood_m, 24.0)
-
-
-def test_a_force_after_a_move_that_was_lost_does_not_begin_it(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    move(bench.session, 0.0, None, 10.0)
-    bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
-    assert bench.session.command_lost
-    bench.swallow = lambda _: False
-    set_force(bench.session, 12.0)
-    bench.run(0.5)
-    assert (bench.last.width_m, bench.session.command_lost) == (0.06, False)
-
-
-def test_a_force_after_a_waiting_move_is_sent_with_the_move(bench: Bench) -> None:
-    move(bench.session, 0.1, None, 40.0)
-    set_force(bench.session, 5.0)
-    bench.run(0.5)
-    assert bench.commands() == list(GO)
-    assert (bench.last.width_m, bench.gripper.limit) == (pytest.approx(0.1), 10.0)
-
-
-@pytest.mark.parametrize("how", ["halt", "drop"])
-def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(holding: Bench, how: str) -> None:
-    assert holding.session.force_sent_n == 10.0
-    set_force(holding.session, 12.0)
-    holding.write(holding.session.on_time(holding.now_ns))
-    holding.swallow = lambda _: True
-    set_force(holding.session, 15.0)
-    holding.write(holding.session.on_time(holding.now_ns))
-    set_force(holding.session, 20.0)
-    assert (holding.session.force_sent_n, forget(holding.session, how)) == (20.0, True)
-    assert holding.session.force_sent_n == 15.0
-    assert holding.session.drop() is False
-
-
-def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(bench: Bench) -> None:
-    bench.swallow = lambda _: True
-    move(bench.session, 0.0, None, 10.0)
-    bench.run(0.001)
-    assert bench.session.drop()
-    bench.run(ANSWER_NS * 1e-9 + 0.1)
-    assert (bench.commands(), bench.session.state) == ([wire.SET_FORCE], "command lost: no answer to force limit")
-
-
-def test_a_dropped_move_is_not_resumed_by_a_later_force(bench: Bench) -> None:
-    move(bench.session, 0.0, None, 10.0)
-    assert bench.session.drop()
-    set_force(bench.session, 12.0)
-    bench.run(0.5)
-    assert bench.commands() == [wire.SET_FORCE, wire.GET_FORCE]
-
-
-def test_a_stop_is_not_dropped(bench: Bench) -> None:
-    move(bench.session, 0.0, 0.05, 10.0)
-    bench.run(0.1)
-    halt(bench.session)
-    assert bench.session.drop() is False
-    bench.run(0.1)
-    assert bench.commands() == [*GO, wire.STOP]
-
-
-@pytest.mark.parametrize("how", ["halt", "drop"])
-def test_an_unsent_activation_is_cancelled(bench: Bench, how: str) -> None:
-    set_force(bench.session, 10.0)
-    bench.run(0.1)
-    activate(bench.session, bench.now_ns)
-    assert (bench.session.force_sent_n, forget(bench.session, how)) == (None, True)
-    bench.run(0.1)
-    assert wire.HOME not in bench.commands()
-    assert (bench.session.state, bench.session.force_sent_n) == ("active", 10.0)
-    activate(bench.session, bench.now_ns)
-    bench.run(1.0)
-    assert (bench.session.state, bench.session.force_sent_n) == ("active", None)
-
-
 def test_nothing_is_accepted_before_the_first_reading() -> None:
     session = Session()
     for _ in range(2):
@@ -286,18 +110,6 @@ def test_a_gripper_that_is_not_referenced_any_more_has_no_force(holding: Bench) 
     holding.gripper.words.clear()
     holding.run(0.1)
     assert holding.session.force_sent_n is None
-
-
-def test_a_stop_is_sent_before_all_else_and_nothing_resumes_after_it(bench: Bench) -> None:
-    move(bench.session, 0.0, 0.1, 10.0)
-    bench.run(0.1)
-    set_force(bench.session, 20.0)
-    assert halt(bench.session)
-    set_force(bench.session, 15.0)
-    bench.run(1.0)
-    assert bench.commands() == [*GO, wire.STOP, wire.SET_FORCE, wire.GET_FORCE]
-    assert 0.045 < bench.last.width_m < 0.055
-    assert (bench.session.state, bench.last.echo_ok) == ("active", True)
 
 
 def test_nothing_is_sent_before_it_is_due(bench: Bench) -> None:
@@ -317,38 +129,6 @@ def test_stop_does_not_wait_for_an_answer(bench: Bench) -> None:
     assert bench.commands() == [wire.SET_FORCE, wire.STOP]
 
 
-def test_activation_homes_and_is_over_when_the_gripper_reports_it() -> None:
-    bench = Bench()
-    bench.gripper.words.clear()
-    bench.start()
-    assert (bench.session.state, bench.last.active, halt(bench.session)) == ("inactive", False, False)
-    assert (move(bench.session, 0.0, None, 5.0), set_force(bench.session, 5.0)) == (None, None)
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    assert (bench.session.state, bench.last.active, move(bench.session, 0.0, None, 5.0)) == ("activating", False, None)
-    bench.run(1.0)
-    assert (bench.session.state, bench.last.active, bench.last.width_m) == ("active", True, pytest.approx(0.110))
-    assert bench.commands() == [wire.HOME]
-
-
-def test_homing_can_be_stopped() -> None:
-    bench = Bench().start()
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    assert halt(bench.session)
-    bench.run(1.0)
-    assert (bench.last.width_m < 0.08, bench.commands()) == (True, [wire.HOME, wire.STOP])
-    assert bench.session.state == "active"
-
-
-def test_homing_without_an_end_is_lost(bench: Bench) -> None:
-    activate(bench.session, bench.now_ns)
-    bench.write(bench.session.on_time(bench.now_ns))
-    bench.gripper._goal = None
-    bench.run(HOMING_NS * 1e-9 + 0.001)
-    assert bench.session.state == "command lost: no end of homing"
-
-
 @pytest.mark.parametrize("fault", wire.FAULTS)
 def test_D4_a_fault_is_named_and_nothing_is_tried_against_it(holding: Bench, fault: str) -> None:
     holding.gripper.words.add(fault)
@@ -361,39 +141,6 @@ def test_D4_a_fault_is_named_and_nothing_is_tried_against_it(holding: Bench, fau
     holding.run(0.1)
     assert (holding.commands(), holding.last.fault) == ([wire.ACKNOWLEDGE], "")
     assert set_force(holding.session, 12.0)
-
-
-def test_D4_a_goal_from_before_a_fault_is_not_resumed(bench: Bench) -> None:
-    move(bench.session, 0.1, 0.05, 5.0)
-    bench.run(0.1)
-    bench.gripper.receive(wire.encode(wire.STOP), bench.now_ns)
-    bench.gripper.words.add("fast_stop")
-    bench.run(0.1)
-    bench.session.acknowledge()
-    bench.run(0.1)
-    width_m = bench.last.width_m
-    assert set_force(bench.session, 10.0)
-    bench.run(1.0)
-    assert bench.last.width_m == width_m
-
-
-def test_D4_a_command_that_meets_a_fault_is_dropped(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    set_force(bench.session, 10.0)
-    bench.run(0.1)
-    bench.gripper.words.add("fast_stop")
-    bench.run(1.0)
-    assert bench.commands() == [wire.SET_FORCE]
-    assert bench.session.state == "command lost: fast_stop"
-
-
-def test_activation_acknowledges_a_fault_first(bench: Bench) -> None:
-    bench.gripper.words.add("fast_stop")
-    bench.run(0.1)
-    activate(bench.session, bench.now_ns)
-    bench.run(1.0)
-    assert bench.commands() == [wire.ACKNOWLEDGE, wire.HOME]
-    assert bench.session.state == "active"
 
 
 def test_without_a_fault_nothing_is_acknowledged(bench: Bench) -> None:
@@ -434,87 +181,10 @@ def test_D5_a_limit_read_back_while_a_newer_one_waits_is_compared_with_its_own(b
     assert bench.last.echo_ok is True
 
 
-@pytest.mark.parametrize("lost", GO)
-def test_A6_an_unanswered_command_is_repeated_twice_and_then_lost(bench: Bench, lost: int) -> None:
-    bench.swallow = lambda packet: packet.id == lost
-    move(bench.session, 0.02, None, 10.0)
-    bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
-    assert bench.commands() == [*GO[: GO.index(lost)], *[lost] * ATTEMPTS]
-    assert bench.session.command_lost
-    assert bench.session.state.startswith("command lost: no answer to ")
-    assert bench.session.health.lost == ATTEMPTS
-    bench.swallow = lambda _: False
-    move(bench.session, 0.02, None, 10.0)
-    bench.run(0.1)
-    assert not bench.session.command_lost
-
-
-def test_A6_a_command_that_a_newer_one_replaced_is_not_repeated(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    set_force(bench.session, 10.0)
-    bench.run(0.01)
-    set_force(bench.session, 20.0)
-    bench.run(0.01)
-    bench.swallow = lambda _: False
-    bench.run(ANSWER_NS * 1e-9)
-    assert [wire.parse_number(packet.payload) for packet in bench.sent if packet.id == wire.SET_FORCE] == [20.0, 40.0]
-    assert not bench.session.command_lost
-
-
-@pytest.mark.parametrize("status", [*range(1, 26), *range(27, 31)])
-@pytest.mark.parametrize("refused", GO)
-def test_A6_every_refusal_is_reported_by_its_word_and_not_repeated(bench: Bench, refused: int, status: int) -> None:
-    bench.forge = lambda asked: status if asked == refused else None
-    move(bench.session, 0.02, None, 10.0)
-    bench.run(0.1)
-    well = refused == wire.PREPOSITION and status in (wire.ABORTED, wire.AXIS_BLOCKED)
-    assert bench.session.command_lost is not well
-    assert well or bench.commands()[-1] == refused
-    assert well or bench.session.state.startswith("command lost: ")
-
-
 @pytest.mark.parametrize(("status", "lost"), [(0, False), (19, False), (29, False), (7, True), (18, True)])
 def test_the_end_of_a_motion_may_come_at_any_time(bench: Bench, status: int, lost: bool) -> None:
     bench.deliver([wire.encode_reply(wire.PREPOSITION, status)])
     assert bench.session.command_lost is lost
-
-
-def test_unrequested_answers_change_nothing(bench: Bench) -> None:
-    bench.deliver([wire.encode_reply(reply_id) for reply_id in (wire.STOP, wire.SET_FORCE, wire.ACKNOWLEDGE)])
-    bench.deliver([wire.encode_number(wire.GET_FORCE, 3.0), wire.encode_limits(LIMITS._replace(nominal_force=90.0))])
-    assert (bench.session.state, bench.session.force_range_n[1]) == ("active", 40.0)
-
-
-def test_the_abort_of_an_older_motion_does_not_answer_the_newer(bench: Bench) -> None:
-    move(bench.session, 0.0, 0.01, 10.0)
-    bench.run(0.1)
-    move(bench.session, 0.05, 0.1, 10.0)
-    bench.run(0.5)
-    assert bench.commands() == [*GO, *GO]
-    assert (bench.last.width_m, bench.session.state) == (pytest.approx(0.05), "active")
-
-
-def test_a_silent_gripper_is_configured_again_and_its_commands_are_dropped(bench: Bench) -> None:
-    bench.mute = True
-    bench.run(0.9)
-    activate(bench.session, bench.now_ns)
-    bench.run(1.1)
-    assert bench.session.state == "no reply"
-    assert (move(bench.session, 0.0, None, 5.0), halt(bench.session), bench.session.command_lost) == (None, False, True)
-    bench.mute = False
-    bench.sent.clear()
-    bench.run(3.0)
-    assert bench.commands() == []
-    assert move(bench.session, 0.02, None, 5.0) == 5.0
-
-
-def test_a_refused_query_is_repeated() -> None:
-    bench = Bench(forge=lambda asked: 10 if asked == wire.LIMITS else None).start()
-    assert bench.session.state == "refused limits: insufficient resources"
-    assert move(bench.session, 0.0, None, 5.0) is None
-    bench.forge = lambda _: None
-    bench.run(2.0)
-    assert bench.session.state == "active"
 
 
 def test_warnings_of_the_gripper_follow_its_state(bench: Bench) -> None:
@@ -598,67 +268,6 @@ def test_L5_a_round_cut_by_a_closed_line_is_not_completed_by_the_next() -> None:
 
 def test_a_force_is_sent_as_requested() -> None:
     assert Session().applied_n(12.34) == 12.34
-
-
-def test_an_activation_after_an_unanswered_force_outlasts_the_next_readings(bench: Bench) -> None:
-    bench.swallow = lambda packet: packet.id == wire.SET_FORCE
-    set_force(bench.session, 10.0)
-    bench.run(0.001)
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    assert (bench.session.state, bench.session.command_lost, bench.last.active) == ("activating", False, False)
-    bench.run(1.5)
-    assert bench.commands() == [wire.SET_FORCE, wire.HOME], "the force no longer applies: it is not repeated"
-    assert bench.session.state == "active"
-
-
-@pytest.mark.parametrize("status", [None, 7])
-def test_an_activation_that_was_lost_before_it_was_sent_blocks_nothing(bench: Bench, status: int | None) -> None:
-    bench.gripper.words.add("fast_stop")
-    bench.run(0.1)
-    bench.swallow = lambda packet: status is None and packet.id == wire.ACKNOWLEDGE
-    bench.forge = lambda asked: status if asked == wire.ACKNOWLEDGE else None
-    activate(bench.session, bench.now_ns)
-    bench.run(ANSWER_NS * 1e-9 * ATTEMPTS + 0.1)
-    assert bench.session.state.startswith("command lost: ")
-    assert (bench.session.activating, wire.HOME in bench.commands()) == (False, False)
-    bench.swallow, bench.forge = lambda _: False, lambda _: None
-    bench.session.acknowledge()
-    bench.run(0.1)
-    assert move(bench.session, 0.02, None, 5.0) == 5.0
-
-
-def test_a_second_activation_that_is_dropped_leaves_the_first_in_progress(bench: Bench) -> None:
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    activate(bench.session, bench.now_ns)
-    assert bench.session.drop()
-    bench.run(0.1)
-    assert (bench.session.activating, bench.last.active, bench.last.moving) == (True, False, True)
-    assert set_force(bench.session, 5.0) is None
-    bench.run(1.0)
-    assert (bench.session.state, bench.commands()) == ("active", [wire.HOME])
-
-
-def test_a_first_activation_that_ends_while_a_second_waits_does_not_end_the_second(bench: Bench) -> None:
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    activate(bench.session, bench.now_ns)
-    bench.deliver([wire.encode_reply(wire.HOME)])
-    assert bench.session.activating
-    assert bench.session.drop()
-    assert (bench.session.activating, set_force(bench.session, 5.0)) == (False, None), "a reading shows the state again"
-    bench.run(0.03)
-    assert set_force(bench.session, 5.0) == 5.0
-
-
-def test_homing_that_was_stopped_can_be_stopped_again_before_the_next_reading(bench: Bench) -> None:
-    activate(bench.session, bench.now_ns)
-    bench.run(0.1)
-    assert [halt(bench.session) for _ in range(3)] == [True] * 3
-    assert (move(bench.session, 0.02, None, 5.0), bench.session.state) == (None, "inactive")
-    bench.run(0.03)
-    assert move(bench.session, 0.02, None, 5.0) == 5.0
 
 
 def test_a_fault_that_is_acknowledged_while_the_gripper_is_silent_sends_and_loses_nothing(bench: Bench) -> None:
