@@ -7,6 +7,7 @@ VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2
 VENV := $(if $(filter python3,$(PYTHON)),.venv,.venv-$(VERSION))
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+KERNELS := $(VENV)/.kernels
 # Tests start many processes: each would compile the sources again.
 unexport PYTHONDONTWRITEBYTECODE
 MEASURES := $(VENV)/.measures
@@ -18,17 +19,17 @@ DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
 .PHONY: demo test lint portable_quick portable bench chart evaluate fuzz soak clean
 
-demo: $(READY)
+demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
 	@$(BIN)/slipd demo $(DEMO)
 
 ifdef TESTS
-test: $(READY) lint
+test: $(KERNELS) lint
 	@echo "== tests"
 	@$(BIN)/pytest $(TESTS)
 else
 test: $(READY)
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target lint portable_quick
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target $(KERNELS) lint portable_quick
 	@echo "== tests of the rooms from devices to the engine, with coverage"
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
@@ -50,7 +51,7 @@ portable_quick: $(READY)
 	@echo "== a share of the numeric tests, as on a processor without vector instructions"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --quick
 
-portable: $(READY)
+portable: $(KERNELS)
 	@echo "== numeric tests as on older processors (about 10 minutes)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --report docs/portability.md $(PORTABLE)
 
@@ -66,17 +67,17 @@ evaluate: $(MEASURES)
 	@echo "== warnings and reports of slip on simulated grasps, against what really happened (about 20 minutes)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m evaluate $(EVALUATE)
 
-fuzz: $(READY)
+fuzz: $(KERNELS)
 	@echo "== every split of every device's frames, 10 million damaged frames, 10 GB of noise, a million requests (about 20 minutes)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fuzz --strict --report docs/fuzz.md $(FUZZ)
 
-soak: $(READY)
+soak: $(KERNELS)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults (about an hour)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
 
 # What only the measurements need: rival solvers and a plotting library.
-$(MEASURES): $(READY)
+$(MEASURES): $(KERNELS)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,chart]'
 	@touch $@
 
@@ -88,6 +89,9 @@ $(READY): pyproject.toml
 	@echo "== setting up $(VENV) with Python $(VERSION) (once; about a minute)"
 	@$(PYTHON) -m venv $(VENV) || { echo "venv failed; on Debian: apt install python3-venv"; exit 2; }
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+$(KERNELS): $(READY)
 	@echo "== compiling the kernels (once)"
 	@$(BIN)/python -c 'from slipd.engine.warm_up import warm_up; warm_up()'
 	@touch $@
