@@ -67,12 +67,11 @@ def pad_image(body: Mapping[str, Any]) -> PadImage | None:
     loads, rows, cols = body.get("loads_n"), body.get("rows"), body.get("cols")
     if not (isinstance(rows, int) and isinstance(cols, int) and isinstance(loads, list)):
         return None
-    values = [number(load) for load in loads]
-    if not 0 < len(values) == rows * cols <= MOST_TAXELS or rows < 1:
+    if not 0 < len(loads) == rows * cols <= MOST_TAXELS or rows < 1:
         return None
-    known = [value if value is not None and 0.0 < value < math.inf else 0.0 for value in values]
+    known = [load if type(load) in (float, int) and 0.0 < load < math.inf else 0.0 for load in loads]
     peak = max(known)
-    shares = [value / peak if peak else 0.0 for value in known]
+    shares = [load / peak for load in known] if peak else known
     scan = [shares[at : at + cols] for at in range(0, len(shares), cols)]
     down, across = str(body.get("rows_along") or "+y"), str(body.get("cols_along") or "+x")
     if down.endswith("x"):
@@ -110,57 +109,58 @@ def pad_picture(
         ascii_only: The terminal shows ASCII only.
     """
     columns = scale * len(image.rows[0])
-    signs: dict[tuple[int, int], str] = {}
+    signs: dict[int, dict[int, str]] = {}
     for sign, point_m in marks:
         if (place := image.place(point_m)) is not None:
-            signs[int(place[1] * scale) // 2, int(place[0] * scale)] = sign
-    draw = _heat_line if colour and not ascii_only else _shade_line
+            signs.setdefault(int(place[1] * scale) // 2, {})[int(place[0] * scale)] = sign
+    shades = SHADES[ascii_only]
+    steps = len(HEAT) if colour and not ascii_only else len(shades)
+    rows = [[_step(share, steps) for share in row] for row in image.rows]
     lines = []
-    for line in range((scale * len(image.rows) + 1) // 2):
-        upper = image.rows[2 * line // scale]
-        lower_row = (2 * line + 1) // scale
-        lower = image.rows[lower_row] if lower_row < len(image.rows) else None
-        marked = {column: sign for (at, column), sign in signs.items() if at == line}
-        lines.append(draw(upper, lower, scale, marked, SHADES[ascii_only]))
+    for at in range((scale * len(rows) + 1) // 2):
+        upper, lower_row = rows[2 * at // scale], (2 * at + 1) // scale
+        lower = rows[lower_row] if lower_row < len(rows) else None
+        if colour and not ascii_only:
+            line = _heat_line(upper, lower, scale)
+        else:
+            line = _shade_line(upper, upper if lower is None else lower, scale, shades)
+        for column, sign in signs.get(at, {}).items():
+            line = _marked(line, column, sign)
+        lines.append(line)
     return lines, columns
 
 
-def _heat_line(
-    upper: Sequence[float], lower: Sequence[float] | None, scale: int, marked: Mapping[int, str], _: str
-) -> Line:
+def _heat_line(upper: Sequence[int], lower: Sequence[int] | None, scale: int) -> Line:
     """Draw half blocks: the foreground is the upper pixel, the background the lower one."""
-    above = [_step(share, len(HEAT)) for share in upper]
-    below = [-1] * len(above) if lower is None else [_step(share, len(HEAT)) for share in lower]
-    cells = [
-        (top, bottom, marked.get(at * scale + part, ""))
-        for at, (top, bottom) in enumerate(zip(above, below, strict=True))
-        for part in range(scale)
-    ]
+    below = lower or [-1] * len(upper)
     line: Line = []
-    for (top, bottom, sign), alike in groupby(cells):
-        count = len(list(alike))
+    for (top, bottom), alike in groupby(zip(upper, below, strict=True)):
         ground = f"48;5;{HEAT[bottom]}" if bottom >= 0 else "49"
-        if sign:
-            ink = 16 if top > len(HEAT) // 2 else 231
-            line.append((sign * count, f"1;38;5;{ink};48;5;{HEAT[top]}"))
-        else:
-            line.append((_HALF * count, f"38;5;{HEAT[top]};{ground}"))
+        line.append((_HALF * (scale * len(list(alike))), f"38;5;{HEAT[top]};{ground}"))
     return line
 
 
-def _shade_line(
-    upper: Sequence[float], lower: Sequence[float] | None, scale: int, marked: Mapping[int, str], shades: str
-) -> Line:
+def _shade_line(upper: Sequence[int], lower: Sequence[int], scale: int, shades: str) -> Line:
     """Draw one character for both pixels, by their mean."""
-    below = upper if lower is None else lower
-    cells = [
-        shades[_step(0.5 * (top + bottom), len(shades))]
-        for top, bottom in zip(upper, below, strict=True)
-        for _ in range(scale)
-    ]
-    for column, sign in marked.items():
-        cells[column] = sign
-    return [("".join(cells), "")]
+    return [("".join(shades[(top + bottom + 1) // 2] * scale for top, bottom in zip(upper, lower, strict=True)), "")]
+
+
+def _marked(line: Line, column: int, sign: str) -> Line:
+    """Return a line with a character in one column; in colours it stands on the colour of the upper pixel."""
+    marked: Line = []
+    for text, code in line:
+        if 0 <= column < len(text):
+            ink = code and f"1;38;5;{_INK.get(code.split(';')[2], 231)};48;5;{code.split(';')[2]}"
+            parts = ((text[:column], code), (sign, ink), (text[column + 1 :], code))
+            marked += [part for part in parts if part[0]]
+        else:
+            marked.append((text, code))
+        column -= len(text)
+    return marked
+
+
+_INK = {str(colour): 16 for colour in HEAT[len(HEAT) // 2 + 1 :]}
+"""Black on the bright colours; white on the others."""
 
 
 def _step(share: float, steps: int) -> int:

@@ -90,13 +90,7 @@ class Subscriber(SubscriberBase):
 
         For a display: what it has no time to show is not decoded. The next message of its topic counts it as missed.
         """
-        arrived: dict[bytes, list[bytes]] = {}
-        for _ in range(_DRAINED):
-            if (frames := self._link.take()) is None:
-                break
-            arrived.pop(frames[0], None)  # in the order of their newest messages
-            arrived[frames[0]] = frames
-        accepted = (self._tracker.accept(frames) for frames in arrived.values())
+        accepted = map(self._tracker.accept, self._link.newest(_DRAINED))
         return [message for message in accepted if message is not None]
 
     def __iter__(self) -> Iterator[Message]:

@@ -26,6 +26,9 @@ class TerminalScreen:
 
     Args:
         stream: A terminal.
+
+    Raises:
+        BrokenPipeError: The terminal is gone.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -75,7 +78,7 @@ class TerminalScreen:
         """Leave the alternate screen; where the terminal has none, the prompt comes below the picture."""
         try:
             self._write(f"\x1b[{len(self._shown) + 1}H{_LEAVE}")
-        except OSError:  # the terminal is gone
+        except BrokenPipeError:
             return
 
     def _pause(self, number: int, _: FrameType | None) -> None:
@@ -89,5 +92,8 @@ class TerminalScreen:
 
     def _write(self, text: str) -> None:
         data = text.encode(self._stream.encoding, "replace")
-        while data:
-            data = data[os.write(self._fd, data) :]
+        try:
+            while data:
+                data = data[os.write(self._fd, data) :]
+        except OSError as error:
+            raise BrokenPipeError(error.errno, "the terminal is gone") from error

@@ -87,6 +87,9 @@ class Sheet:
         """Add a text that is never cut, on lines of its own; "" adds none."""
         text = spelled(text, ascii_only=self.ascii_only)
         blank = " " * min(indent, self.width // 4)
+        if len(blank) + len(text) <= self.width:
+            self.lines += [[(blank + text, colour)]] if text else []
+            return
         wrapped = textwrap.wrap(text, max(self.width, 1), initial_indent=blank, subsequent_indent=blank)
         self.lines += [[(line, colour)] for line in wrapped]
 

@@ -77,8 +77,14 @@ class PseudoTerminal:
         """Type a text."""
         os.write(self._master, text.encode())
 
+    def hang_up(self) -> None:
+        """Close the terminal; a second call does nothing."""
+        if self._master >= 0:
+            os.close(self._master)
+        self._master = -1
+
     def __enter__(self) -> PseudoTerminal:
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.close(self._master)
+        self.hang_up()

@@ -140,6 +140,15 @@ def test_ctrl_c_gives_the_terminal_back_with_the_last_view(watched: Watch) -> No
     assert process.stderr.read() == ""
 
 
+def test_a_terminal_that_is_gone_ends_it_quietly(watched: Watch) -> None:
+    terminal, process, rig = watched(80, 24)
+    terminal.wait_for(whole, rig.send)
+    terminal.hang_up()
+    assert process.wait(PATIENCE_S) == 0
+    assert process.stderr is not None
+    assert process.stderr.read() == ""
+
+
 def test_a_dumb_terminal_gets_lines_without_escape_sequences(watched: Watch) -> None:
     terminal, process, rig = watched(80, 24, TERM="dumb")
     terminal.wait_for(lambda lines: "\n".join(lines).count("left caution") >= 2, rig.send)
