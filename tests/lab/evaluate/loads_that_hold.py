@@ -11,9 +11,7 @@ from evaluate.scene import Contact, Load, Scene
 
 def hold(rng: Random) -> Scene:
     """An object at rest in the hand."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 4.0)
-    _weigh(course, contact, rng.uniform(0.2, 0.66))
+    course, *_ = _held(rng, 4.0, 0.2, 0.66)
     return course.scene("safe", steady=(course.held_s + 0.4, 4.0))
 
 
@@ -32,19 +30,14 @@ def lift(rng: Random) -> Scene:
 
 def shake(rng: Random) -> Scene:
     """The hand swings the object."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 2.5)
-    used = rng.uniform(0.25, 0.45)
-    _weigh(course, contact, used)
+    course, contact, used = _held(rng, 2.5, 0.25, 0.45)
     course.add(contact.load(_some(rng, contact), rng.uniform(0.1, 0.8 - used)), course.sine(log_uniform(rng, 0.8, 8.0)))
     return course.scene("safe")
 
 
 def vibrate(rng: Random) -> Scene:
     """A motor at 120 Hz, with its harmonic, in grip and load."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 2.5)
-    _weigh(course, contact, rng.uniform(0.25, 0.55))
+    course, contact, _ = _held(rng, 2.5, 0.25, 0.55)
     hz, phase = 120.0 * rng.uniform(0.97, 1.03), rng.uniform(0.0, 6.0)
     wave = course.sine(hz, phase) + 0.3 * course.sine(2.0 * hz, 2.0 * phase)
     course.grip *= 1.0 + rng.uniform(0.01, 0.05) * wave
@@ -54,10 +47,7 @@ def vibrate(rng: Random) -> Scene:
 
 def collide(rng: Random) -> Scene:
     """The object bumps into something, twice."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 2.0)
-    used = rng.uniform(0.2, 0.45)
-    _weigh(course, contact, used)
+    course, contact, used = _held(rng, 2.0, 0.2, 0.45)
     for at_s in (0.9, 1.4):
         bump = course.bump(at_s + rng.uniform(0.0, 0.2), log_uniform(rng, 0.006, 0.04))
         course.add(contact.load(_some(rng, contact), rng.uniform(0.1, 0.6 * (0.9 - used))), bump)
@@ -66,9 +56,7 @@ def collide(rng: Random) -> Scene:
 
 def tighten(rng: Random) -> Scene:
     """The grip force is raised: R falls, the load does not."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 2.0)
-    _weigh(course, contact, rng.uniform(0.4, 0.9))
+    course, *_ = _held(rng, 2.0, 0.4, 0.9)
     at_s = course.held_s + 0.5
     course.grip *= 1.0 + rng.uniform(0.2, 1.2) * course.smooth(at_s, at_s + log_uniform(rng, 0.03, 0.3))
     return course.scene("safe")
@@ -125,9 +113,7 @@ def micro_slip(rng: Random) -> Scene:
 
 def actuation_noise(rng: Random) -> Scene:
     """The drive of the gripper and the arm are noisy."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 3.0)
-    _weigh(course, contact, rng.uniform(0.3, 0.65))
+    course, contact, _ = _held(rng, 3.0, 0.3, 0.65)
     fade = course.smooth(course.held_s, course.held_s + 0.2)
     course.grip *= 1.0 + fade * rng.uniform(0.005, 0.03) * course.noise(log_uniform(rng, 10.0, 100.0))
     shaken = contact.load(_some(rng, contact), rng.uniform(0.01, 0.06))
@@ -137,10 +123,7 @@ def actuation_noise(rng: Random) -> Scene:
 
 def change_of_grip(rng: Random) -> Scene:
     """The grip force goes to another value and back, and still holds the load."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 2.5)
-    used = rng.uniform(0.3, 0.7)
-    _weigh(course, contact, used)
+    course, _, used = _held(rng, 2.5, 0.3, 0.7)
     change = rng.uniform(0.2, 0.8) if rng.random() < 0.5 else -rng.uniform(0.1, 1.0 - used / 0.88)
     at_s, seconds = course.held_s + 0.4, log_uniform(rng, 0.02, 0.3)
     course.grip *= 1.0 + change * (
@@ -151,10 +134,7 @@ def change_of_grip(rng: Random) -> Scene:
 
 def change_of_load(rng: Random) -> Scene:
     """The load goes to another value and back, and the grip still holds it."""
-    contact = draw_contact(rng)
-    course = Course(rng, contact, 2.5)
-    used = rng.uniform(0.2, 0.5)
-    _weigh(course, contact, used)
+    course, contact, used = _held(rng, 2.5, 0.2, 0.5)
     at_s, seconds = course.held_s + 0.4, log_uniform(rng, 0.01, 0.3)
     there = course.smooth(at_s, at_s + seconds) - course.smooth(at_s + 0.8, at_s + 0.8 + seconds)
     course.add(contact.load(_some(rng, contact), rng.uniform(0.1, 0.88 - used)), there)
@@ -168,6 +148,19 @@ def _some(rng: Random, contact: Contact) -> Load:
 
 def _short(rng: Random) -> float:
     return log_uniform(rng, 0.005, 0.05)
+
+
+def _held(rng: Random, seconds: float, least: float, most: float) -> tuple[Course, Contact, float]:
+    """Draw a contact, and a course in which a load comes on that uses from ``least`` to ``most`` of the friction.
+
+    Returns:
+        The course, the contact, and the share that is used.
+    """
+    contact = draw_contact(rng)
+    course = Course(rng, contact, seconds)
+    used = rng.uniform(least, most)
+    _weigh(course, contact, used)
+    return course, contact, used
 
 
 def _weigh(course: Course, contact: Contact, used: float) -> np.ndarray:

@@ -22,6 +22,7 @@ from fuzz.asking import FINGERS, MOST_CAPTURED, Ask, Asker, Captured, Seen
 from fuzz.book import BUDGET_N, CEILING_N, LEAST_N, LOWER_N_PER_S, MOST_N, RAISE_N_PER_S, REFLEX_N_PER_S, STEP_N, Book
 from fuzz.hand import FAULTS, FORCE_TABLE, OPEN_M, Hand, Said
 from fuzz.request_report import AGAIN, LOOKED_AT_NS, UNJUDGED, Found
+from grasp_table import grasp_table
 
 from slipd import config
 from slipd.bus.request_server import RequestServer
@@ -93,12 +94,7 @@ budget_n = {BUDGET_N}
 """
 
 REFLEX = f"""
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {OPEN_M / 2}, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [{OPEN_M}, 0.0, {-OPEN_M / 2}, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+{grasp_table(OPEN_M)}
 [reflex]
 enabled = true
 ceiling_n = {CEILING_N}

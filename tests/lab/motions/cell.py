@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from grasp_table import grasp_table
 from motions.jaws import Jaws, Sent
 
 from slipd import config
@@ -59,12 +60,7 @@ pitch_m = 0.004
 electrode_m = 0.004
 axis_scale = [0.001, 0.001, -0.001]
 tare = {[1000] * 12}
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.11, 0.0, 0.055, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.11, 0.0, -0.055, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+{grasp_table(0.11)}
 [reflex]
 enabled = true
 CEILING

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from engine_rig import GRIPPER, LEFT, MS, RIGHT, Run
+from grasp_table import grasp_table
 
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
@@ -16,15 +17,8 @@ FINE = (
     .replace("cols = 4", "cols = 16")
     .replace("force_std_n = 0.0", "force_std_n = 0.02")
 )
-OBSERVED = """
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, 0.0425, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, -0.0425, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
-
+OBSERVED = f"""
+{grasp_table()}
 [grasp.object]
 device = "external"
 port = "ipc:///tmp/object"

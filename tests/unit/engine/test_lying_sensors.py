@@ -9,6 +9,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
+from grasp_table import grasp_table
 
 from slipd.devices import bota
 from slipd.events import Bytes
@@ -25,13 +26,8 @@ SENSORS = {
     'device = "pvdf"\nport = "/dev/left-pad"': 'device = "external"\nport = "ipc:///run/pad"\nsensor = "left.pad"',
     "axis_scale = [0.01]": "axis_scale = [1.0]",
 }
-GRASP = """
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, 0.0425, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, -0.0425, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+GRASP = f"""
+{grasp_table()}
 [reflex]
 enabled = true
 """

@@ -7,18 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from grasp_table import grasp_table
 
 from slipd.events import Output, Publish, Write
 
 MS = 1_000_000
-GRASP = """
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, 0.0425, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, -0.0425, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
-"""
+GRASP = grasp_table()
 REFLEX = """
 [reflex]
 enabled = true

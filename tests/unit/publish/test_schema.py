@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from grasp_table import grasp_table
 from wire_check import body_faults, faults_of
 
 from slipd.events import Publish
@@ -18,13 +19,8 @@ from slipd_client.messages.schema.topics import TOPICS
 
 Run = Any
 
-GRASP = """
-[grasp.pads.left]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, 0.0425, 0.0]]
-quat_xyzw = [0.5, -0.5, 0.5, 0.5]
-[grasp.pads.right]
-positions = [[0.0, 0.0, 0.0, 0.0], [0.085, 0.0, -0.0425, 0.0]]
-quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
+GRASP = f"""
+{grasp_table()}
 [reflex]
 enabled = true
 raise_n_per_s = 100.0
