@@ -127,9 +127,11 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 
 
 def _plot(arguments: argparse.Namespace) -> int:
+    from slipd.plot.binned_track import Window
     from slipd.plot.plot_command import plot_command
 
-    whole = plot_command(arguments.file, arguments.out, arguments.config)
+    window = Window(arguments.begin_s, arguments.end_s)
+    whole = plot_command(arguments.file, arguments.out, arguments.config, window)
     return DONE if whole else FAULT
 
 

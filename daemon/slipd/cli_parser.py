@@ -103,6 +103,17 @@ def parser() -> argparse.ArgumentParser:
         help="a page, .html, or a picture, .png (needs matplotlib); default: RECORDING.html in this folder",
     )
     plot.add_argument("--config", type=Path, metavar="FILE", help="replay with this config instead of the recorded one")
+    plot.add_argument(
+        "--from", dest="begin_s", type=_positive, default=0.0, metavar="S", help="draw from this time on (default 0)"
+    )
+    plot.add_argument(
+        "--to",
+        dest="end_s",
+        type=_positive,
+        default=float("inf"),
+        metavar="S",
+        help="draw up to this time (default: the end)",
+    )
     plot.set_defaults(command="plot")
 
     identify = _add_command(

@@ -57,6 +57,22 @@ def test_another_config_shows_what_it_would_have_reported(sticky: str, here: Pat
     assert "No finger rose" in text
 
 
+def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plot", DEMO, "--from", "1.5", "--to", "2.5"]) == 0
+    text = (here / "demo.html").read_text(encoding="utf-8")
+    assert "drawn from 1.5 to 2.5 s." in text
+    ticks = [float(tick) for tick in re.findall(r'class="small middle"[^>]*>([\d.]+) s<', text)]
+    assert ticks[0] == 1.5
+    assert 2.4 <= ticks[-1] <= 2.5
+    begins = [float(begin) for begin in re.findall(r"<title>([\d.]+) to ", text)]
+    assert min(begins) >= 1.5
+    assert max(begins) <= 2.5
+    assert main(["plot", DEMO, "--from", "100"]) == 1
+    assert "demo.mcap: no message after 100 s, the last is at " in capsys.readouterr().err
+    assert main(["plot", DEMO, "--from", "2", "--to", "1"]) == 1
+    assert capsys.readouterr().err == "slipd: --from 2 must be before --to 1\n"
+
+
 def test_a_recording_that_was_cut_off_is_drawn_as_far_as_it_goes(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,6 +19,13 @@ Range = tuple[float, float]
 NO_VALUE: Range = (float("inf"), float("-inf"))
 
 
+class Window(NamedTuple):
+    """The part of a run that is drawn, s from its begin."""
+
+    begin_s: float
+    end_s: float
+
+
 class Held(NamedTuple, Generic[T]):
     """What a track holds from one time to another, s."""
 
@@ -28,7 +35,7 @@ class Held(NamedTuple, Generic[T]):
 
 
 class BinnedTrack(Generic[T]):
-    """Bins of equal width from time 0 on. When the time passes the last one, neighbours are merged, and all are wider.
+    """Bins of equal width from the first time on. When the time passes the last, neighbours are merged and all widen.
 
     Args:
         merge: Returns what a bin keeps of an earlier and a later value.
@@ -40,10 +47,13 @@ class BinnedTrack(Generic[T]):
         self._merge = merge
         self._bins: list[T | None] = [None] * bins
         self._width_s = width_s
+        self._begin_s: float | None = None
 
     def add(self, t_s: float, value: T) -> None:
-        """Add the value at a time; a time before 0 counts as 0."""
-        at = max(int(t_s / self._width_s), 0)
+        """Add the value at a time; one before the first counts as the first."""
+        if self._begin_s is None:
+            self._begin_s = t_s
+        at = max(int((t_s - self._begin_s) / self._width_s), 0)
         while at >= len(self._bins):
             self._halve()
             at //= 2
@@ -52,7 +62,8 @@ class BinnedTrack(Generic[T]):
 
     def held(self, end_s: float) -> Iterator[Held[T]]:
         """Yield the value of every bin that has one; it holds until the next, and the last until ``end_s``."""
-        found = [(at * self._width_s, value) for at, value in enumerate(self._bins) if value is not None]
+        first_s = self._begin_s or 0.0
+        found = [(first_s + at * self._width_s, value) for at, value in enumerate(self._bins) if value is not None]
         for at, (begin_s, value) in enumerate(found, start=1):
             until_s = found[at][0] if at < len(found) else end_s
             yield Held(begin_s, max(until_s, begin_s), value)

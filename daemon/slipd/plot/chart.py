@@ -154,7 +154,7 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         tracks: What the run reported.
         levels: The thresholds in force.
     """
-    end_s = tracks.end_s
+    end_s = tracks.window.end_s
     fingers = [(name, tracks.fingers[name], f"finger {at % 4}") for at, name in enumerate(tracks.finger_names)]
     limits = ((levels.caution, "caution"), (levels.warning, "warning"), (1.0, "slips"))
     force, torque = ("N", "N·m") if all(one.in_newtons for _, one, _ in fingers) else ("uncalibrated", "uncalibrated")
@@ -209,7 +209,7 @@ def _utilisation(fingers: Fingers, end_s: float) -> Iterator[Curve]:
 
 
 def _grip(tracks: RunTracks, fingers: Fingers) -> Iterator[Curve]:
-    end_s = tracks.end_s
+    end_s = tracks.window.end_s
     both = [
         *_curve("now", "now", tracks.grip, end_s),
         *_curve("needed", "needed", tracks.grip_needed, end_s),
@@ -247,7 +247,7 @@ def _health(tracks: RunTracks) -> StripGroup:
     strips, notes = [], []
     for name, stream in sorted(tracks.streams.items()):
         spans = []
-        for begin_s, until_s, state in stream.health.runs(tracks.end_s):
+        for begin_s, until_s, state in stream.health.runs(tracks.window.end_s):
             word = HEALTH[state.code]
             whole = f"{word}: {state.message}" if state.message else word
             spans.append(Span(begin_s, until_s, word, (whole, word), whole))

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from slipd.plot.binned_track import Held, Range
+from slipd.plot.binned_track import Held, Range, Window
 from slipd.plot.change_log import Change
 from slipd.plot.chart import COLOURS, DARK_SPANS, SPAN_COLOURS, Curve, Panel, Strip, StripGroup, stretches, title_of
 from slipd.plot.report_page import Report, change_lines, snapshot_note
@@ -52,9 +52,9 @@ def save(report: Report, path: Path) -> None:
         for at, (part, height) in enumerate(zip(report.parts, heights, strict=True)):
             top_in -= GAP_IN + height
             axes = figure.add_axes((0.11, top_in / total_in, 0.87, height / total_in))
-            axes.set_xlim(0.0, report.end_s)
+            axes.set_xlim(*report.window)
             axes.set_title(title_of(part), loc="left")
-            _draw(axes, part, report.end_s)
+            _draw(axes, part, report.window)
             last = at == len(report.parts) - 1
             axes.tick_params(labelbottom=last)
             if last:
@@ -82,9 +82,9 @@ def _head(figure: Figure, report: Report, total_in: float) -> None:
         figure.text(0.02, 1.0 - (HEAD_IN + LINE_IN * at) / total_in, line, va="top", color=colour)
 
 
-def _draw(axes: Axes, part: Panel | StripGroup, end_s: float) -> None:
+def _draw(axes: Axes, part: Panel | StripGroup, window: Window) -> None:
     if isinstance(part, StripGroup):
-        _strips(axes, part.strips, end_s)
+        _strips(axes, part.strips, window)
         if part.note:
             note = textwrap.shorten(part.note, NOTE_LETTERS, placeholder=" …")
             axes.text(1.0, 1.0, note, transform=axes.transAxes, ha="right", va="bottom", fontsize=7.5)
@@ -94,7 +94,7 @@ def _draw(axes: Axes, part: Panel | StripGroup, end_s: float) -> None:
     axes.grid(visible=True, color="#e5e5e5", linewidth=0.6)
     for limit, name in part.limits:
         axes.axhline(limit, color="#b2182b", linewidth=0.8, linestyle=":")
-        axes.text(end_s, limit, f"{name} ", ha="right", va="bottom", color="#b2182b", fontsize=7.5)
+        axes.text(window.end_s, limit, f"{name} ", ha="right", va="bottom", color="#b2182b", fontsize=7.5)
     for curve in part.curves:
         _curve(axes, curve, most)
     if part.curves:
@@ -121,11 +121,11 @@ def _arrays(stretch: Sequence[Held[Range]]) -> tuple[np.ndarray, np.ndarray, np.
     return times, values[:, 0], values[:, 1]
 
 
-def _strips(axes: Axes, strips: Sequence[Strip], end_s: float) -> None:
+def _strips(axes: Axes, strips: Sequence[Strip], window: Window) -> None:
     axes.set_ylim(len(strips), 0)
     axes.set_yticks([at + 0.5 for at in range(len(strips))], [strip.name for strip in strips])
     axes.tick_params(axis="y", length=0)
-    letter_s = LETTER_IN / (0.87 * WIDTH_IN) * end_s
+    letter_s = LETTER_IN / (0.87 * WIDTH_IN) * (window.end_s - window.begin_s)
     for at, strip in enumerate(strips):
         bars = [(span.begin_s, span.end_s - span.begin_s) for span in strip.spans]
         colours = [SPAN_COLOURS[span.colour] for span in strip.spans]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from itertools import groupby
 
-from slipd.plot.binned_track import Held, Range
+from slipd.plot.binned_track import Held, Range, Window
 from slipd.plot.chart import DARK_SPANS, SPAN_COLOURS, Curve, Panel, StripGroup, stretches, ticks, title_of
 from slipd_client.pad_picture import CENTROID, PadImage
 
@@ -27,7 +27,7 @@ TAXEL, SHADES = 12, 24
 """Side of a taxel in a snapshot, px, and number of its colours."""
 
 
-def chart_svg(parts: Sequence[Panel | StripGroup], end_s: float) -> str:
+def chart_svg(parts: Sequence[Panel | StripGroup], window: Window) -> str:
     """Return the chart."""
     body: list[str] = []
     y = 0.0
@@ -35,9 +35,9 @@ def chart_svg(parts: Sequence[Panel | StripGroup], end_s: float) -> str:
         height = PANEL if isinstance(part, Panel) else STRIP * len(part.strips)
         body.append(_text("title", LEFT, y + TITLE - 7, title_of(part)))
         body += _legend(part, y) if isinstance(part, Panel) else _note(part, y)
-        body += _panel(part, y + TITLE, end_s) if isinstance(part, Panel) else _strips(part, y + TITLE, end_s)
+        body += _panel(part, y + TITLE, window) if isinstance(part, Panel) else _strips(part, y + TITLE, window)
         y += TITLE + height + GAP
-    body += _time_axis(y, end_s)
+    body += _time_axis(y, window)
     return "\n".join(
         [
             f'<svg class="chart" viewBox="0 0 {WIDTH} {y + AXIS:g}" role="img" aria-label="course of the run">',
@@ -51,8 +51,9 @@ def _text(kind: str, x: float, y: float, text: str) -> str:
     return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(text)}</text>'
 
 
-def _x(t_s: float, end_s: float) -> float:
-    return LEFT + (WIDTH - LEFT - RIGHT) * min(t_s / end_s, 1.0)
+def _x(t_s: float, window: Window) -> float:
+    share = (t_s - window.begin_s) / (window.end_s - window.begin_s)
+    return LEFT + (WIDTH - LEFT - RIGHT) * min(max(share, 0.0), 1.0)
 
 
 def _legend(panel: Panel, y: float) -> Iterator[str]:
@@ -72,7 +73,7 @@ def _note(group: StripGroup, y: float) -> Iterator[str]:
         yield f"<g>{_text('small', x, y + 15, shown)}<title>{escape(group.note)}</title></g>"
 
 
-def _panel(panel: Panel, y: float, end_s: float) -> Iterator[str]:
+def _panel(panel: Panel, y: float, window: Window) -> Iterator[str]:
     least, most = panel.span
     px = PANEL / (most - least)
 
@@ -88,13 +89,15 @@ def _panel(panel: Panel, y: float, end_s: float) -> Iterator[str]:
         yield f'<path class="limit" d="M{LEFT} {height_of(limit):.1f}H{WIDTH - RIGHT}"/>'
         yield _text("small end", WIDTH - RIGHT - 4, height_of(limit) - 3, name)
     for curve in panel.curves:
-        yield from _curve(curve, end_s, height_of)
+        yield from _curve(curve, window, height_of)
 
 
-def _curve(curve: Curve, end_s: float, height_of: Callable[[float], float]) -> Iterator[str]:
+def _curve(curve: Curve, window: Window, height_of: Callable[[float], float]) -> Iterator[str]:
     outline = _area if curve.kind == "band" else _line
     paths = "".join(
-        outline([(_x(at.begin_s, end_s), height_of(at.value[0]), height_of(at.value[1])) for at in _until_end(stretch)])
+        outline(
+            [(_x(at.begin_s, window), height_of(at.value[0]), height_of(at.value[1])) for at in _until_end(stretch)]
+        )
         for stretch in stretches(curve.points)
     )
     if paths:
@@ -131,14 +134,14 @@ def _corners(points: Sequence[tuple[float, float, float]]) -> list[tuple[float, 
     return [points[0], *(points[at] for at in inner), points[-1]]
 
 
-def _strips(group: StripGroup, y: float, end_s: float) -> Iterator[str]:
+def _strips(group: StripGroup, y: float, window: Window) -> Iterator[str]:
     for row, strip in enumerate(group.strips):
         top = y + STRIP * row
         name = strip.name if len(strip.name) <= MOST_LETTERS else f"{strip.name[: MOST_LETTERS - 1]}…"
         yield f"<g>{_text('small end', LEFT - 6, top + 13, name)}<title>{escape(strip.name)}</title></g>"
         yield f'<rect class="ground" x="{LEFT}" y="{top:g}" width="{WIDTH - LEFT - RIGHT}" height="{STRIP - 3}"/>'
         for span in strip.spans:
-            begin, end = _x(span.begin_s, end_s), _x(span.end_s, end_s)
+            begin, end = _x(span.begin_s, window), _x(span.end_s, window)
             hover = f"{span.begin_s:.3f} to {span.end_s:.3f} s: {span.whole}"
             yield (
                 f'<rect x="{begin:.1f}" y="{top:g}" width="{max(end - begin, 0.7):.1f}" height="{STRIP - 3}" '
@@ -149,9 +152,9 @@ def _strips(group: StripGroup, y: float, end_s: float) -> Iterator[str]:
                 yield _text(f"small {ink}", begin + 4, top + 13, text)
 
 
-def _time_axis(y: float, end_s: float) -> Iterator[str]:
-    for tick in ticks(0.0, end_s, 12):
-        x = _x(tick, end_s)
+def _time_axis(y: float, window: Window) -> Iterator[str]:
+    for tick in ticks(*window, 12):
+        x = _x(tick, window)
         yield f'<path class="tick" d="M{x:.1f} {y - GAP:g}v5"/>'
         yield _text("small middle", x, y + 6, f"{tick:g} s")
 

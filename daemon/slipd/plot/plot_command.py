@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ from pathlib import Path
 from slipd import config
 from slipd.errors import RecordingError, SlipdError
 from slipd.evaluation.config_run import with_recorded_tares
+from slipd.plot.binned_track import Window
 from slipd.plot.chart import chart
 from slipd.plot.report_page import Report, page
 from slipd.plot.run_tracks import RunTracks
@@ -20,14 +22,18 @@ from slipd.progress import Progress
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
 
+WHOLE = Window(0.0, math.inf)
+"""All of a run."""
 
-def plot_command(path: Path, out: Path | None, config_file: Path | None) -> bool:
+
+def plot_command(path: Path, out: Path | None, config_file: Path | None, window: Window = WHOLE) -> bool:
     """Replay a recording and write the picture.
 
     Args:
         path: The recording.
         out: The picture; it replaces a file of that name once it is complete. None: a page in this folder.
         config_file: A config to replay with; None: the recorded one.
+        window: The part of the run to draw.
 
     Returns:
         Whether the recording is complete; if not, it is drawn as far as it goes.
@@ -37,13 +43,15 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None) -> bool
         RecordingError: The recording cannot be read, or does not fit the config.
         SlipdError: The picture cannot be written, or matplotlib is missing for a PNG.
     """
+    if not window.begin_s < window.end_s:
+        raise SlipdError(f"--from {window.begin_s:g} must be before --to {window.end_s:g}")
     out = out or Path(f"{path.stem}.html")
     write = _writer(out)
     recording = open_recording(path)
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % replayed")
     with _new_file(out) as draft:
         try:
-            report = make_report(recording, config_file, progress.show)
+            report = make_report(recording, config_file, window, progress.show)
         finally:
             progress.erase()
         write(report, draft)
@@ -53,17 +61,20 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None) -> bool
     return recording.complete
 
 
-def make_report(recording: Recording, config_file: Path | None, progress: Callable[[int, int], None]) -> Report:
+def make_report(
+    recording: Recording, config_file: Path | None, window: Window, progress: Callable[[int, int], None]
+) -> Report:
     """Replay a recording and return what is drawn of it.
 
     Args:
         recording: The recording.
         config_file: A config to replay with; None: the recorded one.
+        window: The part of the run to draw.
         progress: Called with how much of the file is replayed, and its size.
 
     Raises:
         ConfigError: The config cannot be read or has faults.
-        RecordingError: The recording has no messages, or does not fit the config.
+        RecordingError: The recording has no messages in this window, or does not fit the config.
     """
     if config_file is None:
         settings = config.parse(recording.config_text, f"{recording.path}: config")
@@ -72,17 +83,21 @@ def make_report(recording: Recording, config_file: Path | None, progress: Callab
     first = next(recording.events(), None)
     if first is None:
         raise RecordingError(f"{recording.path}: no events in it, so there is nothing to draw")
-    tracks = RunTracks(first[0])
+    tracks = RunTracks(first[0], window.begin_s)
+    last_s = 0.0
     for topic, body in replay(recording, settings=settings):
+        last_s = max(last_s, tracks.time_s(body))
+        if last_s > window.end_s:
+            break
         tracks.add(topic, body)
         progress(recording.read_bytes, recording.size_bytes)
-    if not tracks.end_s:
-        raise RecordingError(f"{recording.path}: its events cause no messages, so there is nothing to draw")
+    if tracks.window.end_s <= window.begin_s:
+        raise RecordingError(f"{recording.path}: no message after {window.begin_s:g} s, the last is at {last_s:.3f} s")
     return Report(
         recording.path.name,
         _facts(recording, tracks, first[0], config_file, settings.config_id),
         [recording.gap] if recording.gap else [],
-        tracks.end_s,
+        tracks.window,
         chart(tracks, settings.levels),
         tracks.changes,
     )
@@ -93,7 +108,9 @@ def _facts(
 ) -> list[str]:
     begun = datetime.fromtimestamp((begin_ns + recording.wall_minus_monotonic_ns) * 1e-9, UTC)
     recorded = f"Recorded by slipd {recording.versions.get('slipd', 'of an unknown version')}"
-    facts = [f"{recorded} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {tracks.end_s:.1f} s."]
+    begin_s, end_s = tracks.window
+    shown = f"drawn from {begin_s:g} to {end_s:.1f} s" if begin_s else f"{end_s:.1f} s"
+    facts = [f"{recorded} from {begun:%Y-%m-%d %H:%M:%S} UTC on; {shown}."]
     if config_file is None:
         return [*facts, f"Replayed with its own config ({config_id})."]
     other = f"Replayed with {config_file.name} ({config_id}): what slipd would have reported with that config."

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from slipd.plot.binned_track import Window
 from slipd.plot.change_log import MOST_CHANGES, Change, ChangeLog
 from slipd.plot.chart import COLOURS, SPAN_COLOURS, Panel, StripGroup
 from slipd.plot.chart_svg import chart_svg, snapshot_svg
@@ -21,7 +22,7 @@ class Report:
         title: Name of the recording.
         facts: What it is, in sentences.
         faults: Why it is not complete; empty where it is.
-        end_s: Length of the run, s.
+        window: The part of the run that is drawn.
         parts: The course of the run.
         changes: Its changes of level.
     """
@@ -29,7 +30,7 @@ class Report:
     title: str
     facts: Sequence[str]
     faults: Sequence[str]
-    end_s: float
+    window: Window
     parts: Sequence[Panel | StripGroup]
     changes: ChangeLog
 
@@ -50,7 +51,7 @@ def page(report: Report) -> str:
             f"<h1>{title}</h1>",
             *(f'<p class="fault">{escape(fault)}</p>' for fault in report.faults),
             *(f"<p>{escape(fact)}</p>" for fact in report.facts),
-            chart_svg(report.parts, report.end_s),
+            chart_svg(report.parts, report.window),
             *_snapshots(report.changes),
             *_changes(report.changes),
             "</body></html>\n",

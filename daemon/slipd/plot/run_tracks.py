@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from slipd.finger.verdict import SEVERITY
-from slipd.plot.binned_track import NO_VALUE, BinnedTrack, Range, later, widest
+from slipd.plot.binned_track import NO_VALUE, BinnedTrack, Range, Window, later, widest
 from slipd.plot.change_log import ChangeLog
 from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 
@@ -139,9 +139,10 @@ class RunTracks:
 
     Args:
         begin_ns: CLOCK_MONOTONIC at the first event; all times are seconds since then.
+        begin_s: Messages before are left out.
 
     Attributes:
-        end_s: Time of the newest message.
+        window: From the begin to the newest message.
         fingers: By name.
         streams: By name.
         grip: Grip force that both fingers share, N.
@@ -150,9 +151,9 @@ class RunTracks:
         changes: Changes of level, and the image of the pad at each alarm.
     """
 
-    def __init__(self, begin_ns: int) -> None:
+    def __init__(self, begin_ns: int, begin_s: float = 0.0) -> None:
         self._begin_ns = begin_ns
-        self.end_s = 0.0
+        self.window = Window(begin_s, begin_s)
         self.fingers: dict[str, FingerTracks] = {}
         self.streams: dict[str, StreamTracks] = {}
         self.grip, self.grip_needed, self.command = _numbers(), _numbers(), _numbers()
@@ -160,16 +161,18 @@ class RunTracks:
 
     def add(self, topic: str, body: Mapping[str, Any]) -> None:
         """Add a message of any topic."""
-        t_s = (body["t_ns"] - self._begin_ns) * 1e-9
-        self.end_s = max(self.end_s, t_s)
+        t_s = self.time_s(body)
         kind, _, finger = topic.partition(".")
+        if kind == "tactile":
+            self.changes.add_image(finger, body)
+        if t_s < self.window.begin_s:
+            return
+        self.window = Window(self.window.begin_s, max(self.window.end_s, t_s))
         if kind == "slip":
             if finger not in self.fingers:
                 self.fingers[finger] = FingerTracks()
             self.fingers[finger].add(t_s, body)
             self.changes.add_verdict(finger, body)
-        elif kind == "tactile":
-            self.changes.add_image(finger, body)
         elif topic == WARNING_TOPIC:
             self.changes.add_change(t_s, body)
         elif topic == GRASP_TOPIC:
@@ -182,6 +185,11 @@ class RunTracks:
                 if name not in self.streams:
                     self.streams[name] = StreamTracks()
                 self.streams[name].add(t_s, stream)
+
+    def time_s(self, body: Mapping[str, Any]) -> float:
+        """Return the time of a message, s."""
+        t_ns: int = body["t_ns"]
+        return (t_ns - self._begin_ns) * 1e-9
 
     @property
     def finger_names(self) -> Sequence[str]:

@@ -31,15 +31,16 @@ def test_every_value_is_held_where_it_was(samples: list[tuple[float, float]]) ->
     found = list(track.held(2e5))
     assert all(one.end_s == other.begin_s for one, other in pairwise(found))
     for t_s, value in samples:
+        t_s = max(t_s, samples[0][0])
         assert any(each.begin_s <= t_s < each.end_s and each.value[0] <= value <= each.value[1] for each in found)
 
 
 def test_a_value_holds_until_the_next_and_the_last_until_the_end() -> None:
     track = BinnedTrack(later, bins=100, width_s=0.1)
-    track.add(-3.0, "before")
-    track.add(0.5, "a")
-    track.add(2.0, "b")
-    assert list(track.held(9.0)) == [Held(0.0, 0.5, "before"), Held(0.5, 2.0, "a"), Held(2.0, 9.0, "b")]
+    track.add(30.0, "a")
+    track.add(29.0, "of before")
+    track.add(32.0, "b")
+    assert list(track.held(39.0)) == [Held(30.0, 32.0, "of before"), Held(32.0, 39.0, "b")]
 
 
 def test_equal_values_are_one_run() -> None:

@@ -49,7 +49,7 @@ def test_a_real_run_has_every_part(demo: tuple[RunTracks, Any]) -> None:
         assert set(colours) <= set(COLOURS)
         spans = [] if isinstance(each, Panel) else [span for strip in each.strips for span in strip.spans]
         assert {span.colour for span in spans} <= set(SPAN_COLOURS)
-        assert all(0.0 <= span.begin_s <= span.end_s <= tracks.end_s for span in spans)
+        assert all(0.0 <= span.begin_s <= span.end_s <= tracks.window.end_s for span in spans)
 
 
 def test_what_was_never_known_is_left_out(run: Any) -> None:

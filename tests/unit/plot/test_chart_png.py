@@ -16,7 +16,7 @@ def saved(tracks: Any, path: Path, *faults: str) -> tuple[int, int]:
     """Width and height of the picture, px."""
     from slipd.plot import chart_png
 
-    report = Report("a.mcap", ["Recorded."], faults, tracks.end_s, chart(tracks, Levels()), tracks.changes)
+    report = Report("a.mcap", ["Recorded."], faults, tracks.window, chart(tracks, Levels()), tracks.changes)
     chart_png.save(report, path)
     data = path.read_bytes()
     assert data.startswith(b"\x89PNG")

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from slipd.plot.binned_track import NO_VALUE, Held
+from slipd.plot.binned_track import NO_VALUE, Held, Window
 from slipd.plot.chart import Curve, Panel, Span, Strip, StripGroup
 from slipd.plot.chart_svg import LEFT, RIGHT, TAXEL, WIDTH, chart_svg, heat, snapshot_svg
 from slipd_client.pad_picture import CENTROID, POLE, PadImage, pad_image
@@ -18,7 +18,7 @@ def at(t_s: float) -> float:
 
 
 def drawn(*parts: Panel | StripGroup) -> ElementTree.Element:
-    return ElementTree.fromstring(chart_svg(parts, END_S))
+    return ElementTree.fromstring(chart_svg(parts, Window(0.0, END_S)))
 
 
 def of_class(root: ElementTree.Element, name: str) -> list[ElementTree.Element]:
@@ -106,7 +106,7 @@ def test_nothing_is_outside_of_the_picture(demo: Any) -> None:
     from slipd.plot.chart import chart
 
     tracks, _ = demo
-    root = ElementTree.fromstring(chart_svg(chart(tracks, Levels()), tracks.end_s))
+    root = ElementTree.fromstring(chart_svg(chart(tracks, Levels()), tracks.window))
     _, _, width, height = map(float, root.get("viewBox", "").split())
     for each in root.iter():
         if each.tag == "rect":

@@ -11,7 +11,7 @@ from slipd.plot.report_page import Report, page
 
 
 def page_of(tracks: Any, *, title: str = "a.mcap", faults: tuple[str, ...] = ()) -> str:
-    return page(Report(title, ["Recorded."], faults, tracks.end_s, chart(tracks, Levels()), tracks.changes))
+    return page(Report(title, ["Recorded."], faults, tracks.window, chart(tracks, Levels()), tracks.changes))
 
 
 class Tags(HTMLParser):

@@ -28,14 +28,14 @@ def test_the_tracks_of_a_real_run_reach_as_far_as_its_messages(demo: Demo) -> No
     assert whole(finger.tangential) == (min(forces), max(forces))
     grips = [body["internal_n"] for topic, body in found if topic == "grasp" and body["internal_n"] is not None]
     assert whole(tracks.grip) == (min(grips), max(grips))
-    assert tracks.end_s == max(body["t_ns"] - found[0][1]["t_ns"] for _, body in found) * 1e-9
+    assert tracks.window.end_s == max(body["t_ns"] - found[0][1]["t_ns"] for _, body in found) * 1e-9
     assert tracks.changes.count == sum(topic == "warning" for topic, _ in found)
 
 
 def test_the_levels_of_a_real_run_are_those_of_its_warnings(demo: Demo) -> None:
     tracks, found = demo
     told = [body["level"] for topic, body in found if topic == "warning" and body["finger"] == "left"]
-    runs = [run.value.level for run in tracks.fingers["left"].level.runs(tracks.end_s)]
+    runs = [run.value.level for run in tracks.fingers["left"].level.runs(tracks.window.end_s)]
     levels = [level for before, level in zip(["unknown", *runs], runs, strict=False) if level != before]
     assert levels == told
 
