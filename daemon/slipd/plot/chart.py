@@ -228,7 +228,7 @@ def _levels(finger: FingerTracks, end_s: float) -> Iterator[Span]:
     for begin_s, until_s, state in finger.level.runs(end_s):
         reasons = ", ".join(state.reasons)
         whole = f"{state.level}: {reasons}" if reasons else state.level
-        yield Span(begin_s, until_s, state.level, (whole, reasons) if reasons else (whole,), whole)
+        yield Span(begin_s, until_s, state.level, (whole, reasons, state.level) if reasons else (whole,), whole)
 
 
 def _evidence(name: str, finger: FingerTracks, end_s: float) -> Iterator[Strip]:

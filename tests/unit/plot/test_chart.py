@@ -68,7 +68,11 @@ def test_levels_name_their_reasons_and_evidence_its_finger(run: Any) -> None:
     parts = chart(run.tracks, LEVELS_IN_FORCE)
     (strip,) = part(parts, "level and reasons").strips
     assert strip.spans[0] == Span(
-        0.0, 1.0, "caution", ("caution: rotation, tipping", "rotation, tipping"), "caution: rotation, tipping"
+        0.0,
+        1.0,
+        "caution",
+        ("caution: rotation, tipping", "rotation, tipping", "caution"),
+        "caution: rotation, tipping",
     )
     assert strip.spans[1].texts == ("slipping",)
     (moved,) = part(parts, "evidence of motion").strips
