@@ -100,12 +100,14 @@ class LiveView:
         """
         silent = silent_s > SILENT_AFTER_S
         pads = {} if silent else self._pads(terminal)
-        lines = self._lines(terminal, silent_s, pads)
-        if len(lines) > terminal.lines and any(pads.values()):
-            pads = dict.fromkeys(pads)
-            lines = self._lines(terminal, silent_s, pads)
+        smallest: Pads = {finger: pad and (pad[0], 1) for finger, pad in pads.items()}
+        none: Pads = dict.fromkeys(pads)
+        for form in (pads, smallest, none):
+            lines = self._lines(terminal, silent_s, form)
+            if len(lines) <= terminal.lines or not any(pads.values()):
+                break
         if len(lines) > terminal.lines:
-            lines = self._lines(terminal, silent_s, pads, brief=True)
+            lines = self._lines(terminal, silent_s, none, brief=True)
         if len(lines) > terminal.lines:
             note = f"{len(lines) - terminal.lines + 1} more lines do not fit in {_size(terminal)}"
             lines = [*lines[: terminal.lines - 1], [(note, "2")]]

@@ -404,6 +404,15 @@ def test_what_does_not_fit_is_named(columns: int, lines: int, left_out: str) -> 
     assert any("SLIPPING" in line for line in drawn_lines), "levels stay to the last"
 
 
+def test_pads_become_smaller_before_they_are_left_out() -> None:
+    ill = {"health": 1, "message": "late"}
+    streams = {f"{finger}.{kind}": STREAM | ill for finger in ("left", "right") for kind in ("wrench", "pad")}
+    lines = rig(Terminal(80, 24), status=STATUS | {"streams": streams})
+    assert len(lines) <= 24
+    assert sum("█" * 7 in line and "█" * 17 not in line for line in lines if line[0] == "█") == 4
+    assert sum("late" in line for line in lines) == 4
+
+
 def test_lines_that_do_not_fit_at_all_are_counted() -> None:
     assert rig(Terminal(60, 3))[-1] == "9 more lines do not fit in 60 x 3"
 
