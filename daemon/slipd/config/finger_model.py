@@ -144,7 +144,8 @@ class Finger(StrictModel):
         mu_spread: Relative standard deviation of ``mu``, and of what `friction.set` states; 0: it is known exactly,
             and none is learned.
         mu_rotation: Coefficient of friction that limits a rotation, for taxels whose gains for shear and pressure are
-            not calibrated against each other; None: ``mu``.
+            not calibrated against each other; None: ``mu``. It weighs images that change. Once the object turned, the
+            coefficient that this took limits rotation in λ too, until the grasp ends.
         min_normal_n: Below this normal force there is no contact, N.
         load_rule: How the normal force is distributed over the taxels.
         contact_growth: Exponent with which the size of the contact grows with the normal force: 0 rigid, 1/3 Hertz.

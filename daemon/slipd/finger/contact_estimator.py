@@ -80,12 +80,14 @@ class ContactEstimator:
     def note_motion(self, until_ns: int, evidence: int) -> None:
         """Report slip until a time; see `ContactWatch.note_motion`."""
         self._watch.note_motion(until_ns * 1e-9, evidence)
+        self.friction.rotation.slip(until_ns * 1e-9)
 
     def end_contact(self) -> None:
         """Forget the contact: it ended, or is no longer known."""
         self.in_contact, self._twist = False, None
         self._watch.reset()
         self.friction.estimate.end_contact()
+        self.friction.rotation.forget()
 
     def estimate(
         self,
@@ -161,7 +163,14 @@ class ContactEstimator:
         if distribution is not None:
             x, y, loads = distribution.x, distribution.y, distribution.loads.loads
             solved_mu = mu or 1.0  # λ at μ = 1 is the required friction
+            spins, scale = rows["contact"]["spin_nm"], self.friction.state.spin_scale
+            if scale != 1.0:
+                spins *= scale
             solve_readings(rows, x, y, loads, solved_mu, self._twist, DECISION_GAP)
+            if scale != 1.0:
+                spins /= scale
+            if self.friction.rotation.stated is not None:
+                self._carry_spin(rows, phases, distribution)
             if uncertainty.force_n > 0.0:
                 spin_1n = spin_utilisation_1n(x, y, loads, solved_mu, uncertainty.torque_nm)
         self._watch.assess(rows, math.nan if mu is None else mu, uncertainty, spin_1n)
@@ -176,6 +185,13 @@ class ContactEstimator:
         shape_error = math.nan if distribution is None else SHAPE_ERROR / len(distribution.x)
         self.friction.estimate.learn(rows, shape_error, teaches=teaches, raises=learning is Learning.ALL)
 
+    def _carry_spin(self, rows: Rows, phases: list[int], distribution: LoadDistribution) -> None:
+        """Note which friction the spin of each reading requires: if the object turns now, it was that of the limit."""
+        for k, phase in enumerate(phases):
+            if phase == TOUCHING:
+                required = abs(distribution.spin_required(contact_at(rows, k)))
+                self.friction.rotation.carry(float(rows["t_s"][k]), required)
+
     def _remember(self, phases: list[int], rows: Rows, *, solved: bool) -> None:
         """Keep contact and slip velocity of the newest reading that could be trusted, for the next read."""
         k = len(phases) - 1
@@ -184,6 +200,8 @@ class ContactEstimator:
         if k < 0:
             return
         self.in_contact, self._twist = phases[k] == TOUCHING, None
+        if not self.in_contact:
+            self.friction.rotation.forget()
         if self.in_contact and solved:
             vx, vy, omega = rows["utilisation"]["twist"][k].tolist()
             self._twist = vx, vy, omega

@@ -156,7 +156,7 @@ class Finger:
     def disconnect_image(self) -> None:
         """Forget the image: its stream ended."""
         self._path.forget_comparison()
-        self.friction.estimate.forget()
+        self.friction.forget()
         if self.image is not None:
             self.image.tare.abort("ended")
             self.image.forget()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from slipd.config import Finger as FingerConfig
 from slipd.friction.friction_estimate import FrictionEstimate
 from slipd.friction.friction_state import FrictionState
+from slipd.friction.rotation_friction import RotationFriction
 
 SEEN_SHARE = 0.5
 """Part of the fall from static to dynamic friction that must be seen before it counts as slip."""
@@ -23,6 +24,7 @@ class Friction:
         set_by: Client that set the coefficients last; None: only the config did.
         set_t_ns: When it did, CLOCK_MONOTONIC; None likewise.
         estimate: What is learned.
+        rotation: What is learned of rotation, where that has a coefficient of its own.
         stated: Coefficient of static friction by config or client; None: unknown.
     """
 
@@ -31,12 +33,19 @@ class Friction:
         self.set_by: str | None = None
         self.set_t_ns: int | None = None
         self.estimate = FrictionEstimate(config.mu, config.mu_spread, config.most_mu)
+        self.rotation = RotationFriction(config.mu_rotation)
         self.stated = config.mu
 
     @property
     def state(self) -> FrictionState:
         """What is known now."""
-        return self.estimate.state
+        state, learned = self.estimate.state, self.rotation.learned
+        return state if learned is None else state._replace(mu_rotation=learned)
+
+    def forget(self) -> None:
+        """Forget all that was learned: the sensor reads otherwise than before."""
+        self.estimate.forget()
+        self.rotation.forget()
 
     @property
     def mu(self) -> float | None:
@@ -60,6 +69,7 @@ class Friction:
         if mu_d is not None:
             self.drop = self._drop(mu_s, mu_d)
         self.stated = mu_s
+        self.rotation.forget()
         self.estimate.restart(mu_s, mu_d, "request")
         self.set_by, self.set_t_ns = by, t_ns
 

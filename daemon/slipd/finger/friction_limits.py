@@ -25,7 +25,7 @@ def needed_normal_n(finger: Finger, state: FingerState) -> float | None:
         loads.loads,
         mu,
         (contact.fx_n, contact.fy_n),
-        contact.spin_nm,
+        contact.spin_nm * _spin_scale(state),
         (contact.cx_m, contact.cy_m),
         growth=finger.config.contact_growth,
         safety=finger.config.grip_safety,
@@ -44,7 +44,11 @@ def torque_limit_nm(finger: Finger, state: FingerState) -> float | None:
     sense = 1 if contact.spin_nm >= 0.0 else -1
     force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
     limit = torque_limit(distribution.x, distribution.y, loads.loads, mu, force, about, sense)
-    return finite_or_none(limit.torque_nm)
+    return finite_or_none(limit.torque_nm / _spin_scale(state))
+
+
+def _spin_scale(state: FingerState) -> float:
+    return 1.0 if state.friction is None else state.friction.spin_scale
 
 
 def _mu(state: FingerState) -> float | None:

@@ -29,6 +29,15 @@ class LoadDistribution:
     loads: Loads
     outline: Outline
 
+    def spin_required(self, contact: Contact) -> float:
+        """Return the coefficient of friction that the spin of a contact alone requires, with the sign of the spin.
+
+        It is m / (f_n × mean distance of the load from the centroid): 0 where the load is at one point, NaN where the
+        spin is not known.
+        """
+        lever_m = float(self.loads.loads @ np.hypot(self.x - contact.cx_m, self.y - contact.cy_m))
+        return contact.spin_nm / (contact.normal_n * lever_m) if lever_m > 0.0 else 0.0
+
 
 def distribute(rule: str, x: Array, y: Array, pressure: Array, contact: Contact) -> LoadDistribution | None:
     """Return the load distribution of an image for a contact; None where no taxel is active.

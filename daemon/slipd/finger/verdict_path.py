@@ -156,7 +156,7 @@ class VerdictPath:
         image, tares = self._image, self.tares.current
         if any(now is not before for now, before in zip(tares, self._tares, strict=True)):
             self._tares = tares
-            self.estimator.friction.estimate.forget()
+            self.estimator.friction.forget()
         if image is None or self.tares.busy or arrival.waited_ns:
             return Learning.NOTHING
         if not image.is_reliable(at_rest=True) or image.taxel_health.saturates:

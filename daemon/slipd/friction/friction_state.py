@@ -16,6 +16,7 @@ class FrictionState(NamedTuple):
         mu_d: Coefficient of dynamic friction.
         carried: Largest required friction that this grasp carried for a while without motion.
         object_name: Name of the object, as a client stated it.
+        mu_rotation: Coefficient that limits a rotation, as turns of this grasp showed it; None: ``mu``.
     """
 
     mu: float | None = None
@@ -25,3 +26,11 @@ class FrictionState(NamedTuple):
     mu_d: float | None = None
     carried: float | None = None
     object_name: str | None = None
+    mu_rotation: float | None = None
+
+    @property
+    def spin_scale(self) -> float:
+        """How many times as much friction a spin uses as ``mu`` says, ≥ 1."""
+        if self.mu is None or self.mu_rotation is None:
+            return 1.0
+        return max(self.mu / self.mu_rotation, 1.0)

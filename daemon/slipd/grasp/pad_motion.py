@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from slipd.finger.finger import Finger
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_step import LOOKS_PER_HOUR, ImageStep
@@ -53,8 +51,8 @@ class PadMotion:
         if surprise is None:
             return None
         spin = sum(sense * load[0] for sense, load in zip(SENSES, known, strict=False)) / len(known)
-        whole = sum(load[1] for load in known) / len(known)
-        return Evidence("image_change", t_ns, surprise), self._belief.update(spin, whole)
+        tangential = sum(load[1] for load in known) / len(known)
+        return Evidence("image_change", t_ns, surprise), self._belief.update(spin, tangential)
 
     def confirm(self) -> None:
         """Take the newest evidence as true: the object lies otherwise now, and what was carried before says nothing."""
@@ -68,19 +66,15 @@ def make_pad_motion(fingers: Sequence[Finger]) -> PadMotion | None:
 
 
 def _load(finger: Finger) -> tuple[float, float] | None:
-    """Return utilisation by the spin alone, signed, and by the whole load; 0 for both where no friction is stated.
+    """Return utilisation by the spin, signed, and by the tangential force; 0 for both where no friction is stated.
 
     None without a contact and an image of it, or where the readings are not trusted. The stated friction counts, not
     what this grasp taught: a look is compared with what was carried before it.
     """
-    state, friction = finger.state, finger.friction
-    contact, distribution = state.contact, state.load_distribution
+    contact, distribution, friction = finger.state.contact, finger.state.load_distribution, finger.friction
     if contact is None or distribution is None or math.isnan(contact.spin_nm) or not finger.is_trusted:
         return None
-    stated, used = friction.stated, state.utilisation
-    if stated is None or friction.mu is None or used is None or not math.isfinite(used.value):
+    stated = friction.stated
+    if stated is None:
         return 0.0, 0.0
-    x, y, loads = distribution.x - contact.cx_m, distribution.y - contact.cy_m, distribution.loads.loads
-    lever_m = float(loads @ np.hypot(x, y))
-    limit = (finger.config.mu_rotation or stated) * contact.normal_n * lever_m
-    return contact.spin_nm / limit if lever_m > 0.0 else 0.0, used.value * friction.mu / stated
+    return distribution.spin_required(contact) / (friction.rotation.stated or stated), contact.friction_ratio / stated

@@ -27,15 +27,15 @@ LOOKS_PER_HOUR = 3600.0 * 10.0
 """Independent looks in an hour; changes of the arm's motion last longer than the time between two looks."""
 LONGEST_LOOK_NS = 300_000_000
 """Images further apart are not compared."""
-BACKGROUND = 0.0042
-"""Scale of the exponential tail of the change without slip: as measured, and rounded up to the middle of the range in
-which the counts on labelled grasps stay the same, 0.0038 to 0.0046."""
+BACKGROUND = 0.0040
+"""Scale of the exponential tail of the change without slip. It is the middle of the range in which the counts on
+labelled grasps change by two at most, 0.0034 to 0.0046."""
 MOST_SQUEEZE = 0.1
 """Largest relative change of the normal force between two looks at which the grip counts as unchanged."""
 FOLLOW = 0.05
 """Share of each new change in the running mean of the grasp's own changes."""
 TAIL_SHARE = 0.55
-"""Scale of the tail over the mean change of a hold: 0.0042 over 0.0076 in the third noisiest."""
+"""Scale of the tail over the mean change of a noisy hold, 0.0040 over 0.0076, rounded up."""
 
 
 class _Look(NamedTuple):

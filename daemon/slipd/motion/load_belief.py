@@ -1,9 +1,10 @@
 """Belief that the object moves, from the load of a grasp alone: how near it is to what friction carries.
 
-Two utilisations count, the larger one decides: λ of the whole load, and that of the spin alone, m / (μ f_n ρ), with ρ
-the mean distance of the normal load from its centroid. Both pads carry the same twist of the object, with opposite
-signs about their own normals: half the difference of their spins is the load, and their mean an error of both. A pad
-with 10 new images a second lags behind an object that swings, so a load is extrapolated by half of its last change.
+Two utilisations count, the larger one decides: that of the tangential force alone, R / μ, and that of the spin alone,
+m / (μ f_n ρ), with ρ the mean distance of the normal load from its centroid. Both pads carry the same twist of the
+object, with opposite signs about their own normals: half the difference of their spins is the load, and their mean an
+error of both. A pad with 10 new images a second lags behind an object that swings, so a load is extrapolated by half of
+its last change.
 
 What a grasp carried before without motion shows that μ is larger: a load below that adds no belief.
 """
@@ -28,7 +29,7 @@ class LoadBelief:
 
     def __init__(self) -> None:
         self._spin: float | None = None
-        self._whole = 0.0
+        self._tangential = 0.0
         self._carried = 0.0
         self._recent: deque[float] = deque(maxlen=SETTLED_LOOKS)
 
@@ -42,21 +43,21 @@ class LoadBelief:
         self._carried = 0.0
         self._recent.clear()
 
-    def update(self, spin: float, whole: float) -> float:
+    def update(self, spin: float, tangential: float) -> float:
         """Add a look.
 
         Args:
             spin: Utilisation by the spin alone, with the sign of the spin.
-            whole: Utilisation by the whole load, ≥ 0.
+            tangential: Utilisation by the tangential force alone, ≥ 0.
 
         Returns:
             Odds of motion over those without load, in nats.
         """
         if self._spin is None:
-            self._spin, self._whole = spin, whole
-        ahead = max(abs(spin + AHEAD * (spin - self._spin)), whole + AHEAD * (whole - self._whole))
-        self._spin, self._whole = spin, whole
+            self._spin, self._tangential = spin, tangential
+        ahead = max(abs(spin + AHEAD * (spin - self._spin)), tangential + AHEAD * (tangential - self._tangential))
+        self._spin, self._tangential = spin, tangential
         if len(self._recent) == SETTLED_LOOKS:
             self._carried = max(self._carried, self._recent[0])
-        self._recent.append(max(abs(spin), whole))
+        self._recent.append(max(abs(spin), tangential))
         return BELIEF_AT_LIMIT * ahead if ahead >= NEAR_CARRIED * self._carried else 0.0

@@ -110,3 +110,15 @@ def test_the_slip_ends_when_the_motion_ends() -> None:
     began = next(k for k, level in levels if level == "slipping")
     after = [level for k, level in levels if k > began]
     assert after[-1] != "slipping"
+
+
+def test_a_box_that_turned_is_warned_of_before_it_turns_again() -> None:
+    swing = [hold(0.05), hold(0.07, 0.97), hold(0.08, 0.85), hold(0.08, 0.6)]
+    again = [hold(0.03, 0.6)] * 20 + [hold(0.03 + 0.01 * k, 0.6) for k in range(5)]
+    told = [(k, body["level"], body["reasons"]) for k, body in run([hold()] * 20 + swing + again)]
+    began = len(swing) + 20
+    assert {level for k, level, _ in told if k < 21} <= {"stable"}, "nothing is known of its friction yet"
+    assert told[-1][1:] == ("warning", ["rotation"])
+    assert told[-1][0] > began + 20, "it swings back first, and then is near the spin at which it turned"
+    no_turn = [(k, body["level"]) for k, body in run([hold(edge=0.6)] * 20 + again)]
+    assert {level for _, level in no_turn} <= {"stable"}
