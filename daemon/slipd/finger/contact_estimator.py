@@ -187,10 +187,9 @@ class ContactEstimator:
 
     def _carry_spin(self, rows: Rows, phases: list[int], distribution: LoadDistribution) -> None:
         """Note which friction the spin of each reading requires: if the object turns now, it was that of the limit."""
-        for k, phase in enumerate(phases):
-            if phase == TOUCHING:
-                required = abs(distribution.spin_required(contact_at(rows, k)))
-                self.friction.rotation.carry(float(rows["t_s"][k]), required)
+        for k in [k for k, phase in enumerate(phases) if phase == TOUCHING]:
+            required = abs(distribution.spin_required(contact_at(rows, k)))
+            self.friction.rotation.carry(float(rows["t_s"][k]), required)
 
     def _remember(self, phases: list[int], rows: Rows, *, solved: bool) -> None:
         """Keep contact and slip velocity of the newest reading that could be trusted, for the next read."""
