@@ -21,11 +21,12 @@ from slipd_client.live_view_format import (
     reasons_of,
 )
 from slipd_client.live_view_lines import (
+    add_faults_in_short,
     add_finger,
     add_gripper,
+    add_rates_in_short,
     add_recording,
     add_stream,
-    add_streams_in_short,
 )
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, Health
 from slipd_client.pad_picture import PadImage, largest_scale, pad_image
@@ -172,15 +173,18 @@ class LiveView:
         well = {
             name: each for name, each in streams.items() if each.get("health") == Health.OK and not each.get("message")
         }
+        ill = {name: each for name, each in streams.items() if name not in well}
         whole, short, least = like.narrower(0), like.narrower(0), like.narrower(0)
         for name, stream in streams.items():
             add_stream(whole, name, stream)
-            if name not in well:
-                add_stream(short, name, stream)
-                add_stream(least, name, stream)
-        add_streams_in_short(short, well)
+        add_faults_in_short(short, ill)
+        add_rates_in_short(short, well)
+        add_faults_in_short(least, ill)
+        faults = ["rates, age and counters of the streams"] if ill else []
         count = f"{len(well)} streams without a fault"
-        return [(whole, []), (short, [f"age and counters of {count}"]), (least, [count])] if well else [(whole, [])]
+        if not well:
+            return [(whole, []), (least, faults)]
+        return [(whole, []), (short, ["age and counters of the streams"]), (least, [*faults, count])]
 
     def _fingers(self) -> list[tuple[str, dict[str, Any]]]:
         """Return each finger with its newest verdict, or else with its entry in ``status``."""

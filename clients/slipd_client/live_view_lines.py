@@ -162,13 +162,24 @@ def add_stream(sheet: Sheet, name: str, stream: dict[str, Any]) -> None:
     sheet.remark(plain(message) if message else "", colour, NAME_CELLS)
 
 
-def add_streams_in_short(sheet: Sheet, streams: dict[str, dict[str, Any]]) -> None:
+def add_faults_in_short(sheet: Sheet, streams: dict[str, dict[str, Any]]) -> None:
+    """Add streams with a fault or a hint, those with the same one together, without rates and counters."""
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for name, stream in streams.items():
+        message = stream.get("message")
+        alike.setdefault((*_health(stream), plain(message) if message else ""), []).append(plain(name))
+    for (health, colour, message), names in alike.items():
+        sheet.facts([(f"{health:<{NAME_CELLS}}", colour), (", ".join(names), "")])
+        sheet.remark(message, colour, NAME_CELLS)
+
+
+def add_rates_in_short(sheet: Sheet, streams: dict[str, dict[str, Any]]) -> None:
     """Add streams without a fault, each with its rate only."""
     if streams:
         rates: list[Span] = [
             (f"{plain(name)} {quantity(each, 'rate_hz', 'Hz', 0)}", "") for name, each in streams.items()
         ]
-        sheet.facts([("streams   ", "1"), ("OK", HEALTH_COLOURS[0])], rates, NAME_CELLS)
+        sheet.facts([(f"{'OK':<{NAME_CELLS}}", HEALTH_COLOURS[0]), rates[0]], rates[1:], NAME_CELLS)
 
 
 def _health(stream: dict[str, Any]) -> tuple[str, str]:

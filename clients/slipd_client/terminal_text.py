@@ -71,7 +71,7 @@ class Sheet:
                 self.lines.append(line)
                 line, used, empty = [(" " * indent, "")], indent, True
             gap = 0 if empty else GAP
-            line.append((" " * gap + text, colour))
+            line += [(" " * gap, ""), (text, colour)]
             used, empty = used + gap + len(text), False
         self.lines.append(line)
 
@@ -79,7 +79,7 @@ class Sheet:
         """Add a text that is never cut: after the last line where it fits there, else on lines of its own."""
         shown = spelled(text, ascii_only=self.ascii_only)
         if shown and self.lines and _columns(self.lines[-1]) + GAP + len(shown) <= self.width:
-            self.lines[-1].append((" " * GAP + shown, colour))
+            self.lines[-1] += [(" " * GAP, ""), (shown, colour)]
         else:
             self.paragraph(text, colour, indent)
 
@@ -88,10 +88,10 @@ class Sheet:
         text = spelled(text, ascii_only=self.ascii_only)
         blank = " " * min(indent, self.width // 4)
         if len(blank) + len(text) <= self.width:
-            self.lines += [[(blank + text, colour)]] if text else []
+            self.lines += [[(blank, ""), (text, colour)]] if text else []
             return
-        wrapped = textwrap.wrap(text, max(self.width, 1), initial_indent=blank, subsequent_indent=blank)
-        self.lines += [[(line, colour)] for line in wrapped]
+        wrapped = textwrap.wrap(text, max(self.width - len(blank), 1))
+        self.lines += [[(blank, ""), (line, colour)] for line in wrapped]
 
     def beside(self, picture: Sequence[Line], columns: int, text: Sheet) -> None:
         """Add a picture with a text to the right of it.

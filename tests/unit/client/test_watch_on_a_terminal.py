@@ -96,7 +96,7 @@ def test_on_a_terminal_two_fingers_with_pads_fit(watched: Watch, columns: int, l
     assert terminal.background_at(first, 0) == LARGEST, "the loaded half at +Y is above"
     assert terminal.background_at(first + 4 * scale - 1, 0) == UNLOADED
     assert "centroid + 0.0, 6.0 mm" in "\n".join(shown)
-    left_out = any(line.startswith(f"left out in {columns} x {lines}: age and counters of 4") for line in shown)
+    left_out = any(line.startswith(f"left out in {columns} x {lines}: age and counters of the") for line in shown)
     assert left_out == (columns < 200)
 
 
