@@ -36,7 +36,7 @@ from slipd.fusion.load_blocks import (
     restart,
     vibration,
 )
-from slipd.fusion.load_jump import look_for_jump
+from slipd.fusion.load_jump import look_for_jump, look_for_overshoot
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, follow_slide, surprise_of
 from slipd.fusion.slow_fall import look_for_slow_fall
@@ -80,8 +80,10 @@ ASIDE = 0.5
 """The load gives way along its own direction: the part across it is at most this part of the fall."""
 CARRIED = 0.93
 """A fall begins at no less than this part of the largest q that the grasp carried without motion."""
-LEAST_GROWTH = 0.01
-"""Before a fall, q rose by at least this part in the time of SLOW_S."""
+LEAST_GROWTH, GROWTH_STDS = 0.01, 2.0
+"""Before a fall, q rose by at least this part, and by so many deviations,"""
+SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
+"""above its mean of the second time, s; where it falls by more than the first part of itself, above that of the third."""
 
 
 @compiled
@@ -142,6 +144,7 @@ def _look(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
                 high = mean_q(ring, k - p - g, b)
                 begin_slide(drop, t_s, high, mean_q(ring, k, p), high, surprise)
                 return
+    look_for_overshoot(drop, ring, t_s, mu)
 
 
 @compiled
@@ -164,8 +167,8 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     surprise = surprise_of(fall / math.sqrt(std * std * (1.0 / p + 1.0 / b) + ROUGH * rough * rough))
     if surprise < drop["least_surprise"] or not _is_flat(ring, k, p, low, fall, std):
         return 0.0
-    grown, half = before["top"] - before["slow"], b // 2
-    if grown < LEAST_GROWTH * high or before["top"] - high > FROM_TOP * fall + std / math.sqrt(b):
+    half = b // 2
+    if before["top"] - high > FROM_TOP * fall + std / math.sqrt(b) or not _rose(drop, ring, top, b, high, fall, std):
         return 0.0
     falls_before = mean_q(ring, top - half, half) - mean_q(ring, top, half)
     if falls_before > FLAT * fall + 2.0 * std / math.sqrt(half) or high < CARRIED * drop["carried"]:
@@ -191,6 +194,20 @@ def _is_flat(ring: Rows, k: int, p: int, low: float, fall: float, std: float) ->
             return False
     scatter = (ring[k % RING]["q2"] - ring[at % RING]["q2"]) / p - low * low
     return bool(scatter <= (SCATTER * fall) ** 2 + 2.0 * std * std)
+
+
+@compiled
+def _rose(drop: Row, ring: Rows, top: int, b: int, high: float, fall: float, std: float) -> bool:
+    """Return whether q rose to the level of ``b`` blocks up to ``top``, beyond what noise explains.
+
+    A load may be held for a moment and then let go; from such a level, friction does not fall far.
+    """
+    dt, known = drop["dt"], drop["count"] - (drop["block"] - top) - b
+    before = min(max(2, int((RISE_S if fall < SHALLOW * high else SHORT_RISE_S) / dt + 0.5)), known)
+    if before < 2:
+        return False
+    grown = high - mean_q(ring, top - b, before)
+    return bool(grown >= max(LEAST_GROWTH * high, GROWTH_STDS * std * math.sqrt(1.0 / b + 1.0 / before)))
 
 
 @compiled

@@ -11,7 +11,7 @@ import math
 from slipd.fusion.compiled import compiled
 from slipd.fusion.load_blocks import RING, is_closing, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
-from slipd.fusion.slide import SWINGS, begin_slide, surprise_of
+from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, surprise_of
 
 JUMP_S = 0.004
 """A jump rises within this time before its corner, s."""
@@ -27,6 +27,13 @@ BEYOND = 1.1
 """It goes to at least this times the largest q that the grasp carried."""
 CORNER = 1.0
 """Its plateau lasts at least this part of the upper half of its rise: the crest of a swing is shorter."""
+SETTLED, SETTLED_S = (8, 12, 16, 24), 0.008
+"""Lengths of the plateau after an overshoot, in blocks, and the least one, s."""
+GAPS, OVERSHOOT_S = (4, 8, 12, 16, 24), 0.024
+"""Blocks that rise and overshoot take, and their longest time, s."""
+JUMPED, OVERSHOT, RINGS = 0.2, 0.04, 0.1
+"""q rises by at least the first part of it, and overshoots by at least the second; then it changes and scatters by at
+most the third part of the overshoot: a contact that sticks rings on the springs of its pads."""
 FROM = 0.6
 """A corner counts as slip from this part of the coefficient of friction on; where that is unknown, never."""
 
@@ -51,6 +58,41 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
         if not is_closing(ring, k, count):
             begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)
             return
+
+
+@compiled
+def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
+    """Begin a slip if q rose fast, overshot, and has been flat since, at more than this grasp carried before."""
+    k, count, dt, std = drop["block"], drop["count"], drop["dt"], noise_of(drop)
+    if dt > JUMP_S:
+        return
+    for p in SETTLED:
+        if p * dt < SETTLED_S:
+            continue
+        low = mean_q(ring, k, p)
+        if low < FROM * mu or math.isnan(mu):
+            return
+        for gap in GAPS:
+            if p + gap + 4 > count or gap * dt > OVERSHOOT_S:
+                break
+            before = ring[(k - p - gap) % RING]
+            rise, crest = low - mean_q(ring, k - p - gap, 4), low
+            for back in range(p, p + gap):
+                crest = max(crest, mean_q(ring, k - back, 2))
+            over = crest - low
+            if rise < max(JUMPED * low, SWINGS * before["swing"]) or low < BEYOND * before["carried"]:
+                continue
+            if over < max(OVERSHOT * low, 5.0 * std) or over > MOST_DROP * crest:
+                continue
+            half = p // 2
+            change = abs(mean_q(ring, k, half) - mean_q(ring, k - half, half))
+            scatter = (ring[k % RING]["q2"] - ring[(k - p) % RING]["q2"]) / p - low * low
+            if change > RINGS * over + std / math.sqrt(half) or scatter > (RINGS * over) ** 2 + 2.0 * std * std:
+                continue
+            surprise = surprise_of(over / (std * math.sqrt(0.5 + 1.0 / p))) if std > 0.0 else math.inf
+            if surprise >= drop["least_surprise"] and not is_closing(ring, k, count):
+                begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)
+                return
 
 
 @compiled

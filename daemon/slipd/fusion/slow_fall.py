@@ -1,8 +1,15 @@
-"""A load that falls slowly to a plateau, although it goes on: a rotation or a loosened grip that breaks away.
+"""A load that falls slowly, and ever more slowly: an object that breaks away while it still moves slowly.
 
-A contact whose parts slide one after another, or that slides on slowly, takes up to 0.15 s from μ_s to μ_d. A load that
-is let go falls as slowly, so the fall alone shows nothing. Here the tangential force goes on growing meanwhile, or the
-normal force goes on falling: a contact that sticks would need more friction than at the peak, and needs less.
+Friction falls from μ_s to μ_d with the speed of the object, which takes up to 0.15 s where the load drives it gently. The
+fall soon becomes slower, because it ends at μ_d. A load that is let go or set down falls faster and faster until half of
+it is gone. So a fall that slows down early shows slip, before it has ended. It counts only if
+
+- the load rose steadily to a peak that is near the largest that this grasp carried, and near the coefficient of friction,
+- the rate of the fall has become less than that of its fastest part, by more than noise explains; much less where the
+  fall is so deep that a load let go slows down as well,
+- it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
+- it is not the way back from a push: below the coefficient of friction, q fell farther than it had risen before,
+- the grip became no tighter.
 """
 
 from __future__ import annotations
@@ -10,64 +17,76 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.load_blocks import LEVEL, RING, mean_normal, mean_q, noise_of, vibration
+from slipd.fusion.load_blocks import LEVEL, RING, mean_normal, mean_q, noise_of
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, begin_slide, surprise_of
 
 EVERY_S = 0.004
 """It looks once in this time, and tries peaks that far apart, s."""
-FALL_S = 0.15
-"""The peak was at most this long ago, s."""
-PLATEAU_S, PLATEAU_SHARE = 0.004, 8
-"""The plateau is three stretches, each this long, s, and at least one part in so many of the fall."""
-LEAST_FALL = 0.03
-"""Of the peak: friction of most pairs falls by more."""
-FLAT = 0.28
-"""From stretch to stretch, the plateau changes by at most this part of the mean rate of the fall. At its turning point,
-a swing changes faster."""
-FROM = 0.7
-"""The peak is at least this part of the coefficient of friction, where that is known."""
-CARRIED = 0.93
-"""The peak is at least this part of the largest q that the grasp carried without motion."""
-RISE, RISE_S = 0.02, 0.1
-"""Before the peak, q rose by this part of it within this time, s."""
+QUICKEST_S, FALL_S = 0.02, 0.16
+"""The peak was at most the second time ago, and the fall took at least the first, s; faster ones are for
+`slipd.fusion.load_drop`."""
+LEAST_FALL = 0.025
+"""Of the peak."""
+LEAST_STRETCH_S, STRETCH_SHARE = 0.004, 8
+"""Rates are those between two neighbouring stretches, each at least this long, s, and at least one part in so many of the
+fall."""
+SHALLOW, SLOWER, MUCH_SLOWER = 0.18, 0.6, 0.3
+"""Up to the first part of the peak, a fall has slowed down at the second part of its fastest rate; from there on at the
+third."""
+RATE_STDS = 2.0
+"""By so many deviations of the rate it must have slowed down."""
+FROM, CARRIED = 0.68, 0.93
+"""The peak is at least these parts of the coefficient of friction, where that is known, and of the largest q that the
+grasp carried without motion."""
+NEAR_TOP, NEAR_END = 0.05, 0.15
+"""A fall lasts from when q is last within the first part of it below its peak, until it is first within the second part
+of it above its end."""
+RISE, LEAST_RISE_S, MOST_RISE_S = 0.12, 0.12, 0.16
+"""Before the peak, q rose at this rate of its peak a second, over twice the time of the fall within these bounds, s."""
 STRAIGHT = 0.6
 """That rise is at least this part of the way that q went: a swing goes to and fro."""
 SWINGS = 1.3
 """A fall is at least this many times the largest swing of the last second."""
-GOES_ON, GOES_ON_STDS = 0.005, 3.0
-"""From peak to plateau, R grows by this part of the peak, or the normal force falls by it, beyond so many of the
-deviations of both."""
-TIGHTER = 0.02
-"""The normal force grows by at most this part: a tightened grip lowers q too."""
+PUSH, BEYOND_PUSH = 0.65, 1.0
+"""Unless its peak is beyond the second part of the coefficient of friction, q rose in the time of the fall by at most the
+first part of it."""
+TIGHTER = 0.2
+"""The normal force grows by at most this part of what alone would explain the fall."""
 
 
 @compiled
 def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
-    """Begin a slip if q fell slowly from a peak to a plateau while the load went on."""
+    """Begin a slip if q rose steadily to a peak and fell from there ever more slowly."""
     k, count, dt = drop["block"], drop["count"], drop["dt"]
     every = max(1, int(EVERY_S / dt + 0.5))
     if k % every:
         return
-    least, level = max(2, int(PLATEAU_S / dt + 0.5)), max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5)))
-    rising = max(2, int(RISE_S / dt + 0.5))
-    most = min(int(FALL_S / dt + 0.5), count - rising - level - 1)
-    back, peak = _find_peak(ring, k, 5 * least, most, every, level)
-    if back == 0 or back + every > most or peak < CARRIED * drop["carried"] or peak < FROM * mu:
+    level, least_rise = max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5))), max(2, int(LEAST_RISE_S / dt + 0.5))
+    most = min(int(FALL_S / dt + 0.5), count - least_rise - level - 1)
+    back, peak = _find_peak(ring, k, max(2, int(QUICKEST_S / dt + 0.5)), most, every, level)
+    if back < level + 2 or back + every > most or peak < FROM * mu:
         return
-    stretch = max(least, back // PLATEAU_SHARE)
-    flat = 2 * stretch
-    low, before = mean_q(ring, k, flat), ring[(k - back - level) % RING]
-    rough = math.sqrt(2.0) * vibration(drop, before["rough"])
-    fall, deviation = peak - low, math.hypot(noise_of(drop) * math.sqrt(1.0 / flat + 1.0 / level), rough)
+    before = ring[(k - back - level) % RING]
+    if peak < CARRIED * before["carried"]:
+        return
+    noise = max(before["rough"], noise_of(drop) / math.sqrt(LEVEL)) * math.sqrt(LEVEL)  # of a block
+    low = _level_of_slowed_fall(ring, k, back - level // 2, peak, noise, max(1, int(LEAST_STRETCH_S / dt + 0.5)))
+    fall = peak - low
     if not max(LEAST_FALL * peak, SWINGS * before["swing"]) <= fall <= MOST_DROP * peak:
         return
-    surprise = surprise_of(fall / deviation) if deviation > 0.0 else math.inf
+    surprise = surprise_of(fall / (noise * math.sqrt(2.0 / level))) if noise > 0.0 else math.inf
+    begun = _last_above(ring, k, level, back, every, level, peak - NEAR_TOP * fall)
+    took = begun - _first_below(ring, k, begun, every, level, low + NEAR_END * fall)
     if surprise < drop["least_surprise"]:
         return
-    if not _is_plateau(ring, k, stretch, FLAT * fall * stretch / (back - stretch)):
+    if not _rises(ring, k - begun, took, count - begun - level, dt, level, peak):
         return
-    if _rises(ring, k - back, rising, every, level, peak) and _goes_on(ring, k, back, flat, level, peak, deviation):
+    earlier = max(k - 2 * back, k - count + level)
+    if peak < BEYOND_PUSH * mu or math.isnan(mu):
+        if peak - mean_q(ring, earlier, level) > PUSH * fall + 2.0 * noise / math.sqrt(level):
+            return
+    if mean_normal(ring, k, level) <= (1.0 + TIGHTER * fall / peak) * mean_normal(ring, k - back, level):
         begin_slide(drop, t_s, peak, low, peak, surprise)
 
 
@@ -83,40 +102,57 @@ def _find_peak(ring: Rows, k: int, least: int, most: int, every: int, level: int
 
 
 @compiled
-def _is_plateau(ring: Rows, k: int, stretch: int, most: float) -> bool:
-    """Return whether q changes by at most ``most`` over the three newest stretches of so many blocks, up or down."""
-    newest, middle, oldest = (
-        mean_q(ring, k, stretch),
-        mean_q(ring, k - stretch, stretch),
-        mean_q(ring, k - 2 * stretch, stretch),
-    )
-    return bool(max(abs(newest - middle), abs(middle - oldest)) <= most)
+def _last_above(ring: Rows, k: int, least: int, most: int, every: int, level: int, high: float) -> int:
+    """Return how many blocks ago, from ``least`` to ``most``, q was last at ``high`` or above."""
+    for back in range(least, most, every):
+        if mean_q(ring, k - back, level) >= high:
+            return back
+    return most
 
 
 @compiled
-def _rises(ring: Rows, top: int, rising: int, every: int, level: int, peak: float) -> bool:
-    """Return whether q rose steadily to its peak at block ``top``, over ``rising`` blocks."""
-    way, stride, later = 0.0, 2 * every, peak
-    for back in range(stride, rising + 1, stride):
-        earlier = mean_q(ring, top - back, level)
+def _first_below(ring: Rows, k: int, most: int, every: int, level: int, low: float) -> int:
+    """Return how many blocks ago, at most ``most``, q was first at ``low`` or below since then; 0 if it was not."""
+    for back in range(most, 0, -every):
+        if mean_q(ring, k - back, level) <= low:
+            return back
+    return 0
+
+
+@compiled
+def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: float, least: int) -> float:
+    """Return the level that a fall over ``fallen`` blocks has reached; the peak where it has not slowed down.
+
+    Args:
+        ring: Blocks.
+        k: The newest.
+        fallen: Blocks since the peak.
+        peak: q there.
+        noise: Deviation of q of a block.
+        least: Shortest stretch that is averaged, in blocks.
+    """
+    stretch = max(least, fallen // STRETCH_SHARE)
+    while 2 * stretch <= fallen // 2:
+        low = mean_q(ring, k, stretch)
+        last, fastest = mean_q(ring, k - stretch, stretch) - low, 0.0
+        for back in range(stretch, fallen - stretch + 1, max(1, stretch // 2)):
+            fastest = max(fastest, mean_q(ring, k - back - stretch, stretch) - mean_q(ring, k - back, stretch))
+        slower = SLOWER if peak - low < SHALLOW * peak else MUCH_SLOWER
+        if abs(last) <= slower * fastest - RATE_STDS * noise / math.sqrt(stretch):
+            return float(low)
+        stretch *= 2
+    return peak
+
+
+@compiled
+def _rises(ring: Rows, top: int, took: int, known: int, dt: float, level: int, peak: float) -> bool:
+    """Return whether q rose steadily to its peak at block ``top``, before a fall that took ``took`` blocks."""
+    wanted = min(max(2.0 * took * dt, LEAST_RISE_S), MOST_RISE_S)
+    stride = max(1, int(wanted / (8.0 * dt) + 0.5))
+    steps = min(8, known // stride)
+    way, later = 0.0, peak
+    for step in range(1, steps + 1):
+        earlier = mean_q(ring, top - step * stride, level)
         way += abs(later - earlier)
         later = earlier
-    return bool(peak - later >= max(RISE * peak, STRAIGHT * way))
-
-
-@compiled
-def _goes_on(ring: Rows, k: int, back: int, flat: int, level: int, peak: float, deviation: float) -> bool:
-    """Return whether the load that was at its peak ``back`` blocks ago went on: more shear, or less grip."""
-    before, after = mean_normal(ring, k - back, level), mean_normal(ring, k, flat)
-    if after > (1.0 + TIGHTER) * before:
-        return False
-    grown = _mean_shear(ring, k, flat) / after - _mean_shear(ring, k - back, level) / before
-    moved = max(grown / peak, (before - after) / before)
-    return bool(moved > GOES_ON + GOES_ON_STDS * deviation / peak)
-
-
-@compiled
-def _mean_shear(ring: Rows, end: int, count: int) -> float:
-    """Return the size of the mean tangential force of the blocks up to ``end``."""
-    last, first = ring[end % RING], ring[(end - count) % RING]
-    return math.hypot(last["fx"] - first["fx"], last["fy"] - first["fy"]) / count
+    return bool(steps >= 2 and peak - later >= max(RISE * steps * stride * dt * peak, STRAIGHT * way))
