@@ -29,6 +29,11 @@ CLIP = 3.0
 SECOND = 0.512
 """√(π/2) / √6: deviation of white noise over the mean size of its second differences."""
 
+ROUGH = 6.0
+"""Coloured noise adds so many of its variances to that of a fall: two means, of which one is the largest of many."""
+ASIDE = 0.5
+"""The load gives way along its own direction: the part across it is at most this part of the fall."""
+
 CLOSING, CLOSING_BLOCKS = 0.1, 48
 """The grip closes where the normal force grew by this part within these blocks."""
 
@@ -151,3 +156,14 @@ def is_closing(ring: Rows, end: int, count: int) -> bool:
 def noise_of(drop: Row) -> float:
     """Return the deviation of q of a block: what is stated, or measured where that is more."""
     return max(float(drop["std"]), float(drop["white"]))
+
+
+@compiled
+def goes_aside(ring: Rows, k: int, p: int, top: int, b: int) -> bool:
+    """Return whether the tangential force changed across its own direction more than along it."""
+    newest, at, high, low = ring[k % RING], ring[(k - p) % RING], ring[top % RING], ring[(top - b) % RING]
+    fx, fy = (high["fx"] - low["fx"]) / b, (high["fy"] - low["fy"]) / b
+    size = math.hypot(fx, fy)
+    dx, dy = (newest["fx"] - at["fx"]) / p - fx, (newest["fy"] - at["fy"]) / p - fy
+    along, across = -(dx * fx + dy * fy), abs(dx * fy - dy * fx)
+    return size > 0.0 and across > ASIDE * max(along, 0.1 * size * size)

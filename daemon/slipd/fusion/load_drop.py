@@ -4,7 +4,7 @@ While a contact sticks, the required friction q follows the load. When it breaks
 milliseconds and stays there, whatever the load does, until the motion ends. Other loads fall as well: of a pull that is
 let go, an object that is set down, a collision, a swing. A fall is a slip only if
 
-- q was rising before: friction that carries a steady load does not give way by itself,
+- q rose before, beyond its noise: friction that carries a steady load does not give way by itself,
 - it began at the largest q of the last tenth of a second, near the largest that this grasp carried without motion,
 - it is more than the noise, as stated and as measured, explains at the stated rate of false alarms, and more than twice
   any swing of the last second,
@@ -28,7 +28,9 @@ from slipd.fusion.load_blocks import (
     GAP_S,
     LEVEL,
     RING,
+    ROUGH,
     close_block,
+    goes_aside,
     is_closing,
     mean_normal,
     mean_q,
@@ -70,20 +72,16 @@ BENT = 0.08
 """Its ends lie above its middle by at most this part of the fall: the turning point of a swing is bent."""
 FROM_TOP = 0.15
 """A fall begins within this part of itself from the top of the last tenth of a second."""
-ROUGH = 6.0
-"""Coloured noise adds so many of its variances to that of a fall: two means, of which one is the largest of many."""
 PUSH = 0.35
 """A rise by more than this part of the fall, in twice its time, makes it a push and its way back."""
 PUSH_S = 0.015
 """Least time over which that rise is taken, s."""
-ASIDE = 0.5
-"""The load gives way along its own direction: the part across it is at most this part of the fall."""
 CARRIED = 0.93
 """A fall begins at no less than this part of the largest q that the grasp carried without motion."""
 LEAST_GROWTH, GROWTH_STDS = 0.01, 2.0
 """Before a fall, q rose by at least this part, and by so many deviations,"""
 SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
-"""above its mean of the second time, s; where it falls by more than the first part of itself, above that of the third."""
+"""above its mean of the second time, s; before a fall by more than the first part of q, above that of the third."""
 
 
 @compiled
@@ -174,7 +172,7 @@ def _surprise(drop: Row, ring: Rows, p: int, g: int, b: int, mu: float) -> float
     if falls_before > FLAT * fall + 2.0 * std / math.sqrt(half) or high < CARRIED * drop["carried"]:
         return 0.0
     tighter = mean_normal(ring, k, p) > (1.0 + 0.5 * fall / high) * mean_normal(ring, top, b)
-    if tighter or is_closing(ring, k, drop["count"]) or _goes_aside(ring, k, p, top, b):
+    if tighter or is_closing(ring, k, drop["count"]) or goes_aside(ring, k, p, top, b):
         return 0.0
     return 0.0 if _is_push(drop, ring, g, top - b, b, high, fall, std) else surprise
 
@@ -229,14 +227,3 @@ def _is_push(drop: Row, ring: Rows, g: int, end: int, b: int, high: float, fall:
     if known < 0:
         return True
     return high - mean_q(ring, end - min(back, known), b) > PUSH * fall + 1.5 * std
-
-
-@compiled
-def _goes_aside(ring: Rows, k: int, p: int, top: int, b: int) -> bool:
-    """Return whether the tangential force changed across its own direction more than along it."""
-    newest, at, high, low = ring[k % RING], ring[(k - p) % RING], ring[top % RING], ring[(top - b) % RING]
-    fx, fy = (high["fx"] - low["fx"]) / b, (high["fy"] - low["fy"]) / b
-    size = math.hypot(fx, fy)
-    dx, dy = (newest["fx"] - at["fx"]) / p - fx, (newest["fy"] - at["fy"]) / p - fy
-    along, across = -(dx * fx + dy * fy), abs(dx * fy - dy * fx)
-    return size > 0.0 and across > ASIDE * max(along, 0.1 * size * size)

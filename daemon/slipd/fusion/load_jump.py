@@ -1,7 +1,7 @@
-"""A load that jumps beyond the limit: no fall shows, but a corner, at which q stops within a millisecond.
+"""A load that jumps beyond the limit: q stops within a millisecond, or overshoots once and is flat at once.
 
-A load that jumps and holds swings about its new value on the springs of the pads, and the crest of that swing is short
-beside its rise.
+A load that jumps and holds swings about its new value on the springs of the pads: the crest of that swing is short
+beside its rise, and a trough follows it. A contact that slides has no such spring.
 """
 
 from __future__ import annotations
@@ -62,37 +62,46 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
 
 @compiled
 def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
-    """Begin a slip if q rose fast, overshot, and has been flat since, at more than this grasp carried before."""
-    k, count, dt, std = drop["block"], drop["count"], drop["dt"], noise_of(drop)
-    if dt > JUMP_S:
+    """Begin a slip if q rose fast, overshot once, and has been flat since, at more than this grasp carried before."""
+    k, count, dt = drop["block"], drop["count"], drop["dt"]
+    if dt > JUMP_S or math.isnan(mu) or mean_q(ring, k, SETTLED[0]) < FROM * mu:
         return
     for p in SETTLED:
-        if p * dt < SETTLED_S:
-            continue
-        low = mean_q(ring, k, p)
-        if low < FROM * mu or math.isnan(mu):
-            return
         for gap in GAPS:
             if p + gap + 4 > count or gap * dt > OVERSHOOT_S:
                 break
-            before = ring[(k - p - gap) % RING]
-            rise, crest = low - mean_q(ring, k - p - gap, 4), low
-            for back in range(p, p + gap):
-                crest = max(crest, mean_q(ring, k - back, 2))
-            over = crest - low
+            low, before = mean_q(ring, k, p), ring[(k - p - gap) % RING]
+            rise = low - mean_q(ring, k - p - gap, 4)
             if rise < max(JUMPED * low, SWINGS * before["swing"]) or low < BEYOND * before["carried"]:
                 continue
-            if over < max(OVERSHOT * low, 5.0 * std) or over > MOST_DROP * crest:
-                continue
-            half = p // 2
-            change = abs(mean_q(ring, k, half) - mean_q(ring, k - half, half))
-            scatter = (ring[k % RING]["q2"] - ring[(k - p) % RING]["q2"]) / p - low * low
-            if change > RINGS * over + std / math.sqrt(half) or scatter > (RINGS * over) ** 2 + 2.0 * std * std:
-                continue
-            surprise = surprise_of(over / (std * math.sqrt(0.5 + 1.0 / p))) if std > 0.0 else math.inf
-            if surprise >= drop["least_surprise"] and not is_closing(ring, k, count):
+            surprise = _overshoot_surprise(drop, ring, p, gap, low)
+            if p * dt >= SETTLED_S and surprise >= drop["least_surprise"] and not is_closing(ring, k, count):
                 begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)
                 return
+
+
+@compiled
+def _overshoot_surprise(drop: Row, ring: Rows, p: int, gap: int, low: float) -> float:
+    """Return −ln of the probability of an overshoot by noise; 0 where there is none, or q is not flat after it.
+
+    Args:
+        drop: State.
+        ring: Blocks.
+        p: Blocks since the overshoot.
+        gap: Blocks of rise and overshoot before them.
+        low: Mean q since the overshoot.
+    """
+    k, half, std, crest = drop["block"], p // 2, noise_of(drop), low
+    for back in range(p, p + gap):
+        crest = max(crest, mean_q(ring, k - back, 2))
+    over = crest - low
+    if not OVERSHOT * low <= over <= MOST_DROP * crest:
+        return 0.0
+    change = abs(mean_q(ring, k, half) - mean_q(ring, k - half, half))
+    scatter = (ring[k % RING]["q2"] - ring[(k - p) % RING]["q2"]) / p - low * low
+    if change > RINGS * over + std / math.sqrt(half) or scatter > (RINGS * over) ** 2 + 2.0 * std * std:
+        return 0.0
+    return surprise_of(over / (std * math.sqrt(0.5 + 1.0 / p))) if std > 0.0 else math.inf
 
 
 @compiled

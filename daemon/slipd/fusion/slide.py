@@ -15,7 +15,7 @@ from slipd.fusion.rows import Row, Rows
 
 SWINGS = 2.0
 """A fall or jump is at least so many times the largest swing of the last second."""
-MOST_DROP = 0.36
+MOST_DROP = 0.38
 """Dynamic friction is rarely less than this complement of the static one; a load that is let go falls further."""
 SETTLES_S = 0.05
 """For so long after it was seen, a slip may still settle on a lower plateau, s."""

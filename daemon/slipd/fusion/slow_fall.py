@@ -1,15 +1,18 @@
-"""A load that falls slowly, and ever more slowly: an object that breaks away while it still moves slowly.
+"""A load that falls slowly, and ever more slowly: an object that breaks away while its speed is small.
 
-Friction falls from μ_s to μ_d with the speed of the object, which takes up to 0.15 s where the load drives it gently. The
-fall soon becomes slower, because it ends at μ_d. A load that is let go or set down falls faster and faster until half of
-it is gone. So a fall that slows down early shows slip, before it has ended. It counts only if
+Friction falls from μ_s to μ_d with the speed of the object, which takes up to 0.15 s where the load drives it gently.
+The fall soon slows down, because it ends at μ_d. A load that is let go or set down falls faster and faster until half
+of it is gone. So a fall that slows down early shows slip before it has ended. It counts only if
 
-- the load rose steadily to a peak that is near the largest that this grasp carried, and near the coefficient of friction,
-- the rate of the fall has become less than that of its fastest part, by more than noise explains; much less where the
-  fall is so deep that a load let go slows down as well,
+- q rose steadily until then, to a peak near the largest that this grasp carried and near the coefficient of friction,
+- the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
+  let go slows down as well,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
-- it is not the way back from a push: below the coefficient of friction, q fell farther than it had risen before,
-- the grip became no tighter.
+- it is not the way back from a push: below the coefficient of friction, q falls farther than it rose before,
+- the load gives way along its own direction, and the grip becomes no tighter.
+
+If the tangential force grows meanwhile, or the normal force falls, a contact that sticks would need more friction than
+at the peak. It needs less, so noise may then hide by how much the fall slows down.
 """
 
 from __future__ import annotations
@@ -17,77 +20,94 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.load_blocks import LEVEL, RING, mean_normal, mean_q, noise_of
+from slipd.fusion.load_blocks import LEVEL, RING, ROUGH, goes_aside, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, begin_slide, surprise_of
 
 EVERY_S = 0.004
 """It looks once in this time, and tries peaks that far apart, s."""
 QUICKEST_S, FALL_S = 0.02, 0.16
-"""The peak was at most the second time ago, and the fall took at least the first, s; faster ones are for
-`slipd.fusion.load_drop`."""
+"""The peak was this long ago, at least and at most, s; `slipd.fusion.load_drop` has faster falls."""
 LEAST_FALL = 0.025
 """Of the peak."""
 LEAST_STRETCH_S, STRETCH_SHARE = 0.004, 8
-"""Rates are those between two neighbouring stretches, each at least this long, s, and at least one part in so many of the
-fall."""
+"""Rates are those between two neighbouring stretches, each at least this long, s, and at least one part in so many of
+the fall."""
 SHALLOW, SLOWER, MUCH_SLOWER = 0.18, 0.6, 0.3
 """Up to the first part of the peak, a fall has slowed down at the second part of its fastest rate; from there on at the
 third."""
-RATE_STDS = 2.0
-"""By so many deviations of the rate it must have slowed down."""
+BACK = 0.3
+"""Meanwhile q did not swing by more than this part of it."""
+RATE_STDS = 3.5
+"""By so many deviations of a level it must have slowed down, unless the load shows that it goes on:"""
+GOES_ON, GOES_ON_STDS = 0.005, 3.0
+"""since the peak, R grew by this part of it, or the normal force fell by it, beyond so many deviations of both."""
 FROM, CARRIED = 0.68, 0.93
 """The peak is at least these parts of the coefficient of friction, where that is known, and of the largest q that the
 grasp carried without motion."""
-NEAR_TOP, NEAR_END = 0.05, 0.15
-"""A fall lasts from when q is last within the first part of it below its peak, until it is first within the second part
-of it above its end."""
-RISE, LEAST_RISE_S, MOST_RISE_S = 0.12, 0.12, 0.16
-"""Before the peak, q rose at this rate of its peak a second, over twice the time of the fall within these bounds, s."""
+NEAR_TOP = 0.05
+"""A fall begins where q is last within this part of it below its peak."""
+RISE, RISE_S = 0.12, 0.12
+"""Before that, q rose for the second time, s, at least at the first rate, in parts of its peak a second."""
 STRAIGHT = 0.6
 """That rise is at least this part of the way that q went: a swing goes to and fro."""
-SWINGS = 1.3
+SWINGS = 2.0
 """A fall is at least this many times the largest swing of the last second."""
 PUSH, BEYOND_PUSH = 0.65, 1.0
-"""Unless its peak is beyond the second part of the coefficient of friction, q rose in the time of the fall by at most the
-first part of it."""
+"""Unless the peak is beyond the second part of the coefficient of friction, q rose before it, in the time of the fall,
+by at most the first part of the fall."""
 TIGHTER = 0.2
-"""The normal force grows by at most this part of what alone would explain the fall."""
+"""The normal force grows by at most this part of the growth that would explain the fall."""
 
 
 @compiled
 def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
-    """Begin a slip if q rose steadily to a peak and fell from there ever more slowly."""
+    """Begin a slip if q rose steadily to a peak, and fell from there ever more slowly."""
     k, count, dt = drop["block"], drop["count"], drop["dt"]
     every = max(1, int(EVERY_S / dt + 0.5))
     if k % every:
         return
-    level, least_rise = max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5))), max(2, int(LEAST_RISE_S / dt + 0.5))
-    most = min(int(FALL_S / dt + 0.5), count - least_rise - level - 1)
-    back, peak = _find_peak(ring, k, max(2, int(QUICKEST_S / dt + 0.5)), most, every, level)
-    if back < level + 2 or back + every > most or peak < FROM * mu:
-        return
+    level, rise = max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5))), max(2, int(RISE_S / dt + 0.5))
+    quickest, most = max(level + 2, int(QUICKEST_S / dt + 0.5)), min(int(FALL_S / dt + 0.5), count - rise - level - 1)
+    back, peak = _find_peak(ring, k, quickest, most, every, level)
     before = ring[(k - back - level) % RING]
-    if peak < CARRIED * before["carried"]:
+    if back == 0 or back + every > most or peak < FROM * mu or peak < CARRIED * before["carried"]:
         return
-    noise = max(before["rough"], noise_of(drop) / math.sqrt(LEVEL)) * math.sqrt(LEVEL)  # of a block
-    low = _level_of_slowed_fall(ring, k, back - level // 2, peak, noise, max(1, int(LEAST_STRETCH_S / dt + 0.5)))
-    fall = peak - low
-    if not max(LEAST_FALL * peak, SWINGS * before["swing"]) <= fall <= MOST_DROP * peak:
+    noise = max(before["rough"] * math.sqrt(LEVEL), noise_of(drop))  # of a block
+    hides = 0.0 if _goes_on(ring, k, back, level, peak, noise * math.sqrt(2.0 / level)) else noise
+    low = _level_of_slowed_fall(ring, k, back - level // 2, peak, hides, max(1, int(LEAST_STRETCH_S / dt + 0.5)))
+    fall, surprise = peak - low, _surprise_of_fall(drop, before, peak, low, noise, level)
+    if surprise < drop["least_surprise"] or goes_aside(ring, k, level, k - back, level):
         return
-    surprise = surprise_of(fall / (noise * math.sqrt(2.0 / level))) if noise > 0.0 else math.inf
-    begun = _last_above(ring, k, level, back, every, level, peak - NEAR_TOP * fall)
-    took = begun - _first_below(ring, k, begun, every, level, low + NEAR_END * fall)
-    if surprise < drop["least_surprise"]:
+    top = k - _last_above(ring, k, level, back, every, level, peak - NEAR_TOP * fall)
+    if not _rises(ring, top, max(1, rise // 8), level, peak, RISE * dt):
         return
-    if not _rises(ring, k - begun, took, count - begun - level, dt, level, peak):
+    risen = peak - mean_q(ring, max(k - 2 * back, k - count + level), level)
+    if not peak >= BEYOND_PUSH * mu and risen > PUSH * fall + 2.0 * noise / math.sqrt(level):
         return
-    earlier = max(k - 2 * back, k - count + level)
-    if peak < BEYOND_PUSH * mu or math.isnan(mu):
-        if peak - mean_q(ring, earlier, level) > PUSH * fall + 2.0 * noise / math.sqrt(level):
-            return
     if mean_normal(ring, k, level) <= (1.0 + TIGHTER * fall / peak) * mean_normal(ring, k - back, level):
         begin_slide(drop, t_s, peak, low, peak, surprise)
+
+
+@compiled
+def _surprise_of_fall(drop: Row, before: Row, peak: float, low: float, noise: float, level: int) -> float:
+    """Return −ln of the probability of a fall by noise; 0 where it is too small, too large, or a swing.
+
+    Args:
+        drop: State.
+        before: The block before the peak.
+        peak: q at the peak, a mean of ``level`` blocks.
+        low: q at the end of the fall.
+        noise: Deviation of q of a block.
+        level: Blocks.
+    """
+    fall, rough = peak - low, vibration(drop, before["rough"])
+    if not max(LEAST_FALL * peak, SWINGS * before["swing"]) <= fall <= MOST_DROP * peak:
+        return 0.0
+    if drop["swing"] > max(before["swing"], BACK * fall):
+        return 0.0
+    deviation = math.sqrt(2.0 / level * noise * noise + ROUGH * rough * rough)
+    return surprise_of(fall / deviation) if deviation > 0.0 else math.inf
 
 
 @compiled
@@ -111,15 +131,6 @@ def _last_above(ring: Rows, k: int, least: int, most: int, every: int, level: in
 
 
 @compiled
-def _first_below(ring: Rows, k: int, most: int, every: int, level: int, low: float) -> int:
-    """Return how many blocks ago, at most ``most``, q was first at ``low`` or below since then; 0 if it was not."""
-    for back in range(most, 0, -every):
-        if mean_q(ring, k - back, level) <= low:
-            return back
-    return 0
-
-
-@compiled
 def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: float, least: int) -> float:
     """Return the level that a fall over ``fallen`` blocks has reached; the peak where it has not slowed down.
 
@@ -128,7 +139,7 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
         k: The newest.
         fallen: Blocks since the peak.
         peak: q there.
-        noise: Deviation of q of a block.
+        noise: Deviation of q of a block that may hide a rate.
         least: Shortest stretch that is averaged, in blocks.
     """
     stretch = max(least, fallen // STRETCH_SHARE)
@@ -145,14 +156,36 @@ def _level_of_slowed_fall(ring: Rows, k: int, fallen: int, peak: float, noise: f
 
 
 @compiled
-def _rises(ring: Rows, top: int, took: int, known: int, dt: float, level: int, peak: float) -> bool:
-    """Return whether q rose steadily to its peak at block ``top``, before a fall that took ``took`` blocks."""
-    wanted = min(max(2.0 * took * dt, LEAST_RISE_S), MOST_RISE_S)
-    stride = max(1, int(wanted / (8.0 * dt) + 0.5))
-    steps = min(8, known // stride)
+def _goes_on(ring: Rows, k: int, back: int, level: int, peak: float, deviation: float) -> bool:
+    """Return whether the load that was at its peak ``back`` blocks ago went on: more shear, or less grip."""
+    before, after = mean_normal(ring, k - back, level), mean_normal(ring, k, level)
+    grown = _mean_shear(ring, k, level) / after - _mean_shear(ring, k - back, level) / before
+    moved = max(grown / peak, (before - after) / before)
+    return bool(after <= (1.0 + GOES_ON) * before and moved > GOES_ON + GOES_ON_STDS * deviation / peak)
+
+
+@compiled
+def _mean_shear(ring: Rows, end: int, count: int) -> float:
+    """Return the size of the mean tangential force of the blocks up to ``end``."""
+    last, first = ring[end % RING], ring[(end - count) % RING]
+    return math.hypot(last["fx"] - first["fx"], last["fy"] - first["fy"]) / count
+
+
+@compiled
+def _rises(ring: Rows, top: int, stride: int, level: int, peak: float, rate: float) -> bool:
+    """Return whether q rose steadily to its peak at block ``top``, over eight strides of so many blocks.
+
+    Args:
+        ring: Blocks.
+        top: Where the rise ended.
+        stride: Blocks.
+        level: Blocks that are averaged.
+        peak: q at the peak.
+        rate: Least rate, in parts of the peak a block.
+    """
     way, later = 0.0, peak
-    for step in range(1, steps + 1):
+    for step in range(1, 9):
         earlier = mean_q(ring, top - step * stride, level)
         way += abs(later - earlier)
         later = earlier
-    return bool(steps >= 2 and peak - later >= max(RISE * steps * stride * dt * peak, STRAIGHT * way))
+    return bool(peak - later >= max(rate * 8.0 * stride * peak, STRAIGHT * way))

@@ -1,4 +1,4 @@
-"""A required friction that falls slowly to a plateau is a slip where the load goes on, and none where it is let go."""
+"""A required friction that falls slowly is a slip where it slows down early or the load goes on, and else none."""
 
 from __future__ import annotations
 
@@ -22,14 +22,23 @@ def fall(share: float) -> Array:
 
 
 def slips_at(
-    q: Array, shear_n: Array, normal_n: Array, *, mu: float = MU, hz: float = 1000.0, seed: int = 0
+    q: Array,
+    shear_n: Array,
+    normal_n: Array,
+    *,
+    aside_n: Array | None = None,
+    mu: float = MU,
+    hz: float = 1000.0,
+    seed: int = 0,
 ) -> list[int]:
     """Return the readings at which a slip begins, for a course of q, tangential force and normal force with noise."""
     rng, n = np.random.default_rng(seed), len(q)
     used = (q + rng.normal(0.0, STD, n)) / (1.0 if np.isnan(mu) else mu)
     force_n = STD * 10.0
     pulled, pressed = shear_n + rng.normal(0.0, force_n, n), normal_n + rng.normal(0.0, force_n, n)
-    rows = contact_rows(n, pulled, pressed, used, 100.0 + np.arange(n) / hz, aside_n=np.zeros(n))
+    rows = contact_rows(
+        n, pulled, pressed, used, 100.0 + np.arange(n) / hz, aside_n=np.zeros(n) if aside_n is None else aside_n
+    )
     watch = ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
     watch.assess(rows, mu, Uncertainty(force_n), 0.0)
     slips = rows["assessment"]["slips"]
@@ -54,9 +63,25 @@ def test_a_grip_that_loosens_on_is_a_slip() -> None:
     assert found[0] > RISE_N
 
 
-def test_the_same_fall_of_a_load_that_is_let_go_is_none() -> None:
-    let_go = np.concatenate([np.linspace(1.0, 4.0, RISE_N), np.linspace(4.0, 3.4, FALL_N), np.full(PLATEAU_N, 3.4)])
-    assert slips_at(fall(0.12), let_go, CONSTANT) == []
+@pytest.mark.parametrize("mu", [MU, 0.8 * MU, 1.2 * MU])
+@pytest.mark.parametrize("let_go_n", [50, 90, 150])
+def test_a_load_that_is_let_go_falls_ever_faster_and_is_none(let_go_n: int, mu: float) -> None:
+    part = np.linspace(0.0, 1.0, let_go_n)
+    down = 0.95 - 0.45 * part * part * (3.0 - 2.0 * part)
+    q = MU * np.concatenate([np.linspace(0.4, 0.95, RISE_N), down, np.full(PLATEAU_N, 0.5)])
+    assert slips_at(q, 10.0 * q, np.full(len(q), 10.0), mu=mu) == []
+
+
+def test_a_fall_that_began_long_after_the_rise_is_none() -> None:
+    """Somebody holds a pull for a moment and then supports the object a little."""
+    q = np.concatenate([np.linspace(0.4, 1.0, RISE_N) * MU, np.full(150, MU), fall(0.12)[RISE_N:]])
+    assert slips_at(q, 10.0 * q, np.full(len(q), 10.0), mu=MU) == []
+
+
+def test_a_fall_of_a_load_along_another_direction_is_none() -> None:
+    q, n = fall(0.12), len(fall(0.12))
+    aside = np.concatenate([np.full(RISE_N, 0.0), np.linspace(0.0, 3.0, FALL_N), np.full(PLATEAU_N, 3.0)])
+    assert slips_at(q, np.full(n, 4.0), CONSTANT, aside_n=aside) == []
 
 
 def test_the_same_fall_by_a_tightened_grip_is_none() -> None:
