@@ -42,6 +42,7 @@ class Block(NamedTuple):
         variance: Its variance by noise that changes from image to image, shape (n,).
         load: Fx, Fy, normal force, N; spin torque, N·m; contact centroid X, Y, m; NaN where not measured. Shape (6,).
         tolerance: How far loads may differ and still be the same, shape (6,).
+        count: Number of images.
     """
 
     t_ns: int
@@ -49,6 +50,7 @@ class Block(NamedTuple):
     variance: Array
     load: Array
     tolerance: Array
+    count: int
 
     def same_load(self, other: Block, moved_m: Array) -> bool:
         """Return whether another block has the same load.
@@ -125,7 +127,7 @@ class ImageBlocks:
         if not rests or not np.isfinite(image).all() or not load[2] > 0.0:
             return None
         variance = self._jumps / (2.0 * max(self._jump_count, 1.0) * count)
-        return Block(t_ns, image, variance, load, tolerance)
+        return Block(t_ns, image, variance, load, tolerance, count)
 
     def _tolerance(self, load: Array) -> Array:
         """Return how far another load may differ from this one and still be the same, shape (6,)."""

@@ -55,7 +55,7 @@ class ImageFitter:
 
     def __init__(self, geometry: PadGeometry) -> None:
         self._x, self._y = geometry.positions()
-        self._beside = _neighbours_along(geometry)
+        self._beside = neighbours_along(geometry)
         self._pitch_m = geometry.pitch_m
         self._found = np.zeros(17)
 
@@ -79,7 +79,7 @@ class ImageFitter:
         return ImageFit(found[:3].copy(), precision, (growth_x, growth_y), scale, freedom, radius_m, tilt)
 
 
-def _neighbours_along(geometry: PadGeometry) -> Indices:
+def neighbours_along(geometry: PadGeometry) -> Indices:
     """Return the neighbours of each taxel towards −X, +X, −Y and +Y, shape (n, 4); itself at the border."""
     x, y = geometry.positions()
     place = {

@@ -1,8 +1,10 @@
 """Evidence "image_change" of a pad that measures normal force: the contact moves in the image at unchanged load.
 
 Images are averaged over short blocks. Each block is compared with an earlier one of the same load, which is kept for
-some seconds: a shaken object comes back to a load, and a soft pad then to its place. The motion is fitted together with
-what load, tilt and growth do to an image (`slipd.motion.image_fit`).
+some seconds: a shaken object comes back to a load, and a soft pad then to its place. A shift is measured by the
+contact centroid of the force sensor, and counts where the image shows it too (`slipd.motion.centroid_shift`). A turn,
+and a shift where no torque is measured, are fitted to the image together with what load, tilt and growth do to it
+(`slipd.motion.image_fit`).
 
 The path of the motion is tested against a random walk, whose steps are as large as the path's own are irregular. White
 noise strays less than that, and so does the noise of a drifting pad.
@@ -17,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.arrays import Array
+from slipd.motion.centroid_shift import ALONG, CentroidShift, Travel
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import Block, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import MOTIONS, ImageFit, ImageFitter
@@ -40,8 +43,6 @@ AGAIN_PITCHES = 0.5
 """Beyond this shift the change of an image is not linear any more, and a new reference is taken."""
 MOST_TILT = 0.3
 """A stronger tilt, relative at the radius of gyration, may lift one edge off the pad, which looks like a motion."""
-ALONG = 0.5
-"""Cosine of the largest angle between a shift and the tangential force: a turn beside it may bend its way so far."""
 SPIN_SHARE = 0.05
 """A spin torque below this share of the tangential force times the radius of gyration turns nothing."""
 OPENS = 0.25
@@ -66,7 +67,7 @@ class ImageShift:
     """
 
     def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
-        self._fitter = ImageFitter(geometry)
+        self._fitter, self._centroids = ImageFitter(geometry), CentroidShift(geometry, noise)
         self._x, self._y = geometry.positions()
         self._blocks = ImageBlocks(geometry, noise)
         self._grid, self._pitch_m = (geometry.rows, geometry.cols), geometry.pitch_m
@@ -81,6 +82,7 @@ class ImageShift:
     def reset(self) -> None:
         """Forget everything: the contact ended, or the images did."""
         self._blocks.reset()
+        self._centroids.reset()
         self._references.clear()
         self._noise = PathNoise()
         self._beyond_before = False
@@ -124,10 +126,17 @@ class ImageShift:
         self._references = [kept for kept in self._references if kept.block.t_ns >= oldest_ns]
         reference = next((kept for kept in self._references if kept.block.same_load(block, self._moved(kept))), None)
         if reference is None:
-            self._references = [*self._references[1 - REFERENCES :], _Reference(block, ShiftPath(self._noise))]
+            self._references = [*self._references[1 - REFERENCES :], self._begin(block)]
             return None
-        fit = self._fitter.fit(reference.block.image, block.image, self._variance(reference.block, block, usable))
-        return None if fit is None else self._judge(fit, block, reference)
+        variance = self._variance(reference.block, block, usable)
+        fit = self._fitter.fit(reference.block.image, block.image, variance)
+        if fit is None:
+            return None
+        travel = self._centroids.update(reference.block, block, reference.centroids, variance, fit.radius_m)
+        return self._judge(fit, travel, block, reference)
+
+    def _begin(self, block: Block) -> _Reference:
+        return _Reference(block, ShiftPath(self._noise), self._centroids.begin(block))
 
     def _moved(self, reference: _Reference) -> Array:
         """Return how far the contact is known to have moved since a reference, shape (2,), m."""
@@ -147,21 +156,26 @@ class ImageShift:
         variance[~near if usable is None else ~(near & usable)] = math.inf
         return variance
 
-    def _judge(self, fit: ImageFit, block: Block, reference: _Reference) -> Evidence | None:
+    def _judge(self, fit: ImageFit, travel: Travel | None, block: Block, reference: _Reference) -> Evidence | None:
         """Return evidence where the path is one of motion along the load."""
         reference.path.add(fit.shift_m)
         shift = _slide(fit, self._growth(fit, block, reference.block), *block.tangential)
+        if travel is not None:
+            shift[:2] = travel.shift_m
+        travels = travel is not None and float(travel.shift_m @ travel.shift_m) > LEAST_M**2
         if self._known is not None:
-            return self._follow(self._known, fit, shift, block, reference)
-        beyond = float(shift @ shift) > LEAST_M**2 and fit.tilt < MOST_TILT
+            return self._follow(self._known, fit, shift, block, reference, travels=travels)
+        beyond = travels or (float(shift @ shift) > LEAST_M**2 and fit.tilt < MOST_TILT)
         lasts, self._beyond_before = beyond and self._beyond_before, beyond
         if not lasts:
             return None
-        along = _direction(fit, *block.tangential)
-        pattern, path = _pattern_surprise(fit, shift), reference.path.surprise(along, float(along @ shift))
-        if min(pattern, path) < EACH_SURPRISE:
-            return None
-        return self._find(_Motion(block.t_ns, shift, max(pattern, path) - math.log(2.0), reference))
+        if travel is not None and travels:
+            least = most = travel.surprise
+        else:
+            along = _direction(fit, *block.tangential, turns=travel is not None)
+            pattern, path = _pattern_surprise(fit, shift), reference.path.surprise(along, float(along @ shift))
+            least, most = min(pattern, path), max(pattern, path) - math.log(2.0)
+        return None if least < EACH_SURPRISE else self._find(_Motion(block.t_ns, shift, most, reference))
 
     def _growth(self, fit: ImageFit, block: Block, before: Block) -> tuple[float, float]:
         """Return how far growth, or a gap that opens or closes, may have moved one edge along X and Y, m.
@@ -183,17 +197,17 @@ class ImageShift:
         return min(fit.growth_m[0], most[0]), min(fit.growth_m[1], most[1])
 
     def _follow(
-        self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference
+        self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference, *, travels: bool
     ) -> Evidence | None:
         """Return evidence as strong as that of a known motion where it goes on."""
         before = known.shift_m if known.reference is reference else np.zeros(MOTIONS)
         further = shift - before
         goes_on = float(further @ further) > AGAIN_M**2 and float(further @ shift) > 0.0
-        if not goes_on or _pattern_surprise(fit, shift) < EACH_SURPRISE:
+        if not goes_on or not (travels or _pattern_surprise(fit, shift) >= EACH_SURPRISE):
             return None
         if float(shift @ shift) < (AGAIN_PITCHES * self._pitch_m) ** 2:
             return self._find(_Motion(block.t_ns, shift, known.surprise, reference))
-        begun = _Reference(block, ShiftPath(self._noise))
+        begun = self._begin(block)
         self._references = [begun]
         return self._find(_Motion(block.t_ns, np.zeros(MOTIONS), known.surprise, begun))
 
@@ -212,10 +226,11 @@ class _Motion(NamedTuple):
 
 
 class _Reference(NamedTuple):
-    """A block, and the path of the contact since then."""
+    """A block, and the paths since then: of the contact in the image, and of the contact centroid."""
 
     block: Block
     path: ShiftPath
+    centroids: ShiftPath
 
 
 def _slide(fit: ImageFit, growth_m: tuple[float, float], fx_n: float, fy_n: float, spin_nm: float) -> Array:
@@ -249,8 +264,13 @@ def _grown(on: Flags) -> Flags:
     return grown
 
 
-def _direction(fit: ImageFit, fx_n: float, fy_n: float, spin_nm: float) -> Array:
-    """Return the direction in which a load moves the contact, as `ImageFit.shift_m`, of length 1; the load is not 0."""
+def _direction(fit: ImageFit, fx_n: float, fy_n: float, spin_nm: float, *, turns: bool) -> Array:
+    """Return the direction in which a load moves the contact, as `ImageFit.shift_m`, of length 1; the load is not 0.
+
+    Where only turns count it is that of the turn.
+    """
+    if turns:
+        return np.array((0.0, 0.0, math.copysign(1.0, spin_nm)))
     load = np.array((fx_n, fy_n, spin_nm / fit.radius_m))
     direction: Array = load / math.sqrt(float(load @ load))
     return direction

@@ -18,6 +18,8 @@ LONG_STEP = 4
 """Steps of the longer second difference."""
 LEAST_STD_M = 2e-6
 """The noise is taken as no smaller, m: images without noise, or in coarse counts, hide it."""
+STATED_COUNT = 20
+"""Second differences that a stated noise is worth."""
 FREEDOM_SHARE = 0.5
 """Independent values in one second difference: those beside it share two of its three places."""
 
@@ -53,10 +55,17 @@ class ShiftPath:
 
 
 class PathNoise:
-    """Noise of the places of one contact."""
+    """Noise of the places of one contact.
 
-    def __init__(self) -> None:
+    Args:
+        stated_m: Standard deviations of the places as stated, shape (3,), m; they count as `STATED_COUNT` second
+            differences. None: nothing is stated.
+    """
+
+    def __init__(self, stated_m: Array | None = None) -> None:
         self._squares, self._count = np.zeros(MOTIONS), 0
+        if stated_m is not None:
+            self._squares, self._count = 6.0 * STATED_COUNT * stated_m * stated_m, STATED_COUNT
         self._long_squares, self._long_count = np.zeros(MOTIONS), 0
 
     def add(self, difference_m: Array) -> None:

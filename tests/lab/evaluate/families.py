@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from evaluate import loads_that_hold, loads_that_slip
@@ -41,6 +42,7 @@ FAMILIES: dict[str, Callable[[Random], Scene]] = {
     "far pole": loads_that_slip.far_pole,
     "partial slip": loads_that_slip.partial_slip,
     "creep": loads_that_slip.creep,
+    "flat creep": loads_that_slip.flat_creep,
     "sudden weight": loads_that_slip.sudden_weight,
     "wet patch": loads_that_slip.wet_patch,
     "second slip": loads_that_slip.second_slip,
@@ -51,9 +53,12 @@ PERTURBATIONS = ("actuation noise", "change of grip", "change of load")
 
 
 def draw(family: str, seed: int) -> Scene:
-    """Draw a grasp of a family.
+    """Draw a grasp of a family; in grasps that hold, the contact of every second one moves with the object.
 
     Raises:
         KeyError: There is no such family.
     """
-    return FAMILIES[family](np.random.default_rng((zlib.crc32(family.encode()), seed)))
+    scene = FAMILIES[family](np.random.default_rng((zlib.crc32(family.encode()), seed)))
+    if seed % 2 and scene.kind != "slips":
+        return replace(scene, patch=replace(scene.patch, moves_with_object=True))
+    return scene

@@ -36,7 +36,8 @@ def goals(campaign: Campaign) -> Table:
         "Asked and found",
         ("figure", "asked", "found", ""),
         notes=[
-            "Oracle: what a detector of a falling load misses although it is told the onset, see *visible* below.",
+            "Oracle: what a detector of a falling load misses (of creep: finds) although it is told the onset, see "
+            "*visible* below.",
             f"Warned before, its lead and changes on the way: families {', '.join(FORESEEN)}.",
         ],
     )
@@ -64,8 +65,10 @@ def _missed(c: Campaign) -> Iterator[Row]:
             percent(s.silent),
             _below(s.silent, most),
         )
-    s = c.summary(["creep"], *ALL)
-    yield "creep reported within 1 mm", "≥ 60 %", percent(s.within_1mm), _above(s.within_1mm, 60.0)
+    for family, what in (("creep", "the contact moves with the object"), ("flat creep", "the contact stays on the pad")):
+        s = c.summary([family], *ALL)
+        found = f"{percent(s.within_1mm)} of {s.long} (oracle: {percent(s.visible)})"
+        yield f"creep reported within 1 mm, {what}", "≥ 60 %", found, _above(s.within_1mm, 60.0)
     s = c.summary(SLIPPING_FAMILIES, Variant(None))
     yield "gross slip without `slipping` in 100 ms, no μ", "", percent(s.missed), None
     s = c.summary(["second slip"], Variant(1.1), Variant(1.2))

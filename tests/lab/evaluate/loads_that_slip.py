@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from evaluate.draw import Course, Random, combined, draw_contact, draw_sensors, log_uniform, pull
+from evaluate.draw import KINDS, Course, Random, combined, draw_contact, draw_sensors, log_uniform, pull
 from evaluate.scene import Contact, Load, Scene
 
 from slipd.sim.emulated_pvdf import PvdfElectronics
@@ -15,6 +15,12 @@ from slipd.sim.stickslip.friction_law import FrictionMap
 
 BUILD_UP_S = (0.8, 2.5)
 """How long a load takes that builds up, from none to the limit; faster ones are sudden, and a family of their own."""
+
+CREEP_RATIO = (0.9, 0.99)
+"""μ_d / μ_s of an object that is pushed and creeps."""
+
+PAD_HALF_M = (0.0256, 0.0128)
+"""Half length and half width of a pad of 8 by 16 taxels."""
 
 ARM_N_PER_M = (80.0, 1000.0)
 """Stiffness of a human arm. With a stiff one the object sticks and slips many times."""
@@ -103,28 +109,22 @@ def partial_slip(rng: Random) -> Scene:
 
 
 def creep(rng: Random) -> Scene:
-    """The object slides at 0.3 to 3 mm/s: pushed by something stiff, or held by friction that grows with speed."""
-    contact = draw_contact(rng, ratio=(0.9, 0.99))
-    speed = log_uniform(rng, 3e-4, 3e-3)
-    direction = pull(rng, contact)
-    if rng.random() < 0.5:
-        contact = replace(contact, friction=replace(contact.friction, viscous_s_per_m=0.02 / 1e-3))
-        over = 20.0 * speed / contact.friction.mu_s  # of the limit, which the viscous part carries at that speed
-        course = Course(rng, contact, 3.0)
-        contact = course.contact = replace(
-            contact, friction=replace(contact.friction, mu_d=contact.friction.mu_s * rng.uniform(0.97, 1.0))
+    """An object creeps, and its contact with it: it is smaller than the pad, has an edge on it, or is a long bar."""
+    kind = str(rng.choice((*KINDS, "edge", "bar")))
+    contact = draw_contact(rng, kind="rectangle" if kind == "bar" else kind, ratio=CREEP_RATIO)
+    patch = replace(contact.patch, moves_with_object=True, growth=0.0 if kind == "edge" else contact.patch.growth)
+    if kind == "bar":  # beyond the pad at both ends, with the pressure of a cylinder across
+        patch = replace(patch, half_length_m=0.06, half_width_m=rng.uniform(0.003, 0.006), exponent=0.5)
+        length, width = PAD_HALF_M
+        contact = replace(
+            contact, compliance=replace(contact.compliance, half_length_m=length, half_width_m=width)
         )
-        begin = course.held_s + 0.1
-        course.add(contact.load(direction, 0.85), course.smooth(begin, begin + 0.4))
-        course.add(contact.load(direction, 0.15 + over), course.line(begin + 0.5, begin + 0.5 + rng.uniform(0.3, 0.8)))
-        return course.scene("slips")
-    contact = replace(contact, friction=replace(contact.friction, viscous_s_per_m=rng.uniform(2.0, 10.0)))
-    course = Course(rng, contact, 3.5)
-    begin = course.held_s + 0.1
-    course.add(contact.load(direction, 0.9), course.smooth(begin, begin + 0.4))
-    stiff = log_uniform(rng, 4000.0, 20000.0)
-    per_s = speed * stiff / float(np.hypot(*contact.load(direction, 1.0)[:2]))
-    return course.scene("slips", hand=course.hand(direction, begin + 0.5, per_s, stiff=stiff))
+    return _creeping(rng, replace(contact, patch=patch))
+
+
+def flat_creep(rng: Random) -> Scene:
+    """An object creeps that is flat and larger than the pad: the contact stays on the pad, so only the load shows it."""
+    return _creeping(rng, draw_contact(rng, ratio=CREEP_RATIO))
 
 
 def sudden_weight(rng: Random) -> Scene:
@@ -165,6 +165,30 @@ def second_slip(rng: Random) -> Scene:
     most = contact.used(tuple(contact.load(direction, 1.0)), more * contact.grip_n)
     course.add(contact.load(direction, 1.15 / most - 1.04), course.line(again, again + rng.uniform(0.8, 1.4)))
     return course.scene("slips")
+
+
+def _creeping(rng: Random, contact: Contact) -> Scene:
+    """The object slides at 0.3 to 3 mm/s: pushed by something stiff, or held by friction that grows with speed."""
+    speed = log_uniform(rng, 3e-4, 3e-3)
+    direction = pull(rng, contact)
+    if rng.random() < 0.5:
+        contact = replace(contact, friction=replace(contact.friction, viscous_s_per_m=0.02 / 1e-3))
+        over = 20.0 * speed / contact.friction.mu_s  # of the limit, which the viscous part carries at that speed
+        course = Course(rng, contact, 3.0)
+        contact = course.contact = replace(
+            contact, friction=replace(contact.friction, mu_d=contact.friction.mu_s * rng.uniform(0.97, 1.0))
+        )
+        begin = course.held_s + 0.1
+        course.add(contact.load(direction, 0.85), course.smooth(begin, begin + 0.4))
+        course.add(contact.load(direction, 0.15 + over), course.line(begin + 0.5, begin + 0.5 + rng.uniform(0.3, 0.8)))
+        return course.scene("slips")
+    contact = replace(contact, friction=replace(contact.friction, viscous_s_per_m=rng.uniform(2.0, 10.0)))
+    course = Course(rng, contact, 3.5)
+    begin = course.held_s + 0.1
+    course.add(contact.load(direction, 0.9), course.smooth(begin, begin + 0.4))
+    stiff = log_uniform(rng, 4000.0, 20000.0)
+    per_s = speed * stiff / float(np.hypot(*contact.load(direction, 1.0)[:2]))
+    return course.scene("slips", hand=course.hand(direction, begin + 0.5, per_s, stiff=stiff))
 
 
 def _loaded(rng: Random, contact: Contact, direction: Load) -> Scene:

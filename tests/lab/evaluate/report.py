@@ -31,6 +31,10 @@ noise are drawn at random. The bytes of emulated strain gauges (1 kHz) and of a 
 enter the engine at reads 1 ms apart, and what it publishes is held against what really happened. The config gives μ as
 0.8 to 1.2 times the true one, or not at all. Tuning uses other seeds than this page.
 
+Where the object slides, does its contact move over the pad? That of an object smaller than the pad does, or of an edge
+or a bar, and the image shows it: so in the families *creep* and *edge*, and in every second grasp of the families that
+hold. The contact of a flat object larger than the pad stays: so in *flat creep* and all other families that slip.
+
 Three things are kinder than a real rig. The true λ is solved by slipd's own limit surface, for the simulated
 pressure; the onsets of the simulated slips agree with it ([simulator](simulator.md)), but do not depend on it. The
 config states the noise of the sensors and the growth of the contact as they are. And the runs of one grasp with several
