@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from slipd.config import Wrench
@@ -35,7 +37,9 @@ class ContactMotion:
         self._rows: list[Rows] = []
         self._count = 0
         if image is not None and not image.three_axis:
-            self._shift = ImageShift(image.geometry, LoadNoise(wrench.force_std_n, wrench.torque_std_nm))
+            lever_m = math.hypot(*wrench.pad_from_sensor.xyz_m)
+            torque_nm = math.hypot(wrench.torque_std_nm, lever_m * wrench.force_std_n)
+            self._shift = ImageShift(image.geometry, LoadNoise(wrench.force_std_n, torque_nm))
             self.looks_per_hour["image_change"] = self._shift.looks_per_hour
         if wrench.rate_hz >= LEAST_HZ:
             self._vibration = Vibration(wrench.rate_hz)
@@ -66,7 +70,7 @@ class ContactMotion:
         Args:
             image: The pad, with a usable image.
             t_ns: When it was acquired, CLOCK_MONOTONIC.
-            wrench: By the force sensor at that time, in the pad frame: N and N·m, six numbers.
+            wrench: By the force sensor since the image before, in the pad frame: N and N·m, six numbers.
         """
         if self._shift is None:
             return

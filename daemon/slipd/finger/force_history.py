@@ -60,6 +60,27 @@ class ForceHistory:
         self._low_n = self._high_n = contact.normal_n
         return ForceSummary(state.verdict is PAD_FREE, contact.normal_n, moving, agrees)
 
+    def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
+        """Return the mean wrench of the kept readings between two times; see `wrench_at` where there is none.
+
+        Args:
+            since_ns: CLOCK_MONOTONIC; a reading of this time does not count.
+            until_ns: Likewise; a reading of this time counts.
+
+        Raises:
+            IndexError: There was no reading yet.
+        """
+        found = []
+        for t_ns, wrench in reversed(self._past):
+            if t_ns <= since_ns:
+                break
+            if t_ns <= until_ns:
+                found.append(wrench)
+        if not found:
+            return self.wrench_at(until_ns)
+        share = 1.0 / len(found)
+        return tuple(share * sum(component) for component in zip(*found, strict=True))
+
     def wrench_at(self, t_ns: int) -> tuple[float, ...]:
         """Return the wrench of the kept reading nearest to ``t_ns``, in the pad frame: N and N·m, six numbers.
 

@@ -47,9 +47,9 @@ class ForceImageCheck:
             self.reset()
         self._history.update(batch)
 
-    def wrench_at(self, t_ns: int) -> tuple[float, ...]:
-        """Return the wrench nearest to ``t_ns``; see `ForceHistory.wrench_at`."""
-        return self._history.wrench_at(t_ns)
+    def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
+        """Return the mean wrench between two times; see `ForceHistory.mean_wrench`."""
+        return self._history.mean_wrench(since_ns, until_ns)
 
     def take_summary(self, state: FingerState) -> ForceSummary:
         """Return what the force sensor measured since the image before; ``state`` is that of the newest reading."""

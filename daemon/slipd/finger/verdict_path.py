@@ -111,19 +111,22 @@ class VerdictPath:
     ) -> VerdictBatch | None:
         """Update with an image; return the verdict where its three-axis taxels are what measures the force."""
         check, t_ns = self._check, sample.t_ns if acquired_ns is None else acquired_ns
+        before_ns = t_ns if image.t_ns is None else image.t_ns
         image.update(sample, t_ns, NO_SUMMARY if check is None else check.take_summary(self.state), arrival)
         if check is not None:
             check.update_image(t_ns, self.state, self.estimator.least_normal_n)
         if check is not None and self.motion is not None:
-            self._look_for_motion(self.motion, image, check, t_ns)
+            self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         if self._force is not None or not image.three_axis:
             return None
         return self._estimate(wrench_by_taxels(image, sample, t_ns), arrival)
 
-    def _look_for_motion(self, motion: ContactMotion, image: ImageChannel, check: ForceImageCheck, t_ns: int) -> None:
-        """Look for motion in an image of a contact that force sensor and image agree on."""
+    def _look_for_motion(
+        self, motion: ContactMotion, image: ImageChannel, check: ForceImageCheck, before_ns: int, t_ns: int
+    ) -> None:
+        """Look for motion in an image, with the forces since the one before, where force sensor and image agree."""
         if self.estimator.in_contact and image.is_independent and not check.disagreement:
-            motion.update_image(image, t_ns, check.wrench_at(t_ns))
+            motion.update_image(image, t_ns, check.mean_wrench(before_ns, t_ns))
         else:
             motion.forget_image()
 

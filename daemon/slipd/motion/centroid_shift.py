@@ -13,7 +13,7 @@ import numpy as np
 
 from slipd.arrays import Array
 from slipd.motion.image_agreement import ImageAgreement
-from slipd.motion.image_blocks import Block, LoadNoise
+from slipd.motion.image_blocks import Block
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.signals.pad import PadGeometry
 
@@ -45,11 +45,10 @@ class CentroidShift:
 
     Args:
         geometry: Layout of the taxels.
-        noise: Of the force sensor.
     """
 
-    def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
-        self._agreement, self._noise = ImageAgreement(geometry), noise
+    def __init__(self, geometry: PadGeometry) -> None:
+        self._agreement = ImageAgreement(geometry)
         self.reset()
 
     def reset(self) -> None:
@@ -59,13 +58,10 @@ class CentroidShift:
     def begin(self, block: Block) -> ShiftPath:
         """Return an empty path of the centroid that begins with a block."""
         if self._path_noise is None:
-            stated_m = self._noise.torque_nm / (float(block.load[2]) * math.sqrt(block.count))
-            self._path_noise = PathNoise(np.array((stated_m, stated_m, 0.0)))
+            self._path_noise = PathNoise(np.append(block.centroid_std_m, 0.0))
         return ShiftPath(self._path_noise)
 
-    def update(
-        self, before: Block, after: Block, path: ShiftPath, variance: Array, radius_m: float
-    ) -> Travel | None:
+    def update(self, before: Block, after: Block, path: ShiftPath, variance: Array, radius_m: float) -> Travel | None:
         """Add a block to a path, and compare it with the block where that began.
 
         Args:

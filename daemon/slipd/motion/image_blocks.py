@@ -16,12 +16,16 @@ SETTLED_S = 0.2
 """A contact that is younger still settles, and gives no blocks, s."""
 SAME_SHARE, SAME_NORMAL_SHARE = 0.15, 0.02
 """Tangential forces are the same within this share of themselves, or this share of the normal force."""
+RISE_SHARE = 0.03
+"""The later one is no larger by more than this share: near its limit, a contact slips in part under a growing load."""
 GRIP_SHARE = 0.07
 """Normal forces are the same within this share."""
 SAME_CENTROID_M = 1e-3
 """The contact centroid is the same within this, m: a tilt moves it further before it opens a gap."""
 NOISE_STDS = 4.0
 """All of them also within this many standard deviations of the noise."""
+LEAST_SCATTER = 4
+"""From as many images on, their scatter shows the noise of the contact centroid."""
 RECENT_IMAGES = 400
 """Images over which the noise of the taxels is averaged."""
 
@@ -42,7 +46,8 @@ class Block(NamedTuple):
         variance: Its variance by noise that changes from image to image, shape (n,).
         load: Fx, Fy, normal force, N; spin torque, N·m; contact centroid X, Y, m; NaN where not measured. Shape (6,).
         tolerance: How far loads may differ and still be the same, shape (6,).
-        count: Number of images.
+        rise_n: How much larger the tangential force of a later block may be, N.
+        centroid_std_m: Standard deviations of the contact centroid by noise, shape (2,), m.
     """
 
     t_ns: int
@@ -50,7 +55,8 @@ class Block(NamedTuple):
     variance: Array
     load: Array
     tolerance: Array
-    count: int
+    rise_n: float
+    centroid_std_m: Array
 
     def same_load(self, other: Block, moved_m: Array) -> bool:
         """Return whether another block has the same load.
@@ -61,6 +67,9 @@ class Block(NamedTuple):
         """
         change = other.load - self.load
         change[4:] -= moved_m
+        fx, fy = self.load.item(0), self.load.item(1)
+        if fx * change.item(0) + fy * change.item(1) > self.rise_n * math.hypot(fx, fy):
+            return False
         return not (np.abs(change) > other.tolerance).any()  # NaN, not measured, does not differ
 
     @property
@@ -127,7 +136,16 @@ class ImageBlocks:
         if not rests or not np.isfinite(image).all() or not load[2] > 0.0:
             return None
         variance = self._jumps / (2.0 * max(self._jump_count, 1.0) * count)
-        return Block(t_ns, image, variance, load, tolerance, count)
+        rise_n = RISE_SHARE * math.hypot(load[0], load[1]) + NOISE_STDS * self._noise.force_n / math.sqrt(count)
+        return Block(t_ns, image, variance, load, tolerance, rise_n, self._centroid_std_m(wrenches, load[2]))
+
+    def _centroid_std_m(self, wrenches: Array, normal_n: float) -> Array:
+        """Return the noise of the mean centroid of some wrenches: by their scatter, or as stated where they are few."""
+        if len(wrenches) < LEAST_SCATTER:
+            stated_m = self._noise.torque_nm / (normal_n * math.sqrt(len(wrenches)))
+            return np.array((stated_m, stated_m))
+        centroids = wrenches[:, (4, 3)] / wrenches[:, 2:3]
+        return np.asarray(centroids.std(axis=0) / math.sqrt(len(wrenches) - 1))
 
     def _tolerance(self, load: Array) -> Array:
         """Return how far another load may differ from this one and still be the same, shape (6,)."""

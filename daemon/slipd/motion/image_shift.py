@@ -23,6 +23,7 @@ from slipd.motion.centroid_shift import ALONG, CentroidShift, Travel
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import Block, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import MOTIONS, ImageFit, ImageFitter
+from slipd.motion.risk import combined_surprise
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.motion.surprises import f_surprise
 from slipd.signals.pad import PadGeometry
@@ -67,7 +68,7 @@ class ImageShift:
     """
 
     def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
-        self._fitter, self._centroids = ImageFitter(geometry), CentroidShift(geometry, noise)
+        self._fitter, self._centroids = ImageFitter(geometry), CentroidShift(geometry)
         self._x, self._y = geometry.positions()
         self._blocks = ImageBlocks(geometry, noise)
         self._grid, self._pitch_m = (geometry.rows, geometry.cols), geometry.pitch_m
@@ -169,13 +170,17 @@ class ImageShift:
         lasts, self._beyond_before = beyond and self._beyond_before, beyond
         if not lasts:
             return None
+        along = _direction(fit, *block.tangential, turns=travel is not None and not travels)
         if travel is not None and travels:
-            least = most = travel.surprise
+            path = reference.path.surprise(along, float(along @ fit.shift_m))
+            least, both = travel.surprise, combined_surprise([travel.surprise, path])
+            most = max(travel.surprise, both)
         else:
-            along = _direction(fit, *block.tangential, turns=travel is not None)
             pattern, path = _pattern_surprise(fit, shift), reference.path.surprise(along, float(along @ shift))
-            least, most = min(pattern, path), max(pattern, path) - math.log(2.0)
-        return None if least < EACH_SURPRISE else self._find(_Motion(block.t_ns, shift, most, reference))
+            least, most = min(pattern, path), max(pattern, path)
+        if least < EACH_SURPRISE:
+            return None
+        return self._find(_Motion(block.t_ns, shift, most - math.log(2.0), reference))
 
     def _growth(self, fit: ImageFit, block: Block, before: Block) -> tuple[float, float]:
         """Return how far growth, or a gap that opens or closes, may have moved one edge along X and Y, m.

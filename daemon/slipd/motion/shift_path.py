@@ -18,8 +18,8 @@ LONG_STEP = 4
 """Steps of the longer second difference."""
 LEAST_STD_M = 2e-6
 """The noise is taken as no smaller, m: images without noise, or in coarse counts, hide it."""
-STATED_COUNT = 20
-"""Second differences that a stated noise is worth."""
+KNOWN_COUNT = 20
+"""Second differences that a noise known before is worth."""
 FREEDOM_SHARE = 0.5
 """Independent values in one second difference: those beside it share two of its three places."""
 
@@ -58,14 +58,14 @@ class PathNoise:
     """Noise of the places of one contact.
 
     Args:
-        stated_m: Standard deviations of the places as stated, shape (3,), m; they count as `STATED_COUNT` second
-            differences. None: nothing is stated.
+        known_m: Standard deviations of the places that are known before, shape (3,), m; they count as `KNOWN_COUNT`
+            second differences. None: nothing is known.
     """
 
-    def __init__(self, stated_m: Array | None = None) -> None:
+    def __init__(self, known_m: Array | None = None) -> None:
         self._squares, self._count = np.zeros(MOTIONS), 0
-        if stated_m is not None:
-            self._squares, self._count = 6.0 * STATED_COUNT * stated_m * stated_m, STATED_COUNT
+        if known_m is not None:
+            self._squares, self._count = 6.0 * KNOWN_COUNT * known_m * known_m, KNOWN_COUNT
         self._long_squares, self._long_count = np.zeros(MOTIONS), 0
 
     def add(self, difference_m: Array) -> None:

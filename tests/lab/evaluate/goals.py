@@ -65,7 +65,10 @@ def _missed(c: Campaign) -> Iterator[Row]:
             percent(s.silent),
             _below(s.silent, most),
         )
-    for family, what in (("creep", "the contact moves with the object"), ("flat creep", "the contact stays on the pad")):
+    for family, what in (
+        ("creep", "the contact moves with the object"),
+        ("flat creep", "the contact stays on the pad"),
+    ):
         s = c.summary([family], *ALL)
         found = f"{percent(s.within_1mm)} of {s.long} (oracle: {percent(s.visible)})"
         yield f"creep reported within 1 mm, {what}", "≥ 60 %", found, _above(s.within_1mm, 60.0)

@@ -116,14 +116,12 @@ def creep(rng: Random) -> Scene:
     if kind == "bar":  # beyond the pad at both ends, with the pressure of a cylinder across
         patch = replace(patch, half_length_m=0.06, half_width_m=rng.uniform(0.003, 0.006), exponent=0.5)
         length, width = PAD_HALF_M
-        contact = replace(
-            contact, compliance=replace(contact.compliance, half_length_m=length, half_width_m=width)
-        )
+        contact = replace(contact, compliance=replace(contact.compliance, half_length_m=length, half_width_m=width))
     return _creeping(rng, replace(contact, patch=patch))
 
 
 def flat_creep(rng: Random) -> Scene:
-    """An object creeps that is flat and larger than the pad: the contact stays on the pad, so only the load shows it."""
+    """A flat object larger than the pad creeps: its contact stays on the pad, so only the load shows it."""
     return _creeping(rng, draw_contact(rng, ratio=CREEP_RATIO))
 
 

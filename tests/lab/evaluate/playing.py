@@ -32,9 +32,13 @@ def play(scene: Scene) -> GraspTrace:
     n = len(scene.grip_n)
     trace = empty_trace(scene.patch, scene.friction, grasp, np.arange(n) * STEP_S)
     loads, grips = scene.load.tolist(), scene.grip_n.tolist()
+    begin = n if scene.hand is None else int(scene.hand.path.any(axis=1).argmax())
+    held_at = np.zeros(3)
     for i in range(n):
+        if i == begin:
+            held_at = grasp.displacement()
         if i:
-            fx, fy, torque = _load(scene, i, loads[i], grasp)
+            fx, fy, torque = _load(scene, i, loads[i], grasp, held_at if i >= begin else None)
             grasp.advance(STEP_S, (fx, fy), torque, grips[i])
         write_sample(trace, i, grasp)
         if math.hypot(*trace.displacement[i, :2].tolist()) > scene.lost_m or abs(trace.displacement[i, 2]) > 1.0:
@@ -42,13 +46,15 @@ def play(scene: Scene) -> GraspTrace:
     return trace
 
 
-def _load(scene: Scene, i: int, load: list[float], grasp: SteppedGrasp) -> tuple[float, float, float]:
-    """Return the load at a step: what is given, and the hand's spring."""
+def _load(
+    scene: Scene, i: int, load: list[float], grasp: SteppedGrasp, held_at: Array | None
+) -> tuple[float, float, float]:
+    """Return the load at a step: what is given, and the spring of a hand that took the object at a displacement."""
     fx, fy, torque = load
     hand = scene.hand
-    if hand is None or not hand.path[: i + 1].any():
+    if hand is None or held_at is None:
         return fx, fy, torque
-    (x, y, angle), (vx, vy, rate) = grasp.displacement().tolist(), grasp.velocity().tolist()
+    (x, y, angle), (vx, vy, rate) = (grasp.displacement() - held_at).tolist(), grasp.velocity().tolist()
     (hx, hy, ha), (ux, uy, ur) = hand.path[i].tolist(), ((hand.path[i] - hand.path[i - 1]) / STEP_S).tolist()
     (kx, ky, ka), (cx, cy, ca) = hand.stiffness, hand.damping
     px, py = kx * (hx - x) + cx * (ux - vx), ky * (hy - y) + cy * (uy - vy)
