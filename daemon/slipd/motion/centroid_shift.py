@@ -1,47 +1,58 @@
-"""How far the contact centroid of the force sensor moves at unchanged load, where the image shows the same shift.
+"""Motion of the contact centroid of the force sensor at unchanged load, where the image shows the same shift.
 
 The force sensor measures the centroid to micrometres, also where the edges of a contact lie between electrodes. What
-else may move it is listed in `slipd.motion.image_agreement`, and needs the image to be told from a motion.
+else may move it is listed in `slipd.motion.image_agreement`, and needs the image to be told from a motion. Under a load
+that grows, and after one that was larger, a contact has moved by partial slip: the load rests from first to last.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from slipd.arrays import Array
+from slipd.motion.evidence import Evidence
 from slipd.motion.image_agreement import ImageAgreement
-from slipd.motion.image_blocks import Block
+from slipd.motion.image_blocks import BLOCK_S, Block
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.signals.pad import PadGeometry
 
-LEAST_TRAVEL_M = 1e-4
-"""A smaller shift of the centroid is not compared with the image, m."""
+KEPT_NS = 10_000_000_000
+"""A path begins anew after this time: charge and rubber creep for longer."""
+GAP_NS = round(2.5e9 * BLOCK_S)
+"""Blocks further apart have another load between them."""
+LEAST_M = 2e-4
+"""A smaller motion may be that of a pad that gives way, m."""
+AGAIN_M = 1e-4
+"""A contact that is known to move is reported again after a further motion by this much, m."""
 ALONG = 0.5
 """Cosine of the largest angle between a shift and the tangential force: a turn beside it may bend its way so far."""
-MOST_SHARE = 0.3
-"""A longer shift, relative to the radius of gyration, may lift one edge off the pad if it is a tilt after all."""
+EACH_SURPRISE = 3.0
+"""The path must look like a motion by this much."""
+FIRST_NS, SHORTEST_NS, LONGEST_NS = 200_000_000, 300_000_000, 800_000_000
+"""It counts as moving for twice the time that this took, at least and at most for so long; then it rests."""
+
+_HERE = np.zeros(2)
 
 
-class Travel(NamedTuple):
-    """A shift of the contact that both sensors show.
+def moving_until(found_ns: int, before_ns: int | None) -> int:
+    """Return until when a contact counts as moving, CLOCK_MONOTONIC in ns.
 
-    Attributes:
-        shift_m: Along X and Y of the pad frame, shape (2,), m.
-        surprise: −ln of the probability that noise of the force sensor takes the centroid as far along the load.
+    Args:
+        found_ns: When it was found to move.
+        before_ns: When it was found so before; None: it was at rest.
     """
-
-    shift_m: Array
-    surprise: float
-
-
-NO_TRAVEL = Travel(np.zeros(2), 0.0)
+    taken_ns = FIRST_NS if before_ns is None else found_ns - before_ns
+    return found_ns + min(max(2 * taken_ns, SHORTEST_NS), LONGEST_NS)
 
 
 class CentroidShift:
-    """Compares the contact centroids of blocks of one contact.
+    """Follows the contact centroid over the blocks of one contact.
+
+    False alarms: as those of `slipd.motion.image_shift.ImageShift`.
 
     Args:
         geometry: Layout of the taxels.
@@ -52,38 +63,79 @@ class CentroidShift:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the noise of the centroid: the contact ended."""
-        self._path_noise: PathNoise | None = None
+        """Forget everything: the contact ended, or the images did."""
+        self._noise: PathNoise | None = None
+        self._begun: _Begun | None = None
+        self._last_ns, self._told_m, self._beyond_before = 0, 0.0, False
+        self._newest: _Found | None = None
+        self._known: _Found | None = None
 
-    def begin(self, block: Block) -> ShiftPath:
-        """Return an empty path of the centroid that begins with a block."""
-        if self._path_noise is None:
-            self._path_noise = PathNoise(np.append(block.centroid_std_m, 0.0))
-        return ShiftPath(self._path_noise)
+    def confirm(self) -> int:
+        """Take the newest evidence as true; return until when the contact counts as moving.
 
-    def update(self, before: Block, after: Block, path: ShiftPath, variance: Array, radius_m: float) -> Travel | None:
-        """Add a block to a path, and compare it with the block where that began.
+        From then on only a further motion is evidence, until the contact has rested.
+
+        Raises:
+            ValueError: There was no evidence yet.
+        """
+        found, known = self._newest, self._known
+        if found is None:
+            raise ValueError("evidence must come before it is confirmed")
+        self._known, self._told_m = found, found.along_m
+        return moving_until(found.t_ns, None if known is None else known.t_ns)
+
+    def update(self, block: Block, variance: Callable[[Block, Block], Array]) -> Evidence | None:
+        """Update with a block whose centroid is measured; return evidence where the contact moves.
 
         Args:
-            before: The block where the path began.
-            after: The later one, of the same load.
-            path: Of `begin`.
-            variance: Variance of the difference of their images, shape (n,); infinity outside of the contact.
-            radius_m: Radius of gyration of the contact, m.
-
-        Returns:
-            None where the centroid is not measured.
+            block: The newest block.
+            variance: Returns the variance of the difference of the images of two blocks, infinity outside of the
+                contact, shape (n,).
         """
-        shift = after.load[4:] - before.load[4:]
-        fx, fy, _ = after.tangential
-        load_n, length_m = math.hypot(fx, fy), math.hypot(*shift.tolist())
-        if math.isnan(length_m):
+        if self._known is not None and block.t_ns - self._known.t_ns > LONGEST_NS:
+            self._known = self._begun = None
+        begun, rested = self._begun, block.t_ns - self._last_ns <= GAP_NS
+        self._last_ns = block.t_ns
+        if begun is None or not rested or not begun.lasts(block):
+            self._begin(block)
             return None
-        path.add(np.append(shift, 0.0))
-        if not LEAST_TRAVEL_M < length_m < MOST_SHARE * radius_m or not load_n > 0.0:
-            return NO_TRAVEL
-        along = np.array((fx / load_n, fy / load_n, 0.0))
-        along_m = float(along[:2] @ shift)
-        if along_m <= ALONG * length_m or not self._agreement.shows(before.image, after.image, variance, shift):
-            return NO_TRAVEL
-        return Travel(shift, path.surprise(along, along_m))
+        shift = block.load[4:] - begun.block.load[4:]
+        begun.path.add(np.append(shift, 0.0))
+        direction = block.load[:2] / max(math.hypot(*block.load[:2].tolist()), 1e-300)
+        along_m, length_m = float(direction @ shift), math.hypot(*shift.tolist())
+        least_m = LEAST_M if self._known is None else self._told_m + AGAIN_M
+        beyond = along_m > max(least_m, ALONG * length_m)
+        lasts, self._beyond_before = beyond and (self._beyond_before or self._known is not None), beyond
+        if not lasts or not self._agreement.shows(begun.block.image, block.image, variance(begun.block, block), shift):
+            return None
+        surprise = begun.path.surprise(np.append(direction, 0.0), along_m)
+        if self._known is not None:
+            surprise = max(surprise, self._known.surprise)
+        if surprise < EACH_SURPRISE:
+            return None
+        self._newest = _Found(block.t_ns, along_m, surprise)
+        return Evidence("image_change", block.t_ns, surprise)
+
+    def _begin(self, block: Block) -> None:
+        if self._noise is None:
+            self._noise = PathNoise(np.append(block.centroid_std_m, 0.0))
+        self._begun, self._told_m, self._beyond_before = _Begun(block, ShiftPath(self._noise)), 0.0, False
+
+
+class _Begun(NamedTuple):
+    """A path, and the block where it began."""
+
+    block: Block
+    path: ShiftPath
+
+    def lasts(self, block: Block) -> bool:
+        """Return whether a block belongs to the path."""
+        return block.t_ns - self.block.t_ns <= KEPT_NS and self.block.same_load(block, _HERE)
+
+
+class _Found(NamedTuple):
+    """A motion when it was found: by ``along_m`` along the load since the path began."""
+
+    t_ns: int
+    along_m: float
+    surprise: float

@@ -1,10 +1,9 @@
 """Evidence "image_change" of a pad that measures normal force: the contact moves in the image at unchanged load.
 
 Images are averaged over short blocks. Each block is compared with an earlier one of the same load, which is kept for
-some seconds: a shaken object comes back to a load, and a soft pad then to its place. A shift is measured by the
-contact centroid of the force sensor, and counts where the image shows it too (`slipd.motion.centroid_shift`). A turn,
-and a shift where no torque is measured, are fitted to the image together with what load, tilt and growth do to it
-(`slipd.motion.image_fit`).
+some seconds: a shaken object comes back to a load, and a soft pad then to its place. The motion is fitted together with
+what load, tilt and growth do to an image (`slipd.motion.image_fit`). Where the force sensor measures the contact
+centroid, only the turn of that fit counts: `slipd.motion.centroid_shift` follows the shift.
 
 The path of the motion is tested against a random walk, whose steps are as large as the path's own are irregular. White
 noise strays less than that, and so does the noise of a drifting pad.
@@ -19,27 +18,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipd.arrays import Array
-from slipd.motion.centroid_shift import ALONG, CentroidShift, Travel
+from slipd.motion.centroid_shift import (
+    AGAIN_M,
+    ALONG,
+    EACH_SURPRISE,
+    KEPT_NS,
+    LEAST_M,
+    LONGEST_NS,
+    CentroidShift,
+    moving_until,
+)
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_blocks import Block, ImageBlocks, LoadNoise
 from slipd.motion.image_fit import MOTIONS, ImageFit, ImageFitter
-from slipd.motion.risk import combined_surprise
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.motion.surprises import f_surprise
 from slipd.signals.pad import PadGeometry
 
 Flags = NDArray[np.bool_]
 
-KEPT_S = 10.0
-"""A reference is replaced after this time, s: charge and rubber creep for longer."""
 REFERENCES = 8
 """Loads whose images are kept."""
-LEAST_M = 2e-4
-"""A smaller motion may be that of a pad that gives way, m."""
-AGAIN_M = 1e-4
-"""A contact that is known to move is reported again after a further motion by this much, m."""
-FIRST_NS, SHORTEST_NS, LONGEST_NS = 200_000_000, 300_000_000, 800_000_000
-"""It counts as moving for twice the time that this took, at least and at most for so long; then it rests."""
 AGAIN_PITCHES = 0.5
 """Beyond this shift the change of an image is not linear any more, and a new reference is taken."""
 MOST_TILT = 0.3
@@ -48,8 +47,6 @@ SPIN_SHARE = 0.05
 """A spin torque below this share of the tangential force times the radius of gyration turns nothing."""
 OPENS = 0.25
 """A gap may open where the pressure falls across the contact by this share of its mean on either side."""
-EACH_SURPRISE = 3.0
-"""Both the pattern of the change and the path of the contact must look like a motion by this much."""
 MODEL_SHARE = 0.005
 """What a taxel reads may differ from the model by this share of its load."""
 ACTIVE_SHARE = 0.05
@@ -89,6 +86,7 @@ class ImageShift:
         self._beyond_before = False
         self._newest: _Motion | None = None
         self._known: _Motion | None = None
+        self._by_centroid = False
 
     def confirm(self) -> int:
         """Take the newest evidence as true; return until when, CLOCK_MONOTONIC in ns, the contact counts as moving.
@@ -98,12 +96,13 @@ class ImageShift:
         Raises:
             ValueError: There was no evidence yet.
         """
+        if self._by_centroid:
+            return self._centroids.confirm()
         found, known = self._newest, self._known
         if found is None:
             raise ValueError("evidence must come before it is confirmed")
-        taken_ns = FIRST_NS if known is None else found.t_ns - known.t_ns
         self._known = found
-        return found.t_ns + min(max(2 * taken_ns, SHORTEST_NS), LONGEST_NS)
+        return moving_until(found.t_ns, None if known is None else known.t_ns)
 
     def update(
         self, t_ns: int, forces: Array, wrench: tuple[float, ...], usable: Flags | None = None
@@ -113,31 +112,31 @@ class ImageShift:
         Args:
             t_ns: When the image was acquired, CLOCK_MONOTONIC.
             forces: Normal force on each taxel without a threshold, shape (n,), any unit.
-            wrench: Force on the finger, N, and torque about the pad's origin, N·m, at that time: six numbers.
+            wrench: Force on the finger, N, and torque about the pad's origin, N·m, since the image before: six numbers.
             usable: Taxels that measure by themselves, shape (n,); None: all.
         """
         block = self._blocks.update(t_ns, forces, wrench)
-        return None if block is None else self._compare(block, usable)
+        if block is None:
+            return None
+        evidence: Evidence | None = None
+        if not math.isnan(block.load[4]):
+            evidence = self._centroids.update(block, lambda before, after: self._variance(before, after, usable))
+        by_image = self._compare(block, usable)
+        self._by_centroid = evidence is not None
+        return by_image if evidence is None else evidence
 
     def _compare(self, block: Block, usable: Flags | None) -> Evidence | None:
         """Compare a block with the oldest reference of its load."""
-        oldest_ns, known = block.t_ns - round(KEPT_S * 1e9), self._known
+        oldest_ns, known = block.t_ns - KEPT_NS, self._known
         if known is not None and block.t_ns - known.t_ns > LONGEST_NS:
             self._known, self._references = None, []
         self._references = [kept for kept in self._references if kept.block.t_ns >= oldest_ns]
         reference = next((kept for kept in self._references if kept.block.same_load(block, self._moved(kept))), None)
         if reference is None:
-            self._references = [*self._references[1 - REFERENCES :], self._begin(block)]
+            self._references = [*self._references[1 - REFERENCES :], _Reference(block, ShiftPath(self._noise))]
             return None
-        variance = self._variance(reference.block, block, usable)
-        fit = self._fitter.fit(reference.block.image, block.image, variance)
-        if fit is None:
-            return None
-        travel = self._centroids.update(reference.block, block, reference.centroids, variance, fit.radius_m)
-        return self._judge(fit, travel, block, reference)
-
-    def _begin(self, block: Block) -> _Reference:
-        return _Reference(block, ShiftPath(self._noise), self._centroids.begin(block))
+        fit = self._fitter.fit(reference.block.image, block.image, self._variance(reference.block, block, usable))
+        return None if fit is None else self._judge(fit, block, reference)
 
     def _moved(self, reference: _Reference) -> Array:
         """Return how far the contact is known to have moved since a reference, shape (2,), m."""
@@ -157,30 +156,23 @@ class ImageShift:
         variance[~near if usable is None else ~(near & usable)] = math.inf
         return variance
 
-    def _judge(self, fit: ImageFit, travel: Travel | None, block: Block, reference: _Reference) -> Evidence | None:
+    def _judge(self, fit: ImageFit, block: Block, reference: _Reference) -> Evidence | None:
         """Return evidence where the path is one of motion along the load."""
         reference.path.add(fit.shift_m)
         shift = _slide(fit, self._growth(fit, block, reference.block), *block.tangential)
-        if travel is not None:
-            shift[:2] = travel.shift_m
-        travels = travel is not None and float(travel.shift_m @ travel.shift_m) > LEAST_M**2
+        if not math.isnan(block.load[4]):
+            shift[:2] = 0.0
         if self._known is not None:
-            return self._follow(self._known, fit, shift, block, reference, travels=travels)
-        beyond = travels or (float(shift @ shift) > LEAST_M**2 and fit.tilt < MOST_TILT)
+            return self._follow(self._known, fit, shift, block, reference)
+        beyond = float(shift @ shift) > LEAST_M**2 and fit.tilt < MOST_TILT
         lasts, self._beyond_before = beyond and self._beyond_before, beyond
         if not lasts:
             return None
-        along = _direction(fit, *block.tangential, turns=travel is not None and not travels)
-        if travel is not None and travels:
-            path = reference.path.surprise(along, float(along @ fit.shift_m))
-            least, both = travel.surprise, combined_surprise([travel.surprise, path])
-            most = max(travel.surprise, both)
-        else:
-            pattern, path = _pattern_surprise(fit, shift), reference.path.surprise(along, float(along @ shift))
-            least, most = min(pattern, path), max(pattern, path)
-        if least < EACH_SURPRISE:
+        along = _direction(fit, *block.tangential, turns=not math.isnan(block.load[4]))
+        pattern, path = _pattern_surprise(fit, shift), reference.path.surprise(along, float(along @ shift))
+        if min(pattern, path) < EACH_SURPRISE:
             return None
-        return self._find(_Motion(block.t_ns, shift, most - math.log(2.0), reference))
+        return self._find(_Motion(block.t_ns, shift, max(pattern, path) - math.log(2.0), reference))
 
     def _growth(self, fit: ImageFit, block: Block, before: Block) -> tuple[float, float]:
         """Return how far growth, or a gap that opens or closes, may have moved one edge along X and Y, m.
@@ -202,17 +194,17 @@ class ImageShift:
         return min(fit.growth_m[0], most[0]), min(fit.growth_m[1], most[1])
 
     def _follow(
-        self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference, *, travels: bool
+        self, known: _Motion, fit: ImageFit, shift: Array, block: Block, reference: _Reference
     ) -> Evidence | None:
         """Return evidence as strong as that of a known motion where it goes on."""
         before = known.shift_m if known.reference is reference else np.zeros(MOTIONS)
         further = shift - before
         goes_on = float(further @ further) > AGAIN_M**2 and float(further @ shift) > 0.0
-        if not goes_on or not (travels or _pattern_surprise(fit, shift) >= EACH_SURPRISE):
+        if not goes_on or _pattern_surprise(fit, shift) < EACH_SURPRISE:
             return None
         if float(shift @ shift) < (AGAIN_PITCHES * self._pitch_m) ** 2:
             return self._find(_Motion(block.t_ns, shift, known.surprise, reference))
-        begun = self._begin(block)
+        begun = _Reference(block, ShiftPath(self._noise))
         self._references = [begun]
         return self._find(_Motion(block.t_ns, np.zeros(MOTIONS), known.surprise, begun))
 
@@ -231,11 +223,10 @@ class _Motion(NamedTuple):
 
 
 class _Reference(NamedTuple):
-    """A block, and the paths since then: of the contact in the image, and of the contact centroid."""
+    """A block, and the path of the contact since then."""
 
     block: Block
     path: ShiftPath
-    centroids: ShiftPath
 
 
 def _slide(fit: ImageFit, growth_m: tuple[float, float], fx_n: float, fy_n: float, spin_nm: float) -> Array:

@@ -30,6 +30,8 @@ GEOMETRY = PadGeometry(8, 16, 0.004, 0.003)
 PAD = Pad(8, 16, 0.004, 0.003)
 RATE_HZ, T0 = 100, 100_000_000_000
 NOISE = LoadNoise(0.02, 0.0005)
+READINGS = 10
+"""Force readings between two images, whose mean counts."""
 CERTAIN = 12.0
 CREEPS = FrictionLaw(0.5, 0.5, 0.01, 20.0)
 
@@ -73,7 +75,7 @@ def watch(trace: GraspTrace, noise: float = 0.005, seed: int = 1) -> list[tuple[
     shift, found = ImageShift(GEOMETRY, NOISE), []
     for t_s, image in zip(times_s, images, strict=True):
         k = int(np.searchsorted(trace.t_s, t_s, side="right")) - 1
-        wrench = trace.wrench_left[k] + rng.normal(0.0, 1.0, 6) * np.repeat(NOISE, 3)
+        wrench = trace.wrench_left[k] + rng.normal(0.0, READINGS**-0.5, 6) * np.repeat(NOISE, 3)
         loads = image * trace.normal_n[k] / image.sum() + rng.normal(0.0, noise, image.size)
         evidence = shift.update(T0 + round(t_s * 1e9), loads, tuple(wrench.tolist()))
         if evidence is not None:
@@ -120,7 +122,7 @@ def test_noise_of_any_colour_is_no_motion(drifts: str) -> None:
     for k in range(120 * RATE_HZ):
         drift = keeps * drift + rng.normal(0.0, 0.0005, loads.size)
         image = loads + drift * (keeps > 0.0) + rng.normal(0.0, 0.005, loads.size)
-        wrench = np.array((3.0, 0.0, -10.0, 0.0, 0.0, 0.0)) + rng.normal(0.0, 1.0, 6) * np.repeat(NOISE, 3)
+        wrench = np.array((3.0, 0.0, -10.0, 0.0, 0.0, 0.0)) + rng.normal(0.0, READINGS**-0.5, 6) * np.repeat(NOISE, 3)
         evidence = shift.update(T0 + k * 10_000_000, image, tuple(wrench.tolist()))
         if evidence is not None:
             surprises.append(evidence.surprise)
