@@ -24,6 +24,8 @@ LEAST_LEFT, LEAST_SHARE, LEAST_CORRELATION = 0.2, 0.4, 0.4
 show at least this share of the measured shift, and be correlated with the change by a shift at least so much."""
 SURE_LEFT, SURE_SHARE = 0.4, 0.15
 """No tilt leaves as much as this share; then this share of the shift suffices: edges may lie between electrodes."""
+LEAST_TAXELS = 10
+"""Fewer taxels are fitted by the first six nearly as they are."""
 STDS = 5.0
 """The share must exceed 0 by this many standard deviations of the noise."""
 
@@ -60,12 +62,13 @@ class ImageAgreement:
         slope_x = (mean[self._east] - mean[self._west]) / self._wide
         slope_y = (mean[self._north] - mean[self._south]) / self._high
         used = np.isfinite(variance)
+        if np.count_nonzero(used) < LEAST_TAXELS:
+            return False
         by_shift = -(shift_m[0] * slope_x + shift_m[1] * slope_y)[used]
         change, load = (after - before)[used], mean[used]
-        x, y = (at[used] - at[used].mean() for at in (self._x, self._y))
-        size = max(float(np.abs(x).max()), float(np.abs(y).max())) if x.size else 0.0
-        if not size > 0.0:
-            return False
+        x, y = self._x[used], self._y[used]
+        x, y = x - x.mean(), y - y.mean()
+        size = max(float(np.abs(x).max()), float(np.abs(y).max()))
         x, y = x / size, y / size
         modes = np.stack((load, load * x, load * y, load * x * x, load * x * y, load * y * y), axis=1)
         return _agree(change, by_shift, modes, variance[used])
