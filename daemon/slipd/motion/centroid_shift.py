@@ -16,7 +16,7 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.motion.evidence import Evidence
 from slipd.motion.image_agreement import ImageAgreement
-from slipd.motion.image_blocks import BLOCK_S, Block
+from slipd.motion.image_blocks import BLOCK_S, Block, LoadNoise
 from slipd.motion.shift_path import PathNoise, ShiftPath
 from slipd.signals.pad import PadGeometry
 
@@ -30,6 +30,8 @@ AGAIN_M = 1e-4
 """A contact that is known to move is reported again after a further motion by this much, m."""
 ALONG = 0.5
 """Cosine of the largest angle between a shift and the tangential force: a turn beside it may bend its way so far."""
+LEAST_SCATTER = 4
+"""From as many images on, their scatter shows the noise of the contact centroid."""
 EACH_SURPRISE = 3.0
 """The path must look like a motion by this much."""
 FIRST_NS, SHORTEST_NS, LONGEST_NS = 200_000_000, 300_000_000, 800_000_000
@@ -56,10 +58,11 @@ class CentroidShift:
 
     Args:
         geometry: Layout of the taxels.
+        noise: Of the force sensor.
     """
 
-    def __init__(self, geometry: PadGeometry) -> None:
-        self._agreement = ImageAgreement(geometry)
+    def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
+        self._agreement, self._torque_nm = ImageAgreement(geometry), noise.torque_nm
         self.reset()
 
     def reset(self) -> None:
@@ -118,8 +121,16 @@ class CentroidShift:
 
     def _begin(self, block: Block) -> None:
         if self._noise is None:
-            self._noise = PathNoise(np.append(block.centroid_std_m, 0.0))
+            self._noise = PathNoise(np.append(self._centroid_std_m(block), 0.0))
         self._begun, self._told_m, self._beyond_before = _Begun(block, ShiftPath(self._noise)), 0.0, False
+
+    def _centroid_std_m(self, block: Block) -> Array:
+        """Return the noise of the mean centroid of a block, shape (2,): by its scatter, or as stated by few images."""
+        wrenches = block.wrenches
+        if len(wrenches) < LEAST_SCATTER:
+            return np.full(2, self._torque_nm / (float(block.load[2]) * math.sqrt(len(wrenches))))
+        centroids = wrenches[:, (4, 3)] / wrenches[:, 2:3]
+        return np.asarray(centroids.std(axis=0) / math.sqrt(len(wrenches) - 1))
 
 
 class _Begun(NamedTuple):

@@ -24,8 +24,6 @@ SAME_CENTROID_M = 1e-3
 """The contact centroid is the same within this, m: a tilt moves it further before it opens a gap."""
 NOISE_STDS = 4.0
 """All of them also within this many standard deviations of the noise."""
-LEAST_SCATTER = 4
-"""From as many images on, their scatter shows the noise of the contact centroid."""
 RECENT_IMAGES = 400
 """Images over which the noise of the taxels is averaged."""
 
@@ -47,7 +45,7 @@ class Block(NamedTuple):
         load: Fx, Fy, normal force, N; spin torque, N·m; contact centroid X, Y, m; NaN where not measured. Shape (6,).
         tolerance: How far loads may differ and still be the same, shape (6,).
         rise_n: How much larger the tangential force of a later block may be, N.
-        centroid_std_m: Standard deviations of the contact centroid by noise, shape (2,), m.
+        wrenches: Wrench of each image, shape (k, 6), N and N·m.
     """
 
     t_ns: int
@@ -56,7 +54,7 @@ class Block(NamedTuple):
     load: Array
     tolerance: Array
     rise_n: float
-    centroid_std_m: Array
+    wrenches: Array
 
     def same_load(self, other: Block, moved_m: Array) -> bool:
         """Return whether another block has the same load.
@@ -137,15 +135,7 @@ class ImageBlocks:
             return None
         variance = self._jumps / (2.0 * max(self._jump_count, 1.0) * count)
         rise_n = RISE_SHARE * math.hypot(load[0], load[1]) + NOISE_STDS * self._noise.force_n / math.sqrt(count)
-        return Block(t_ns, image, variance, load, tolerance, rise_n, self._centroid_std_m(wrenches, load[2]))
-
-    def _centroid_std_m(self, wrenches: Array, normal_n: float) -> Array:
-        """Return the noise of the mean centroid of some wrenches: by their scatter, or as stated where they are few."""
-        if len(wrenches) < LEAST_SCATTER:
-            stated_m = self._noise.torque_nm / (normal_n * math.sqrt(len(wrenches)))
-            return np.array((stated_m, stated_m))
-        centroids = wrenches[:, (4, 3)] / wrenches[:, 2:3]
-        return np.asarray(centroids.std(axis=0) / math.sqrt(len(wrenches) - 1))
+        return Block(t_ns, image, variance, load, tolerance, rise_n, wrenches)
 
     def _tolerance(self, load: Array) -> Array:
         """Return how far another load may differ from this one and still be the same, shape (6,)."""

@@ -65,7 +65,7 @@ class ImageShift:
     """
 
     def __init__(self, geometry: PadGeometry, noise: LoadNoise) -> None:
-        self._fitter, self._centroids = ImageFitter(geometry), CentroidShift(geometry)
+        self._fitter, self._centroids = ImageFitter(geometry), CentroidShift(geometry, noise)
         self._x, self._y = geometry.positions()
         self._blocks = ImageBlocks(geometry, noise)
         self._grid, self._pitch_m = (geometry.rows, geometry.cols), geometry.pitch_m
