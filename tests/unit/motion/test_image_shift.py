@@ -67,7 +67,14 @@ def grasp(
     return simulate(GraspedObject(0.2), patch, law or FrictionLaw(), PadCompliance(), history, cell_m=0.001)
 
 
-def watch(trace: GraspTrace, noise: float = 0.005, seed: int = 1) -> list[tuple[Evidence, float]]:
+def felt(wrench: np.ndarray, *, torque: bool) -> tuple[float, ...]:
+    """Return what a force sensor measures, that may measure no torque."""
+    return tuple((wrench if torque else np.append(wrench[:3], np.full(3, math.nan))).tolist())
+
+
+def watch(
+    trace: GraspTrace, noise: float = 0.005, seed: int = 1, *, torque: bool = True
+) -> list[tuple[Evidence, float]]:
     """Return the evidence in noisy images, each with how far the object had moved, m."""
     rng = np.random.default_rng(seed)
     times_s = np.arange(0.0, trace.t_s[-1], 1.0 / RATE_HZ)
@@ -77,17 +84,20 @@ def watch(trace: GraspTrace, noise: float = 0.005, seed: int = 1) -> list[tuple[
         k = int(np.searchsorted(trace.t_s, t_s, side="right")) - 1
         wrench = trace.wrench_left[k] + rng.normal(0.0, READINGS**-0.5, 6) * np.repeat(NOISE, 3)
         loads = image * trace.normal_n[k] / image.sum() + rng.normal(0.0, noise, image.size)
-        evidence = shift.update(T0 + round(t_s * 1e9), loads, tuple(wrench.tolist()))
+        evidence = shift.update(T0 + round(t_s * 1e9), loads, felt(wrench, torque=torque))
         if evidence is not None:
             found.append((evidence, math.hypot(*trace.displacement[k, :2])))
     return found
 
 
+@pytest.mark.parametrize("torque", [True, False])
 @pytest.mark.parametrize(("kind", "speed_mps"), [("rectangle", 0.0003), ("ring", 0.001), ("rectangle", 0.003)])
-def test_a_patch_that_creeps_over_the_pad_is_found_within_a_millimetre(kind: str, speed_mps: float) -> None:
+def test_a_patch_that_creeps_over_the_pad_is_found_within_a_millimetre(
+    kind: str, speed_mps: float, torque: bool
+) -> None:
     trace = grasp(1.7 + 0.0013 / speed_mps, creeping(speed_mps), kind=kind, law=CREEPS)
     assert math.hypot(*trace.displacement[-1, :2]) > 7e-4
-    at_m = [moved_m for evidence, moved_m in watch(trace) if evidence.surprise > CERTAIN]
+    at_m = [moved_m for evidence, moved_m in watch(trace, torque=torque) if evidence.surprise > CERTAIN]
     assert at_m
     assert 2e-4 < at_m[0] < 1e-3
 
@@ -109,6 +119,7 @@ def test_a_changing_load_is_no_motion(growth: float, moves: bool) -> None:
         ):
             assert not trace.gross.any()
             assert watch(trace) == []
+            assert watch(trace, torque=False) == []
 
 
 @pytest.mark.parametrize("drifts", ["white", "seconds", "walk"])
@@ -179,7 +190,8 @@ def test_the_surprise_of_a_ratio_is_bounded() -> None:
     assert f_surprise(1e12, 3, 1e4) == 700.0
 
 
-def test_a_known_motion_is_reported_again_only_after_a_further_one() -> None:
+@pytest.mark.parametrize("torque", [True, False])
+def test_a_known_motion_is_reported_again_only_after_a_further_one(torque: bool) -> None:
     trace = grasp(4.0, creeping(0.0005), kind="rectangle", law=CREEPS)
     shift, rng = ImageShift(GEOMETRY, NOISE), np.random.default_rng(1)
     with pytest.raises(ValueError, match="before it is confirmed"):
@@ -189,7 +201,7 @@ def test_a_known_motion_is_reported_again_only_after_a_further_one() -> None:
     for t_s, image in zip(times_s, trace.taxel_loads(PAD, times_s), strict=True):
         k = int(np.searchsorted(trace.t_s, t_s, side="right")) - 1
         loads = image * trace.normal_n[k] / image.sum() + rng.normal(0.0, 0.005, image.size)
-        evidence = shift.update(T0 + round(t_s * 1e9), loads, tuple(trace.wrench_left[k].tolist()))
+        evidence = shift.update(T0 + round(t_s * 1e9), loads, felt(trace.wrench_left[k], torque=torque))
         if evidence is not None and evidence.surprise > CERTAIN:
             found_ns.append(evidence.t_ns)
             assert 300_000_000 <= shift.confirm() - evidence.t_ns <= 800_000_000
@@ -208,7 +220,8 @@ def test_images_without_load_or_without_grip_show_nothing() -> None:
         assert all(shift.update(T0 + k * 10_000_000, image, wrench) is None for k in range(100))
 
 
-def test_a_confirmed_motion_is_followed_from_taxel_to_taxel_and_forgotten_after_a_rest() -> None:
+@pytest.mark.parametrize("torque", [True, False])
+def test_a_confirmed_motion_is_followed_from_taxel_to_taxel_and_forgotten_after_a_rest(torque: bool) -> None:
     trace = grasp(6.0, creeping(0.0025), kind="rectangle", law=CREEPS)
     moved_m = math.hypot(*trace.displacement[-1, :2])
     assert moved_m > PAD.pitch_m
@@ -220,14 +233,29 @@ def test_a_confirmed_motion_is_followed_from_taxel_to_taxel_and_forgotten_after_
     for t_s, image in zip(times_s, images, strict=True):
         k = int(np.searchsorted(trace.t_s, t_s, side="right")) - 1
         loads = image * trace.normal_n[k] / image.sum() + rng.normal(0.0, 0.005, image.size)
-        evidence = shift.update(T0 + round(t_s * 1e9), loads, tuple(trace.wrench_left[k].tolist()))
+        evidence = shift.update(T0 + round(t_s * 1e9), loads, felt(trace.wrench_left[k], torque=torque))
         if evidence is not None and evidence.surprise > CERTAIN:
             shift.confirm()
             at_m.append(math.hypot(*trace.displacement[k, :2]))
     assert at_m[-1] > PAD.pitch_m, "it is still followed"
-    wrench, end_ns = tuple(trace.wrench_left[-1].tolist()), T0 + round(trace.t_s[-1] * 1e9)
+    wrench, end_ns = felt(trace.wrench_left[-1], torque=torque), T0 + round(trace.t_s[-1] * 1e9)
     rested = [
         shift.update(end_ns + k * 10_000_000, images[-1] + rng.normal(0.0, 0.005, images[-1].size), wrench)
         for k in range(200)
     ]
     assert all(evidence is None for evidence in rested[100:])
+
+
+@pytest.mark.parametrize("turns", [1.0, -1.0])
+def test_a_contact_that_turns_about_its_centroid_is_found_where_it_follows_its_torque(turns: float) -> None:
+    shift, rng = ImageShift(GEOMETRY, NOISE), np.random.default_rng(1)
+    x, y = GEOMETRY.positions()
+    found = []
+    for k in range(200):
+        angle = turns * 0.1 * max(k - 60, 0) / RATE_HZ
+        u, v = x * math.cos(angle) + y * math.sin(angle), y * math.cos(angle) - x * math.sin(angle)
+        image = 0.3 * np.exp(-((u / 0.014) ** 4) - (v / 0.009) ** 4) + rng.normal(0.0, 0.002, x.size)
+        wrench = np.array((0.5, 0.0, -10.0, 0.0, 0.0, 0.05)) + rng.normal(0.0, READINGS**-0.5, 6) * np.repeat(NOISE, 3)
+        evidence = shift.update(T0 + k * 10_000_000, image, tuple(wrench.tolist()))
+        found += [] if evidence is None else [evidence.surprise > CERTAIN]
+    assert any(found) == (turns > 0.0)
