@@ -109,7 +109,8 @@ class CentroidShift:
         least_m = LEAST_M if self._known is None else self._told_m + AGAIN_M
         beyond = along_m > max(least_m, ALONG * length_m)
         lasts, self._beyond_before = beyond and (self._beyond_before or self._known is not None), beyond
-        if not lasts or not self._agreement.shows(begun.block.image, block.image, variance(begun.block, block), shift):
+        goes_on = self._known is not None and length_m < LEAST_M  # too little for the image since the path began anew
+        if not lasts or not (goes_on or self._shows(begun.block, block, variance, shift)):
             return None
         surprise = begun.path.surprise(np.append(direction, 0.0), along_m)
         if self._known is not None:
@@ -123,6 +124,9 @@ class CentroidShift:
         if self._noise is None:
             self._noise = PathNoise(np.append(self._centroid_std_m(block), 0.0))
         self._begun, self._told_m, self._beyond_before = _Begun(block, ShiftPath(self._noise)), 0.0, False
+
+    def _shows(self, begun: Block, block: Block, variance: Callable[[Block, Block], Array], shift_m: Array) -> bool:
+        return self._agreement.shows(begun.image, block.image, variance(begun, block), shift_m)
 
     def _centroid_std_m(self, block: Block) -> Array:
         """Return the noise of the mean centroid of a block, shape (2,): by its scatter, or as stated by few images."""
