@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import json
 import time
-from collections.abc import AsyncIterator, Coroutine, Iterator
+from collections.abc import Coroutine, Iterator
 from typing import TYPE_CHECKING, Any
 
 import zmq
@@ -104,12 +104,18 @@ class LiveFeed:
         ready = asyncio.Event()
         asked: asyncio.Queue[str] = asyncio.Queue(1)
         with self._looking(), contextlib.suppress(ConnectionClosed):
-            async with _running(self._send(connection, ready), self._carry_out(connection, asked)):
-                async for text in connection:
-                    if text == NEXT:
-                        ready.set()
-                    elif isinstance(text, str):
-                        await self._accept(connection, asked, text)
+            await _first_of(
+                self._listen(connection, ready, asked),
+                self._send(connection, ready),
+                self._carry_out(connection, asked),
+            )
+
+    async def _listen(self, connection: ServerConnection, ready: asyncio.Event, asked: asyncio.Queue[str]) -> None:
+        async for text in connection:
+            if text == NEXT:
+                ready.set()
+            elif isinstance(text, str):
+                await self._accept(connection, asked, text)
 
     async def _accept(self, connection: ServerConnection, asked: asyncio.Queue[str], text: str) -> None:
         """Pass a request on; one at a time, and one that waits."""
@@ -160,12 +166,13 @@ async def _reply(connection: ServerConnection, reply: Reply) -> None:
     await connection.send(json.dumps({"reply": reply}))
 
 
-@contextlib.asynccontextmanager
-async def _running(*jobs: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """Run jobs beside the block, and end them with it."""
+async def _first_of(*jobs: Coroutine[Any, Any, None]) -> None:
+    """Run jobs until the first ends, end the others, and raise what it raised."""
     tasks = [asyncio.create_task(job) for job in jobs]
     try:
-        yield
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
     finally:
         for task in tasks:
             task.cancel()

@@ -29,6 +29,9 @@ LIVE_PATH = "/live"
 TOKEN_S = 5.0
 """How long a WebSocket may take to send the token."""
 
+CLOSE_S = 1.0
+"""How long a browser may take to close its WebSocket."""
+
 MESSAGE_BYTES = 4096
 """Longest message from a page."""
 
@@ -86,6 +89,7 @@ class PageServer:
                 process_request=self._request,
                 max_size=MESSAGE_BYTES,
                 max_queue=4,
+                close_timeout=CLOSE_S,
                 compression=None,
                 server_header=None,
                 logger=_LOG,

@@ -38,7 +38,8 @@ class RecordedBlocks:
         self.begin_ns: int | None = None
         self.changes: list[dict[str, Any]] = []
         self.ended = False
-        self._file = tempfile.TemporaryFile(prefix="slipd-view-")  # noqa: SIM115 - closed by `close`
+        self._fd, name = tempfile.mkstemp(prefix="slipd-view-")
+        os.unlink(name)  # noqa: PTH108 - the file ends with the process
         self._places: dict[int, tuple[int, int]] = {}
         self._size = 0
         self._now_ns = 0
@@ -84,15 +85,17 @@ class RecordedBlocks:
     def block(self, number: int) -> bytes | None:
         """Return a block, a JSON list of frames compressed with gzip; None where nothing was recorded then."""
         place = self._places.get(number)
-        return None if place is None else os.pread(self._file.fileno(), place[1], place[0])
+        return None if place is None else os.pread(self._fd, place[1], place[0])
 
     def close(self) -> None:
-        """Delete the blocks."""
-        self._file.close()
+        """Delete the blocks; nothing can be read or added any more."""
+        os.close(self._fd)
 
     def _end_frame(self) -> None:
         """Make a frame of what is new, in the block of its last message."""
-        block = (self._now_ns - (self.begin_ns or 0)) // BLOCK_NS
+        if self.begin_ns is None:
+            return
+        block = (self._now_ns - self.begin_ns) // BLOCK_NS
         if block != self._block:
             self._end_block()
             self._block = block
@@ -109,7 +112,7 @@ class RecordedBlocks:
         if not self._frames:
             return
         data = gzip.compress(f"[{','.join(self._frames)}]".encode(), compresslevel=1)
-        os.pwrite(self._file.fileno(), data, self._size)
+        os.pwrite(self._fd, data, self._size)
         self._places[self._block] = (self._size, len(data))
         self._size += len(data)
         self._frames = []

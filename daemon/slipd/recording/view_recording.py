@@ -56,9 +56,10 @@ class RecordingView:
 
     def start(self) -> None:
         """Begin to replay; the thread ends with the program."""
-        threading.Thread(target=self._replay, name="replay", daemon=True).start()
+        threading.Thread(target=self.replay, name="replay", daemon=True).start()
 
-    def _replay(self) -> None:
+    def replay(self) -> None:
+        """Replay the whole recording."""
         try:
             self.blocks.add_all(self._messages)
         except Exception as error:

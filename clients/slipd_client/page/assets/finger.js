@@ -138,7 +138,7 @@ export class FingerCard {
     facts.push(`darkest taxel: ${quantity(largest, 3, tactile.force_unit === "N" ? "N" : "(uncalibrated)")}`);
     facts.push(circles.length
       ? `circles: friction limit of each taxel, the largest ${quantity(largestLimit, 3, "N")}`
-      : "no friction circles: load or μ is unknown");
+      : "no friction circles: load or μ is unknown, or the taxels are too small");
     if (masked.length) facts.push(`${masked.length} taxels are not used (×)`);
     return facts.join("; ");
   }

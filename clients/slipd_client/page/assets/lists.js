@@ -6,6 +6,12 @@ import { known, word } from "./levels.js";
 /** Changes that are shown; older ones are left out. */
 const SHOWN = 50;
 
+function note(text) {
+  const item = document.createElement("li");
+  item.textContent = text;
+  return item;
+}
+
 export class ChangeList {
   constructor(words) {
     this.words = words;
@@ -21,7 +27,12 @@ export class ChangeList {
     if (newest === this.newest && state.changes.length === this.count) return;
     this.newest = newest;
     this.count = state.changes.length;
-    this.list.replaceChildren(...state.changes.slice(0, SHOWN).map((change) => this.#item(change)));
+    const items = state.changes.slice(0, SHOWN).flatMap((change, index) => {
+      const older = state.changes[index + 1];
+      const missed = older && older.boot === change.boot ? change.seq - older.seq - 1 : 0;
+      return missed > 0 ? [this.#item(change), note(`${missed} changes before this one were not received`)] : [this.#item(change)];
+    });
+    this.list.replaceChildren(...items);
     this.none.hidden = state.changes.length > 0;
   }
 

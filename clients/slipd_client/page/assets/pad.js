@@ -7,6 +7,9 @@ import { edgePoint, frictionLimits, padGeometry } from "./pad_geometry.js";
 /** Part of a taxel's half side that the largest friction circle fills. */
 const LARGEST_CIRCLE = 0.92;
 
+/** Taxels that are drawn smaller than this, px, get no circles. */
+const LEAST_TAXEL_PX = 6;
+
 /**
  * Draw a pad; return where everything was drawn, in CSS pixels, for the caption and for tests.
  *
@@ -75,7 +78,7 @@ function drawLoads(context, geometry, tactile, masked) {
 
 function drawCircles(context, geometry, tactile, slip) {
   const limits = frictionLimits(tactile, slip);
-  if (!limits) return { circles: [], newtonsPerPixel: null, largestLimit: null };
+  if (!limits || tactile.pitch_m * geometry.scale < LEAST_TAXEL_PX) return { circles: [], newtonsPerPixel: null, largestLimit: null };
   const largest = Math.max(...limits);
   const pixels = (LARGEST_CIRCLE * tactile.pitch_m * geometry.scale) / 2 / largest;
   context.strokeStyle = colour("--circle");
