@@ -57,7 +57,6 @@ class LiveFeed:
         self.viewers = 0
         self._link = Link(zmq.SUB, endpoint, keys)
         self._requests = requests
-        self._same_clock = endpoint.startswith("ipc:")
         self._newest = Newest()
         self._looked_at = asyncio.Event()
         self._arrived = asyncio.Condition()
@@ -142,7 +141,7 @@ class LiveFeed:
             ready.clear()
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._newer_than(seen), IDLE_S)
-            frame = self._newest.frame(seen, time.monotonic_ns() if self._same_clock else None)
+            frame = self._newest.frame(seen)
             seen = self._newest.tick
             await connection.send(frame)
 

@@ -69,13 +69,8 @@ class Newest:
         self._topics.clear()
         self._seqs.clear()
 
-    def frame(self, since: int, now_ns: int | None) -> str:
-        """Return as JSON what has arrived after the tick ``since``.
-
-        Args:
-            since: Tick up to which the browser has seen everything; 0: nothing.
-            now_ns: The daemon's clock; None where it is not known.
-        """
+    def frame(self, since: int) -> str:
+        """Return as JSON what has arrived after the tick ``since``, up to which a browser has seen everything."""
         for newest in sorted(self._topics.values(), key=lambda each: each.tick):
             if newest.frames and newest.tick > since:
                 self._decode(newest)
@@ -85,8 +80,7 @@ class Newest:
             if newest.tick > since and newest.text
         )
         changes = ",".join(text for tick, text in self._changes if tick > since)
-        clock = "null" if now_ns is None else str(now_ns)
-        return f'{{"now_ns":{clock},"topics":{{{topics}}},"changes":[{changes}],"bad":{json.dumps(self.bad_reason)}}}'
+        return f'{{"topics":{{{topics}}},"changes":[{changes}],"bad":{json.dumps(self.bad_reason)}}}'
 
     def _decode(self, newest: _Newest) -> None:
         """Decode a message; one that repeats an earlier one, as after a reconnection, is left out."""

@@ -22,7 +22,6 @@ export class State {
     this.seen = new Set();
     this.boot = "";
     this.nowNs = null;
-    this.frameMs = 0;
     this.bad = "";
     this.restarts = 0;
   }
@@ -30,8 +29,7 @@ export class State {
   /** Add a frame that has just arrived. */
   apply(frame) {
     const nowMs = performance.now();
-    this.nowNs = frame.now_ns;
-    this.frameMs = nowMs;
+    this.nowNs = frame.now_ns ?? null;
     this.bad = frame.bad ?? "";
     for (const [topic, body] of Object.entries(frame.topics)) {
       if (body.boot !== this.boot) this.#begin(body.boot);
@@ -57,14 +55,19 @@ export class State {
     for (const old of this.changes.splice(CHANGES)) this.seen.delete(`${old.boot} ${old.seq}`);
   }
 
-  /** Age of the newest message of a topic, s; null where there is none. */
+  /**
+   * Age of the newest message of a topic, s; null where there is none.
+   *
+   * The daemon sends a new subscriber the last message of each topic: one that is older than the newest `status` is old,
+   * although it has just arrived.
+   */
   age(topic) {
     const newest = this.topics.get(topic);
     if (!newest) return null;
-    const sinceFrame_s = this.recorded ? 0 : (performance.now() - this.frameMs) / 1000;
-    const byClock_s = this.nowNs === null ? 0 : (this.nowNs - newest.body.t_ns) / 1e9 + sinceFrame_s;
+    const clock_ns = this.recorded ? this.nowNs : this.last("status")?.t_ns;
+    const behind_s = clock_ns ? (clock_ns - newest.body.t_ns) / 1e9 : 0;
     const sinceArrival_s = this.recorded ? 0 : (performance.now() - newest.arrivedMs) / 1000;
-    return Math.max(byClock_s, sinceArrival_s, 0);
+    return Math.max(behind_s, sinceArrival_s, 0);
   }
 
   stale(topic) {
