@@ -34,6 +34,7 @@ function showReply(ok, text) {
   const reply = document.getElementById("reply");
   setText(reply, text);
   reply.dataset.ok = String(ok);
+  document.getElementById("replies").hidden = false;
 }
 
 function request(body) {
@@ -107,9 +108,8 @@ const handlers = {
   },
   onPermission(text) {
     permission = text;
-    const shown = document.getElementById("permission");
-    setText(shown, text ? `requests are not accepted: ${text}` : "");
-    shown.hidden = !text;
+    setText(document.getElementById("permission"), text && `requests are not accepted: ${text}`);
+    if (text) document.getElementById("replies").hidden = false;
     wantDraw();
   },
   onReply: (reply) => showReply(reply.ok, reply.text),
@@ -128,7 +128,6 @@ const handlers = {
   },
 };
 
-document.getElementById("replies").hidden = !settings.buttons;
 const source = settings.live ? new Connection(token, handlers) : new Player(token, settings, handlers);
 setInterval(wantDraw, LOOK_MS);
 
