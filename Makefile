@@ -17,7 +17,7 @@ ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gr
 # Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
 DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
-.PHONY: demo test lint portable_quick portable bench chart evaluate fuzz soak clean
+.PHONY: demo test lint portable_quick portable bench chart pictures evaluate fuzz soak clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -38,6 +38,7 @@ test: $(READY)
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS))
 	@echo "== tests of whole daemons"
 	@$(BIN)/pytest --numprocesses=2 --dist loadfile $(DAEMONS)
+	@PYTHONPATH=tests/support $(BIN)/python -m browser
 endif
 
 lint: $(READY)
@@ -62,6 +63,10 @@ bench: $(MEASURES)
 chart: $(MEASURES)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m chart $(CHART)
+
+pictures: $(READY)
+	@echo "== the live view in a browser, as pictures (needs Chromium; on an idle machine)"
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m livepage.pictures $(PICTURES)
 
 evaluate: $(MEASURES)
 	@echo "== warnings and reports of slip on simulated grasps, against what really happened (about 20 minutes)"

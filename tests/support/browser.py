@@ -1,5 +1,7 @@
 """A real browser for tests and pictures of the page: headless Chromium, driven from a thread of its own.
 
+    PYTHONPATH=tests/support python -m browser      say whether there is one
+
 The thread is needed because Playwright's blocking interface runs an event loop in the thread that calls it.
 """
 
@@ -21,16 +23,11 @@ T = TypeVar("T")
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 MISSING = (
-    ""
-    if CHROMIUM and importlib.util.find_spec("playwright")
-    else "no browser: install Chromium (apt install chromium) to test the live view"
+    "" if CHROMIUM and importlib.util.find_spec("playwright") else "there is no Chromium (Debian: apt install chromium)"
 )
 """Why no browser can be started; "" where one can."""
 
 PATIENCE_S = 60.0
-
-
-NICENESS = 10
 
 
 class Browser:
@@ -41,13 +38,14 @@ class Browser:
         hosts: Hosts that the page sent requests to.
     """
 
-    def __init__(self, width: int = 1280, height: int = 1000, *, dark: bool = False) -> None:
+    def __init__(self, width: int = 1280, height: int = 1000, *, dark: bool = False, niceness: int = 10) -> None:
         self.problems: list[str] = []
         self.hosts: set[str] = set()
         self._options: dict[str, Any] = {
             "viewport": {"width": width, "height": height},
             "color_scheme": "dark" if dark else "light",
         }
+        self._niceness = niceness
         self._thread = ThreadPoolExecutor(1, "browser")
 
     def __enter__(self) -> Browser:
@@ -89,7 +87,7 @@ class Browser:
         from playwright.sync_api import sync_playwright
 
         # Of this thread alone, and of what it starts: drawing must not make a daemon late that shares the machine.
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+        os.setpriority(os.PRIO_PROCESS, 0, self._niceness)
         self._playwright = sync_playwright().start()
         self._browser = self._playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         self._page = self._browser.new_page(**self._options)
@@ -106,3 +104,7 @@ class Browser:
     def _end(self) -> None:
         self._browser.close()
         self._playwright.stop()
+
+
+if __name__ == "__main__" and MISSING:
+    print(f"== the live view was not tested in a browser: {MISSING}")

@@ -105,3 +105,24 @@ def test_a_demo_that_is_ended_early_leaves_neither_processes_nor_an_open_recordi
     with pytest.raises(ProcessLookupError):
         os.kill(daemon, 0)
     assert open_recording(tmp_path / "demo.mcap").closed
+
+
+@pytest.mark.process
+def test_the_page_is_opened_where_there_is_a_display_and_never_without_a_live_view(
+    demo: tuple[str, Path], tmp_path: Path
+) -> None:
+    opened = tmp_path / "opened"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" >> {opened}\n', encoding="utf-8")
+    browser.chmod(0o700)
+    environment = os.environ | {
+        "SLIPD_RUNTIME_DIR": str(tmp_path / "run"),
+        "DISPLAY": ":99",
+        "BROWSER": f"{browser} %s",
+    }
+    command = [sys.executable, "-m", "slipd", "demo", "--seconds", "0.5"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=110)
+    assert done.returncode == 0, done.stderr
+    (url,) = re.findall(r"^view: (http://127\.0\.0\.1:\d+/#\S{20,})$", done.stdout, re.MULTILINE)
+    assert opened.read_text().split() == [url]
+    assert "view: " not in demo[0]

@@ -68,14 +68,19 @@ class RecordingView:
             raise
 
     def answer(self, path: str) -> Response | None:
-        """Answer ``/data/recording/N``, what there is and the changes of level from the N-th, or ``/data/block/N``."""
+        """Answer ``/data/recording/N``, what there is and the changes of level from the N-th, or ``/data/block/N``.
+
+        A block without messages, or that is not replayed yet, is null.
+        """
         _, _, kind, number = path.split("/") if path.count("/") == 3 else ("", "", "", "")
         if not number.isdecimal():
             return None
         if kind == "recording":
             return json_answer(self._state(int(number)))
-        data = self.blocks.block(int(number)) if kind == "block" else None
-        return None if data is None else answer(HTTPStatus.OK, data, "application/json", "gzip")
+        if kind != "block":
+            return None
+        data = self.blocks.block(int(number))
+        return json_answer(None) if data is None else answer(HTTPStatus.OK, data, "application/json", "gzip")
 
     def _state(self, known: int) -> dict[str, object]:
         blocks = self.blocks

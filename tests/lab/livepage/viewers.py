@@ -32,6 +32,7 @@ from slipd_client.subscriber import Subscriber
 READINGS = 4000
 """Verdicts of one measurement: 2.5 s of both fingers."""
 
+TOPICS = ("",)
 BROWSER_S = 5.0
 
 
@@ -73,9 +74,10 @@ def ending(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
 def latencies_ms(publish: str) -> list[float]:
     """Return the latency of the next verdicts, ms."""
     found: list[float] = []
-    with Subscriber(publish, ("slip",)) as subscriber:
+    with Subscriber(publish, TOPICS) as subscriber:
         for message in subscriber:
-            found.append(message.age_s * 1e3)
+            if message.topic.startswith("slip."):
+                found.append(message.age_s * 1e3)
             if len(found) == READINGS:
                 break
     return found

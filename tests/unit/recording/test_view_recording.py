@@ -68,11 +68,13 @@ def test_changes_that_the_page_knows_are_not_sent_again(shown: Show) -> None:
     assert data_of(view, "/data/recording/20")["changes"] == every[20:]
 
 
-@pytest.mark.parametrize(
-    "path", ["/data/", "/data/block/99", "/data/block/-1", "/data/block/x", "/data/other/0", "/data/block/0/1"]
-)
+@pytest.mark.parametrize("path", ["/data/", "/data/block/-1", "/data/block/x", "/data/other/0", "/data/block/0/1"])
 def test_there_is_nothing_else(path: str, shown: Show) -> None:
     assert shown(DATA / "replays" / "bota.mcap").answer(path) is None
+
+
+def test_a_block_without_messages_is_null(shown: Show) -> None:
+    assert data_of(shown(DATA / "replays" / "bota.mcap"), "/data/block/99") is None
 
 
 def test_a_recording_that_was_cut_off_is_shown_with_the_fault(tmp_path: Path, shown: Show) -> None:

@@ -25,8 +25,9 @@ export function parts(vector, digits, unit, factor = 1) {
 /** A value, and what it may not exceed where that is known. */
 export function ofLimit(value, limit, digits, unit) {
   if (!isNumber(value)) return UNKNOWN;
-  const known = isNumber(limit) ? `of ${quantity(limit, digits, unit)}` : "of an unknown limit";
-  return `${quantity(value, digits, unit)} ${known}`;
+  return isNumber(limit)
+    ? `${quantity(value, digits)} of ${quantity(limit, digits, unit)}`
+    : `${quantity(value, digits, unit)} of an unknown limit`;
 }
 
 /** A value with its standard deviation, where that is known. */

@@ -110,13 +110,14 @@ export class Player {
   }
 
   async #load(number) {
+    const { ended } = this;
     let frames = null;
     try {
       frames = await this.#fetch(`block/${number}`);
     } catch {
       this.handlers.onState("closed", "");
     }
-    if (frames || number + 1 < Math.floor(this.seconds)) this.blocks.set(number, frames ?? []);
+    if (frames || ended || number + 1 < Math.floor(this.seconds)) this.blocks.set(number, frames ?? []);
     else setTimeout(() => this.blocks.delete(number), ASK_MS); // not replayed yet: ask again
   }
 
@@ -170,7 +171,7 @@ export class Player {
       if (frames === null) return; // wait for it
       this.#show(frames, this.begin_ns + target * 1e9);
     }
-    this.#block(Math.floor(target) + 1);
+    if (target + 1 < this.seconds) this.#block(Math.floor(target) + 1);
     this.position = target;
     if (this.ended && target >= this.seconds) this.#setPlaying(false);
   }

@@ -1,0 +1,107 @@
+"""The page of recordings in a real browser: time line, and what is shown of a rig that lacks this or that."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from browser import MISSING, Browser
+from project import DATA
+
+from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
+
+pytestmark = [pytest.mark.process, pytest.mark.skipif(bool(MISSING), reason=MISSING)]
+
+REPLAYS = DATA / "replays"
+ENDED = "slipd.source.ended && slipd.state.fingers().length > 0"
+
+
+@contextmanager
+def page_of(recording: Path) -> Iterator[str]:
+    """Serve the page of a recording; its address."""
+    command = [sys.executable, "-m", "slipd", "view", str(recording), "--listen", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ) as process:
+        try:
+            assert process.stdout is not None
+            yield process.stdout.readline().strip().partition(": ")[2]
+        finally:
+            process.kill()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with Browser() as browser:
+        yield browser
+
+
+def levels(browser: Browser) -> dict[str, str]:
+    found: dict[str, str] = browser.value(
+        """Object.fromEntries([...document.querySelectorAll(".finger")].map(
+            (card) => [card.dataset.finger, card.querySelector(".level").textContent]))"""
+    )
+    return found
+
+
+def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
+    messages = list(replay(open_recording(REPLAYS / "demo.mcap")))
+    begin_ns = messages[0][1]["t_ns"]
+    warnings = [
+        body for topic, body in messages if topic == "warning" and body["rising"] and body["level"] == "warning"
+    ]
+    with page_of(REPLAYS / "demo.mcap") as url:
+        browser.open(url)
+        browser.until(ENDED)
+        browser.click("#play")  # a pause
+        browser.do(lambda page: page.fill("#position", "0"))
+        browser.until("slipd.source.position === 0 && slipd.source.seeking === null")
+        browser.click("#next")
+        browser.until("slipd.source.position > 0 && slipd.source.seeking === null")
+        first_s = (warnings[0]["t_ns"] - begin_ns) * 1e-9
+        assert browser.value("slipd.source.position") == pytest.approx(first_s, abs=0.1)
+        browser.until("[...document.querySelectorAll('.level')].some((level) => level.textContent === 'WARNING')")
+        assert levels(browser)[warnings[0]["finger"]] == "WARNING"
+        shown = browser.value("document.querySelectorAll('#change-list li').length")
+        assert shown >= len(
+            [1 for topic, body in messages if topic == "warning" and body["t_ns"] <= warnings[0]["t_ns"]]
+        )
+        later = [each for each in warnings if (each["t_ns"] - begin_ns) * 1e-9 > first_s + 0.5]
+        for _ in range(len(warnings)):
+            browser.click("#next")
+            browser.until("slipd.source.seeking === null")
+        assert browser.value("slipd.source.position") == pytest.approx((later[-1]["t_ns"] - begin_ns) * 1e-9, abs=0.1)
+        browser.click("#previous")
+        browser.until("slipd.source.seeking === null")
+        assert browser.value("slipd.source.position") < (later[0]["t_ns"] - begin_ns) * 1e-9
+        browser.do(lambda page: page.select_option("#speed", "10"))
+        browser.click("#play")
+        browser.until("document.getElementById('play').textContent === 'Play'")  # it has ended
+        assert browser.value("slipd.source.position") == pytest.approx(browser.value("slipd.source.seconds"))
+    assert browser.problems == []
+
+
+def test_one_finger_without_image_gripper_and_circles_is_shown_as_far_as_it_is_known(browser: Browser) -> None:
+    last = dict(replay(open_recording(REPLAYS / "bota.mcap")))
+    with page_of(REPLAYS / "bota.mcap") as url:
+        browser.open(url)
+        browser.until(ENDED)
+        browser.do(lambda page: page.select_option("#speed", "10"))
+        browser.until("document.getElementById('play').textContent === 'Play'")
+        browser.until("document.querySelector('[data-field$=\".normal_n\"]') !== null")
+        texts = browser.value(
+            """Object.fromEntries([...document.querySelectorAll("[data-field]")].map(
+                (field) => [field.dataset.field.split(".")[1], field.textContent]))"""
+        )
+        assert len(levels(browser)) == 1
+        assert browser.value("document.getElementById('grasp').hidden") is True
+        assert "no image of the pad" in browser.value("document.querySelector('figcaption').textContent")
+        (topic,) = [topic for topic in last if topic.startswith("slip.")]
+        unknown = {field for field, value in last[topic].items() if value is None} & texts.keys()
+        assert {"pole_m", "tipping_margin_m", "required_friction"} <= unknown
+        assert {field: texts[field] for field in unknown} == dict.fromkeys(unknown, "unknown")
+    assert browser.problems == []
