@@ -60,7 +60,7 @@ def _view(chosen: argparse.Namespace) -> None:
     try:
         from slipd_client.page.view_command import view
     except ModuleNotFoundError as error:
-        raise CallError(f"slipctl view needs {error.name}: pip install 'slipd-client[view]'") from error
+        raise CallError("slipctl view needs the package websockets: pip install 'slipd-client[view]'") from error
     asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, keys=_keys(chosen), buttons=chosen.buttons))
 
 
