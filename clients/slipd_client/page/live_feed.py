@@ -117,11 +117,11 @@ class LiveFeed:
                 await self._accept(connection, asked, text)
 
     async def _accept(self, connection: ServerConnection, asked: asyncio.Queue[str], text: str) -> None:
-        """Pass a request on; one at a time, and one that waits."""
+        """Pass a request on, or refuse it while another is carried out: none is carried out later."""
         try:
             asked.put_nowait(text)
         except asyncio.QueueFull:
-            await _reply(connection, refused("busy: the requests before it are not answered yet"))
+            await _reply(connection, refused("busy: the request before it is not answered yet"))
 
     async def _carry_out(self, connection: ServerConnection, asked: asyncio.Queue[str]) -> None:
         """Carry out the requests of one browser, one after another."""
@@ -131,7 +131,11 @@ class LiveFeed:
                 await _reply(connection, refused("this view only shows: it was started without buttons"))
         await connection.send(json.dumps({"permission": await self._requests.permission()}))
         while True:
-            await _reply(connection, await self._requests.carry_out(await asked.get()))
+            text = await asked.get()
+            asked.put_nowait(text)  # it stays until it is answered, so that another is refused
+            reply = await self._requests.carry_out(text)
+            asked.get_nowait()
+            await _reply(connection, reply)
 
     async def _send(self, connection: ServerConnection, ready: asyncio.Event) -> None:
         """Send a frame whenever the browser is ready and anything is new, and at least every ``IDLE_S``."""
