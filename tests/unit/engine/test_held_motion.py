@@ -40,15 +40,17 @@ def slips(run: Run, finger: str = "left") -> list[dict[str, object]]:
     return [body for body in run.published(f"slip.{finger}") if body["level"] == "slipping"]
 
 
-def hold(run: Run, seconds: float, speed_mps: float, rng: np.random.Generator, x_m: float = 0.0) -> float:
-    """Hold 8 N and 2 N across while the contact moves over the pad: force at 500 Hz, images at 100 Hz.
+def hold(
+    run: Run, seconds: float, speed_mps: float, rng: np.random.Generator, x_m: float = 0.0, across_n: float = 2.0
+) -> float:
+    """Hold 8 N and ``across_n`` while the contact moves over the pad: force at 500 Hz, images at 100 Hz.
 
     Returns:
         Where the contact is in the end, m; it begins at ``x_m``.
     """
     for k in range(round(seconds * 500)):
         x_m += speed_mps / 500
-        run.wrench(8.0 + rng.normal(0.0, 0.02), (2.0 + rng.normal(0.0, 0.02), 0.0), centroid_m=(x_m, 0.0), ms=2.0)
+        run.wrench(8.0 + rng.normal(0.0, 0.02), (across_n + rng.normal(0.0, 0.02), 0.0), centroid_m=(x_m, 0.0), ms=2.0)
         if k % 5 == 0:
             run.image(np.round(patch(x_m) * 100 + rng.normal(0.0, 0.5, (8, 16))).astype(int))
     return x_m
@@ -69,7 +71,12 @@ def test_a_contact_that_creeps_over_the_pad_is_a_slip() -> None:
     assert found[0]["t_ns"] - began_ns < 1000 * MS, "within a millimetre"
     assert {body["level"] for body in run.published("slip.left") if body["t_ns"] > found[0]["t_ns"]} == {"slipping"}
     hold(run, 1.5, 0.0, rng, x_m)
-    assert run.level()[0] != "slipping", "a slip ends with the motion"
+    after = run.published("slip.left")[-1]
+    assert (after["level"], after["reasons"]) == ("warning", ["translation"]), "a slip ends with the motion"
+    assert after["mu_source"] == "learned"
+    assert after["mu_low"] < after["required_friction"] < after["mu_high"] < 0.5, "it slid under this load"
+    hold(run, 1.0, 0.0, rng, x_m, across_n=0.8)
+    assert run.level()[0] == "stable", "friction that was learned carries less"
 
 
 @pytest.mark.parametrize("steps", [1, 4])
