@@ -25,13 +25,15 @@ IMAGE_NS = 2_500_000
 class _Finger:
     """The sensors of one finger, and its view of the scene."""
 
-    def __init__(self, scene: Scene, mount: BotaMount, rng: np.random.Generator, *, right: bool) -> None:
+    def __init__(
+        self, scene: Scene, mount: BotaMount, electronics: PvdfElectronics, rng: np.random.Generator, *, right: bool
+    ) -> None:
         self._scene, self._right = scene, right
         patch, pad = (scene.patch.mirrored() if right else scene.patch), Pad()
         self.wrench = BotaSensor(mount, rng)
         self._shares = pad.shares(patch)
         self._next_image_ns = 0
-        self.pad = PvdfPad(pad.rows, pad.cols, PvdfElectronics(), rng)
+        self.pad = PvdfPad(pad.rows, pad.cols, electronics, rng)
 
     def advance(self, t_ns: int) -> tuple[bytes, bytes]:
         wrench = self._scene.wrench(right=self._right)
@@ -48,16 +50,18 @@ class VirtualRig:
     Args:
         scene: The scene, at its start.
         seed: Seed of the noise.
+        electronics: Electronics of both pads; None: the defaults.
 
     Attributes:
         scene: The scene in its present state.
     """
 
-    def __init__(self, scene: Scene, seed: int = 0) -> None:
+    def __init__(self, scene: Scene, seed: int = 0, electronics: PvdfElectronics | None = None) -> None:
         self.scene = scene
+        electronics = electronics or PvdfElectronics()
         left, right = np.random.default_rng(seed).spawn(2)
-        self._left = _Finger(scene, LEFT_MOUNT, left, right=False)
-        self._right = _Finger(scene, RIGHT_MOUNT, right, right=True)
+        self._left = _Finger(scene, LEFT_MOUNT, electronics, left, right=False)
+        self._right = _Finger(scene, RIGHT_MOUNT, electronics, right, right=True)
         self._gripper = Gripper2F(scene.open_width_m)
         self._returned = 0
 

@@ -31,6 +31,7 @@ def test_a_real_run_has_every_part(demo: tuple[RunTracks, Any]) -> None:
     assert [each.title for each in parts] == [
         "level and reasons",
         "utilisation λ",
+        "evidence of motion",
         "normal force",
         "tangential force",
         "spin",
