@@ -52,7 +52,9 @@ def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
     messages = list(replay(open_recording(REPLAYS / "demo.mcap")))
     begin_ns = messages[0][1]["t_ns"]
     warnings = [
-        body for topic, body in messages if topic == "warning" and body["rising"] and body["level"] == "warning"
+        body
+        for topic, body in messages
+        if topic == "warning" and body["rising"] and body["level"] in ("warning", "slipping")
     ]
     with page_of(REPLAYS / "demo.mcap") as url:
         browser.open(url)
