@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from slipd_client.errors import Silence, hint_for
 from slipd_client.live_view import UNCUT, LiveView, Terminal, change_line
+from slipd_client.live_view_format import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.terminal_screen import TerminalScreen
@@ -183,7 +184,7 @@ def _print_gaps(message: Message) -> None:
     if message.restarted:
         print("slipctl: the daemon was restarted", file=sys.stderr)
     if message.missed:
-        print(f"slipctl: {message.missed} messages of {message.topic} were missed", file=sys.stderr)
+        print(f"slipctl: {message.missed} messages of {plain(message.topic)} were missed", file=sys.stderr)
 
 
 def _is_screen(stream: TextIO) -> bool:

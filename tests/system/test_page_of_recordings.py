@@ -68,6 +68,7 @@ def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
         assert browser.value("slipd.source.position") == pytest.approx(first_s, abs=0.1)
         browser.until("[...document.querySelectorAll('.level')].some((level) => level.textContent === 'WARNING')")
         assert levels(browser)[warnings[0]["finger"]] == "WARNING"
+        assert not browser.value("slipd.state.stale('status')")
         shown = browser.value("document.querySelectorAll('#change-list li').length")
         assert shown >= len(
             [1 for topic, body in messages if topic == "warning" and body["t_ns"] <= warnings[0]["t_ns"]]
@@ -107,3 +108,26 @@ def test_one_finger_without_image_gripper_and_circles_is_shown_as_far_as_it_is_k
         assert {"pole_m", "tipping_margin_m", "required_friction"} <= unknown
         assert {field: texts[field] for field in unknown} == dict.fromkeys(unknown, "unknown")
     assert browser.problems == []
+
+
+def test_odd_words_are_shown_and_a_message_that_cannot_be_drawn_is_never_shown_as_live(browser: Browser) -> None:
+    send = """([part, more]) => {
+        const [finger] = slipd.state.fingers();
+        const slip = slipd.state.last(`slip.${finger}`);
+        const body = { ...slip, seq: slip.seq + 1000, ...more };
+        slipd.source.handlers.onFrame({ now_ns: slip.t_ns, topics: { [`${part}.${finger}`]: body }, changes: [] });
+    }"""
+    taxel = {"rows": 1, "cols": 1, "pitch_m": 0.001, "rows_along": "+y", "cols_along": "+x", "loads_n": 5}
+    with page_of(REPLAYS / "bota.mcap") as url:
+        browser.open(url)
+        browser.until(ENDED)
+        browser.do(lambda page: page.select_option("#speed", "10"))
+        browser.until("document.getElementById('play').textContent === 'Play'")
+        browser.do(lambda page: page.evaluate(send, ["slip", {"level": "stable", "reasons": ["constructor"]}]))
+        browser.until("document.querySelector('.why').textContent.startsWith('constructor')")
+        assert set(levels(browser).values()) == {"STABLE"}
+        assert browser.problems == []
+        browser.do(lambda page: page.evaluate(send, ["tactile", taxel]))
+        browser.until("document.getElementById('connection').dataset.state === 'stale'")
+        assert set(levels(browser).values()) == {"UNKNOWN"}
+    browser.problems.clear()

@@ -6,6 +6,9 @@ import { isNumber } from "./format.js";
 export const SECONDS = 20;
 const HEIGHT = 150;
 
+/** Verdicts that are further apart are not joined by a line, s. */
+const GAP_S = 0.7;
+
 /** Shortest time between two drawings, ms: a chart shows the past. */
 const REDRAW_MS = 100;
 
@@ -32,12 +35,13 @@ export class Chart {
     this.rows = [];
   }
 
-  /** Add a verdict; `null` where there is none at that time, which leaves a gap. */
+  /** Add a verdict; a time without any leaves a gap. */
   add(t_s, slip) {
     const last = this.rows.at(-1);
     if (last && t_s < last[0]) this.rows = []; // another run, or a jump back in a recording
     if (last && t_s === last[0]) return;
-    this.rows.push([t_s, ...SERIES.map(([, field]) => (isNumber(slip?.[field]) ? slip[field] : null))]);
+    if (last && t_s - last[0] > GAP_S) this.rows.push([(last[0] + t_s) / 2, ...SERIES.map(() => null)]);
+    this.rows.push([t_s, ...SERIES.map(([, field]) => (isNumber(slip[field]) ? slip[field] : null))]);
     const begin = this.rows.findIndex((row) => row[0] >= t_s - SECONDS - 1);
     if (begin > 60) this.rows.splice(0, begin);
   }

@@ -47,7 +47,7 @@ export function interval(low, high, digits) {
 /** Words that explain words of the wire; a word without an explanation is shown as it is. */
 export function explained(words, meanings) {
   if (!Array.isArray(words)) return "";
-  return words.map((word) => (meanings[word] ? `${word}: ${plain(meanings[word])}` : String(word))).join("; ");
+  return words.map((word) => (Object.hasOwn(meanings, word) ? `${word}: ${plain(meanings[word])}` : String(word))).join("; ");
 }
 
 const plain = (text) => text.replaceAll("`", "").replaceAll("**", "");

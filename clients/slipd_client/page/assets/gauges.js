@@ -64,14 +64,17 @@ export function drawForce(canvas, slip) {
   return { centre, radius, tip: null };
 }
 
-/** An arc from the top, against the clock for a positive spin; a whole half turn is the limit. */
+/** An arc from the top, against the clock for a positive spin; a whole half turn is the limit. Unknown: a dashed ring. */
 function drawSpin(context, [x, y], radius, slip) {
   context.lineWidth = 6;
   context.strokeStyle = colour("--pad");
+  const { spin_nm: spin, torque_limit_nm: limit } = slip ?? {};
+  const known = isNumber(spin) && isNumber(limit) && limit !== 0;
+  if (!known) context.setLineDash([4, 4]);
   circle(context, x, y, radius);
   context.stroke();
-  const { spin_nm: spin, torque_limit_nm: limit } = slip ?? {};
-  if (!isNumber(spin) || !isNumber(limit) || limit === 0) return;
+  context.setLineDash([]);
+  if (!known) return;
   const share = Math.min(Math.abs(spin / limit), 1) * Math.PI;
   context.strokeStyle = colour("--pole");
   context.beginPath();

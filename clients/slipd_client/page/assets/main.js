@@ -50,6 +50,18 @@ function wantDraw() {
 
 function draw() {
   wanted = false;
+  try {
+    drawAll();
+  } catch (error) {
+    // What is drawn is old, and must not look like the present.
+    connection.dataset.state = "stale";
+    setText(connection, `STALE: what was received cannot be drawn: ${error.message}`);
+    for (const card of cards.values()) card.draw(new State(state.recorded));
+    throw error;
+  }
+}
+
+function drawAll() {
   const names = state.fingers();
   for (const name of names) {
     if (!cards.has(name)) {
@@ -89,7 +101,7 @@ function drawHeader(names) {
 
 function condition(names) {
   if (link === "refused") return ["refused", linkText];
-  if (link === "closed") return ["stale", "STALE: no connection to the view's server; trying again"];
+  if (link === "closed") return ["stale", `STALE: ${linkText || "no connection to the view's server"}; trying again`];
   if (settings.live && !state.last("status") && !names.length) return ["waiting", "waiting for slipd"];
   if (!settings.live) return ["recording", "recording"];
   const old = state.staleFingers();

@@ -5,6 +5,9 @@ import { isNumber, isVector } from "./format.js";
 /** Half of what is shown of a pad whose image says nothing of its size, m. */
 const HALF_UNKNOWN_M = 0.015;
 
+/** More than any pad has. */
+const MOST_TAXELS = 4096;
+
 /** Room around the pad for the arrow to a pole outside, px. */
 const EDGE_PX = 34;
 
@@ -16,6 +19,7 @@ export function taxelCentres(tactile) {
   const { rows, cols, pitch_m: pitch } = tactile ?? {};
   const [down, along] = [AXES[tactile?.rows_along], AXES[tactile?.cols_along]];
   if (!isNumber(pitch) || !down || !along) return [];
+  if (!(rows * cols <= MOST_TAXELS)) return [];
   const centres = [];
   for (let row = 0; row < rows; row += 1) {
     for (let col = 0; col < cols; col += 1) {

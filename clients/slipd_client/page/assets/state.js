@@ -34,7 +34,8 @@ export class State {
     for (const [topic, body] of Object.entries(frame.topics)) {
       if (body.boot !== this.boot) this.#begin(body.boot);
       const before = this.topics.get(topic);
-      const period = before ? Math.min((nowMs - before.arrivedMs) / 1000, SLOWEST_PERIOD_S) : 0;
+      if (before?.body.seq === body.seq) continue; // sent again: no younger than it was
+      const period = before ? Math.min(Math.max(body.t_ns - before.body.t_ns, 0) / 1e9, SLOWEST_PERIOD_S) : 0;
       const period_s = before ? 0.8 * before.period_s + 0.2 * period : topic === "status" ? 1 : 0;
       this.topics.set(topic, { body, arrivedMs: nowMs, period_s });
     }
