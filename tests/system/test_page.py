@@ -244,7 +244,9 @@ def test_a_daemon_that_ends_is_stale_and_one_that_returns_is_live(parts: Parts) 
     state = "document.getElementById('connection').dataset.state"
     browser.until(f"{state} === 'live'")
     rig.daemon.terminate()
-    browser.until("[...document.querySelectorAll('.finger .why')].every((why) => why.textContent.startsWith('stale: '))")
+    browser.until(
+        "[...document.querySelectorAll('.finger .why')].every((why) => why.textContent.startsWith('stale: '))"
+    )
     browser.until(f"{state} === 'stale' && slipd.state.staleFingers().length === 2")
     cards = browser.value(
         """[...document.querySelectorAll(".finger")].map((card) => [card.querySelector(".level").textContent,
