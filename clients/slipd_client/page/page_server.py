@@ -2,8 +2,8 @@
 
 Three locks keep others out. ``Host`` must be an address or a name of this machine, against DNS rebinding. ``Origin``
 must be the page itself, against pages of other sites. And every message, recording and request needs the token of this
-start, which is only in the address that was printed: any user of the machine can connect to a port of 127.0.0.1. Without
-it one gets the files of the page, and the name of its source: the endpoint, or the path of the recording.
+start, which is only in the address that was printed: any user of the machine can connect to a port of 127.0.0.1.
+Without it one gets the files of the page, and the name of its source: the endpoint, or the path of the recording.
 """
 
 from __future__ import annotations
