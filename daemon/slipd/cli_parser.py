@@ -86,7 +86,7 @@ def parser() -> argparse.ArgumentParser:
         required=True,
         help="ros2: a bag (ROS, Foxglove, PlotJuggler); json-mcap: JSON (Foxglove); csv: one file for each topic",
     )
-    export.add_argument("--overwrite", action="store_true", help="replace an earlier export")
+    export.add_argument("--overwrite", action="store_true", help="replace an earlier export, never anything else")
     export.set_defaults(command="export")
 
     plot = _add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
@@ -104,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
     )
     plot.add_argument("--config", type=Path, metavar="FILE", help="replay with this config instead of the recorded one")
     plot.add_argument(
-        "--from", dest="begin_s", type=_positive, default=0.0, metavar="S", help="draw from this time on (default 0)"
+        "--from", dest="begin_s", type=_time_s, default=0.0, metavar="S", help="draw from this time on (default 0)"
     )
     plot.add_argument(
         "--to",
@@ -152,13 +152,24 @@ def _add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentPar
 
 
 def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
+    value = _number(text)
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
     return value
+
+
+def _time_s(text: str) -> float:
+    value = _number(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be 0 or a positive number, got {text}")
+    return value
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
 
 
 def _picture(text: str) -> Path:

@@ -69,6 +69,10 @@ def test_a_part_of_a_run_is_drawn_with_its_own_times(here: Path, capsys: pytest.
     assert max(begins) <= 2.5
     assert main(["plot", DEMO, "--from", "100"]) == 1
     assert "demo.mcap: no message after 100 s, the last is at " in capsys.readouterr().err
+    assert main(["plot", DEMO, "--from", "1", "--to", "1.00001"]) == 1
+    assert "demo.mcap: no two messages from 1 to 1.00001 s, so there is nothing to draw" in capsys.readouterr().err
+    assert main(["plot", DEMO, "--from", "0", "--to", "0.5", "--out", "begin.html"]) == 0
+    capsys.readouterr()
     assert main(["plot", DEMO, "--from", "2", "--to", "1"]) == 1
     assert capsys.readouterr().err == "slipd: --from 2 must be before --to 1\n"
 

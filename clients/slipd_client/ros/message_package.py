@@ -6,7 +6,9 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from slipd_client.ros.slipd_types import PACKAGE, SLIPD_TYPES
@@ -81,5 +83,24 @@ def write(folder: Path) -> Path:
     return package
 
 
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the package, print its path, and return the exit code.
+
+    Args:
+        arguments: Of the command line; None: those of this process.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m slipd_client.ros.message_package", description="Write the ROS 2 package slipd_msgs."
+    )
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder to write it into, e.g. ~/ros2_ws/src")
+    folder: Path = parser.parse_args(arguments).folder
+    try:
+        print(write(folder))
+    except OSError as error:
+        print(f"{folder}: cannot be written: {error.strerror}", file=sys.stderr)
+        return 1
+    return 0
+
+
 if __name__ == "__main__":
-    print(write(Path(sys.argv[1] if len(sys.argv) > 1 else ".")))
+    sys.exit(main())

@@ -10,28 +10,32 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from slipd.errors import SlipdError
+from slipd.export.csv_files import LOG_TIME
 from slipd.recording.reader import is_recording
+
+_MCAP_LIBRARY = b"\x05\0\0\0slipd"
+"""Name of the library in the header of an exported MCAP file, with its length."""
 
 
 @contextlib.contextmanager
-def draft(out: Path, kind: str, *, overwrite: bool) -> Iterator[Path]:
+def draft(out: Path, *, overwrite: bool) -> Iterator[Path]:
     """Yield a path to write to, which becomes ``out`` at the end; after an error nothing of it stays.
 
     Args:
         out: The result: a file or a folder.
-        kind: Ending of the files in a folder that may be overwritten, e.g. ".csv".
-        overwrite: Replace an earlier result.
+        overwrite: Replace an earlier export; nothing else is ever replaced.
 
     Raises:
         SlipdError: ``out`` exists and may not be overwritten, or it cannot be written.
     """
-    _check(out, kind, overwrite=overwrite)
+    _check(out, overwrite=overwrite)
     try:
         folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".draft", dir=out.parent))
     except OSError as error:
         raise _unwritable(out, error) from error
     try:
         yield folder / out.name
+        _check(out, overwrite=overwrite)  # it may have come meanwhile
         _place(folder / out.name, out, folder / "replaced")
     except OSError as error:
         raise _unwritable(out, error) from error
@@ -39,7 +43,7 @@ def draft(out: Path, kind: str, *, overwrite: bool) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _check(out: Path, kind: str, *, overwrite: bool) -> None:
+def _check(out: Path, *, overwrite: bool) -> None:
     if not os.path.lexists(out):
         return
     if not overwrite:
@@ -48,9 +52,23 @@ def _check(out: Path, kind: str, *, overwrite: bool) -> None:
         raise SlipdError(f"{out}: only a file or a folder can be overwritten")
     if out.is_file() and is_recording(out):
         raise SlipdError(f"{out}: is a recording of slipd, and is not overwritten")
+    if out.is_file() and not _is_exported(out):
+        raise SlipdError(f"{out}: is not an export of slipd, and is not overwritten")
     for path in sorted(out.iterdir()) if out.is_dir() else ():
-        if not path.is_file() or path.suffix not in (kind, ".yaml") or is_recording(path):
+        if not path.is_file() or not _is_exported(path):
             raise SlipdError(f"{out}: is a folder that also holds {path.name!r}, and is not overwritten")
+
+
+def _is_exported(path: Path) -> bool:
+    """Return whether a file is one of an export, by its first bytes; a bag's metadata by its name."""
+    if path.name == "metadata.yaml":
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(64)
+    except OSError:
+        return False
+    return start.startswith(f"{LOG_TIME},".encode()) or (_MCAP_LIBRARY in start and not is_recording(path))
 
 
 def _place(written: Path, out: Path, aside: Path) -> None:

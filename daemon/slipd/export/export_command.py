@@ -22,12 +22,12 @@ from slipd_client.ros.pad_frames import PadFrames
 
 Create = Callable[[Path, Config], MessageFiles]
 
-FORMATS: dict[str, tuple[str, Create]] = {
-    "ros2": (".mcap", lambda path, settings: Ros2Bag(path, _pads(settings))),
-    "json-mcap": (".mcap", lambda path, _: JsonMcap(path)),
-    "csv": (".csv", lambda path, _: CsvFiles(path)),
+FORMATS: dict[str, Create] = {
+    "ros2": lambda path, settings: Ros2Bag(path, _pads(settings)),
+    "json-mcap": lambda path, _: JsonMcap(path),
+    "csv": lambda path, _: CsvFiles(path),
 }
-"""Ending of the files of each format, and what writes them."""
+"""What writes each format."""
 
 
 def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
@@ -37,7 +37,7 @@ def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
         path: The recording.
         out: The file or folder to create.
         to: One of `FORMATS`.
-        overwrite: Replace an earlier export.
+        overwrite: Replace an earlier export; nothing else is ever replaced.
 
     Returns:
         Whether the recording is complete; if not, the export ends where the recording does.
@@ -48,10 +48,10 @@ def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
     """
     recording = open_recording(path)
     settings = config.parse(recording.config_text, f"{path}: config")
-    kind, create = FORMATS[to]
+    create = FORMATS[to]
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
     try:
-        with draft(out, kind, overwrite=overwrite) as written, contextlib.closing(create(written, settings)) as files:
+        with draft(out, overwrite=overwrite) as written, contextlib.closing(create(written, settings)) as files:
             count = _write(recording, settings, files, progress.show)
             if not count:
                 raise SlipdError(recording.fault or f"{path}: holds no event that causes a message")

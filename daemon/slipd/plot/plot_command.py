@@ -82,7 +82,7 @@ def make_report(
         settings = with_recorded_tares(config.load(config_file), recording)
     first = next(recording.events(), None)
     if first is None:
-        raise RecordingError(f"{recording.path}: no events in it, so there is nothing to draw")
+        raise RecordingError(recording.fault or f"{recording.path}: no events in it, so there is nothing to draw")
     tracks = RunTracks(first[0], window.begin_s)
     last_s = 0.0
     for topic, body in replay(recording, settings=settings):
@@ -92,7 +92,7 @@ def make_report(
         tracks.add(topic, body)
         progress(recording.read_bytes, recording.size_bytes)
     if tracks.window.end_s <= window.begin_s:
-        raise RecordingError(f"{recording.path}: no message after {window.begin_s:g} s, the last is at {last_s:.3f} s")
+        raise RecordingError(f"{recording.path}: {_nothing_in(window, last_s)}")
     return Report(
         recording.path.name,
         _facts(recording, tracks, first[0], config_file, settings.config_id),
@@ -101,6 +101,12 @@ def make_report(
         chart(tracks, settings.levels),
         tracks.changes,
     )
+
+
+def _nothing_in(window: Window, last_s: float) -> str:
+    if last_s > window.end_s:
+        return f"no two messages from {window.begin_s:g} to {window.end_s:g} s, so there is nothing to draw"
+    return f"no message after {window.begin_s:g} s, the last is at {last_s:.3f} s"
 
 
 def _facts(

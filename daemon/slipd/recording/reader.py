@@ -129,7 +129,8 @@ class Recording:
                 walk.fault = "ends without an end record"
         except (DamageError, OSError) as error:
             walk.fault = str(error)
-        self.lost = max(self.lost, walk.lost)
+        finally:  # also of a pass that its caller ends early
+            self.lost = max(self.lost, walk.lost)
         self.fault = self.fault or (walk.fault and f"{self.path}: {walk.fault}")
 
 

@@ -1,4 +1,5 @@
 import io
+import itertools
 import struct
 import zlib
 from collections.abc import Iterator
@@ -168,6 +169,16 @@ def test_a_recording_of_another_format_is_refused_by_name(tmp_path: Path) -> Non
 def test_a_start_that_is_not_a_number_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="start is damaged"):
         Forge(tmp_path / "forged.mcap", wall_minus_monotonic_ns="noon").read()
+
+
+def test_a_pass_that_ends_early_reports_what_was_missing_until_then(tmp_path: Path) -> None:
+    forged = Forge(tmp_path / "forged.mcap")
+    for n in (0, 5, 6, 7):
+        forged.event(n, sequence=n, log_time=n)
+    recording, _ = forged.read()
+    recording.lost = 0
+    assert [entry.n for entry in itertools.islice(recording.entries(), 3)] == [0, 5, 6]
+    assert (recording.lost, recording.complete) == (4, False)
 
 
 def test_an_index_beyond_32_bits_is_followed(tmp_path: Path, write) -> None:

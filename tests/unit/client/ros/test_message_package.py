@@ -5,8 +5,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import pytest
+
 import slipd_client.ros
-from slipd_client.ros.message_package import files, write
+from slipd_client.ros.message_package import files, main, write
 from slipd_client.ros.slipd_types import SLIPD_TYPES
 from slipd_client.ros.stock_types import STOCK_TYPES
 
@@ -37,3 +39,13 @@ def test_definitions_are_ascii_and_name_units() -> None:
         assert text.isascii(), name
     assert "[N]; NaN: not known\nfloat64 normal_n\n" in files()["msg/Slip.msg"]
     assert not set(STOCK_TYPES) & set(SLIPD_TYPES)
+
+
+def test_the_command_says_what_it_wrote_or_why_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(tmp_path)]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'slipd_msgs'}\n"
+    (tmp_path / "file").touch()
+    assert main([str(tmp_path / "file")]) == 1
+    assert capsys.readouterr().err == f"{tmp_path / 'file'}: cannot be written: Not a directory\n"
+    with pytest.raises(SystemExit):
+        main([])
