@@ -1,8 +1,8 @@
 """The course of a contact's load in blocks: running sums in a ring, and what is followed beside them.
 
 A block is a millisecond of readings, or one reading where they come more slowly. Sums up to each block give the mean of
-any stretch of blocks at once. Beside them are followed, each with its own time constant: the slow mean of q, its top,
-the largest that was carried without motion, the largest swing, and the noise of q.
+any stretch of blocks at once. Beside them are followed, each with its own time constant: the top of q, the largest that
+was carried without motion, the largest swing, and the noise of q.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ GAP_S = 0.1
 LEVEL = 8
 """Most blocks that are averaged for a level: a period of 120 Hz at 1 kHz."""
 
-SLOW_S, TOP_S, CARRIED_S, NOISE_S, SWING_S = 0.15, 0.1, 0.016, 0.2, 1.0
-"""Time constants of the slow mean, of the decay of the top, of the mean for ``carried``, of measured noise, and with
+CREST_S, TOP_S, CARRIED_S, NOISE_S, SWING_S = 0.15, 0.1, 0.016, 0.2, 1.0
+"""Time constants of the decay of a crest and of the top, of the mean for ``carried``, of measured noise, and with
 which swings are forgotten, s."""
 CLIP = 3.0
 """A difference counts as at most this many times the noise so far, so that one fall of the load hardly changes it."""
@@ -51,7 +51,7 @@ def restart(drop: Row, ring: Rows, t_s: float, q: float) -> None:
     forget_load(drop)
     drop["block"], drop["end_s"] = 0, t_s - BLOCK_S
     drop["q"], drop["normal"], drop["fx"], drop["fy"] = 0.0, 0.0, 0.0, 0.0
-    drop["slow"], drop["top"], drop["smooth"], drop["crest"], drop["trough"] = q, q, q, q, q
+    drop["top"], drop["smooth"], drop["crest"], drop["trough"] = q, q, q, q
     row = ring[0]
     row["q"], row["q2"], row["normal"], row["fx"], row["fy"] = 0.0, 0.0, 0.0, 0.0, 0.0
 
@@ -73,7 +73,6 @@ def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
     count = min(drop["count"] + 1, RING - 1)
     drop["count"] = count
     short = mean_q(ring, k, min(count, LEVEL))
-    drop["slow"] += (q - drop["slow"]) * dt / (SLOW_S + dt)
     drop["smooth"] += (q - drop["smooth"]) * dt / (CARRIED_S + dt)
     drop["top"] = max(short, drop["top"] + (short - drop["top"]) * dt / (TOP_S + dt))
     if is_closing(ring, k, count):  # a contact that is just made carries little by much friction
@@ -81,7 +80,7 @@ def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
     elif not drop["sliding"]:
         drop["carried"] = max(drop["carried"], drop["smooth"])
     drop["std"] = std
-    row["slow"], row["top"], row["carried"] = drop["slow"], drop["top"], drop["carried"]
+    row["top"], row["carried"] = drop["top"], drop["carried"]
     _measure_noise(drop, ring, k, count, dt)
     row["rough"] = drop["rough"]
     if not drop["sliding"]:
@@ -96,7 +95,7 @@ def _follow_swings(drop: Row, short: float, dt: float) -> None:
     if short >= drop["crest"]:
         drop["crest"], drop["trough"] = short, short
         return
-    drop["crest"] += (short - drop["crest"]) * dt / (SLOW_S + dt)  # a slow fall is no swing
+    drop["crest"] += (short - drop["crest"]) * dt / (CREST_S + dt)  # a slow fall is no swing
     drop["trough"] = min(drop["trough"], short)
     depth = drop["crest"] - drop["trough"]
     if short > drop["trough"] + 0.5 * depth:

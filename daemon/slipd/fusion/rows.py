@@ -115,7 +115,7 @@ DROP = np.dtype(
     [
         *_floats("least_drop", "window_s", "hold_s", "least_surprise"),
         *_floats("last_s", "end_s", "dt", "q", "normal", "fx", "fy", "std"),
-        *_floats("slow", "top", "smooth", "carried", "white", "rough", "swing", "crest", "trough"),
+        *_floats("top", "smooth", "carried", "white", "rough", "swing", "crest", "trough"),
         *_floats("since_s", "most", "peak", "plateau", "surprise"),
         ("n", _INTEGER),
         ("block", _INTEGER),
@@ -127,9 +127,7 @@ DROP = np.dtype(
 )
 """Settings and state of `slipd.fusion.load_drop`: the open block, running means and noise, and the slip under way."""
 
-BLOCK = np.dtype(
-    _floats("t_s", "q", "q2", "normal", "fx", "fy", "slow", "top", "carried", "rough", "swing"), align=True
-)
+BLOCK = np.dtype(_floats("q", "q2", "normal", "fx", "fy", "top", "carried", "rough", "swing"), align=True)
 """A block of readings in the ring of `slipd.fusion.load_drop`: sums up to it, and means and noise after it."""
 
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
 
@@ -259,7 +257,3 @@ def map_factors(x0: float, y0: float, cell: float, values: Array, on_object: Arr
         low = values[k, j] * (1.0 - u) + values[k, j + 1] * u
         high = values[k + 1, j] * (1.0 - u) + values[k + 1, j + 1] * u
         out[i] = loads[i] * (low * (1.0 - v) + high * v)
-
-
-EMPTY_MAP = np.ones((2, 2))
-"""A map whose value is 1 everywhere."""
