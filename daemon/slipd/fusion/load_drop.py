@@ -78,7 +78,7 @@ PUSH_S = 0.015
 """Least time over which that rise is taken, s."""
 CARRIED = 0.93
 """A fall begins at no less than this part of the largest q that the grasp carried without motion."""
-LEAST_GROWTH, GROWTH_STDS = 0.01, 2.0
+LEAST_GROWTH, GROWTH_STDS = 0.007, 2.0
 """Before a fall, q rose by at least this part, and by so many deviations,"""
 SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
 """above its mean of the second time, s; before a fall by more than the first part of q, above that of the third."""

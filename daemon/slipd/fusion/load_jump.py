@@ -34,8 +34,9 @@ GAPS, OVERSHOOT_S = (4, 8, 12, 16, 24), 0.024
 JUMPED, OVERSHOT, RINGS = 0.2, 0.04, 0.1
 """q rises by at least the first part of it, and overshoots by at least the second; then it changes and scatters by at
 most the third part of the overshoot: a contact that sticks rings on the springs of its pads."""
-FROM = 0.6
-"""A corner counts as slip from this part of the coefficient of friction on; where that is unknown, never."""
+FROM, OVERSHOT_FROM = 0.66, 0.55
+"""A corner, and a plateau after an overshoot, count from these parts of the coefficient of friction on; where that is
+unknown, never."""
 
 
 @compiled
@@ -64,7 +65,7 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
 def look_for_overshoot(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     """Begin a slip if q rose fast, overshot once, and has been flat since, at more than this grasp carried before."""
     k, count, dt = drop["block"], drop["count"], drop["dt"]
-    if dt > JUMP_S or math.isnan(mu) or mean_q(ring, k, SETTLED[0]) < FROM * mu:
+    if dt > JUMP_S or math.isnan(mu) or mean_q(ring, k, SETTLED[0]) < OVERSHOT_FROM * mu:
         return
     for p in SETTLED:
         for gap in GAPS:
