@@ -61,7 +61,9 @@ class ForceHistory:
         return ForceSummary(state.verdict is PAD_FREE, contact.normal_n, moving, agrees)
 
     def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
-        """Return the mean wrench of the kept readings between two times; see `wrench_at` where there is none.
+        """Return the mean wrench of the kept readings between two times.
+
+        If no reading is kept of that interval, this is the wrench of the reading nearest to its end.
 
         Args:
             since_ns: CLOCK_MONOTONIC; a reading of this time does not count.

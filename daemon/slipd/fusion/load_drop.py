@@ -79,9 +79,10 @@ PUSH_S = 0.015
 CARRIED = 0.93
 """A fall begins at no less than this part of the largest q that the grasp carried without motion."""
 LEAST_GROWTH, GROWTH_STDS = 0.007, 2.0
-"""Before a fall, q rose by at least this part, and by so many deviations,"""
+"""Before a fall, q rose by at least this part of itself, and by at least so many standard deviations of the noise."""
 SHALLOW, RISE_S, SHORT_RISE_S = 0.22, 0.14, 0.024
-"""above its mean of the second time, s; before a fall by more than the first part of q, above that of the third."""
+"""That rise starts from the mean of q over the second value, s, where the fall is less than the first, a part of q;
+from the mean over the third, s, where the fall is deeper."""
 
 
 @compiled

@@ -39,9 +39,10 @@ third."""
 BACK = 0.3
 """Meanwhile q did not swing by more than this part of it."""
 RATE_STDS = 3.5
-"""By so many deviations of a level it must have slowed down, unless the load shows that it goes on:"""
+"""A fall has slowed down by at least so many standard deviations of the noise, unless the load went on."""
 GOES_ON, GOES_ON_STDS = 0.005, 3.0
-"""since the peak, R grew by this part of it, or the normal force fell by it, beyond so many deviations of both."""
+"""The load went on if, since the peak, the tangential force grew or the normal force fell by more than this part plus
+so many standard deviations of the noise."""
 FROM, CARRIED = 0.68, 0.93
 """The peak is at least these parts of the coefficient of friction, where that is known, and of the largest q that the
 grasp carried without motion."""

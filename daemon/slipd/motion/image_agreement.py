@@ -20,12 +20,14 @@ from slipd.motion.image_fit import neighbours_along
 from slipd.signals.pad import PadGeometry
 
 LEAST_LEFT, LEAST_SHARE, LEAST_CORRELATION = 0.2, 0.4, 0.4
-"""The first six must leave at least this share of the squared change, or a tilt may explain it; what they leave must
-show at least this share of the measured shift, and be correlated with the change by a shift at least so much."""
+"""The six modes of load and tilt leave at least the first share of the squared change; otherwise a tilt may explain it.
+What they leave shows at least the second share of the measured shift, and correlates with the change that this shift
+would make by at least the third."""
 SURE_LEFT, SURE_SHARE = 0.4, 0.15
-"""No tilt leaves as much as this share; then this share of the shift suffices: edges may lie between electrodes."""
+"""No tilt leaves as much as the first share. Beyond it, the second share of the shift suffices: edges may lie between
+electrodes."""
 LEAST_TAXELS = 10
-"""Fewer taxels are fitted by the first six nearly as they are."""
+"""The six modes fit almost any image of fewer taxels."""
 STDS = 5.0
 """The share must exceed 0 by this many standard deviations of the noise."""
 
@@ -75,7 +77,14 @@ class ImageAgreement:
 
 
 def _agree(change: Array, by_shift: Array, modes: Array, variance: Array) -> bool:
-    """Return whether a change agrees with that by the shift, apart from the modes, shape (n, 6)."""
+    """Return whether the change of an image that its modes do not explain is that of the measured shift.
+
+    Args:
+        change: Change of the normal force on each taxel, shape (n,).
+        by_shift: Change that the measured shift would make, shape (n,).
+        modes: Changes by load and by tilt, shape (n, 6); both changes are compared after their best fit is subtracted.
+        variance: Variance of ``change`` by noise, shape (n,).
+    """
     fitted = np.linalg.lstsq(modes, np.stack((change, by_shift), axis=1), rcond=1e-9)[0]
     left = np.stack((change, by_shift), axis=1) - modes @ fitted
     of_change, of_both, of_shift = (float(left[:, i] @ left[:, k]) for i, k in ((0, 0), (0, 1), (1, 1)))
