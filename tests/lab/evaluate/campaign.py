@@ -15,7 +15,8 @@ from evaluate.user_errors import ERRORS
 FORESEEN = ("ramp", "pour", "torsion", "combined", "loosen", "edge", "few taxels", "far pole", "partial slip")
 """Families whose slips come slowly enough to be warned of."""
 
-SLIPPING_FAMILIES = (*FORESEEN, "creep", "flat creep", "sudden weight", "wet patch", "second slip")
+CREEPING = ("creep", "flat creep")
+SLIPPING_FAMILIES = (*FORESEEN, *CREEPING, "sudden weight", "wet patch", "second slip")
 HOLDING = tuple(name for name in FAMILIES if name not in SLIPPING_FAMILIES)
 QUIET = ("hold", "shake", "vibrate", "collide")
 """Families in which "slipping" must never be reported."""

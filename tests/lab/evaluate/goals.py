@@ -6,13 +6,16 @@ import math
 from collections.abc import Iterator
 
 from bench.tables import Table
-from evaluate.campaign import FORESEEN, QUIET, SLIPPING_FAMILIES, Campaign, is_sticky
+from evaluate.campaign import CREEPING, FORESEEN, QUIET, SLIPPING_FAMILIES, Campaign, is_sticky
 from evaluate.families import FAMILIES, PERTURBATIONS
 from evaluate.intervals import share_upper
 from evaluate.running import FACTORS, Variant
 
 Row = tuple[str, str, str, bool | None]
 """What, asked, found, and whether it is reached; None where nothing is asked."""
+
+PROMPT = tuple(family for family in SLIPPING_FAMILIES if family not in CREEPING)
+"""Families whose slips must be reported within 100 ms; of creep, another figure is asked."""
 
 EXACT = Variant(1.0)
 ALL = tuple(Variant(factor) for factor in FACTORS)
@@ -38,6 +41,7 @@ def goals(campaign: Campaign) -> Table:
         notes=[
             "Oracle: what a detector of a falling load misses (of creep: finds) although it is told the onset, see "
             "*visible* below.",
+            "Gross slip without `slipping` in 100 ms: creep apart, of which another figure is asked.",
             f"Warned before, its lead and changes on the way: families {', '.join(FORESEEN)}.",
         ],
     )
@@ -48,11 +52,11 @@ def goals(campaign: Campaign) -> Table:
 
 def _missed(c: Campaign) -> Iterator[Row]:
     for variant in ALL:
-        falls = c.summary(SLIPPING_FAMILIES, variant, where=lambda one: not is_sticky(one))
-        sticky = c.summary(SLIPPING_FAMILIES, variant, where=is_sticky)
-        for what, s, most in (("", falls, 5.0), (", μ_d/μ_s > 0.86", sticky, 10.0)):
+        falls = c.summary(PROMPT, variant, where=lambda one: not is_sticky(one))
+        sticky = c.summary(PROMPT, variant, where=is_sticky)
+        for what, s, most in ((" ≤ 0.86", falls, 5.0), (" > 0.86", sticky, 10.0)):
             yield (
-                f"gross slip without `slipping` in 100 ms, factor {variant.factor}{what}",
+                f"gross slip without `slipping` in 100 ms, factor {variant.factor}, μ_d/μ_s{what}",
                 f"≤ {most:.0f} %",
                 f"{percent(s.missed)} of {s.long} (oracle: {percent(1.0 - s.visible)})",
                 _below(s.missed, most),

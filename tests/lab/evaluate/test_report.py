@@ -45,6 +45,14 @@ def test_the_goals_say_what_is_reached_and_what_is_not(campaign: Campaign) -> No
     assert cells(table, "creep reported")[2:] == ["– of 0 (oracle: –)", ""], "nothing to say it from"
 
 
+def test_creep_is_not_asked_to_be_reported_within_100_ms() -> None:
+    made = {("pour", 0): WARNED, ("creep", 0): MUTE, ("flat creep", 0): MUTE}
+    results = [Result(name, k, variant, made[name, k]) for name, k in made for variant in MAIN]
+    rows = [row for row in goals.goals(Campaign(results, 1)).rows if "factor 1.1, μ_d/μ_s" in str(row[0])]
+    assert sum(" of 1 " in str(row[2]) for row in rows) == 1, "the one slip of pour"
+    assert all("100 %" not in str(row[2]).split(" of ")[0] for row in rows), "the misses are those of creep"
+
+
 def test_rejections_stand_beside_the_published_ones() -> None:
     made = [Result("change of grip", k, MAIN[0], FALSE if k == 0 else QUIET) for k in range(4)]
     row = cells(goals.rejections(Campaign(made, 4)), "change of grip")
