@@ -14,7 +14,7 @@ from terminals import PATIENCE_S, PseudoTerminal
 
 from slipd.cli import main
 from slipd.recording.mcap_file import RecordingFile
-from slipd.recording.reader import open_recording
+from slipd.recording.reader import Entered, open_recording
 
 DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
 SLIPD = str(Path(sys.executable).with_name("slipd"))
@@ -86,6 +86,29 @@ def test_a_recording_that_was_cut_off_is_drawn_as_far_as_it_goes(
     assert captured.out == "cut.html: written\n"
     assert captured.err.startswith("slipd: the recording is incomplete: cut.mcap: ")
     assert 'class="fault">cut.mcap: ' in (here / "cut.html").read_text(encoding="utf-8")
+
+
+def test_nothing_is_drawn_through_lost_entries_and_rare_messages_hold(here: Path) -> None:
+    recording = open_recording(Path(REFLEX))
+    rare = re.sub(r"(slip|grasp|status)_hz = [\d.]+", r"\1_hz = 0.1", recording.config_text)
+    entries = list(recording.entries())
+    begin_ns = entries[0].t_ns
+    file = RecordingFile(
+        Path("lossy.mcap"),
+        config_text=rare,
+        boot=recording.boot,
+        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
+    )
+    for entry in entries:
+        if isinstance(entry, Entered) and not 1.0 <= (entry.t_ns - begin_ns) * 1e-9 < 2.0:
+            file.event(entry.n, entry.t_ns, entry.event)
+    file.finish(len(entries))
+    assert main(["plot", "lossy.mcap"]) == 1
+    text = (here / "lossy.html").read_text(encoding="utf-8")
+    spans = [(float(begin), float(end)) for begin, end in re.findall(r"<title>([\d.]+) to ([\d.]+) s: ", text)]
+    assert not [span for span in spans if span[0] < 1.99 and span[1] > 1.01], "nothing is known of this time"
+    levels = [(float(a), float(b)) for a, b in re.findall(r"<title>([\d.]+) to ([\d.]+) s: no_contact<", text)]
+    assert levels[0] == pytest.approx((0.2, 1.0), abs=0.01), "a level holds although it is sent rarely"
 
 
 def test_a_recording_without_events_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

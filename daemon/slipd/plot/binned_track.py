@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 T = TypeVar("T")
@@ -24,6 +25,23 @@ class Window(NamedTuple):
 
     begin_s: float
     end_s: float
+
+
+class Extent(NamedTuple):
+    """How long values hold that no newer one replaces.
+
+    Attributes:
+        end_s: The end of what is drawn, s.
+        gaps: Times of which nothing is known, in order; no value holds into one.
+    """
+
+    end_s: float
+    gaps: Sequence[Window] = ()
+
+    def limit(self, t_s: float) -> float:
+        """Return until when a value of ``t_s`` can hold: the next gap, or the end."""
+        at = bisect_left(self.gaps, t_s, key=lambda gap: gap.begin_s)
+        return self.gaps[at].begin_s if at < len(self.gaps) else self.end_s
 
 
 class Held(NamedTuple, Generic[T]):
@@ -60,19 +78,19 @@ class BinnedTrack(Generic[T]):
         before = self._bins[at]
         self._bins[at] = value if before is None else self._merge(before, value)
 
-    def held(self, end_s: float) -> Iterator[Held[T]]:
-        """Yield the value of every bin that has one; it holds until the next, and the last until ``end_s``."""
+    def held(self, extent: Extent) -> Iterator[Held[T]]:
+        """Yield the value of every bin that has one; it holds until the next, the next gap, or the end."""
         first_s = self._begin_s or 0.0
         found = [(first_s + at * self._width_s, value) for at, value in enumerate(self._bins) if value is not None]
-        for at, (begin_s, value) in enumerate(found, start=1):
-            until_s = found[at][0] if at < len(found) else end_s
-            yield Held(begin_s, max(until_s, begin_s), value)
+        nexts_s = [begin_s for begin_s, _ in found[1:]] + [extent.end_s]
+        for (begin_s, value), next_s in zip(found, nexts_s, strict=False):
+            yield Held(begin_s, max(min(next_s, extent.limit(begin_s)), begin_s), value)
 
-    def runs(self, end_s: float) -> Iterator[Held[T]]:
-        """Yield the same, with equal values that follow each other as one."""
+    def runs(self, extent: Extent) -> Iterator[Held[T]]:
+        """Yield the same, with equal values that follow each other without a gap as one."""
         last: Held[T] | None = None
-        for each in self.held(end_s):
-            if last is not None and last.value == each.value:
+        for each in self.held(extent):
+            if last is not None and last.value == each.value and last.end_s >= each.begin_s:
                 last = Held(last.begin_s, each.end_s, last.value)
                 continue
             if last is not None:

@@ -67,6 +67,10 @@ class ChangeLog:
         """Add a message ``tactile``."""
         self._newest_image[finger] = body
 
+    def forget_images(self) -> None:
+        """Forget the newest image of each pad: it does not show what follows."""
+        self._newest_image.clear()
+
     def add_change(self, t_s: float, body: Mapping[str, Any]) -> None:
         """Add a message ``warning``."""
         finger = body["finger"]

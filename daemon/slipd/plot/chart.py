@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from slipd.config import Levels
-from slipd.plot.binned_track import BinnedTrack, Held, Range
+from slipd.plot.binned_track import BinnedTrack, Extent, Held, Range
 from slipd.plot.run_tracks import FingerTracks, RunTracks
 from slipd_client.messages import HEALTH
 
@@ -154,20 +154,20 @@ def chart(tracks: RunTracks, levels: Levels) -> list[Panel | StripGroup]:
         tracks: What the run reported.
         levels: The thresholds in force.
     """
-    end_s = tracks.window.end_s
+    extent = tracks.extent
     fingers = [(name, tracks.fingers[name], f"finger {at % 4}") for at, name in enumerate(tracks.finger_names)]
     limits = ((levels.caution, "caution"), (levels.warning, "warning"), (1.0, "slips"))
     force, torque = ("N", "N·m") if all(one.in_newtons for _, one, _ in fingers) else ("uncalibrated", "uncalibrated")
     parts: list[Panel | StripGroup] = [
-        StripGroup("level and reasons", [Strip(name, list(_levels(one, end_s))) for name, one, _ in fingers]),
-        Panel("utilisation λ", "", list(_utilisation(fingers, end_s)), limits, MOST_UTILISATION),
-        StripGroup("evidence of motion", [strip for name, one, _ in fingers for strip in _evidence(name, one, end_s)]),
-        Panel("normal force", force, list(_of_each(fingers, lambda one: one.normal, end_s))),
-        Panel("tangential force", force, list(_of_each(fingers, lambda one: one.tangential, end_s))),
-        Panel("spin", torque, list(_of_each(fingers, lambda one: one.spin, end_s))),
+        StripGroup("level and reasons", [Strip(name, list(_levels(one, extent))) for name, one, _ in fingers]),
+        Panel("utilisation λ", "", list(_utilisation(fingers, extent)), limits, MOST_UTILISATION),
+        StripGroup("evidence of motion", [strip for name, one, _ in fingers for strip in _evidence(name, one, extent)]),
+        Panel("normal force", force, list(_of_each(fingers, lambda one: one.normal, extent))),
+        Panel("tangential force", force, list(_of_each(fingers, lambda one: one.tangential, extent))),
+        Panel("spin", torque, list(_of_each(fingers, lambda one: one.spin, extent))),
         Panel("grip force on one pad", force, list(_grip(tracks, fingers))),
-        Panel("friction coefficient μ", "", list(_friction(fingers, end_s)), most=2.0),
-        StripGroup("source of μ", [Strip(name, list(_sources(one, end_s))) for name, one, _ in fingers]),
+        Panel("friction coefficient μ", "", list(_friction(fingers, extent)), most=2.0),
+        StripGroup("source of μ", [Strip(name, list(_sources(one, extent))) for name, one, _ in fingers]),
         _health(tracks),
     ]
     return [part for part in parts if (part.curves if isinstance(part, Panel) else part.strips)]
@@ -178,10 +178,10 @@ Fingers = Sequence[tuple[str, FingerTracks, str]]
 
 
 def _curve(
-    name: str, colour: str, track: BinnedTrack[Range], end_s: float, kind: str = "line", *, steps: bool = False
+    name: str, colour: str, track: BinnedTrack[Range], extent: Extent, kind: str = "line", *, steps: bool = False
 ) -> Iterator[Curve]:
     """Yield the curve of a track, unless its value was never known; with ``steps``, a value stays until the next."""
-    points = list(track.held(end_s))
+    points = list(track.held(extent))
     if steps:
         points = [corner for point in points for corner in (point, point._replace(begin_s=point.end_s))]
     if any(known(point.value) for point in points):
@@ -191,7 +191,7 @@ def _curve(
 def _of_each(
     fingers: Fingers,
     track: Callable[[FingerTracks], BinnedTrack[Range]],
-    end_s: float,
+    extent: Extent,
     what: str = "",
     kind: str = "line",
     *,
@@ -199,47 +199,47 @@ def _of_each(
 ) -> Iterator[Curve]:
     """Yield the same quantity of every finger."""
     for name, one, colour in fingers:
-        yield from _curve(f"{name}: {what}" if what else name, colour, track(one), end_s, kind, steps=steps)
+        yield from _curve(f"{name}: {what}" if what else name, colour, track(one), extent, kind, steps=steps)
 
 
-def _utilisation(fingers: Fingers, end_s: float) -> Iterator[Curve]:
-    yield from _of_each(fingers, lambda one: one.bounds, end_s, "bounds", "band")
-    yield from _of_each(fingers, lambda one: one.used, end_s)
-    yield from _of_each(fingers, lambda one: one.relative, end_s, "relative, without μ", "dashed")
+def _utilisation(fingers: Fingers, extent: Extent) -> Iterator[Curve]:
+    yield from _of_each(fingers, lambda one: one.bounds, extent, "bounds", "band")
+    yield from _of_each(fingers, lambda one: one.used, extent)
+    yield from _of_each(fingers, lambda one: one.relative, extent, "relative, without μ", "dashed")
 
 
 def _grip(tracks: RunTracks, fingers: Fingers) -> Iterator[Curve]:
-    end_s = tracks.window.end_s
+    extent = tracks.extent
     both = [
-        *_curve("now", "now", tracks.grip, end_s),
-        *_curve("needed", "needed", tracks.grip_needed, end_s),
+        *_curve("now", "now", tracks.grip, extent),
+        *_curve("needed", "needed", tracks.grip_needed, extent),
     ]
-    yield from both or _of_each(fingers, lambda one: one.needed, end_s, "needed", "dashed")
-    yield from _curve("commanded", "commanded", tracks.command, end_s, "dashed", steps=True)
+    yield from both or _of_each(fingers, lambda one: one.needed, extent, "needed", "dashed")
+    yield from _curve("commanded", "commanded", tracks.command, extent, "dashed", steps=True)
 
 
-def _friction(fingers: Fingers, end_s: float) -> Iterator[Curve]:
-    yield from _of_each(fingers, lambda one: one.mu_interval, end_s, "interval", "band", steps=True)
-    yield from _of_each(fingers, lambda one: one.mu, end_s, "in use", steps=True)
-    yield from _of_each(fingers, lambda one: one.required, end_s, "required", "dashed")
+def _friction(fingers: Fingers, extent: Extent) -> Iterator[Curve]:
+    yield from _of_each(fingers, lambda one: one.mu_interval, extent, "interval", "band", steps=True)
+    yield from _of_each(fingers, lambda one: one.mu, extent, "in use", steps=True)
+    yield from _of_each(fingers, lambda one: one.required, extent, "required", "dashed")
 
 
-def _levels(finger: FingerTracks, end_s: float) -> Iterator[Span]:
-    for begin_s, until_s, state in finger.level.runs(end_s):
+def _levels(finger: FingerTracks, extent: Extent) -> Iterator[Span]:
+    for begin_s, until_s, state in finger.level.runs(extent):
         reasons = ", ".join(state.reasons)
         whole = f"{state.level}: {reasons}" if reasons else state.level
         yield Span(begin_s, until_s, state.level, (whole, reasons, state.level) if reasons else (whole,), whole)
 
 
-def _evidence(name: str, finger: FingerTracks, end_s: float) -> Iterator[Strip]:
-    runs = list(finger.evidence.runs(end_s))
+def _evidence(name: str, finger: FingerTracks, extent: Extent) -> Iterator[Strip]:
+    runs = list(finger.evidence.runs(extent))
     for kind in sorted({kind for run in runs for kind in run.value}):
         spans = [Span(run.begin_s, run.end_s, "evidence", (), kind) for run in runs if kind in run.value]
         yield Strip(f"{name}: {kind}", spans)
 
 
-def _sources(finger: FingerTracks, end_s: float) -> Iterator[Span]:
-    for begin_s, until_s, source in finger.mu_source.runs(end_s):
+def _sources(finger: FingerTracks, extent: Extent) -> Iterator[Span]:
+    for begin_s, until_s, source in finger.mu_source.runs(extent):
         yield Span(begin_s, until_s, source if source in SPAN_COLOURS else "none", (source,), source)
 
 
@@ -247,7 +247,7 @@ def _health(tracks: RunTracks) -> StripGroup:
     strips, notes = [], []
     for name, stream in sorted(tracks.streams.items()):
         spans = []
-        for begin_s, until_s, state in stream.health.runs(tracks.window.end_s):
+        for begin_s, until_s, state in stream.health.runs(tracks.extent):
             word = HEALTH[state.code]
             whole = f"{word}: {state.message}" if state.message else word
             spans.append(Span(begin_s, until_s, word, (whole, word), whole))
@@ -269,11 +269,11 @@ def stretches(points: Iterable[Held[Range]]) -> Iterator[list[Held[Range]]]:
     """Yield the stretches of a curve between the times at which its value was not known."""
     stretch: list[Held[Range]] = []
     for point in points:
-        if known(point.value):
-            stretch.append(point)
-        elif stretch:
+        if stretch and not (known(point.value) and point.begin_s <= stretch[-1].end_s):
             yield stretch
             stretch = []
+        if known(point.value):
+            stretch.append(point)
     if stretch:
         yield stretch
 

@@ -85,7 +85,7 @@ def make_report(
         raise RecordingError(recording.fault or f"{recording.path}: no events in it, so there is nothing to draw")
     tracks = RunTracks(first[0], window.begin_s)
     last_s = 0.0
-    for topic, body in replay(recording, settings=settings):
+    for topic, body in replay(recording, settings=settings, on_event=tracks.add_event):
         last_s = max(last_s, tracks.time_s(body))
         if last_s > window.end_s:
             break

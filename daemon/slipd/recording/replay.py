@@ -57,6 +57,7 @@ def replay(
     speed: float | None = None,
     sleep: Callable[[float], None] = time.sleep,
     settings: Config | None = None,
+    on_event: Callable[[int], None] | None = None,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield ``(topic, body)`` of every message that the recorded events cause, in order.
 
@@ -68,6 +69,7 @@ def replay(
         speed: Recorded seconds per second; None: as fast as possible.
         sleep: Waits for a number of seconds.
         settings: Another config than the recorded one, with the same streams; None: the recorded one.
+        on_event: Called with the time of each event, ns, before its messages are yielded.
 
     Raises:
         ConfigError: The recorded config has faults (for this version of slipd).
@@ -75,7 +77,8 @@ def replay(
         ValueError: The speed is not a finite number above 0.
     """
     pace = None if speed is None else Pace(speed, sleep)
-    return ((topic, body) for _, topic, body in _run(_engine(recording, settings), recording, pace))
+    messages = _run(_engine(recording, settings), recording, pace, on_event)
+    return ((topic, body) for _, topic, body in messages)
 
 
 def replay_dated(recording: Recording, settings: Config | None = None) -> Iterator[tuple[int, str, dict[str, Any]]]:
@@ -92,7 +95,9 @@ def _engine(recording: Recording, settings: Config | None) -> Engine:
     return Engine(settings, boot=recording.boot, wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns)
 
 
-def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tuple[int, str, dict[str, Any]]]:
+def _run(
+    engine: Engine, recording: Recording, pace: Pace | None, on_event: Callable[[int], None] | None = None
+) -> Iterator[tuple[int, str, dict[str, Any]]]:
     links = engine.links
     for t_ns, event in recording.events():
         if isinstance(event, (Bytes, LinkUp, LinkDown)) and event.link not in links:
@@ -101,6 +106,8 @@ def _run(engine: Engine, recording: Recording, pace: Pace | None) -> Iterator[tu
             raise RecordingError(text)
         if pace is not None:
             pace.wait_until(t_ns)
+        if on_event is not None:
+            on_event(t_ns)
         for output in engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 yield t_ns, output.topic, output.body

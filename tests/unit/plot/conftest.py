@@ -41,6 +41,9 @@ class Run:
         t_ns = 1_000_000_000 + round(t_s * 1e9)
         self.tracks.add(topic, {"t_ns": t_ns} | (SLIP if topic.startswith("slip.") else {}) | fields)
 
+    def add_event(self, t_s: float) -> None:
+        self.tracks.add_event(1_000_000_000 + round(t_s * 1e9))
+
     def add_change(
         self, t_s: float, finger: str, previous: str, level: str, *reasons: str, rising: bool = True
     ) -> None:

@@ -124,6 +124,11 @@ def test_a_curve_is_broken_where_its_value_was_not_known() -> None:
     assert list(stretches([])) == []
 
 
+def test_a_curve_is_broken_by_a_gap() -> None:
+    a, b, c = Held(0.0, 1.0, (1.0, 1.0)), Held(1.0, 1.5, (1.0, 1.0)), Held(4.0, 5.0, (1.0, 1.0))
+    assert list(stretches([a, b, c])) == [[a, b], [c]]
+
+
 def test_an_axis_has_every_value_that_is_finite_and_zero() -> None:
     curve = Curve("x", "now", held((-2.0, 1.0), NO_VALUE, (3.0, math.inf)))
     least, most = Panel("x", "", [curve]).span

@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from slipd.plot.binned_track import Range
+from slipd.plot.binned_track import Extent, Range, Window
 from slipd.plot.run_tracks import LevelState, Numbers, RunTracks, worse
 
 Demo = tuple[RunTracks, list[tuple[str, dict[str, Any]]]]
 
 
 def whole(track: Numbers) -> Range:
-    values = [each.value for each in track.held(1e9)]
+    values = [each.value for each in track.held(Extent(1e9))]
     return min(low for low, _ in values), max(high for _, high in values)
 
 
@@ -35,7 +35,7 @@ def test_the_tracks_of_a_real_run_reach_as_far_as_its_messages(demo: Demo) -> No
 def test_the_levels_of_a_real_run_are_those_of_its_warnings(demo: Demo) -> None:
     tracks, found = demo
     told = [body["level"] for topic, body in found if topic == "warning" and body["finger"] == "left"]
-    runs = [run.value.level for run in tracks.fingers["left"].level.runs(tracks.window.end_s)]
+    runs = [run.value.level for run in tracks.fingers["left"].level.runs(tracks.extent)]
     levels = [level for before, level in zip(["unknown", *runs], runs, strict=False) if level != before]
     assert levels == told
 
@@ -83,7 +83,7 @@ def test_the_health_of_a_stream_has_its_worst_time_and_its_counters(run: Any) ->
         stream = COUNTERS | {"health": health, "message": "stale" if health else "", "lost": lost, "masked": masked}
         run.add("status", t_s, streams={"left.pad": stream, "gripper": COUNTERS | {"health": 0, "message": ""}})
     pad, gripper = run.tracks.streams["left.pad"], run.tracks.streams["gripper"]
-    assert [each.value.code for each in pad.health.runs(3.0)] == [0, 3, 0]
+    assert [each.value.code for each in pad.health.runs(Extent(3.0))] == [0, 3, 0]
     assert (pad.counters["lost"], pad.masked, gripper.masked) == (7, 2, None)
 
 
@@ -92,5 +92,27 @@ def test_evidence_within_a_column_is_kept(run: Any) -> None:
     run.add("slip.left", 0.0002, evidence=["width"])
     run.add("slip.left", 0.5, evidence=[], force_unit="uncalibrated")
     finger = run.tracks.fingers["left"]
-    assert [each.value for each in finger.evidence.runs(1.0)] == [{"load_drop", "width"}, frozenset()]
+    assert [each.value for each in finger.evidence.runs(Extent(1.0))] == [{"load_drop", "width"}, frozenset()]
     assert not finger.in_newtons
+
+
+def test_no_level_is_known_while_no_event_is_recorded(run: Any) -> None:
+    """A level that stays needs no message; without events nobody knows that it stays."""
+    run.add("slip.left", 0.0)
+    for tick in range(200):
+        run.add_event(tick * 0.005)
+    run.add_event(4.0)
+    run.add("slip.left", 4.0)
+    run.add_event(4.09)
+    run.add("slip.left", 5.0)
+    assert run.tracks.gaps == [Window(pytest.approx(0.995), pytest.approx(4.0))]
+    runs = [(each.begin_s, each.end_s) for each in run.tracks.fingers["left"].level.runs(run.tracks.extent)]
+    assert runs == [(0.0, pytest.approx(0.995)), (pytest.approx(4.0, abs=0.001), 5.0)]
+
+
+def test_an_alarm_after_a_gap_has_no_image_of_before(run: Any) -> None:
+    run.add_image(0.9, "left", 0.0, 1.0, 2.0, 4.0)
+    run.add_event(1.0)
+    run.add_event(3.0)
+    run.add_change(3.0, "left", "stable", "warning", "rotation")
+    assert run.tracks.changes.snapshots == []
