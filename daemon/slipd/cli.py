@@ -16,7 +16,7 @@ from slipd.log_lines import open_log
 
 if TYPE_CHECKING:
     from slipd.config import Config
-    from slipd.service import Endpoints
+    from slipd.service_run import Endpoints
 
 DONE, FAULT, WRONG = 0, 1, 2
 

@@ -14,7 +14,7 @@ import numpy as np
 import zmq
 
 from slipd.devices import bota, pvdf
-from slipd.service import Endpoints
+from slipd.service_run import Endpoints
 from slipd_client.messages import MESSAGE_LIMITS, decode, encode
 
 PATIENCE_S = 30.0

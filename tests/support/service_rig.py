@@ -15,7 +15,7 @@ from typing import Any
 from daemon_peers import PATIENCE_S, Client, Device, until
 
 from slipd import config, service
-from slipd.service import Endpoints
+from slipd.service_run import Endpoints
 
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 

@@ -11,7 +11,7 @@ import pytest
 from daemon_peers import PATIENCE_S, Device
 
 from slipd import config, service
-from slipd.service import Endpoints
+from slipd.service_run import Endpoints
 from slipd_client.aio import AsyncGripClient
 from slipd_client.errors import LeaseInUse, RequestRefused, TareGivenUp
 

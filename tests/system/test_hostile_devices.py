@@ -21,7 +21,7 @@ import pytest
 from daemon_peers import Client, Device
 
 from slipd.device_text import LONGEST
-from slipd.service import Endpoints
+from slipd.service_run import Endpoints
 
 PATIENCE_S = 60.0
 HOSTILE_S = 4.0

@@ -16,7 +16,7 @@ from daemon_peers import PATIENCE_S, until
 from service_rig import SLIPD, Rig, client_of, serving, start
 
 from slipd.recording.reader import open_recording
-from slipd.service import Endpoints
+from slipd.service_run import Endpoints
 
 
 @pytest.mark.process

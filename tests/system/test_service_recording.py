@@ -17,7 +17,7 @@ from slipd import config, service
 from slipd.errors import LinkError, RecordingError
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
-from slipd.service import Endpoints
+from slipd.service_run import Endpoints
 from slipd_client.messages import encode
 
 

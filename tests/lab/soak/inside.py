@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from slipd import config
-from slipd.service import Endpoints, serve
+from slipd.service import serve
+from slipd.service_run import Endpoints
 from slipd_client.grip import GripClient
 
 READY_S = 60.0

@@ -35,7 +35,7 @@ ROW_FIELDS = {name for dtype in vars(rows).values() if isinstance(dtype, np.dtyp
 ALSO_WORDS = {*OPS, *get_args(IntentKind)}
 """Keys that are words of their own elsewhere: ops, kinds of intent, and the context of asyncio's exception handler."""
 
-ASYNCIO = {("service.py", "message")}
+ASYNCIO = {("service_run.py", "message")}
 
 
 def names_of(fields: Iterable[Field]) -> Iterator[str]:

@@ -1,0 +1,200 @@
+"""One run of the daemon: the engine, and the sources and sinks of its events except the links.
+
+One callback carries a reading from its bytes to the published message: record the event, let the engine handle it, send
+the outputs. There is no queue, task or await in between.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from slipd.bus.authentication import guard
+from slipd.bus.publisher import Publisher
+from slipd.bus.request_server import RequestServer
+from slipd.bus.runtime_directory import RuntimeDirectory
+from slipd.config import Config
+from slipd.engine.engine import Engine
+from slipd.events import Event, Publish, Record, Reply, Request, Tick, Write
+from slipd.recording.mcap_file import check_new
+from slipd.recording.recorder_watch import RecorderWatch
+from slipd.recording.requested_recordings import RequestedRecordings, check_room, private_directory, state_dir
+from slipd.recording.writer import Recorder, Room
+from slipd.transport import Links
+from slipd.zmtp.endpoint import check_free
+from slipd_client.messages import encode
+from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoints:
+    """The endpoints that the daemon serves."""
+
+    publish: str
+    requests: str
+
+
+class ServiceRun:
+    """One run, from its claims on resources to its end.
+
+    Attributes:
+        events_handled: Number of events that entered the engine.
+    """
+
+    def __init__(self, config: Config, record: Path | None, stop: asyncio.Event) -> None:
+        self.boot = secrets.token_hex(8)
+        self.links: Links | None = None
+        wall_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
+        self.engine = Engine(config, boot=self.boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns)
+        self._config, self._record, self._stop = config, record, stop
+        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+        self._failure: BaseException | None = None
+        self._over = False
+        self.events_handled = 0
+        self._stack = ExitStack()
+        self._recorder: Recorder | None = None
+        self._recording: RecorderWatch | None = None
+        self.ready = False
+
+    def __enter__(self) -> ServiceRun:
+        bus = self._config.bus
+        with ExitStack() as stack:
+            self._allowed = guard(bus)
+            in_home = None in (bus.publish, bus.requests)
+            self._home = stack.enter_context(RuntimeDirectory(runtime_dir())) if in_home else None
+            for endpoint, access in ((bus.publish, self._allowed.publish), (bus.requests, self._allowed.requests)):
+                if endpoint is not None:
+                    check_free(endpoint, access)
+            if self._record is not None:
+                check_new(self._record)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    def open(self) -> None:
+        """Serve the endpoints, then create the recording, so that a run that fails to start leaves no file."""
+        self._requested = self._stack.enter_context(contextlib.closing(self._requested_recordings()))
+        recording = self._stack.enter_context(ExitStack())  # closed after the sockets, with the last messages
+        self._open_bus(self._stack)
+        if self._record is not None:
+            self._recorder = self._make_recorder(self._record)
+            self._recording = RecorderWatch("", self._recorder, time.monotonic_ns())
+            recording.callback(self._close_recording, self._recording)
+
+    def _open_bus(self, stack: ExitStack) -> None:
+        bus, allowed = self._config.bus, self._allowed
+        publisher = Publisher(bus.publish or publish_endpoint(), allowed.publish)
+        self._publisher = stack.enter_context(publisher)
+        requests = RequestServer(
+            bus.requests or requests_endpoint(),
+            self._on_request,
+            allowed.requests,
+            requesters=allowed.requesters,
+            per_second=bus.requests_hz,
+        )
+        self._requests = stack.enter_context(requests)
+        self.endpoints = Endpoints(self._publisher.endpoint, self._requests.endpoint)
+        if self._home is not None:
+            self._home.share(self._publisher.endpoint)
+            self._home.share(self._requests.endpoint)
+
+    def _requested_recordings(self) -> RequestedRecordings:
+        limits, folder = self._config.recording, state_dir()
+        room = Room(limits.max_bytes, limits.min_free_bytes)
+
+        def prepare() -> None:
+            private_directory(folder)
+            check_room(folder, room, limits.max_files)
+
+        return RequestedRecordings(folder, partial(self._make_recorder, room=room), prepare)
+
+    def _make_recorder(
+        self, path: Path, prepare: Callable[[], None] | None = None, *, room: Room | None = None
+    ) -> Recorder:
+        return Recorder(
+            path,
+            config_text=self._config.text,
+            boot=self.boot,
+            wall_minus_monotonic_ns=self._wall_minus_monotonic_ns,
+            prepare=prepare,
+            room=room,
+        )
+
+    def _close_recording(self, recording: RecorderWatch) -> None:
+        if not self.ready:
+            recording.recorder.discard()
+        recording.close()
+
+    def report_recording(self) -> None:
+        """Pass changes of the recording of the whole run to the engine."""
+        if self._recording is not None and (change := self._recording.poll(time.monotonic_ns())):
+            self.handle(change)
+
+    def end(self) -> None:
+        """Stop the sensors, unless the engine failed; events that arrive while the links close are ignored."""
+        self._over = True
+        if self.links is not None and self._failure is None:
+            for write in self.engine.farewell():
+                self.links.write(write.link, write.data)
+
+    def handle(self, event: Event, t_ns: int | None = None) -> None:
+        """Handle one event at ``t_ns``, or now; a failure ends the run."""
+        if self._over:
+            return
+        self.events_handled += 1
+        try:
+            self._handle(event, time.monotonic_ns() if t_ns is None else t_ns)
+        except Exception as error:  # of any kind: the run must end and report it
+            self._failure = self._failure or error
+            self._stop.set()
+
+    def tick(self, tick: Tick, t_ns: int) -> None:
+        """Pass the time to the engine, then changes of the recordings."""
+        self.handle(tick, t_ns)
+        self.report_recording()
+        for change in self._requested.changes(time.monotonic_ns()):
+            self.handle(change)
+
+    def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """End the run because a callback outside the engine failed, such as that of a socket or task."""
+        loop.default_exception_handler(context)
+        self._failure = self._failure or context.get("exception") or RuntimeError(context["message"])
+        self._stop.set()
+
+    def raise_failure(self) -> None:
+        """Raise the failure that ended the run, if there is one."""
+        if self._failure is not None:
+            raise self._failure
+
+    def _handle(self, event: Event, t_ns: int) -> None:
+        recorder = self._recorder
+        if recorder is not None:
+            recorder.event(event, t_ns)
+        self._requested.record_event(event, t_ns)
+        for output in self.engine.handle(event, t_ns):
+            if isinstance(output, Publish):
+                payload = encode(output.body)
+                self._publisher.publish(output.topic, payload)
+                if recorder is not None:
+                    recorder.published(output.topic, payload, t_ns)
+                self._requested.record_published(output.topic, payload, t_ns)
+            elif isinstance(output, Write):
+                if self.links is not None:
+                    self.links.write(output.link, output.data)
+            elif isinstance(output, Reply):
+                self._requests.reply(output.client, output.body)
+            elif isinstance(output, Record):
+                self._requested.handle(output, t_ns)
+
+    def _on_request(self, client: bytes, body: dict[str, Any]) -> None:
+        self.handle(Request(client, body))
