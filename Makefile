@@ -97,8 +97,7 @@ $(READY): pyproject.toml
 	@touch $@
 
 $(KERNELS): $(READY)
-	@echo "== compiling the kernels (once)"
-	@$(BIN)/python -c 'from slipd.engine.warm_up import warm_up; warm_up()'
+	@$(BIN)/python -m slipd.compile_kernels
 	@touch $@
 
 clean:

@@ -1,4 +1,4 @@
-"""The command ``slipd``: run, demo, check, replay, view, evaluate, plot, export, identify, import.
+"""The command ``slipd``: run, demo, check, config, docs, replay, view, evaluate, plot, export, identify, import.
 
 Each command imports what it needs.
 """
@@ -38,6 +38,13 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output is gone, and with it the reader of an error
         return DONE
+
+
+def _first_steps(_: argparse.Namespace) -> int:
+    from slipd.shipped_command import FIRST_STEPS
+
+    print(FIRST_STEPS)
+    return WRONG
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -80,14 +87,38 @@ def _identify(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> int:
     from slipd import config
 
-    rig = config.load(arguments.file)
+    rig = config.load(arguments.config)
     for name, stream in rig.streams().items():
         print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
     for hint in config.hints(rig):
         print(hint)
     if rig.reflex.enabled:
         print(_reflex_text(rig))
-    print(f"{arguments.file}: valid, config_id {rig.config_id}")
+    print(f"{arguments.config}: valid, config_id {rig.config_id}")
+    return DONE
+
+
+def _config_list(_: argparse.Namespace) -> int:
+    from slipd.shipped_command import print_configs
+
+    print_configs()
+    return DONE
+
+
+def _config_show(arguments: argparse.Namespace) -> int:
+    from slipd.shipped_command import print_config
+
+    print_config(arguments.name)
+    return DONE
+
+
+def _docs(arguments: argparse.Namespace) -> int:
+    from slipd.shipped_command import print_page, print_pages
+
+    if arguments.name is None:
+        print_pages()
+    else:
+        print_page(arguments.name)
     return DONE
 
 
@@ -157,9 +188,13 @@ def _import_grips(arguments: argparse.Namespace) -> int:
 
 
 COMMANDS = {
+    "": _first_steps,
     "run": _run,
     "demo": _demo,
     "check": _check,
+    "config list": _config_list,
+    "config show": _config_show,
+    "docs": _docs,
     "replay": _replay,
     "view": _view,
     "evaluate": _evaluate,

@@ -14,10 +14,11 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser; ``command`` of the parsed arguments is the command, e.g. "replay" or "import grips"."""
     top = argparse.ArgumentParser(prog="slipd", description="Warn a robot that its gripper is about to drop something.")
     top.add_argument("--version", action="version", version=f"slipd {__version__}")
-    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    top.set_defaults(command="")
+    commands = top.add_subparsers(metavar="COMMAND")
 
     run = _add_command(commands, "run", "run the daemon")
-    run.add_argument("--config", type=Path, required=True, metavar="FILE", help="config of the rig, TOML")
+    _add_rig(run)
     run.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
     run.set_defaults(command="run")
 
@@ -35,8 +36,9 @@ def parser() -> argparse.ArgumentParser:
     demo.set_defaults(command="demo")
 
     check = _add_command(commands, "check", "report every fault in a config")
-    check.add_argument("file", type=Path, metavar="FILE", help="config of a rig, TOML")
+    _add_rig(check)
     check.set_defaults(command="check")
+    _add_shipped(commands)
 
     replay = _add_command(commands, "replay", "run a recording through the engine again")
     replay.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
@@ -141,6 +143,35 @@ def parser() -> argparse.ArgumentParser:
     )
     grips.set_defaults(command="import grips")
     return top
+
+
+def _add_rig(command: argparse.ArgumentParser) -> None:
+    """Add the config of the rig, which may also follow ``--config``."""
+    rig = command.add_mutually_exclusive_group(required=True)
+    rig.add_argument("config", type=Path, nargs="?", action=_Rig, metavar="FILE", help="config of the rig, TOML")
+    rig.add_argument("--config", type=Path, metavar="FILE", help="the same, as an option")
+
+
+class _Rig(argparse.Action):
+    """Store the positional FILE; without one, leave that of ``--config``."""
+
+    def __call__(self, _parser: Any, namespace: argparse.Namespace, values: Any, _option: str | None = None) -> None:
+        if values is not None:
+            setattr(namespace, self.dest, values)
+
+
+def _add_shipped(commands: Any) -> None:
+    """Add the commands that print what comes with slipd."""
+    configs = _add_command(commands, "config", "list or print the shipped configs").add_subparsers(
+        required=True, metavar="list|show"
+    )
+    _add_command(configs, "list", "list the shipped configs").set_defaults(command="config list")
+    show = _add_command(configs, "show", "print a shipped config: slipd config show demo > my_rig.toml")
+    show.add_argument("name", metavar="NAME", help="name in the list")
+    show.set_defaults(command="config show")
+    docs = _add_command(commands, "docs", "list the pages of the documentation, or print one")
+    docs.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
+    docs.set_defaults(command="docs")
 
 
 def _add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentParser:

@@ -33,7 +33,7 @@ from slipd_client.subscriber import Message, Subscriber
 from slipd_client.watch import Display
 
 PATIENCE_S = 60.0
-"""Longest start of a part, s: with a cold cache the kernels are compiled first."""
+"""Longest start of a part, s."""
 
 END_S = 5.0
 """Longest end of a part after a request to end, s."""
@@ -72,11 +72,13 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
     with tempfile.TemporaryDirectory(prefix="slipd-demo-") as name:
         ports = Path(name)
         recording = () if record is None else ("--record", str(record))
+        with _ended_by_signals():
+            _compile_kernels()
         gripper_log, daemon_log = ports / "virtual gripper.log", ports / "daemon.log"
         with (
             _ended_by_signals(),
             _part("slipd.sim.virtual_gripper", gripper_log, "--dir", name, "--seed", str(seed)) as gripper,
-            _part("slipd", daemon_log, "run", "--config", str(_rig_file(ports)), *recording) as daemon,
+            _part("slipd", daemon_log, "run", str(_rig_file(ports)), *recording) as daemon,
         ):
             _first_lines(gripper, 1, gripper_log)
             publish, requests = (line.split(": ", 1)[1].strip() for line in _first_lines(daemon, 2, daemon_log))
@@ -95,6 +97,13 @@ def run_demo(seconds: float | None, *, headless: bool, seed: int, record: Path |
                 f"the daemon ended with {daemon.returncode}: {daemon_log.read_text(encoding='utf-8')}", file=sys.stderr
             )
     return 1 if program.report.error or daemon.returncode != 0 else 0
+
+
+def _compile_kernels() -> None:
+    """Let another process fill Numba's cache, with the progress on this terminal, where the daemon's log is not."""
+    command = [sys.executable, "-m", "slipd.compile_kernels"]
+    if subprocess.run(command, check=False).returncode:  # noqa: S603 - our own program
+        raise SlipdError("the kernels cannot be compiled")
 
 
 def _rig_file(ports: Path) -> Path:

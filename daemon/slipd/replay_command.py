@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from slipd.compile_kernels import compile_kernels
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 
@@ -32,6 +33,7 @@ def replay_command(path: Path, speed: float | None, *, as_json: bool, publish: b
     """
     recording = open_recording(path)
     messages = replay(recording, speed=speed)
+    compile_kernels()
     if publish:
         asyncio.run(_publish(messages, recording.config_text, str(path), as_json=as_json))
     else:

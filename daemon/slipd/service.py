@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
-from slipd.engine.warm_up import warm_up
 from slipd.service_run import Endpoints, ServiceRun
 from slipd.ticker import Ticker
 from slipd.transport import Links
@@ -50,7 +50,7 @@ async def serve(
     stop = stop or asyncio.Event()
     with ExitStack() as stack:
         run = stack.enter_context(ServiceRun(config, record, stop))
-        warm_up()
+        compile_kernels()
         raise_descriptor_limit()
         stack.enter_context(_ended_by_signals(stop))
         run.open()

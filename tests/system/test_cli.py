@@ -171,7 +171,7 @@ def test_check_asks_about_a_quaternion_that_looks_like_another_order(
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("command", [["check"], ["run", "--config"]])
+@pytest.mark.parametrize("command", [["check"], ["run"]])
 def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
@@ -300,8 +300,14 @@ def test_an_import_refuses_rows_that_do_not_show_the_zero(tmp_path: Path, capsys
         (["check", "none.toml"], 2, "none.toml: cannot be read: No such file"),
         (["check", "foreign"], 2, "foreign: cannot be read: it is not UTF-8"),
         (["check", "empty"], 2, "empty: finger: is missing"),
+        (["check", "."], 2, ".: cannot be read: Is a directory"),
+        (["run", "none.toml"], 2, "none.toml: cannot be read: No such file"),
+        (["run", "empty"], 2, "empty: finger: is missing"),
+        (["run", "."], 2, ".: cannot be read: Is a directory"),
         (["run", "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
-        (["run", "--config", "empty"], 2, "empty: finger: is missing"),
+        (["check", "--config", "foreign"], 2, "foreign: cannot be read: it is not UTF-8"),
+        (["config", "show", "../demo"], 1, "there is no config '../demo'; did you mean 'demo'?"),
+        (["docs", "phyics"], 1, "there is no page 'phyics'; did you mean 'physics'?"),
         (["import", "grips", "none", "out.mcap"], 1, "robot_state.csv: cannot be read: No such file"),
         (["import", "grips", "foreign", "out.mcap"], 1, "robot_state.csv: cannot be read: Not a directory"),
         (["import", "grips", str(TRIAL), "none/out.mcap"], 1, "none/out.mcap: cannot be written"),
@@ -329,10 +335,16 @@ def test_a_missing_or_foreign_file_is_reported(
 @pytest.mark.parametrize(
     "call",
     [
-        [],
         ["fly"],
         ["run"],
+        ["run", "a", "b"],
+        ["run", "a", "--config", "b"],
         ["check"],
+        ["check", "--config", "a", "b"],
+        ["config"],
+        ["config", "show"],
+        ["config", "print", "demo"],
+        ["docs", "a", "b"],
         ["replay"],
         ["replay", "a", "b"],
         ["replay", "a", "--speed", "0"],
@@ -352,6 +364,42 @@ def test_wrong_arguments_print_the_usage(call: list[str], capsys: pytest.Capture
         main(call)
     assert ended.value.code == 2
     assert "usage: slipd" in capsys.readouterr().err
+
+
+def test_slipd_alone_prints_the_first_steps(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    shown = capsys.readouterr().out
+    for command in (
+        "slipd demo",
+        "slipd config list",
+        "slipd check my_rig.toml",
+        "slipd run my_rig.toml",
+        "slipd docs",
+    ):
+        assert f"    {command}" in shown
+
+
+def test_a_shipped_config_that_is_printed_is_valid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = tmp_path / "my_rig.toml"
+    assert main(["config", "show", "external"]) == 0
+    rig.write_text(capsys.readouterr().out, encoding="utf-8")
+    assert main(["check", str(rig)]) == 0
+    assert config.load(rig).text == (CONFIG / "external.toml").read_text(encoding="utf-8")
+
+
+def test_configs_and_pages_are_listed_with_what_they_are(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["config", "list"]) == 0
+    listed = capsys.readouterr().out.splitlines()
+    assert listed[0] == f"{CONFIG}: `slipd config show NAME` prints one"
+    assert "    hex_tsf85      An OnRobot HEX behind each fingertip of a Robotiq TSF-85, on a Robotiq 2F-85" in listed
+    assert main(["docs"]) == 0
+    listed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["glossary", "Glossary"] in listed
+    assert main(["docs", "glossary"]) == 0
+    assert capsys.readouterr().out.startswith("# Glossary\n")
 
 
 def test_help_and_version_are_no_faults(capsys: pytest.CaptureFixture[str]) -> None:

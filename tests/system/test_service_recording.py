@@ -91,7 +91,7 @@ async def test_a_run_whose_endpoint_is_in_use_leaves_no_recording_and_compiles_n
     first, second = (config.parse(text + bus.format(name), "rig.toml") for name in ("first", "second"))
     async with serving(first):
         with monkeypatch.context() as patch:
-            patch.setattr(service, "warm_up", lambda: pytest.fail("the kernels are compiled"))
+            patch.setattr(service, "compile_kernels", lambda: pytest.fail("the kernels are compiled"))
             with pytest.raises(LinkError, match=f"{endpoint}: "):
                 await service.serve(second, record=tmp_path / "run.mcap")
         assert not (tmp_path / "run.mcap").exists()
@@ -114,7 +114,7 @@ async def test_a_recording_that_cannot_be_created_is_refused_before_the_kernels_
     rig: Rig, tmp_path: Path, record: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "run.mcap").write_bytes(b"precious")
-    monkeypatch.setattr(service, "warm_up", lambda: pytest.fail("the kernels are compiled"))
+    monkeypatch.setattr(service, "compile_kernels", lambda: pytest.fail("the kernels are compiled"))
     with pytest.raises(RecordingError, match=rf"{record}: (exists already|cannot be created: there is no folder)"):
         await service.serve(rig.config, record=tmp_path / record)
 

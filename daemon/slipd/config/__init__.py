@@ -8,13 +8,14 @@ each quantity.
 
 from slipd.config.bus_model import Bus, Recording, Requests
 from slipd.config.check_hints import hints
-from slipd.config.config_file import load, parse, shipped
+from slipd.config.config_file import load, parse
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
 from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
 from slipd.config.stream_model import Stream
 from slipd.config.stream_settings import axes_of, device_options, in_newtons, stale_after_ns, transport_of
+from slipd.shipped_files import config_file as shipped
 
 __all__ = [
     "Bus",

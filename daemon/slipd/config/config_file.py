@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import re
 import tomllib
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -68,12 +67,6 @@ def parse(text: str, file: str) -> Config:
     if faults := _semantic_faults(config):
         raise _config_error(file, text, faults)
     return config.with_text(text)
-
-
-def shipped(name: str) -> Path:
-    """Return the path of a file of ``config/``, in the source tree or in the installed package."""
-    source_tree = Path(__file__).parents[3] / "config" / name
-    return source_tree if source_tree.is_file() else Path(str(resources.files("slipd") / "shipped_config" / name))
 
 
 def _semantic_faults(config: Config) -> list[tuple[tuple[str, ...], str]]:

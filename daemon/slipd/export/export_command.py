@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from slipd import config
+from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
 from slipd.errors import SlipdError
 from slipd.export.csv_files import CsvFiles
@@ -49,6 +50,7 @@ def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
     recording = open_recording(path)
     settings = config.parse(recording.config_text, f"{path}: config")
     create = FORMATS[to]
+    compile_kernels()
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
     try:
         with draft(out, overwrite=overwrite) as written, contextlib.closing(create(written, settings)) as files:

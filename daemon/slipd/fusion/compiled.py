@@ -23,6 +23,10 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+KERNELS: list[Callable[..., Any]] = []
+"""Every kernel that is defined so far."""
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile ``function`` with Numba on its first call, with IEEE arithmetic in the order written."""
     return _compile(function, fastmath=False)
@@ -59,6 +63,7 @@ def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P,
             stacklevel=3,
         )
         kernel = numba.njit(error_model="numpy", fastmath=fastmath)(function)
+    KERNELS.append(kernel)
     return cast("Callable[P, R]", kernel)
 
 

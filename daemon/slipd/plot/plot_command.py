@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from slipd import config
+from slipd.compile_kernels import compile_kernels
 from slipd.errors import RecordingError, SlipdError
 from slipd.evaluation.config_run import with_recorded_tares
 from slipd.plot.binned_track import Window
@@ -48,6 +49,7 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
     out = out or Path(f"{path.stem}.html")
     write = _writer(out)
     recording = open_recording(path)
+    compile_kernels()
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % replayed")
     with _new_file(out) as draft:
         try:

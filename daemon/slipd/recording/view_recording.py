@@ -9,6 +9,7 @@ from pathlib import Path
 
 from websockets.http11 import Response
 
+from slipd.compile_kernels import compile_kernels
 from slipd.errors import SlipdError
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.recorded_blocks import Messages, RecordedBlocks
@@ -31,6 +32,7 @@ def view_recording(path: Path, address: ListenAddress) -> None:
     """
     recording = open_recording(path)
     view = RecordingView(recording, replay(recording))
+    compile_kernels()
     site = Site({"live": False, "source": str(path), "buttons": False})
     try:
         asyncio.run(_serve(PageServer(address, site, on_data=view.answer), view))
