@@ -73,7 +73,7 @@ evaluate: $(MEASURES)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m evaluate $(EVALUATE)
 
 fuzz: $(KERNELS)
-	@echo "== every split of every device's frames, 10 million damaged frames, 10 GB of noise, a million requests (about 20 minutes)"
+	@echo "== every split of every device's frames, 10 million damaged frames, 10 GB of noise, a million requests, damaged recordings (about 30 minutes)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fuzz --strict --report docs/fuzz.md $(FUZZ)
 
 soak: $(KERNELS)

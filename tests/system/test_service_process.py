@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import re
 import resource
@@ -13,10 +14,14 @@ from typing import Any
 
 import pytest
 from daemon_peers import PATIENCE_S, until
+from mcap.exceptions import EndOfFile
+from mcap.reader import NonSeekingReader
 from service_rig import SLIPD, Rig, client_of, serving, start
 
 from slipd.recording.reader import open_recording
+from slipd.recording.replay import replay
 from slipd.service_run import Endpoints
+from slipd_client.messages import decode, encode
 
 
 @pytest.mark.process
@@ -40,6 +45,38 @@ async def test_P4_a_signal_ends_the_process_well(
     assert recorded.closed
     assert sum(1 for _ in recorded.entries()) > 0
     assert recorded.complete
+
+
+def messages_of_another_reader(path: Path, topic: str) -> int:
+    """Return how many messages the reader of the mcap library finds before the file ends in the middle."""
+    found = 0
+    with path.open("rb") as file, contextlib.suppress(EndOfFile):
+        for _ in NonSeekingReader(file).iter_messages([topic], log_time_order=False):
+            found += 1
+    return found
+
+
+@pytest.mark.process
+async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with start(rig.file, "--record", str(path)) as process:
+        client = client_of(process)
+        await until(lambda: len(client.hear("wrench.left")) > 100, rig.send)
+        process.kill()
+        process.wait()
+        await asyncio.sleep(0.1)
+        seen = {body["seq"]: body["t_ns"] for body in client.hear("wrench.left")}
+        client.close()
+    recorded = open_recording(path)
+    kept = [decode(payload) for topic, payload in recorded.messages() if topic == "wrench.left"]
+    assert {body["seq"] for body in kept} >= {seq for seq, t_ns in seen.items() if t_ns <= kept[-1]["t_ns"]}
+    assert "ends without an end record" in str(recorded.fault)
+    assert [encode(body) for topic, body in replay(open_recording(path)) if topic == "wrench.left"] == [
+        encode(body) for body in kept
+    ]
+    assert messages_of_another_reader(path, "wrench.left") == len(kept)
+    lost_s = (max(seen.values()) - kept[-1]["t_ns"]) * 1e-9
+    assert lost_s < 1.0, "the writer flushes every 0.07 s; a busy machine may delay it"
 
 
 @pytest.mark.process

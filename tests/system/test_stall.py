@@ -19,7 +19,8 @@ from project import MODULES
 
 from slipd.engine.lateness import LATE_NS, LEAST_CATCH_UP_NS
 from slipd.events import Bytes, Tick
-from slipd.recording.reader import Published, Recording, open_recording
+from slipd.recording.entry_walk import Published
+from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import decode, encode
 from slipd_client.messages.codec import MESSAGE_LIMITS

@@ -6,7 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 from slipd.errors import RecordingError
-from slipd.recording.reader import Published, Recording
+from slipd.recording.entry_walk import Published
+from slipd.recording.reader import Recording
 from slipd.sim.truth_log import TRUTH
 from slipd_client.messages import MessageError, decode
 

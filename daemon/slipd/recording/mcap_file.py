@@ -2,15 +2,15 @@
 
 An MCAP file (https://mcap.dev/spec) of profile ``slipd``:
 
-- a metadata record ``slipd``: format, boot, wall offset, versions, and a CRC-32 of these and the config (MCAP does not
-  protect metadata, and its Python reader does not check attachments);
+- a metadata record ``slipd``: format, boot, wall offset, versions, index of the first entry unless it is 0, and a
+  CRC-32 of these and the config (MCAP does not protect metadata, and its Python reader does not check attachments);
 - an attachment ``config.toml``: the config of the run;
 - chunks of messages, in the order in which things happened. Channel ``slipd/event`` carries the events that entered the
   engine (event_codec.py); every other channel carries the bytes published under its topic. The recording of a
   simulated grasp may have a channel ``truth`` too (sim/truth_log.py). The MCAP ``sequence`` of a message is its running
   index over *all* channels, modulo 2³², so that a loss is a gap;
-- a metadata record ``slipd/end``: the number of entries, lost ones included. If the disk failed before the run ended,
-  this record follows the last entry that reached the file, and ``stopped`` holds the reason.
+- a metadata record ``slipd/end``: the number of entries, lost ones included, and a CRC-32 of them. If the disk failed
+  before the run ended, this record follows the last entry that reached the file, and ``stopped`` holds the reason.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ PROFILE = "slipd"
 FORMAT = "1"
 START = "slipd"
 END = "slipd/end"
-ENTRIES, STOPPED = "entries", "stopped"
+FIRST, ENTRIES, STOPPED, CRC32 = "first", "entries", "stopped", "crc32"
 CONFIG = "config.toml"
 EVENTS = "slipd/event"
 SEQUENCE_MASK = 0xFFFF_FFFF
@@ -57,8 +57,42 @@ _VERSIONED = ("slipd", "numpy", "numba", "msgpack", "mcap")
 
 def checksum(metadata: dict[str, str], config_text: str) -> str:
     """Return the CRC-32 of the start metadata (without its own entry) and the config, in hexadecimal."""
-    items = sorted((key, value) for key, value in metadata.items() if key != "crc32")
+    items = sorted((key, value) for key, value in metadata.items() if key != CRC32)
     return f"{zlib.crc32(msgpack.packb([items, config_text])):08x}"
+
+
+def start_metadata(
+    config_text: str, boot: str, wall_minus_monotonic_ns: int, versions: dict[str, str] | None = None, first: int = 0
+) -> dict[str, str]:
+    """Return the metadata of the start; arguments as for `RecordingFile`."""
+    metadata = {
+        "format": FORMAT,
+        "boot": boot,
+        "wall_minus_monotonic_ns": str(wall_minus_monotonic_ns),
+        **(own_versions() if versions is None else versions),
+    }
+    if first:
+        metadata[FIRST] = str(first)
+    return metadata | {CRC32: checksum(metadata, config_text)}
+
+
+def own_versions() -> dict[str, str]:
+    """Return the versions of Python, slipd and its libraries."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _VERSIONED}}
+
+
+def end_metadata(entries: int, stopped: str = "") -> dict[str, str]:
+    """Return the metadata of the end.
+
+    Args:
+        entries: Number of entries, lost ones included.
+        stopped: Why the recording ended before the run did; "" where it did not.
+    """
+    metadata = {ENTRIES: str(entries)}
+    if stopped:
+        # An error text of the system may contain undecodable bytes of a file name.
+        metadata[STOPPED] = stopped.encode(errors="replace").decode()
+    return metadata | {CRC32: checksum(metadata, "")}
 
 
 def check_new(path: Path) -> None:
@@ -89,12 +123,23 @@ class RecordingFile:
         config_text: The config of the run, TOML.
         boot: Id of the run.
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC, ns.
+        versions: Versions of Python, slipd and its libraries in the recorded run; None: those of this process.
+        first: Index of the first entry.
 
     Raises:
         RecordingError: The file cannot be created. Every other method raises OSError when the disk fails.
     """
 
-    def __init__(self, path: Path, *, config_text: str, boot: str, wall_minus_monotonic_ns: int) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        config_text: str,
+        boot: str,
+        wall_minus_monotonic_ns: int,
+        versions: dict[str, str] | None = None,
+        first: int = 0,
+    ) -> None:
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._channels: dict[str, int] = {}
         check_new(path)
@@ -107,7 +152,7 @@ class RecordingFile:
         output = cast("IO[bytes]", self._stream)  # the writer uses only write, tell and flush
         self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         try:
-            self._start(config_text, boot)
+            self._start(start_metadata(config_text, boot, wall_minus_monotonic_ns, versions, first), config_text)
             self.flush()
         except OSError as error:
             self.remove()
@@ -139,10 +184,10 @@ class RecordingFile:
         """Pass all flushed entries to the disk, so that they survive a power cut."""
         self._stream.sync()
 
-    def finish(self, entries: int) -> None:
-        """Close the file in good order; ``entries`` is their number, lost ones included."""
+    def finish(self, entries: int, stopped: str = "") -> None:
+        """Close the file in good order; arguments as for `end_metadata`."""
         self.flush()  # metadata would precede a chunk that is still open
-        self._writer.add_metadata(END, {ENTRIES: str(entries)})
+        self._writer.add_metadata(END, end_metadata(entries, stopped))
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.sync()
         self._stream.close()
@@ -156,10 +201,8 @@ class RecordingFile:
             entries: Number of entries, lost ones included.
             reason: Why the others are missing.
         """
-        # An error text of the system may contain undecodable bytes of a file name.
-        reason = reason.encode(errors="replace").decode()
         builder = RecordBuilder()
-        Metadata(name=END, metadata={ENTRIES: str(entries), STOPPED: reason}).write(builder)
+        Metadata(name=END, metadata=end_metadata(entries, reason)).write(builder)
         DataEnd(data_section_crc=0).write(builder)
         Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
         self._stream.cut_back()
@@ -178,16 +221,8 @@ class RecordingFile:
         self._stream.remove()
         self._stream.close()
 
-    def _start(self, config_text: str, boot: str) -> None:
-        metadata = {
-            "format": FORMAT,
-            "boot": boot,
-            "wall_minus_monotonic_ns": str(self._wall_minus_monotonic_ns),
-            "python": platform.python_version(),
-            **{name: version(name) for name in _VERSIONED},
-        }
-        metadata["crc32"] = checksum(metadata, config_text)
-        self._writer.start(profile=PROFILE, library=f"slipd {metadata['slipd']}")
+    def _start(self, metadata: dict[str, str], config_text: str) -> None:
+        self._writer.start(profile=PROFILE, library=f"slipd {version('slipd')}")
         self._writer.add_metadata(START, metadata)
         self._writer.add_attachment(0, 0, CONFIG, "application/toml", config_text.encode())
 

@@ -6,6 +6,7 @@ The ``mcap`` library decodes each record; this module decides which records it g
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -16,20 +17,19 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Chunk, Header, McapRecord, Metadata
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from slipd.errors import RecordingError
 from slipd.recording import mcap_file
 
 _HEAD = struct.Struct("<BQ")  # opcode and length of an MCAP record
-_READ: dict[int, type[Header] | type[Metadata] | type[Attachment] | type[Chunk]] = {
+_INDEX_HEAD = struct.Struct("<HI")  # channel, and length of the offsets
+_READ: dict[int, type[Header | Metadata | Attachment | Chunk]] = {
     Opcode.HEADER: Header,
     Opcode.METADATA: Metadata,
     Opcode.ATTACHMENT: Attachment,
     Opcode.CHUNK: Chunk,
 }
-_SKIPPED = frozenset({Opcode.MESSAGE_INDEX})
 _INNER = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
 BAD_RECORD = (McapError, ValueError, struct.error, OverflowError, zstandard.ZstdError)
 
@@ -86,8 +86,13 @@ def data_records(file: BinaryIO) -> Iterator[McapRecord]:
         body = _read(file, length, place)
         if opcode in _READ:
             yield _parse(opcode, body, place)
-        elif opcode not in _SKIPPED:
+        elif opcode != Opcode.MESSAGE_INDEX or not _is_message_index(body):
             raise DamageError(f"has a record of kind {opcode} at byte {place}, which slipd cannot have written")
+
+
+def _is_message_index(body: bytes) -> bool:
+    """Return whether a record that is skipped is what it claims to be: a chunk must not be skipped in its stead."""
+    return len(body) >= _INDEX_HEAD.size and _INDEX_HEAD.unpack_from(body)[1] == len(body) - _INDEX_HEAD.size
 
 
 def _read(file: BinaryIO, length: int, place: int, *, may_end: bool = False) -> bytes:
@@ -98,10 +103,13 @@ def _read(file: BinaryIO, length: int, place: int, *, may_end: bool = False) -> 
 
 
 def _parse(opcode: int, body: bytes, place: int) -> McapRecord:
+    rest = BytesIO(body)
     try:
-        record: McapRecord = _READ[opcode].read(ReadDataStream(BytesIO(body)))
+        record: McapRecord = _READ[opcode].read(ReadDataStream(rest))
     except BAD_RECORD as error:
         raise DamageError(f"is damaged at byte {place}: {error}") from error
+    if rest.tell() < len(body):  # its length, or its kind, is not what was written
+        raise DamageError(f"is damaged at byte {place}: a record of {len(body)} bytes that holds {rest.tell()}")
     return record
 
 
@@ -117,10 +125,12 @@ def unpack_chunk(chunk: Chunk) -> bytes:
             zstandard.frame_content_size(chunk.data) == chunk.uncompressed_size <= mcap_file.RECORD_LIMIT_BYTES
         ):
             raise DamageError("has a chunk that slipd cannot have written")
-        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-        return stream.read(length)
+        data = zstandard.decompress(chunk.data)
     except BAD_RECORD as error:
         raise DamageError(f"has a damaged chunk: {error}") from error
+    if zlib.crc32(data) != chunk.uncompressed_crc:  # of any value: MCAP takes 0 for "not known"
+        raise DamageError("has a damaged chunk: its checksum does not match its bytes")
+    return data
 
 
 def inner_records(data: bytes) -> Iterator[tuple[int, memoryview]]:

@@ -9,58 +9,17 @@ it holds ends the reading. The ``mcap`` library decodes the records themselves.
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata
-from mcap.well_known import MessageEncoding
+from mcap.records import Attachment, Header, McapRecord, Metadata
 
 from slipd.errors import RecordingError
 from slipd.events import Event
 from slipd.recording import mcap_file
-from slipd.recording.event_codec import decode_event
-from slipd.recording.mcap_records import (
-    BAD_RECORD,
-    DamageError,
-    data_records,
-    ends_closed,
-    inner_records,
-    open_mcap,
-    unpack_chunk,
-)
-
-_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_CHANNELS_MAX = 1024  # enough topics for a hundred fingers
-_CHANNEL_LIMIT_BYTES = 4096
-_REASON_LIMIT = 500
-
-_UNPACKED_BYTES, _UNPACKED_RATIO = 64 * 1024 * 1024, 4000
-"""Most bytes that all chunks together may unpack to: this many in total, or this many per byte of the file. The ticks
-of an idle daemon compress to a tenth, datagrams of 64 kB of zeros to a 630th, messages of 1 MiB to a 3300th."""
-
-
-@dataclass(frozen=True, slots=True)
-class Entered:
-    """An event that entered the engine at ``t_ns`` (CLOCK_MONOTONIC of the recorded run)."""
-
-    n: int
-    t_ns: int
-    event: Event
-
-
-@dataclass(frozen=True, slots=True)
-class Published:
-    """The bytes that were published under ``topic`` because of the event before."""
-
-    n: int
-    t_ns: int
-    topic: str
-    payload: bytes
+from slipd.recording.entry_walk import Entered, EntryWalk, Published
+from slipd.recording.mcap_records import DamageError, data_records, ends_closed, open_mcap
 
 
 @dataclass
@@ -73,6 +32,7 @@ class Recording:
         boot: Id of the recorded run.
         wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC in the recorded run, ns.
         versions: Versions of Python, slipd and its libraries in the recorded run.
+        first: Index of its first entry in the run.
         closed: Whether the file was closed in good order, by its last bytes.
         fault: Why a pass ended early; None if no pass did.
         lost: Number of entries that a pass found missing, as far as it can tell.
@@ -85,6 +45,7 @@ class Recording:
     boot: str
     wall_minus_monotonic_ns: int
     versions: dict[str, str]
+    first: int
     closed: bool
     fault: str | None = None
     lost: int = 0
@@ -118,7 +79,7 @@ class Recording:
         Raises:
             RecordingError: The file cannot be opened.
         """
-        walk = _Walk(self.wall_minus_monotonic_ns)
+        walk = EntryWalk(self.wall_minus_monotonic_ns, self.first)
         try:
             with open_mcap(self.path) as file:
                 self.size_bytes = walk.file_bytes = os.fstat(file.fileno()).st_size
@@ -132,86 +93,6 @@ class Recording:
         finally:  # also of a pass that its caller ends early
             self.lost = max(self.lost, walk.lost)
         self.fault = self.fault or (walk.fault and f"{self.path}: {walk.fault}")
-
-
-class _Walk:
-    """State of one pass over the records: the topic of each channel, and the next index."""
-
-    def __init__(self, wall_minus_monotonic_ns: int) -> None:
-        self.lost = 0
-        self.fault: str | None = None
-        self.entry_count: int | None = None
-        self.file_bytes = 0
-        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
-        self._topics: dict[int, str] = {}
-        self._schemas = 0
-        self._unpacked_bytes = 0
-        self._next_n = 0
-
-    def entries(self, record: McapRecord) -> Iterator[Entered | Published]:
-        if isinstance(record, Chunk):
-            yield from self._chunk(record)
-        elif isinstance(record, Metadata) and record.name == mcap_file.END:
-            self._end(record)
-
-    def _chunk(self, chunk: Chunk) -> Iterator[Entered | Published]:
-        self._unpacked_bytes += chunk.uncompressed_size
-        if self._unpacked_bytes > max(_UNPACKED_BYTES, _UNPACKED_RATIO * self.file_bytes):
-            raise DamageError(
-                f"unpacks to over {self._unpacked_bytes} bytes, which slipd cannot have written into {self.file_bytes}"
-            )
-        for opcode, body in inner_records(unpack_chunk(chunk)):
-            if opcode == Opcode.MESSAGE:
-                yield self._entry(body)
-            elif len(body) > _CHANNEL_LIMIT_BYTES:
-                raise DamageError(f"has a channel or schema of {len(body)} bytes, which slipd cannot have written")
-            elif opcode == Opcode.CHANNEL:
-                self._channel(body)
-            else:
-                self._schemas += 1
-                if self._schemas > _CHANNELS_MAX:
-                    raise DamageError(f"has more than {_CHANNELS_MAX} schemas, which slipd cannot have written")
-
-    def _channel(self, body: memoryview) -> None:
-        try:
-            channel = Channel.read(ReadDataStream(BytesIO(body)))
-        except BAD_RECORD as error:
-            raise DamageError(f"has a damaged channel: {error}") from error
-        if channel.message_encoding != MessageEncoding.MessagePack:
-            raise DamageError(f"channel {channel.topic!r:.80} is not msgpack")
-        if channel.id in self._topics or len(self._topics) >= _CHANNELS_MAX:
-            raise DamageError(f"channel {channel.topic!r:.80} is announced twice, or is one too many")
-        self._topics[channel.id] = channel.topic
-
-    def _entry(self, body: memoryview) -> Entered | Published:
-        if len(body) < _MESSAGE_HEAD.size:
-            raise DamageError(f"entry {self._next_n} is cut off")
-        channel_id, sequence, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
-        topic = self._topics.get(channel_id)
-        if topic is None:
-            raise DamageError(f"entry {self._next_n} is on a channel that was never announced")
-        n = self._next_n + ((sequence - self._next_n) & mcap_file.SEQUENCE_MASK)
-        t_ns = log_time_ns - self._wall_minus_monotonic_ns
-        payload = bytes(body[_MESSAGE_HEAD.size :])
-        entry = _event(payload, n, t_ns) if topic == mcap_file.EVENTS else Published(n, t_ns, topic, payload)
-        self._skip_to(n)
-        self._next_n = n + 1
-        return entry
-
-    def _end(self, end: Metadata) -> None:
-        try:
-            self.entry_count = int(end.metadata[mcap_file.ENTRIES])
-        except (KeyError, ValueError) as error:
-            raise DamageError(f"its end is damaged: {error}") from error
-        self._skip_to(self.entry_count)
-        if mcap_file.STOPPED in end.metadata:
-            reason = end.metadata[mcap_file.STOPPED][:_REASON_LIMIT]
-            self.fault = f"the recording stopped before the run did ({reason}); {self.lost} entries are missing"
-
-    def _skip_to(self, n: int) -> None:
-        if not 0 <= n - self._next_n <= mcap_file.SEQUENCE_MASK // 2:
-            raise DamageError(f"entry {n} is where entry {self._next_n} should be")
-        self.lost += n - self._next_n
 
 
 def open_recording(path: Path) -> Recording:
@@ -252,20 +133,12 @@ def _start(path: Path, records: Iterator[McapRecord], *, closed: bool) -> Record
         raise DamageError(f"must have format {mcap_file.FORMAT!r}, got {metadata.get('format')!r}")
     try:
         config_text = config.data.decode()
-        if metadata.pop("crc32", "") != mcap_file.checksum(metadata, config_text):
+        if metadata.pop(mcap_file.CRC32, "") != mcap_file.checksum(metadata, config_text):
             raise DamageError("its start is damaged: config and boot do not match their checksum")
         wall_minus_monotonic_ns = int(metadata.pop("wall_minus_monotonic_ns"))
         boot = metadata.pop("boot")
+        first = int(metadata.pop(mcap_file.FIRST, "0"))
+        del metadata["format"]
     except (ValueError, KeyError) as error:
         raise DamageError(f"its start is damaged: {error}") from error
-    return Recording(path, config_text, boot, wall_minus_monotonic_ns, metadata, closed)
-
-
-def _event(payload: bytes, n: int, t_ns: int) -> Entered:
-    try:
-        stated_n, stated_t_ns, event = decode_event(payload)
-    except RecordingError as error:
-        raise DamageError(f"entry {n}: {error}") from error
-    if (stated_n, stated_t_ns) != (n, t_ns):
-        raise DamageError(f"entry {n} has another index ({stated_n}) or time in its payload")
-    return Entered(n, t_ns, event)
+    return Recording(path, config_text, boot, wall_minus_monotonic_ns, metadata, first, closed)

@@ -22,11 +22,9 @@ from slipd.recording.mcap_file import RecordingFile
 QUEUE_LIMIT = 65_536
 """Most entries in the queue, about 30 MB: a disk may stall for 5 s at 10,000 entries/s, from two fingers at 4 kHz."""
 
-FLUSH_PERIOD_S = 0.1
-"""Most recorded time that a killed process loses, s, besides the queue."""
-
-SYNC_PERIOD_S = 1.0
-"""Most recorded time that a power cut loses, s; each sync costs the disk a journal entry."""
+FLUSH_PERIOD_S = 0.07
+"""Most recorded time that a killed process loses, s, besides the queue. A sync follows each flush, so a power cut loses
+this and the time of one sync: at most 18 ms on an SSD with ext4 (median 8 ms)."""
 
 CLOSE_LIMIT_S = 30.0
 """Longest wait for the disk at the end, s: a lost network mount must not delay the exit any longer."""
@@ -222,7 +220,6 @@ class Recorder:
     def _write_until_closed(self, file: RecordingFile) -> None:
         # Entry by entry: a batch would hold the interpreter lock, and so delay the live path, for milliseconds.
         next_flush_s = time.monotonic() + FLUSH_PERIOD_S
-        next_sync_s = time.monotonic() + SYNC_PERIOD_S
         while True:
             with suppress(Empty):
                 entry = self._queue.get(timeout=max(0.0, next_flush_s - time.monotonic()))
@@ -234,13 +231,11 @@ class Recorder:
             now_s = time.monotonic()
             if now_s >= next_flush_s:
                 file.flush()
+                file.sync()
                 self._unwritten = 0
                 if self._room is not None:
                     self._room.check(file)
                 next_flush_s = now_s + FLUSH_PERIOD_S
-            if now_s >= next_sync_s:
-                file.sync()
-                next_sync_s = now_s + SYNC_PERIOD_S
 
     def _discard_until_closed(self) -> None:
         if self._closed and self._queue.empty():

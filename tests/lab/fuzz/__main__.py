@@ -1,7 +1,8 @@
-"""Fuzz the decoder of every device with split, damaged and random bytes, and the daemon with hostile requests.
+"""Fuzz the decoder of every device with split, damaged and random bytes, the daemon with hostile requests, and the
+reader of recordings with damaged files.
 
-    make fuzz    (about 20 minutes; writes docs/fuzz.md)
-    PYTHONPATH=tests/support:tests/lab python -m fuzz [--strict] [--only devices|requests] [--device NAME]
+    make fuzz    (about 30 minutes; writes docs/fuzz.md)
+    PYTHONPATH=tests/support:tests/lab python -m fuzz [--strict] [--only devices|requests|recordings] [--device NAME]
         [--seed S] [--rounds N] [--report FILE]
 
 Counted are frames that are lost, accepted wrongly or read differently when split, requests that break a limit, and the
@@ -18,7 +19,7 @@ import sys
 from pathlib import Path
 
 from bench.tables import Table
-from fuzz import request_report, requests
+from fuzz import recordings, request_report, requests
 from fuzz.outcome import Outcome
 from fuzz.report import document, tables, verdicts
 from fuzz.rounds import SECONDS, Job, Results, Wish, cores, stages
@@ -37,8 +38,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--seconds", type=float, default=SECONDS, help=f"total time for all devices (default {SECONDS:g})"
     )
-    parser.add_argument("--device", choices=sorted(STRENGTHS), help="fuzz this device only, and no requests")
-    parser.add_argument("--only", choices=("devices", "requests"), help="fuzz these only (default: both)")
+    parser.add_argument("--device", choices=sorted(STRENGTHS), help="fuzz this device only, and nothing else")
+    parser.add_argument("--only", choices=("devices", "requests", "recordings"), help="fuzz these only (default: all)")
     parser.add_argument(
         "--seed", type=int, default=1, help="seed of the first round; each further round adds 1 (default 1)"
     )
@@ -51,13 +52,17 @@ def main(argv: list[str] | None = None) -> int:
     wish = Wish(devices, options.seed, options.strict, options.seconds, options.rounds)
     shown: list[Table] = []
     found: list[str] = []
-    if options.only != "requests":
+    if options.only in (None, "devices"):
         results = _devices(wish)
         shown, found = tables(results, devices), verdicts(results)
-    if options.only != "devices" and not options.device:
+    if options.only in (None, "requests") and not options.device:
         asked = _requests(wish)
         shown += request_report.tables(asked, requests.STRICT if wish.strict else 1)
         found += request_report.verdicts(asked)
+    if options.only in (None, "recordings") and not options.device:
+        damaged = _recordings(wish)
+        shown.append(recordings.table(damaged))
+        found += recordings.verdicts(damaged)
     print("\n".join(table.text() for table in shown))
     print("\n".join(("", *(found or ["No faults found."]))))
     if options.report is not None:
@@ -90,6 +95,18 @@ def _requests(wish: Wish) -> request_report.Found:
                 print(f"requests: {fault[:400]}")
             if one.bad:
                 print(f"  to repeat: python -m fuzz --only requests --seed {seed} --rounds 1", flush=True)
+    return found
+
+
+def _recordings(wish: Wish) -> dict[tuple[str, int], recordings.Damaged]:
+    """Damaged recordings, on all cores; without ``--strict`` one part in forty."""
+    found: dict[tuple[str, int], recordings.Damaged] = {}
+    parts = list(recordings.parts(wish.seed))[:: 1 if wish.strict else 40]
+    with multiprocessing.get_context("spawn").Pool(cores()) as pool:
+        for part, one in zip(parts, pool.imap(recordings.Part.run, parts), strict=True):
+            found.setdefault((part.kind, part.size), recordings.Damaged()).add(one)
+            for fault in one.misread[:MOST_TOLD]:
+                print(f"recordings of {part.size} bytes: {fault}", flush=True)
     return found
 
 

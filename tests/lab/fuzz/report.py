@@ -119,5 +119,5 @@ def document(shown: list[Table], found: list[str]) -> str:
         f"Commit {measured_commit()}, {platform.system()} {platform.machine()}, "
         f"Python {platform.python_version()}, {cores()} cores, {measured}."
     )
-    lines = ["# Fuzzing of the devices and of the requests", "", head, *(table.markdown() for table in shown), ""]
+    lines = ["# Fuzzing of devices, requests and recordings", "", head, *(table.markdown() for table in shown), ""]
     return "\n".join([*lines, *(found or ["No faults found."]), ""])

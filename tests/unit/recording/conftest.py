@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.recording.entry_walk import Entered, Published
 from slipd.recording.mcap_file import RecordingFile
-from slipd.recording.reader import Entered, Published
 from slipd_client import messages
 
 CONFIG_TEXT = "# μ stands in the config\n[finger.left]\nmu = 0.5\n"

@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
-from slipd.recording import mcap_file, reader
+from slipd.recording import entry_walk, mcap_file
 from slipd.recording.event_codec import encode_event
 from slipd.recording.reader import Recording, open_recording
 
@@ -248,10 +248,45 @@ def test_an_end_record_without_a_number_is_reported(forge: Forge) -> None:
     assert "end is damaged" in str(recording.fault)
 
 
-def chunk(inner: bytes) -> bytes:
+@pytest.mark.parametrize(
+    "end",
+    [
+        {"entries": "7", "crc32": mcap_file.end_metadata(6)["crc32"]},
+        {"entries": "0", "Crc32": mcap_file.end_metadata(0)["crc32"]},
+    ],
+)
+def test_an_end_record_that_does_not_match_its_checksum_is_reported(forge: Forge, end: dict[str, str]) -> None:
+    forge.writer.add_metadata("slipd/end", end)
+    recording, _ = forge.read()
+    assert "end is damaged: the number of entries does not match" in str(recording.fault)
+    assert recording.lost == 0
+
+
+def test_a_chunk_whose_checksum_is_zero_is_not_taken_for_one_without(forge: Forge) -> None:
+    recording, found = forge.read(extra=chunk(channel(1) + message(1, 0, b""), crc=0))
+    assert not found
+    assert "its checksum does not match its bytes" in str(recording.fault)
+
+
+def test_a_chunk_that_claims_to_be_an_index_is_not_skipped(forge: Forge) -> None:
+    whole = chunk(channel(1) + message(1, 0, b""))
+    recording, _ = forge.read(extra=b"\x07" + whole[1:] + whole)
+    assert "a record of kind 7 at byte" in str(recording.fault)
+
+
+def test_a_record_that_is_longer_than_its_content_stops_the_reading(forge: Forge) -> None:
+    first, hidden = chunk(channel(1) + message(1, 0, b"")), chunk(message(1, 1, b""))
+    longer = first[:1] + struct.pack("<Q", len(first) - 9 + len(hidden)) + first[9:]
+    recording, found = forge.read(extra=longer + hidden)
+    assert not found
+    assert "bytes that holds" in str(recording.fault)
+
+
+def chunk(inner: bytes, crc: int | None = None) -> bytes:
     """Return a chunk record."""
     packed = zstandard.compress(inner)
-    body = struct.pack("<QQQII4sQ", 0, 0, len(inner), zlib.crc32(inner), 4, b"zstd", len(packed)) + packed
+    crc = zlib.crc32(inner) if crc is None else crc
+    body = struct.pack("<QQQII4sQ", 0, 0, len(inner), crc, 4, b"zstd", len(packed)) + packed
     return struct.pack("<BQ", 6, len(body)) + body
 
 
@@ -263,8 +298,8 @@ def text(value: bytes) -> bytes:
     return struct.pack("<I", len(value)) + value
 
 
-def channel(number: int, metadata: bytes = b"") -> bytes:
-    return inner(4, struct.pack("<HH", number, 0) + text(b"slip.left") + text(b"msgpack") + text(metadata))
+def channel(number: int, metadata: bytes = b"", topic: bytes = b"slip.left") -> bytes:
+    return inner(4, struct.pack("<HH", number, 0) + text(topic) + text(b"msgpack") + text(metadata))
 
 
 def message(number: int, n: int, payload: bytes) -> bytes:
@@ -282,7 +317,7 @@ NESTED = inner(6, struct.pack("<QQQII4sQ", 0, 0, 0, 0, 4, b"zstd", 0))
         (inner(15) * (FILL // 9), "a record of kind 15"),
         (NESTED * (FILL // len(NESTED)), "a record of kind 6"),
         (inner(3) * (FILL // 9), "more than 1024 schemas"),
-        (channel(1) * (FILL // len(channel(1))), "announced twice"),
+        (channel(1) + channel(1, topic=b"slip.right"), "the number of another"),
         (b"".join(channel(n) for n in range(2000)), "one too many"),
         (channel(1, bytes(FILL // 2)), "a channel or schema of 2097184 bytes"),
         (inner(3, bytes(FILL // 2)), "a channel or schema of 2097152 bytes"),
@@ -298,7 +333,7 @@ def test_a_few_bytes_that_unpack_to_a_mass_of_records_stop_the_reading_at_the_fi
     forge: Forge, records: bytes, fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = 0
-    one_by_one = reader.inner_records
+    one_by_one = entry_walk.inner_records
 
     def counted(data: bytes) -> Iterator[tuple[int, memoryview]]:
         nonlocal read
@@ -306,7 +341,7 @@ def test_a_few_bytes_that_unpack_to_a_mass_of_records_stop_the_reading_at_the_fi
             read += 1
             yield found
 
-    monkeypatch.setattr(reader, "inner_records", counted)
+    monkeypatch.setattr(entry_walk, "inner_records", counted)
     recording, _ = forge.read(extra=chunk(records) * 100)
     assert fault in str(recording.fault)
     assert read <= 1026
@@ -343,7 +378,7 @@ def test_the_most_compressible_of_what_slipd_writes_is_read(tmp_path: Path, abou
 
 def test_a_long_idle_recording_is_read(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bound on a long recording is the ratio of sizes; a short one with no other bound shows it."""
-    monkeypatch.setattr(reader, "_UNPACKED_BYTES", 0)
+    monkeypatch.setattr(entry_walk, "_UNPACKED_BYTES", 0)
     file = mcap_file.RecordingFile(tmp_path / "run.mcap", **about_run)
     for n in range(20_000):
         file.event(n, 5_000_000 * n, Tick(0))

@@ -13,8 +13,9 @@ from mcap.reader import NonSeekingReader, make_reader
 from slipd.errors import RecordingError
 from slipd.events import Bytes, Tick
 from slipd.recording import writer
+from slipd.recording.entry_walk import Entered
 from slipd.recording.mcap_file import ENTRY_LIMIT_BYTES
-from slipd.recording.reader import Entered, Recording, open_recording
+from slipd.recording.reader import Recording, open_recording
 from slipd.recording.writer import Recorder, Room
 
 DEADLINE_S = 60.0
@@ -250,7 +251,6 @@ def test_K1_a_disk_that_stalls_costs_entries_which_are_counted_and_leave_a_gap(
         go_on.wait(DEADLINE_S)
 
     monkeypatch.setattr(os, "fdatasync", fdatasync)
-    monkeypatch.setattr(writer, "SYNC_PERIOD_S", 0.0)
     monkeypatch.setattr(writer, "QUEUE_LIMIT", 10)
     recorder = Recorder(tmp_path / "run.mcap", **about_run)
     assert stalled.wait(DEADLINE_S)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from slipd.events import Tick
+from slipd.recording.entry_walk import Published
 from slipd.recording.mcap_file import RecordingFile
-from slipd.recording.reader import Published, open_recording
+from slipd.recording.reader import open_recording
 from slipd.sim.truth_log import TRUTH, TruthLog
 from slipd_client.messages import decode
 

@@ -1,0 +1,165 @@
+"""Entries of a recording, decoded from its chunks one after another, and checked against what slipd writes."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, McapRecord, Metadata
+from mcap.well_known import MessageEncoding
+
+from slipd.errors import RecordingError
+from slipd.events import Event
+from slipd.recording import mcap_file
+from slipd.recording.event_codec import decode_event
+from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
+
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_CHANNELS_MAX = 1024  # enough topics for a hundred fingers
+_CHANNEL_LIMIT_BYTES = 4096
+_REASON_LIMIT = 500
+
+_UNPACKED_BYTES, _UNPACKED_RATIO = 64 * 1024 * 1024, 4000
+"""Most bytes that all chunks together may unpack to: this many in total, or this many per byte of the file. The ticks
+of an idle daemon compress to a tenth, datagrams of 64 kB of zeros to a 630th, messages of 1 MiB to a 3300th."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entered:
+    """An event that entered the engine at ``t_ns`` (CLOCK_MONOTONIC of the recorded run)."""
+
+    n: int
+    t_ns: int
+    event: Event
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """The bytes that were published under ``topic`` because of the event before."""
+
+    n: int
+    t_ns: int
+    topic: str
+    payload: bytes
+
+
+class EntryWalk:
+    """State of one pass over the records: the topic of each channel, and the next index.
+
+    Args:
+        wall_minus_monotonic_ns: Wall-clock time minus CLOCK_MONOTONIC in the recorded run, ns.
+        first: Index of the first entry.
+
+    Attributes:
+        lost: Number of entries missing so far.
+        fault: Why the recording stopped before the run did; None where it did not.
+        entry_count: Number of entries by the end record; None before it.
+        file_bytes: Size of the file.
+        next_n: Index that the next entry has if none is missing.
+        topics: Topic of each channel, by its number.
+    """
+
+    def __init__(self, wall_minus_monotonic_ns: int, first: int) -> None:
+        self.lost = 0
+        self.fault: str | None = None
+        self.entry_count: int | None = None
+        self.file_bytes = 0
+        self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
+        self.topics: dict[int, str] = {}
+        self._schemas = 0
+        self._unpacked_bytes = 0
+        self.next_n = first
+
+    def entries(self, record: McapRecord) -> Iterator[Entered | Published]:
+        """Yield the entries of a record.
+
+        Raises:
+            DamageError: The record is damaged, or not one that slipd writes.
+        """
+        if isinstance(record, Chunk):
+            yield from self._chunk(record)
+        elif isinstance(record, Metadata) and record.name == mcap_file.END:
+            self._end(record)
+
+    def _chunk(self, chunk: Chunk) -> Iterator[Entered | Published]:
+        self._unpacked_bytes += chunk.uncompressed_size
+        if self._unpacked_bytes > max(_UNPACKED_BYTES, _UNPACKED_RATIO * self.file_bytes):
+            raise DamageError(
+                f"unpacks to over {self._unpacked_bytes} bytes, which slipd cannot have written into {self.file_bytes}"
+            )
+        for opcode, body in inner_records(unpack_chunk(chunk)):
+            if opcode == Opcode.MESSAGE:
+                yield self._entry(body)
+            elif len(body) > _CHANNEL_LIMIT_BYTES:
+                raise DamageError(f"has a channel or schema of {len(body)} bytes, which slipd cannot have written")
+            elif opcode == Opcode.CHANNEL:
+                self.announce(body)
+            else:
+                self._schemas += 1
+                if self._schemas > _CHANNELS_MAX:
+                    raise DamageError(f"has more than {_CHANNELS_MAX} schemas, which slipd cannot have written")
+
+    def announce(self, body: memoryview) -> None:
+        """Note the topic of a channel.
+
+        Raises:
+            DamageError: The channel is damaged, of another encoding, or known under another topic.
+        """
+        try:
+            channel = Channel.read(ReadDataStream(BytesIO(body)))
+        except BAD_RECORD as error:
+            raise DamageError(f"has a damaged channel: {error}") from error
+        if channel.message_encoding != MessageEncoding.MessagePack:
+            raise DamageError(f"channel {channel.topic!r:.80} is not msgpack")
+        if self.topics.setdefault(channel.id, channel.topic) != channel.topic or len(self.topics) > _CHANNELS_MAX:
+            raise DamageError(f"channel {channel.topic!r:.80} has the number of another, or is one too many")
+
+    def _entry(self, body: memoryview) -> Entered | Published:
+        if len(body) < _MESSAGE_HEAD.size:
+            raise DamageError(f"entry {self.next_n} is cut off")
+        channel_id, sequence, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(body)
+        topic = self.topics.get(channel_id)
+        if topic is None:
+            raise DamageError(f"entry {self.next_n} is on a channel that was never announced")
+        n = self.next_n + ((sequence - self.next_n) & mcap_file.SEQUENCE_MASK)
+        t_ns = log_time_ns - self._wall_minus_monotonic_ns
+        payload = bytes(body[_MESSAGE_HEAD.size :])
+        entry = _event(payload, n, t_ns) if topic == mcap_file.EVENTS else Published(n, t_ns, topic, payload)
+        self._skip_to(n)
+        self.next_n = n + 1
+        return entry
+
+    def _end(self, end: Metadata) -> None:
+        # Files of version 0.1 have no checksum here; a damaged key must not make this file one of those.
+        known = {mcap_file.ENTRIES, mcap_file.STOPPED}
+        if end.metadata.pop(mcap_file.CRC32, None) not in (None, mcap_file.checksum(end.metadata, "")) or not (
+            set(end.metadata) <= known
+        ):
+            raise DamageError("its end is damaged: the number of entries does not match its checksum")
+        try:
+            self.entry_count = int(end.metadata[mcap_file.ENTRIES])
+        except (KeyError, ValueError) as error:
+            raise DamageError(f"its end is damaged: {error}") from error
+        self._skip_to(self.entry_count)
+        if mcap_file.STOPPED in end.metadata:
+            reason = end.metadata[mcap_file.STOPPED][:_REASON_LIMIT]
+            self.fault = f"the recording stopped before the run did ({reason}); {self.lost} entries are missing"
+
+    def _skip_to(self, n: int) -> None:
+        if not 0 <= n - self.next_n <= mcap_file.SEQUENCE_MASK // 2:
+            raise DamageError(f"entry {n} is where entry {self.next_n} should be")
+        self.lost += n - self.next_n
+
+
+def _event(payload: bytes, n: int, t_ns: int) -> Entered:
+    try:
+        stated_n, stated_t_ns, event = decode_event(payload)
+    except RecordingError as error:
+        raise DamageError(f"entry {n}: {error}") from error
+    if (stated_n, stated_t_ns) != (n, t_ns):
+        raise DamageError(f"entry {n} has another index ({stated_n}) or time in its payload")
+    return Entered(n, t_ns, event)

@@ -1,0 +1,195 @@
+"""Cut off and damage recordings at every place: what is read must be what was written, up to the fault."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+
+from bench.tables import Table
+from project import DATA
+
+from slipd.errors import RecordingError
+from slipd.recording.entry_walk import Entered, Published
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import Recording, open_recording
+
+SOURCE = DATA / "replays" / "demo.mcap"
+SMALL_BYTES, LARGE_BYTES = 20_000, 1_000_000
+LARGE_PLACES = 10_000
+FLUSH_EVERY = 20
+"""Entries in a chunk: about as many as the daemon writes between two flushes."""
+
+PLACES_OF_A_JOB = 500
+
+Entry = Entered | Published
+
+
+@dataclass
+class Damaged:
+    """What reading damaged copies of one recording gave.
+
+    Attributes:
+        copies: Number of copies.
+        refused: Copies that could not be opened.
+        ended: Copies that were read up to the fault, and called incomplete.
+        harmless: Copies that read as the whole recording.
+        misread: What else was read, one line for each copy.
+    """
+
+    copies: int = 0
+    refused: int = 0
+    ended: int = 0
+    harmless: int = 0
+    misread: list[str] = field(default_factory=list)
+
+    def add(self, other: Damaged) -> None:
+        """Add the copies of another part."""
+        self.copies += other.copies
+        self.refused += other.refused
+        self.ended += other.ended
+        self.harmless += other.harmless
+        self.misread += other.misread
+
+
+def write_recording(path: Path, size: int) -> None:
+    """Write entries of the demo, again and again, until the file has a size, bytes."""
+    source = open_recording(SOURCE)
+    file = RecordingFile(
+        path, config_text=source.config_text, boot=source.boot, wall_minus_monotonic_ns=source.wall_minus_monotonic_ns
+    )
+    n = 0
+    while file.size_bytes < size:
+        for entry in source.entries():
+            if isinstance(entry, Entered):
+                file.event(n, entry.t_ns, entry.event)
+            else:
+                file.published(n, entry.t_ns, entry.topic, entry.payload)
+            n += 1
+            if n % FLUSH_EVERY == 0:
+                file.flush()
+                if file.size_bytes >= size:
+                    break
+    file.finish(n)
+
+
+class Judge:
+    """Reads copies of a recording, and compares them with it.
+
+    Args:
+        path: The recording.
+        folder: Folder for the copies.
+    """
+
+    def __init__(self, path: Path, folder: Path) -> None:
+        self.data = path.read_bytes()
+        whole = open_recording(path)
+        self._entries, self._about = list(whole.entries()), _about(whole)
+        self._copy = folder / f"damaged-{path.stem}.mcap"
+
+    def cut(self, places: range | list[int]) -> Damaged:
+        """Read copies that end before each of some bytes."""
+        found = Damaged()
+        for place in places:
+            self._judge(self.data[:place], f"cut at {place}", found, cut=True)
+        return found
+
+    def flip(self, places: range | list[int], seed: int) -> Damaged:
+        """Read copies in which one byte is another: every bit, one bit, and any value."""
+        found, rng = Damaged(), Random(seed)
+        for place in places:
+            for change in (0xFF, 1 << rng.randrange(8), rng.randrange(1, 0xFF)):
+                data = bytearray(self.data)
+                data[place] ^= change
+                self._judge(bytes(data), f"byte {place} ^ {change:#04x}", found, cut=False)
+        return found
+
+    def _judge(self, data: bytes, what: str, found: Damaged, *, cut: bool) -> None:
+        self._copy.write_bytes(data)
+        found.copies += 1
+        try:
+            recording = open_recording(self._copy)
+            number = 0
+            for entry in recording.entries():
+                if number == len(self._entries) or entry != self._entries[number]:
+                    found.misread.append(f"{what}: entry {number} is another")
+                    return
+                number += 1
+        except RecordingError:
+            found.refused += 1
+            return
+        whole = number == len(self._entries)
+        if _about(recording) != self._about:
+            found.misread.append(f"{what}: another config, boot or time")
+        elif recording.complete and not (whole and not cut):
+            found.misread.append(f"{what}: called complete with {number} entries")
+        elif recording.complete:
+            found.harmless += 1
+        else:
+            found.ended += 1
+
+
+def _about(recording: Recording) -> tuple[object, ...]:
+    return recording.config_text, recording.boot, recording.wall_minus_monotonic_ns, recording.versions
+
+
+@dataclass(frozen=True)
+class Part:
+    """A share of the work: places of a file of one size."""
+
+    kind: str
+    size: int
+    places: tuple[int, ...]
+    seed: int
+
+    def run(self) -> Damaged:
+        """Damage and read the file."""
+        with tempfile.TemporaryDirectory(prefix="slipd-fuzz-") as name:
+            folder = Path(name)
+            write_recording(folder / "whole.mcap", self.size)
+            judge = Judge(folder / "whole.mcap", folder)
+            places = list(self.places)
+            return judge.cut(places) if self.kind == "cut" else judge.flip(places, self.seed)
+
+
+def parts(seed: int) -> Iterator[Part]:
+    """Every byte of a small recording, and seeded places of a large one."""
+    with tempfile.TemporaryDirectory(prefix="slipd-fuzz-") as name:
+        for size in (SMALL_BYTES, LARGE_BYTES):
+            path = Path(name) / f"{size}.mcap"
+            write_recording(path, size)
+            length = path.stat().st_size
+            places = list(range(length)) if size == SMALL_BYTES else Random(seed).sample(range(length), LARGE_PLACES)
+            for kind in ("cut", "flip"):
+                for begin in range(0, len(places), PLACES_OF_A_JOB):
+                    yield Part(kind, size, tuple(places[begin : begin + PLACES_OF_A_JOB]), seed + begin)
+
+
+def table(found: dict[tuple[str, int], Damaged]) -> Table:
+    """What was done and found."""
+    shown = Table(
+        "Recordings that are cut off or damaged",
+        ("damage", "file, kB", "copies", "refused", "read up to the fault", "harmless", "misread"),
+    )
+    names = {"cut": "cut off", "flip": "one byte is another"}
+    for (kind, size), one in found.items():
+        counts = (one.copies, one.refused, one.ended, one.harmless, len(one.misread))
+        shown.rows.append((names[kind], size // 1000, *counts))
+    shown.notes.append(
+        f"The small file is cut and changed at every byte, the large one at {LARGE_PLACES} seeded places; "
+        "a changed byte has all bits flipped, one bit flipped, or any other value."
+    )
+    shown.notes.append("Harmless: names, times and indexes that slipd does not read; every entry reads as written.")
+    shown.notes.append("Misread: an entry, config, boot or time is another, or a damaged file is called complete.")
+    return shown
+
+
+def verdicts(found: dict[tuple[str, int], Damaged]) -> list[str]:
+    """Return one line for each kind of fault."""
+    return [
+        f"recordings: {kind} of {size} bytes: {len(one.misread)} misread"
+        for (kind, size), one in found.items()
+        if one.misread
+    ]
