@@ -71,9 +71,8 @@ async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_p
     kept = [decode(payload) for topic, payload in recorded.messages() if topic == "wrench.left"]
     assert {body["seq"] for body in kept} >= {seq for seq, t_ns in seen.items() if t_ns <= kept[-1]["t_ns"]}
     assert "ends without an end record" in str(recorded.fault)
-    assert [encode(body) for topic, body in replay(open_recording(path)) if topic == "wrench.left"] == [
-        encode(body) for body in kept
-    ]
+    replayed = [encode(body) for topic, body in replay(open_recording(path)) if topic == "wrench.left"]
+    assert replayed[: len(kept)] == [encode(body) for body in kept], "the last event may be there without its message"
     assert messages_of_another_reader(path, "wrench.left") == len(kept)
     lost_s = (max(seen.values()) - kept[-1]["t_ns"]) * 1e-9
     assert lost_s < 1.0, "the writer flushes every 0.07 s; a busy machine may delay it"
