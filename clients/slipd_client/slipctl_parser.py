@@ -10,10 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from slipd_client.friction_samples import MOST_SAMPLES
+from slipd_client.listen_address import add_listen
 from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
-from slipd_client.page.listen_address import add_listen
 from slipd_client.paths import publish_endpoint, requests_endpoint
 from slipd_client.viewers.viewers_arguments import add_viewers
 

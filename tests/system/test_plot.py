@@ -13,10 +13,13 @@ from replays import RECORDINGS
 from terminals import PATIENCE_S, PseudoTerminal
 
 from slipd.cli import main
+from slipd.plot.plot_command import is_plot
+from slipd.plot.report_page import GENERATOR
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import Entered, open_recording
 
 DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
+PAGE = f'<!doctype html>\n<meta name="generator" content="{GENERATOR}">'
 SLIPD = str(Path(sys.executable).with_name("slipd"))
 
 
@@ -128,7 +131,11 @@ def test_a_recording_without_events_is_refused(here: Path, capsys: pytest.Captur
         ([DEMO, "--config", "none.toml"], 2, "none.toml: cannot be read: No such file"),
         ([DEMO, "--config", "bad.toml"], 2, "bad.toml:2: finger.left.mu: must be from 0.01 to 2, got 9"),
         ([DEMO, "--out", "none/a.html"], 1, "slipd: none/a.html: cannot be written: No such file or directory"),
-        ([DEMO, "--out", "folder.html"], 1, "slipd: folder.html: cannot be written: Is a directory"),
+        (
+            [DEMO, "--out", "folder.html"],
+            1,
+            "slipd: folder.html: is a folder, and is not overwritten; give another name",
+        ),
         ([DEMO, "--out", "/proc/a.html"], 1, "slipd: /proc/a.html: cannot be written: "),
     ],
 )
@@ -150,11 +157,25 @@ def test_wrong_files_are_told_before_anything_is_replayed(
 def test_a_file_that_may_not_be_written_stays_as_it_is(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path("a.html").write_text("kept")
+    Path("a.html").write_text(PAGE)
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write everything
     assert main(["plot", DEMO, "--out", "a.html"]) == 1
     assert capsys.readouterr().err == "slipd: a.html: cannot be written: Permission denied\n"
-    assert [(path.name, path.read_text()) for path in here.iterdir()] == [("a.html", "kept")]
+    assert [(path.name, path.read_text()) for path in here.iterdir()] == [("a.html", PAGE)]
+
+
+def test_only_an_earlier_plot_is_replaced(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.html").write_text("<!doctype html>\n<title>thesis</title>")
+    Path("plot.html").write_text(PAGE)
+    Path("link.html").symlink_to("plot.html")
+    for name, why in (("mine.html", "is not a plot of slipd"), ("link.html", "is a symbolic link")):
+        assert main(["plot", REFLEX, "--out", name]) == 1
+        assert capsys.readouterr().err == f"slipd: {name}: {why}, and is not overwritten; give another name\n"
+    assert Path("link.html").is_symlink()
+    assert "thesis" in Path("mine.html").read_text()
+    for _ in range(2):
+        assert main(["plot", REFLEX, "--to", "1", "--out", "plot.html"]) == 0
+    assert "Replayed with its own config" in Path("plot.html").read_text()
 
 
 @pytest.mark.parametrize("call", [["plot"], ["plot", DEMO, "--out", "a.pdf"], ["plot", DEMO, DEMO]])
@@ -180,6 +201,7 @@ def test_a_png_is_written(here: Path) -> None:
     pytest.importorskip("matplotlib")
     assert main(["plot", REFLEX, "--out", "a.png"]) == 0
     assert (here / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert is_plot(here / "a.png")
 
 
 @pytest.mark.process

@@ -22,7 +22,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
 from slipd_client.errors import CallError
-from slipd_client.page.listen_address import ListenAddress
+from slipd_client.listen_address import ListenAddress
 from slipd_client.page.site import Site, refusal
 
 LIVE_PATH = "/live"

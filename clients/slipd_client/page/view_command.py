@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from slipd_client.page.listen_address import ListenAddress
+from slipd_client.listen_address import ListenAddress
 from slipd_client.page.live_feed import LiveFeed
 from slipd_client.page.page_server import PageServer
 from slipd_client.page.requests_of_page import ADJUST_N, PageRequests

@@ -61,7 +61,7 @@ def write(folder: Path, fingers: Sequence[str]) -> list[Path]:
     """Write all layouts into a folder, made where it is missing; return their paths.
 
     Raises:
-        CallError: They cannot be written.
+        CallError: They cannot be written, or a file with other contents stands in the place of one.
     """
     texts = {
         FOXGLOVE: foxglove_layout(fingers),
@@ -70,6 +70,9 @@ def write(folder: Path, fingers: Sequence[str]) -> list[Path]:
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            if (path := folder / name).exists() and path.read_text(encoding="utf-8", errors="replace") != text:
+                raise CallError(f"{path}: exists already with other contents, and is not replaced; give another folder")
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
     except OSError as error:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from slipd_client.page.listen_address import parse_listen
+from slipd_client.listen_address import parse_listen
 
 VIEWERS_LISTEN = "127.0.0.1:8765"
 """The port that Foxglove proposes."""

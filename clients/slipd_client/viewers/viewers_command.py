@@ -18,7 +18,7 @@ from slipd_client.viewers.viewer_server import ViewerServer
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
-    from slipd_client.page.listen_address import ListenAddress
+    from slipd_client.listen_address import ListenAddress
 
 IDLE_S = 0.1
 """Time between two looks at the messages while no viewer has subscribed: most are then never decoded."""

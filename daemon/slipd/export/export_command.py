@@ -10,9 +10,10 @@ from pathlib import Path
 from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
+from slipd.draft import draft
 from slipd.errors import SlipdError
 from slipd.export.csv_files import CsvFiles
-from slipd.export.draft import draft
+from slipd.export.exported import EXPORT
 from slipd.export.json_mcap import JsonMcap
 from slipd.export.message_files import MessageFiles
 from slipd.export.ros2_bag import Ros2Bag
@@ -53,7 +54,7 @@ def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:
     compile_kernels()
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} %")
     try:
-        with draft(out, overwrite=overwrite) as written, contextlib.closing(create(written, settings)) as files:
+        with draft(out, EXPORT, overwrite=overwrite) as written, contextlib.closing(create(written, settings)) as files:
             count = _write(recording, settings, files, progress.show)
             if not count:
                 raise SlipdError(recording.fault or f"{path}: holds no event that causes a message")

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from slipd.plot.binned_track import Held, Range, Window
 from slipd.plot.change_log import Change
 from slipd.plot.chart import COLOURS, DARK_SPANS, SPAN_COLOURS, Curve, Panel, Strip, StripGroup, stretches, title_of
-from slipd.plot.report_page import Report, change_lines, snapshot_note
+from slipd.plot.report_page import GENERATOR, Report, change_lines, snapshot_note
 
 WIDTH_IN, DPI = 12.0, 100
 PANEL_IN, STRIP_IN, GAP_IN, HEAD_IN, PADS_IN = 1.25, 0.24, 0.42, 0.4, 1.6
@@ -67,7 +67,7 @@ def save(report: Report, path: Path) -> None:
                 low_in = PADS_IN * (rows - 1 - row) + 0.55
                 corner = (0.02 + column * 0.98 / PADS_IN_A_ROW, low_in / total_in)
                 _snapshot(figure.add_axes((*corner, 0.9 / PADS_IN_A_ROW, (PADS_IN - 0.65) / total_in)), change)
-        figure.savefig(path, format="png")
+        figure.savefig(path, format="png", metadata={"Software": GENERATOR})
 
 
 def _height(part: Panel | StripGroup) -> float:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import errno
 import math
-import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
 from slipd import config
 from slipd.compile_kernels import compile_kernels
+from slipd.draft import Kind, draft
 from slipd.errors import RecordingError, SlipdError
 from slipd.evaluation.config_run import with_recorded_tares
 from slipd.plot.binned_track import Window
 from slipd.plot.chart import chart
-from slipd.plot.report_page import Report, page
+from slipd.plot.report_page import GENERATOR, Report, page
 from slipd.plot.run_tracks import RunTracks
 from slipd.progress import Progress
 from slipd.recording.reader import Recording, open_recording
@@ -27,12 +25,26 @@ WHOLE = Window(0.0, math.inf)
 """All of a run."""
 
 
+def is_plot(path: Path) -> bool:
+    """Return whether a file was written by this command, by its first bytes."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(256)
+    except OSError:
+        return False
+    return start.startswith((b"<!doctype html>", b"\x89PNG")) and GENERATOR.encode() in start
+
+
+PLOT = Kind("a plot of slipd", is_plot)
+
+
 def plot_command(path: Path, out: Path | None, config_file: Path | None, window: Window = WHOLE) -> bool:
     """Replay a recording and write the picture.
 
     Args:
         path: The recording.
-        out: The picture; it replaces a file of that name once it is complete. None: a page in this folder.
+        out: The picture; it replaces an earlier one once it is complete, and nothing else. None: a page in this
+            folder.
         config_file: A config to replay with; None: the recorded one.
         window: The part of the run to draw.
 
@@ -49,14 +61,14 @@ def plot_command(path: Path, out: Path | None, config_file: Path | None, window:
     out = out or Path(f"{path.stem}.html")
     write = _writer(out)
     recording = open_recording(path)
-    compile_kernels()
     progress = Progress(lambda done, of: f"{100 * done // max(of, 1)} % replayed")
-    with _new_file(out) as draft:
+    with draft(out, PLOT, overwrite=True) as written:
+        compile_kernels()
         try:
             report = make_report(recording, config_file, window, progress.show)
         finally:
             progress.erase()
-        write(report, draft)
+        write(report, written)
     if recording.gap:
         print(f"slipd: the recording is incomplete: {recording.gap}", file=sys.stderr)
     print(f"{out}: written")
@@ -144,28 +156,3 @@ def _writer(out: Path) -> Callable[[Report, Path], None]:
 
 def _write_page(report: Report, path: Path) -> None:
     path.write_text(page(report), encoding="utf-8")
-
-
-@contextmanager
-def _new_file(out: Path) -> Iterator[Path]:
-    """Give a file to write into, which takes the place of ``out`` once it is complete.
-
-    Raises:
-        SlipdError: There cannot be such a file.
-    """
-    draft = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        if out.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if out.exists() and not os.access(out, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        draft.touch()
-    except OSError as error:
-        raise SlipdError(f"{out}: cannot be written: {error.strerror}") from error
-    try:
-        yield draft
-        draft.replace(out)
-    except OSError as error:
-        raise SlipdError(f"{out}: cannot be written: {error.strerror}") from error
-    finally:
-        draft.unlink(missing_ok=True)

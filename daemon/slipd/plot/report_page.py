@@ -13,6 +13,9 @@ from slipd.plot.chart_svg import chart_svg, snapshot_svg
 from slipd_client.live_view_format import UNKNOWN
 from slipd_client.pad_picture import CENTROID, POLE
 
+GENERATOR = "slipd plot"
+"""What a page and a picture name as their program."""
+
 
 @dataclass(frozen=True, slots=True)
 class Report:
@@ -42,6 +45,7 @@ def page(report: Report) -> str:
         [
             "<!doctype html>",
             '<html lang="en"><head><meta charset="utf-8">',
+            f'<meta name="generator" content="{GENERATOR}">',
             f"<title>{title} · slipd</title>",
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             '<meta name="color-scheme" content="light dark">',

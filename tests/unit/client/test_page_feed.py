@@ -15,9 +15,9 @@ import pytest
 import zmq
 from websockets.asyncio.client import ClientConnection, connect
 
+from slipd_client.listen_address import ListenAddress
 from slipd_client.messages import encode
 from slipd_client.page import live_feed
-from slipd_client.page.listen_address import ListenAddress
 from slipd_client.page.live_feed import LiveFeed
 from slipd_client.page.newest import CHANGES, Newest
 from slipd_client.page.page_server import PageServer

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import http.client
 import json
@@ -18,7 +17,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from slipd_client.errors import CallError
-from slipd_client.page.listen_address import ListenAddress, parse_listen
+from slipd_client.listen_address import ListenAddress
 from slipd_client.page.page_server import WRONG_TOKEN, PageServer
 from slipd_client.page.site import ASSETS, Site, json_answer
 
@@ -148,27 +147,3 @@ async def test_a_port_in_use_is_an_error_that_names_another() -> None:
         with pytest.raises(CallError, match=rf"127.0.0.1:{port}.*in use.*--listen 127.0.0.1:0 takes any free port"):
             async with server.serving():
                 pytest.fail("it was served")
-
-
-@pytest.mark.parametrize(
-    "text", ["", "8710", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "a b:1", "http://x:1", "::1:80"]
-)
-def test_a_listen_address_that_is_none_is_refused_with_an_example(text: str) -> None:
-    with pytest.raises(argparse.ArgumentTypeError, match=r"must be HOST:PORT, e.g. 127.0.0.1:8710, got"):
-        parse_listen(text)
-
-
-@pytest.mark.parametrize(
-    ("text", "loopback", "url"),
-    [
-        ("127.0.0.1:80", True, "http://127.0.0.1:99/"),
-        ("localhost:0", True, "http://localhost:99/"),
-        ("[::1]:80", True, "http://[::1]:99/"),
-        ("192.168.1.7:80", False, "http://192.168.1.7:99/"),
-        ("0.0.0.0:80", False, f"http://{socket.gethostname()}:99/"),
-        ("robot:80", False, "http://robot:99/"),
-    ],
-)
-def test_a_listen_address_knows_its_url_and_whether_others_reach_it(text: str, loopback: bool, url: str) -> None:
-    address = parse_listen(text)
-    assert (address.loopback, address.url(99)) == (loopback, url)

@@ -64,6 +64,20 @@ def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.Cap
     assert all(Path(line).exists() for line in shown)
 
 
+def test_an_edited_layout_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "layouts"
+    for _ in range(2):
+        assert main(["viewers", "--write-layouts", str(folder)]) == 0
+    (folder / "plotjuggler_bridge.xml").unlink()
+    (folder / "plotjuggler_zmq.xml").write_text("edited")
+    capsys.readouterr()
+    with pytest.raises(SystemExit):
+        main(["viewers", "--write-layouts", str(folder)])
+    assert "plotjuggler_zmq.xml: exists already with other contents, and is not replaced" in capsys.readouterr().err
+    assert (folder / "plotjuggler_zmq.xml").read_text() == "edited"
+    assert not (folder / "plotjuggler_bridge.xml").exists(), "nothing is written in part"
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

@@ -1,4 +1,4 @@
-"""Where the page is served, and which names a browser may reach it by."""
+"""Where a server for browsers and viewers listens, and which names a browser may reach it by."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def parse_listen(text: str) -> ListenAddress:
     """Return the address that ``HOST:PORT`` names.
 
     Raises:
-        argparse.ArgumentTypeError: It names none.
+        argparse.ArgumentTypeError: It is not an address with a port.
     """
     found = _LISTEN.fullmatch(text)
     if found is None or int(found["port"]) > 65535:

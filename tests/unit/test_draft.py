@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from replays import RECORDINGS
 
+from slipd.draft import draft
 from slipd.errors import SlipdError
-from slipd.export.draft import draft
+from slipd.export.exported import EXPORT
 
 EXPORTED = "published_ns,v\n"
 
@@ -18,7 +19,7 @@ def names(folder: Path) -> list[str]:
 
 def test_a_result_stands_in_its_place_only_when_it_is_whole(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    with draft(out, overwrite=False) as written:
+    with draft(out, EXPORT, overwrite=False) as written:
         written.mkdir()
         (written / "a.csv").write_text("1")
         assert not out.exists()
@@ -28,7 +29,7 @@ def test_a_result_stands_in_its_place_only_when_it_is_whole(tmp_path: Path) -> N
 
 def test_nothing_stays_after_an_error(tmp_path: Path) -> None:
     def fail() -> None:
-        with draft(tmp_path / "out", overwrite=False) as written:
+        with draft(tmp_path / "out", EXPORT, overwrite=False) as written:
             written.write_text("half")
             raise KeyboardInterrupt
 
@@ -40,9 +41,9 @@ def test_nothing_stays_after_an_error(tmp_path: Path) -> None:
 def test_a_result_has_the_permissions_that_the_user_wants(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:
-        with draft(tmp_path / "file", overwrite=False) as written:
+        with draft(tmp_path / "file", EXPORT, overwrite=False) as written:
             written.write_text("")
-        with draft(tmp_path / "folder", overwrite=False) as written:
+        with draft(tmp_path / "folder", EXPORT, overwrite=False) as written:
             written.mkdir()
     finally:
         os.umask(before)
@@ -55,7 +56,7 @@ def test_what_exists_is_refused_and_stays(tmp_path: Path, kind: str) -> None:
     make = {"file": lambda: out.write_text("old"), "folder": out.mkdir, "link": lambda: out.symlink_to("nowhere")}
     make[kind]()
     with pytest.raises(SlipdError, match="out: exists already; give a new name, or --overwrite"):
-        draft(out, overwrite=False).__enter__()
+        draft(out, EXPORT, overwrite=False).__enter__()
     assert names(tmp_path) == ["out"]
 
 
@@ -64,7 +65,7 @@ def test_an_earlier_result_is_replaced_as_a_whole(tmp_path: Path) -> None:
     out.mkdir()
     (out / "old.csv").write_text(EXPORTED)
     (out / "metadata.yaml").write_text("old")
-    with draft(out, overwrite=True) as written:
+    with draft(out, EXPORT, overwrite=True) as written:
         written.mkdir()
         (written / "new.csv").write_text("new")
     assert names(out) == ["new.csv"]
@@ -74,7 +75,7 @@ def test_an_earlier_result_is_replaced_as_a_whole(tmp_path: Path) -> None:
 def test_an_earlier_result_stays_where_the_new_one_fails(tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.write_text(EXPORTED)
-    with pytest.raises(ValueError, match="bad"), draft(out, overwrite=True):
+    with pytest.raises(ValueError, match="bad"), draft(out, EXPORT, overwrite=True):
         raise ValueError("bad")
     assert out.read_text() == EXPORTED
 
@@ -85,7 +86,7 @@ def test_an_earlier_result_returns_where_the_new_one_is_gone(tmp_path: Path) -> 
     (out / "old.csv").write_text(EXPORTED)
 
     def lose() -> None:
-        with draft(out, overwrite=True) as written:
+        with draft(out, EXPORT, overwrite=True) as written:
             written.mkdir()
             (written.parent / "replaced").write_text("in the way")
 
@@ -99,7 +100,7 @@ def test_a_folder_with_other_files_is_never_replaced(tmp_path: Path) -> None:
     out.mkdir()
     (out / "thesis.tex").write_text("years of work")
     with pytest.raises(SlipdError, match=r"is a folder that also holds 'thesis.tex', and is not overwritten"):
-        draft(out, overwrite=True).__enter__()
+        draft(out, EXPORT, overwrite=True).__enter__()
     assert (out / "thesis.tex").exists()
 
 
@@ -109,9 +110,9 @@ def test_data_and_settings_of_other_programs_are_never_replaced(tmp_path: Path, 
     folder.mkdir()
     file.write_bytes(b"\x89MCAP0\r\n" if name.endswith("mcap") else b"time,force\n")
     with pytest.raises(SlipdError, match=f"is a folder that also holds '{name}', and is not overwritten"):
-        draft(folder, overwrite=True).__enter__()
+        draft(folder, EXPORT, overwrite=True).__enter__()
     with pytest.raises(SlipdError, match="is not an export of slipd, and is not overwritten"):
-        draft(file, overwrite=True).__enter__()
+        draft(file, EXPORT, overwrite=True).__enter__()
     assert names(folder) == [name]
 
 
@@ -119,7 +120,7 @@ def test_what_came_meanwhile_stays(tmp_path: Path) -> None:
     out = tmp_path / "out"
 
     def meet() -> None:
-        with draft(out, overwrite=False) as written:
+        with draft(out, EXPORT, overwrite=False) as written:
             written.write_text("new")
             out.write_text("of another program")
 
@@ -134,25 +135,25 @@ def test_a_recording_is_never_replaced(tmp_path: Path) -> None:
         out.parent.mkdir(exist_ok=True)
         out.write_bytes((RECORDINGS / "bota.mcap").read_bytes()[:4000])
     with pytest.raises(SlipdError, match="is a recording of slipd, and is not overwritten"):
-        draft(tmp_path / "run.mcap", overwrite=True).__enter__()
+        draft(tmp_path / "run.mcap", EXPORT, overwrite=True).__enter__()
     with pytest.raises(SlipdError, match=r"is a folder that also holds 'damaged\.mcap'"):
-        draft(tmp_path / "recordings", overwrite=True).__enter__()
+        draft(tmp_path / "recordings", EXPORT, overwrite=True).__enter__()
 
 
 def test_a_link_or_a_device_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "file")
     for out in (tmp_path / "link", Path("/dev/null")):
-        with pytest.raises(SlipdError, match="only a file or a folder can be overwritten"):
-            draft(out, overwrite=True).__enter__()
+        with pytest.raises(SlipdError, match=r"is (a symbolic link|not a regular file), and is not overwritten"):
+            draft(out, EXPORT, overwrite=True).__enter__()
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(SlipdError, match="nowhere/out: cannot be written: No such file or directory"):
-        draft(tmp_path / "nowhere" / "out", overwrite=False).__enter__()
+        draft(tmp_path / "nowhere" / "out", EXPORT, overwrite=False).__enter__()
     with pytest.raises(SlipdError, match="out: cannot be written: No space left"):
         fill(tmp_path / "out")
 
 
 def fill(out: Path) -> None:
-    with draft(out, overwrite=False), Path("/dev/full").open("w") as file:
+    with draft(out, EXPORT, overwrite=False), Path("/dev/full").open("w") as file:
         file.write("x")

@@ -1,0 +1,108 @@
+"""Write a result beside its place, put it there only when it is whole, and replace nothing but an earlier result."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from slipd.errors import SlipdError
+from slipd.recording.reader import is_recording
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Kind of a result.
+
+    Attributes:
+        name: Its name with an article.
+        is_one: Returns whether a file is of this kind, or of a folder of this kind.
+        folders: A result may be a folder.
+    """
+
+    name: str
+    is_one: Callable[[Path], bool]
+    folders: bool = False
+
+
+@contextlib.contextmanager
+def draft(out: Path, kind: Kind, *, overwrite: bool) -> Iterator[Path]:
+    """Yield a path to write to, which becomes ``out`` at the end; after an error nothing of it stays.
+
+    Args:
+        out: The result: a file or a folder.
+        kind: What it is.
+        overwrite: Replace an earlier result of this kind; nothing else is ever replaced.
+
+    Raises:
+        SlipdError: ``out`` exists and may not be overwritten, or it cannot be written.
+    """
+    _check(out, kind, overwrite=overwrite)
+    try:
+        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".draft", dir=out.parent))
+    except OSError as error:
+        raise _unwritable(out, error) from error
+    try:
+        yield folder / out.name
+        _check(out, kind, overwrite=overwrite)  # it may have come meanwhile
+        _place(folder / out.name, out, folder / "replaced")
+    except OSError as error:
+        raise _unwritable(out, error) from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _check(out: Path, kind: Kind, *, overwrite: bool) -> None:
+    if not os.path.lexists(out):
+        return
+    if not overwrite:
+        raise SlipdError(f"{out}: exists already; give a new name, or --overwrite")
+    if (why := _obstacle(out, kind)) is not None:
+        raise SlipdError(f"{out}: {why}, and is not overwritten; give another name")
+    if not os.access(out, os.W_OK):
+        raise _unwritable(out, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+
+
+def _obstacle(out: Path, kind: Kind) -> str | None:
+    """Return why something must not be replaced, as the end of a sentence about it."""
+    if out.is_symlink():
+        return "is a symbolic link"
+    if out.is_dir():
+        if not kind.folders:
+            return "is a folder"
+        others = (path.name for path in sorted(out.iterdir()) if not path.is_file() or not kind.is_one(path))
+        other = next(others, None)
+        return None if other is None else f"is a folder that also holds {other!r}"
+    if not out.is_file():
+        return "is not a regular file"
+    if is_recording(out):
+        return "is a recording of slipd"
+    return None if kind.is_one(out) else f"is not {kind.name}"
+
+
+def _place(written: Path, out: Path, aside: Path) -> None:
+    """Move the result to its place; an earlier one is moved away first, because a folder cannot replace another."""
+    written.chmod(0o777 & ~_umask() if written.is_dir() else 0o666 & ~_umask())
+    if os.path.lexists(out):
+        out.rename(aside)
+    try:
+        written.rename(out)
+    except BaseException:
+        if os.path.lexists(aside):
+            aside.rename(out)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _unwritable(out: Path, error: OSError) -> SlipdError:
+    return SlipdError(f"{out}: cannot be written: {error.strerror or error}")
