@@ -94,8 +94,8 @@ def parser() -> argparse.ArgumentParser:
     plot = _add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
     plot.epilog = (
         "The recording is replayed, so another config shows what would have been reported with it. Its length does not "
-        "matter for memory: of each column of the picture, the least and the largest value are kept. An earlier plot is "
-        "replaced, and nothing else. Exit code 1: the recording is damaged or cut off; it is drawn as far as it goes."
+        "matter for memory: the least and the largest value of each column of the picture are kept. Only an earlier "
+        "plot is replaced. Exit code 1: the recording is damaged or cut off; it is drawn as far as it goes."
     )
     plot.add_argument("file", type=Path, metavar="RECORDING", help="recording, MCAP")
     plot.add_argument(

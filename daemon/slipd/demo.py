@@ -29,6 +29,7 @@ from slipd.errors import SlipdError
 from slipd.sim.robot_program import RobotProgram
 from slipd.sim.robot_report import Report
 from slipd_client.grip import GripClient
+from slipd_client.page.redirect import redirect_file
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.watch import Display
 
@@ -156,7 +157,7 @@ def _page(ports: Path, publish: str, requests: str) -> Iterator[None]:
         print(line, end="", flush=True)
         if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             with contextlib.suppress(webbrowser.Error):
-                webbrowser.open(line.split(": ", 1)[1].strip())
+                webbrowser.open(redirect_file(ports, line.split(": ", 1)[1].strip()).as_uri())
         yield
 
 

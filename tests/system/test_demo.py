@@ -111,9 +111,9 @@ def test_a_demo_that_is_ended_early_leaves_neither_processes_nor_an_open_recordi
 def test_the_page_is_opened_where_there_is_a_display_and_never_without_a_live_view(
     demo: tuple[str, Path], tmp_path: Path
 ) -> None:
-    opened = tmp_path / "opened"
+    opened, copy = tmp_path / "opened", tmp_path / "copy"
     browser = tmp_path / "browser"
-    browser.write_text(f'#!/bin/sh\necho "$1" >> {opened}\n', encoding="utf-8")
+    browser.write_text(f'#!/bin/sh\necho "$1" >> {opened}\ncp -p "${{1#file://}}" {copy}\n', encoding="utf-8")
     browser.chmod(0o700)
     environment = os.environ | {
         "SLIPD_RUNTIME_DIR": str(tmp_path / "run"),
@@ -124,5 +124,10 @@ def test_the_page_is_opened_where_there_is_a_display_and_never_without_a_live_vi
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=110)
     assert done.returncode == 0, done.stderr
     (url,) = re.findall(r"^view: (http://127\.0\.0\.1:\d+/#\S{20,})$", done.stdout, re.MULTILINE)
-    assert opened.read_text().split() == [url]
+    (argument,) = opened.read_text().split()
+    assert argument.startswith("file://")
+    assert url.partition("#")[2] not in argument, "every user can read the arguments of a process"
+    assert f'content="0; url={url}"' in copy.read_text()
+    assert copy.stat().st_mode & 0o077 == 0
+    assert not Path(argument.removeprefix("file://")).exists(), "it is removed with the demo"
     assert "view: " not in demo[0]

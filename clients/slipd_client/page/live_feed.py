@@ -80,7 +80,7 @@ class LiveFeed:
         while self.viewers:
             due_s = max(due_s + FRAME_S, time.monotonic())
             await asyncio.sleep(due_s - time.monotonic())
-            if self._newest.add(self._take()):
+            if self._newest.add(self._take(), time.monotonic()):
                 async with self._arrived:
                     self._arrived.notify_all()
 
@@ -145,7 +145,7 @@ class LiveFeed:
             ready.clear()
             with contextlib.suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._newer_than(seen), IDLE_S)
-            frame = self._newest.frame(seen)
+            frame = self._newest.frame(seen, time.monotonic())
             seen = self._newest.tick
             await connection.send(frame)
 

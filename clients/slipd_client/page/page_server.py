@@ -3,7 +3,7 @@
 Three locks keep others out. ``Host`` must be an address or a name of this machine, against DNS rebinding. ``Origin``
 must be the page itself, against pages of other sites. And every message, recording and request needs the token of this
 start, which is only in the address that was printed: any user of the machine can connect to a port of 127.0.0.1.
-Without it one gets the files of the page, and the name of its source: the endpoint, or the path of the recording.
+Without it one gets the files of the page, which are the same everywhere, and nothing of what it shows.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from slipd_client.errors import CallError
 from slipd_client.listen_address import ListenAddress
 from slipd_client.page.site import Site, refusal
 
-LIVE_PATH = "/live"
+LIVE_PATH, SETTINGS_PATH = "/live", "/settings.json"
 
 TOKEN_S = 5.0
 """How long a WebSocket may take to send the token."""
@@ -48,7 +48,7 @@ OnViewer = Callable[[ServerConnection], Awaitable[None]]
 """Serves one browser until it leaves."""
 
 OnData = Callable[[str], Response | None]
-"""Returns the answer to the path of a request for data; None where there is none."""
+"""Returns the answer to the path of a request for data; None for a path that does not exist."""
 
 
 class PageServer:
@@ -57,8 +57,8 @@ class PageServer:
     Args:
         address: Where to listen.
         site: The files of the page.
-        on_viewer: Serves the WebSocket of a browser; None where the page has none.
-        on_data: Answers requests for data below ``/data/``, with the token in ``Authorization``; None: there are none.
+        on_viewer: Serves the WebSocket of a browser; None if the page opens no WebSocket.
+        on_data: Answers requests for data below ``/data/``; None if the page requests no data.
 
     Attributes:
         token: What a browser must know to see or request anything; new for each server.
@@ -111,13 +111,17 @@ class PageServer:
         path = request.path.partition("?")[0]
         if path == LIVE_PATH and self._on_viewer is not None:
             return None if origins else refusal(HTTPStatus.FORBIDDEN, "a WebSocket must state its Origin")
-        if path.startswith("/data/") and self._on_data is not None:
-            if not self._knows(request.headers.get("Authorization", "").removeprefix("Bearer ")):
-                return refusal(HTTPStatus.UNAUTHORIZED, "the token must be that of the address that was printed")
-            found = self._on_data(path)
-        else:
-            found = self._site.answer(path)
+        found = self._site.answer(path) or self._private(path, request.headers.get("Authorization", ""))
         return found or refusal(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    def _private(self, path: str, authorization: str) -> Response | None:
+        """Answer a request that needs the token in ``Authorization``."""
+        data = path.startswith("/data/") and self._on_data is not None
+        if path != SETTINGS_PATH and not data:
+            return None
+        if not self._knows(authorization.removeprefix("Bearer ")):
+            return refusal(HTTPStatus.UNAUTHORIZED, "the token must be that of the address that was printed")
+        return self._on_data(path) if data and self._on_data is not None else self._site.settings()
 
     def _knows(self, token: str) -> bool:
         return hmac.compare_digest(token.encode(), self.token.encode())

@@ -60,8 +60,7 @@ class Site:
     """The files of the page, read once.
 
     Args:
-        settings: What the page must know before its first message; served as ``settings.json`` with the words of the
-            wire.
+        settings: What the page must know before its first message.
     """
 
     def __init__(self, settings: dict[str, object]) -> None:
@@ -71,10 +70,14 @@ class Site:
             if path.suffix in _TYPES
         }
         self._answers["/"] = self._answers["/index.html"]
-        self._answers["/settings.json"] = json.dumps(settings | {"words": _words()}).encode(), "application/json"
+        self._settings = settings | {"words": _words()}
+
+    def settings(self) -> Response:
+        """Return the settings with the words of the wire; they name the source, so they need the token."""
+        return json_answer(self._settings)
 
     def answer(self, path: str) -> Response | None:
-        """Return the file of a path; None where there is none."""
+        """Return the file of a path; None if the page has no such file."""
         found = self._answers.get(path)
         return None if found is None else answer(HTTPStatus.OK, *found)
 

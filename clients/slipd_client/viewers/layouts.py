@@ -10,12 +10,26 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from slipd_client.errors import CallError
 
 COLOURS = ("#1f77b4", "#d62728", "#17becf", "#ff7f0e", "#2ca02c", "#9467bd")
 WINDOW_S = 20
+
+
+class Levels(NamedTuple):
+    """Thresholds of the utilisation.
+
+    Attributes:
+        caution: The least of "caution".
+        warning: The least of "warning".
+        origin: Where they come from.
+    """
+
+    caution: float = 0.7
+    warning: float = 0.85
+    origin: str = "slipd's defaults"
 
 
 @dataclass(frozen=True)
@@ -39,34 +53,36 @@ class Plot:
     lines: tuple[float, ...] = ()
 
 
-PLOTS = (
-    Plot(
-        "Utilisation: slips at 1",
-        (("slip", "utilisation"), ("slip", "relative_utilisation")),
-        low=0.0,
-        high=1.2,
-        lines=(0.7, 0.85, 1.0),
-    ),
+OTHER_PLOTS = (
     Plot("Normal force, and the grip that is needed [N]", (("slip", "normal_n"), ("slip", "grip_needed_n")),
          (("gripper", "force_command_n"),)),
     Plot("Tangential force [N]", (("slip", "tangential_n[0]"), ("slip", "tangential_n[1]"))),
     Plot("Level: 3 warning, 4 slipping, 5 unknown", (("slip", "level_code"),), low=0.0, high=5.5),
 )  # fmt: skip
-"""The plots, from top to bottom."""
+"""The plots below that of the utilisation, from top to bottom."""
 
 PLOTJUGGLER_BRIDGE, PLOTJUGGLER_ZMQ, FOXGLOVE = "plotjuggler_bridge.xml", "plotjuggler_zmq.xml", "foxglove.json"
 
 
-def write(folder: Path, fingers: Sequence[str]) -> list[Path]:
+def plots(levels: Levels) -> tuple[Plot, ...]:
+    """Return the plots, from top to bottom."""
+    title = (
+        f"Utilisation: slips at 1; lines at caution {levels.caution:g}, warning {levels.warning:g} ({levels.origin})"
+    )
+    curves = (("slip", "utilisation"), ("slip", "relative_utilisation"))
+    return Plot(title, curves, low=0.0, high=1.2, lines=(levels.caution, levels.warning, 1.0)), *OTHER_PLOTS
+
+
+def write(folder: Path, fingers: Sequence[str], levels: Levels) -> list[Path]:
     """Write all layouts into a folder, made where it is missing; return their paths.
 
     Raises:
         CallError: They cannot be written, or a file with other contents stands in the place of one.
     """
     texts = {
-        FOXGLOVE: foxglove_layout(fingers),
-        PLOTJUGGLER_BRIDGE: plotjuggler_layout(fingers, ros_series),
-        PLOTJUGGLER_ZMQ: plotjuggler_layout(fingers, wire_series),
+        FOXGLOVE: foxglove_layout(fingers, levels),
+        PLOTJUGGLER_BRIDGE: plotjuggler_layout(fingers, levels, ros_series),
+        PLOTJUGGLER_ZMQ: plotjuggler_layout(fingers, levels, wire_series),
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -95,9 +111,9 @@ def wire_series(topic: str, finger: str, field: str) -> str:
     return f"{topic}.{finger}/{field}" if finger else f"{topic}/{field}"
 
 
-def foxglove_layout(fingers: Sequence[str]) -> str:
+def foxglove_layout(fingers: Sequence[str], levels: Levels) -> str:
     """Return the layout for Foxglove and Lichtblick: plots, levels, images of the pads, diagnostics."""
-    panels: dict[str, Any] = {f"Plot!{index}": _plot(plot, fingers) for index, plot in enumerate(PLOTS[:-1])}
+    panels: dict[str, Any] = {f"Plot!{index}": _plot(plot, fingers) for index, plot in enumerate(plots(levels)[:-1])}
     panels["StateTransitions!levels"] = {
         "isSynced": True,
         "paths": [
@@ -181,15 +197,16 @@ def _image(finger: str) -> dict[str, Any]:
     return {"imageMode": {**mode, "minValue": 0, "maxValue": 0.5}}
 
 
-def plotjuggler_layout(fingers: Sequence[str], series: Callable[[str, str, str], str]) -> str:
+def plotjuggler_layout(fingers: Sequence[str], levels: Levels, series: Callable[[str, str, str], str]) -> str:
     """Return the layout for PlotJuggler; ``series`` returns the name of a series of a topic, finger and field."""
     root = ET.Element("root")
     tabs = ET.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     tab = ET.SubElement(tabs, "Tab", tab_name="slipd", containers="1")
-    sizes = ";".join([f"{1 / len(PLOTS):g}"] * len(PLOTS))
+    drawn_plots = plots(levels)
+    sizes = ";".join([f"{1 / len(drawn_plots):g}"] * len(drawn_plots))
     container = ET.SubElement(tab, "Container")
-    splitter = ET.SubElement(container, "DockSplitter", orientation="-", count=str(len(PLOTS)), sizes=sizes)
-    for plot in PLOTS:
+    splitter = ET.SubElement(container, "DockSplitter", orientation="-", count=str(len(drawn_plots)), sizes=sizes)
+    for plot in drawn_plots:
         area = ET.SubElement(splitter, "DockArea", name=plot.title)
         drawn = ET.SubElement(
             area, "plot", mode="TimeSeries", style="Lines", line_width="1.5", flip_x="false", flip_y="false"

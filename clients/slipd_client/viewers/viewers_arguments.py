@@ -27,7 +27,10 @@ def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
         help="where to serve (default: %(default)s; port 0: any); whoever reaches it can read everything",
     )
     viewers.add_argument(
-        "--config", type=Path, metavar="FILE", help="config of the daemon: the places of its pads become /tf"
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="config of the daemon: the places of its pads become /tf, its levels the lines of the layouts",
     )
     viewers.add_argument(
         "--write-layouts", type=Path, metavar="FOLDER", help="write layouts for these viewers and exit"

@@ -14,6 +14,7 @@ from slipd_client.message_tracker import SILENCE_S
 from slipd_client.ros.pad_frames import PadFrames
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.viewers import layouts
+from slipd_client.viewers.layouts import Levels
 from slipd_client.viewers.viewer_server import ViewerServer
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
         CallError: An argument is wrong, a file cannot be read or written, or foxglove-sdk is not installed.
     """
     if chosen.write_layouts is not None:
-        for path in layouts.write(chosen.write_layouts, chosen.fingers):
+        for path in layouts.write(chosen.write_layouts, chosen.fingers, levels_of(chosen.config)):
             print(path)
         return
     pads = None if chosen.config is None else pads_of(chosen.config)
@@ -83,18 +84,36 @@ def pads_of(path: Path) -> PadFrames:
     Raises:
         CallError: The file cannot be read, or has no ``[grasp.pads]``.
     """
+    config = _config(path)
+    try:
+        return PadFrames(config["grasp"]["pads"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise CallError(
+            f"{path}: must have [grasp.pads] with positions and quat_xyzw; check it: slipd check"
+        ) from error
+
+
+def levels_of(path: Path | None) -> Levels:
+    """Return the levels of a config of the daemon; its defaults without a config.
+
+    Raises:
+        CallError: The file cannot be read, or its levels are not numbers.
+    """
+    stated = {} if path is None else _config(path).get("levels", {})
+    given = {name: stated[name] for name in ("caution", "warning") if name in stated}
+    if not all(type(value) in (int, float) for value in given.values()):
+        raise CallError(f"{path}: caution and warning of [levels] must be numbers; check it: slipd check")
+    return Levels(**given) if path is None else Levels(**given, origin=path.name)
+
+
+def _config(path: Path) -> dict[str, Any]:
     try:
         import tomllib
     except ModuleNotFoundError as error:  # of Python 3.11
         raise CallError("--config needs Python 3.11 or newer") from error
     try:
-        config: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        return PadFrames(config["grasp"]["pads"])
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise CallError(f"{path}: cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise CallError(f"{path}: not a TOML file: {error}") from error
-    except (KeyError, TypeError, ValueError) as error:
-        raise CallError(
-            f"{path}: must have [grasp.pads] with positions and quat_xyzw; check it: slipd check"
-        ) from error

@@ -35,21 +35,21 @@ def message(topic: str, seq: int, boot: str = "one", **fields: Any) -> list[byte
 
 
 def topics_of(newest: Newest, since: int = 0) -> dict[str, int]:
-    return {topic: body["seq"] for topic, body in json.loads(newest.frame(since))["topics"].items()}
+    return {topic: body["seq"] for topic, body in json.loads(newest.frame(since, 0.0))["topics"].items()}
 
 
 def test_only_the_newest_message_of_each_topic_is_in_a_frame() -> None:
     newest = Newest()
-    assert not newest.add([])
-    assert newest.add([message("slip.left", 1), message("status", 1), message("slip.left", 2)])
+    assert not newest.add([], 0.0)
+    assert newest.add([message("slip.left", 1), message("status", 1), message("slip.left", 2)], 0.0)
     assert topics_of(newest) == {"slip.left": 2, "status": 1}
 
 
 def test_a_browser_gets_what_is_new_to_it_and_a_new_one_everything() -> None:
     newest = Newest()
-    newest.add([message("slip.left", 1), message("status", 1)])
+    newest.add([message("slip.left", 1), message("status", 1)], 0.0)
     seen = newest.tick
-    newest.add([message("slip.left", 2)])
+    newest.add([message("slip.left", 2)], 0.0)
     assert topics_of(newest, seen) == {"slip.left": 2}
     assert topics_of(newest) == {"slip.left": 2, "status": 1}
     assert topics_of(newest, newest.tick) == {}
@@ -57,38 +57,56 @@ def test_a_browser_gets_what_is_new_to_it_and_a_new_one_everything() -> None:
 
 def test_every_change_of_level_is_kept_up_to_a_bound() -> None:
     newest = Newest()
-    newest.add([message("warning", seq) for seq in range(CHANGES + 5)])
-    changes = json.loads(newest.frame(0))["changes"]
+    newest.add([message("warning", seq) for seq in range(CHANGES + 5)], 0.0)
+    changes = json.loads(newest.frame(0, 0.0))["changes"]
     assert [change["seq"] for change in changes] == list(range(5, CHANGES + 5))
-    assert json.loads(newest.frame(newest.tick)) == {"topics": {}, "changes": [], "bad": ""}
+    assert json.loads(newest.frame(newest.tick, 0.0)) == {"topics": {}, "ages": {}, "changes": [], "bad": ""}
 
 
 def test_another_run_of_the_daemon_replaces_the_one_before_it() -> None:
     newest = Newest()
-    newest.add([message("slip.left", 9), message("slip.right", 9)])
-    newest.add([message("slip.left", 0, "two")])
+    newest.add([message("slip.left", 9), message("slip.right", 9)], 0.0)
+    newest.add([message("slip.left", 0, "two")], 0.0)
     assert topics_of(newest) == {"slip.left": 0}
 
 
 def test_a_message_that_is_sent_again_after_a_reconnection_is_not_new() -> None:
     newest = Newest()
-    newest.add([message("slip.left", 3)])
+    newest.add([message("slip.left", 3)], 0.0)
     assert topics_of(newest) == {"slip.left": 3}
     seen = newest.tick
-    newest.add([message("slip.left", 3)])
+    newest.add([message("slip.left", 3)], 0.0)
     assert topics_of(newest, seen) == {}
+    assert topics_of(newest) == {"slip.left": 3}, "a browser that comes later gets it all the same"
     newest.clear()
-    newest.add([message("slip.left", 3)])
+    newest.add([message("slip.left", 3)], 0.0)
     assert topics_of(newest, seen) == {"slip.left": 3}
 
 
 def test_an_unreadable_message_is_reported() -> None:
     newest = Newest()
-    newest.add([[b"slip.left", b"\xc1"], [b"warning"], [*message("status", 1), b""], message("grasp", 1, v=2)])
-    frame = json.loads(newest.frame(0))
+    newest.add([[b"slip.left", b"\xc1"], [b"warning"], [*message("status", 1), b""], message("grasp", 1, v=2)], 0.0)
+    frame = json.loads(newest.frame(0, 0.0))
     assert (frame["topics"], frame["changes"], newest.bad) == ({}, [], 4)
     assert "v must be 1" in newest.bad_reason
     assert frame["bad"] == newest.bad_reason
+
+
+def test_each_message_comes_with_its_age_for_browsers_that_open_later() -> None:
+    newest = Newest()
+    newest.add([message("slip.left", 3), message("status", 1)], 10.0)
+    newest.add([message("slip.left", 3)], 10.5)
+    assert json.loads(newest.frame(0, 11.25))["ages"] == {"slip.left": 0.75, "status": 1.25}
+    newest.add([message("slip.left", 3), message("status", 2)], 12.0)
+    assert json.loads(newest.frame(0, 12.5))["ages"] == {"slip.left": 2.0, "status": 0.5}, (
+        "one that repeats is not newer"
+    )
+
+
+def test_what_two_runs_send_within_a_tick_is_that_of_the_newer_run() -> None:
+    newest = Newest()
+    newest.add([message("slip.left", 8), message("slip.right", 9), message("slip.left", 0, "two")], 0.0)
+    assert topics_of(newest) == {"slip.left": 0}
 
 
 class Sender:

@@ -71,7 +71,7 @@ async def test_every_file_of_the_page_is_served_within_the_budget() -> None:
             total += len(body)
             assert "default-src 'none'" in headers["Content-Security-Policy"]
             assert headers["X-Frame-Options"] == "DENY"
-        status, body, _ = await get(url, "/settings.json")
+        status, body, _ = await get(url, "/settings.json", Authorization=f"Bearer {urlsplit(url).fragment}")
     assert json.loads(body)["words"]["levels"][0] == "no_contact"
     assert total + len(body) < BUDGET_BYTES
 
@@ -138,6 +138,14 @@ async def test_data_needs_the_token() -> None:
         assert (await get(url, "/data/some", Authorization=token))[:2] == (HTTPStatus.OK, b'"/data/some"')
         assert (await get(url, "/data/other", Authorization=token))[0] == HTTPStatus.NOT_FOUND
         assert (await get(url, "/live"))[0] == HTTPStatus.NOT_FOUND
+
+
+async def test_the_settings_name_the_source_only_to_who_has_the_token() -> None:
+    async with served() as url:
+        for headers in ({}, {"Authorization": "Bearer wrong"}):
+            status, body, _ = await get(url, "/settings.json", **headers)
+            assert status == HTTPStatus.UNAUTHORIZED
+            assert b"live" not in body
 
 
 async def test_a_port_in_use_is_an_error_that_names_another() -> None:

@@ -41,6 +41,18 @@ export function circle(context, x, y, radius) {
   context.arc(x, y, Math.max(radius, 0), 0, 2 * Math.PI);
 }
 
+/** Fill a box with slanted lines, as for a value that is not known. */
+export function hatch(context, x, y, width, height, ink) {
+  context.save();
+  context.beginPath();
+  context.rect(x, y, width, height);
+  context.clip();
+  context.strokeStyle = ink;
+  context.lineWidth = 4;
+  for (let begin = x - height; begin < x + width; begin += 14) line(context, [begin, y + height], [begin + height, y]);
+  context.restore();
+}
+
 /** A line with a head at `to`. */
 export function arrow(context, from, to, head = 8) {
   const angle = Math.atan2(to[1] - from[1], to[0] - from[0]);

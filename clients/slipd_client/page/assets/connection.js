@@ -1,7 +1,12 @@
 // The WebSocket to the view's server: one frame at a time, again whenever it is lost, and only while the page is seen.
 
-const RETRY_MS = 500;
-const WRONG_TOKEN = 4403;
+export const RETRY_MS = 500;
+
+/** What people read where the server does not accept the token. */
+export const WRONG_TOKEN = "this address is of an earlier start, or not complete: open the one that is printed now";
+
+/** The code with which the server closes the WebSocket then. */
+const WRONG_TOKEN_CODE = 4403;
 
 export class Connection {
   /**
@@ -38,9 +43,9 @@ export class Connection {
     socket.onclose = (event) => {
       if (this.socket !== socket) return;
       this.socket = null;
-      this.refused = event.code === WRONG_TOKEN;
+      this.refused = event.code === WRONG_TOKEN_CODE;
       if (this.refused) {
-        this.handlers.onState("refused", "this address is of an earlier start: open the one that is printed now");
+        this.handlers.onState("refused", WRONG_TOKEN);
       } else {
         this.handlers.onState("closed", event.reason);
         setTimeout(() => this.#follow(), RETRY_MS);

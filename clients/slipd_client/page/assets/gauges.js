@@ -1,6 +1,6 @@
 // Small pictures of a value and its limit: utilisation with its bounds, force and spin, grip force.
 
-import { arrow, begin, circle, colour, label, line } from "./canvas.js";
+import { arrow, begin, circle, colour, hatch, label, line } from "./canvas.js";
 import { isNumber, isVector, quantity } from "./format.js";
 
 /** Utilisation beyond which the bar is full: it slips at 1. */
@@ -27,6 +27,7 @@ export function drawUtilisation(canvas, slip) {
   context.lineWidth = 3;
   line(context, [at(1), 0], [at(1), height]);
   if (!isNumber(value)) {
+    hatch(context, 0, 4, width, height - 8, colour("--unknown"));
     context.textAlign = "center";
     label(context, "utilisation unknown", width / 2, height / 2, colour("--ink"));
     context.textAlign = "left";
@@ -82,18 +83,22 @@ function drawSpin(context, [x, y], radius, slip) {
   context.stroke();
 }
 
-/** Grip force now, needed and allowed, on one scale. */
+/** Grip force now, needed and allowed, on one scale. An unknown force is hatched. */
 export function drawGrip(canvas, now_n, needed_n, limit_n) {
   const { context, width, height } = begin(canvas);
   const known = [now_n, needed_n, limit_n].filter(isNumber);
   context.fillStyle = colour("--pad");
   context.fillRect(0, 18, width, height - 36);
-  if (!known.length) return;
   const largest = Math.max(...known, 1) * 1.08;
   const at = (force) => (Math.max(force, 0) / largest) * width;
   if (isNumber(now_n)) {
     context.fillStyle = colour("--load");
     context.fillRect(0, 18, at(now_n), height - 36);
+  } else {
+    hatch(context, 0, 18, width, height - 36, colour("--unknown"));
+    context.textAlign = "center";
+    label(context, "grip force unknown", width / 2, height / 2, colour("--ink"));
+    context.textAlign = "left";
   }
   const marks = [
     [needed_n, "needed", "--pole", 9],
@@ -108,4 +113,5 @@ export function drawGrip(canvas, now_n, needed_n, limit_n) {
     label(context, `${name} ${quantity(force, 1, "N")}`, at(force), y, colour("--ink"));
     context.textAlign = "left";
   }
+  return { now: isNumber(now_n) ? at(now_n) : null };
 }

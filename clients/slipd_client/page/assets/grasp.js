@@ -9,6 +9,7 @@ export class GraspCard {
   constructor(adjust_n, onAdjust) {
     this.element = document.getElementById("grasp");
     this.canvas = document.getElementById("grip");
+    this.drawn = null;
     this.buttons = document.getElementById("grip-buttons");
     this.rows = new Rows(document.getElementById("grasp-values"), "grasp");
     for (const [id, delta_n, text] of [["less", -adjust_n, "−"], ["more", adjust_n, "+"]]) {
@@ -27,7 +28,7 @@ export class GraspCard {
     if (state.last("grasp")) this.#drawGrasp(grasp);
     if (state.last("gripper")) this.#drawGripper(gripper);
     const now_n = grasp ? grasp.internal_n : gripper?.force_n;
-    drawGrip(this.canvas, now_n, grasp?.grip_needed_n, gripper?.force_limit_n);
+    this.drawn = drawGrip(this.canvas, now_n, grasp?.grip_needed_n, gripper?.force_limit_n);
     rows.set("width", quantity(grasp?.width_m ?? gripper?.width_m, 1, "mm", 1000), "width_m");
   }
 

@@ -1,6 +1,6 @@
 // Puts the page together: a source of frames, the state, and the cards that draw it.
 
-import { Connection } from "./connection.js";
+import { Connection, RETRY_MS, WRONG_TOKEN } from "./connection.js";
 import { FingerCard } from "./finger.js";
 import { UNKNOWN, quantity, setText } from "./format.js";
 import { GraspCard } from "./grasp.js";
@@ -11,13 +11,15 @@ import { State } from "./state.js";
 /** How often the page looks whether something has become stale, ms. */
 const LOOK_MS = 100;
 
-const settings = await (await fetch("settings.json")).json();
+addEventListener("hashchange", () => location.reload()); // another token
+
 const token = location.hash.slice(1);
+const connection = document.getElementById("connection");
+const settings = await loadSettings();
 const { words } = settings;
 
 const state = new State(!settings.live);
 const cards = new Map();
-const connection = document.getElementById("connection");
 const facts = document.getElementById("facts");
 const fingers = document.getElementById("fingers");
 const changes = new ChangeList(words);
@@ -29,6 +31,25 @@ let linkText = "";
 let permission = settings.buttons ? "" : "this view only shows";
 let wanted = false;
 let frames = 0;
+
+/** What the page must know before its first message; waits for ever with the wrong token. */
+async function loadSettings() {
+  for (;;) {
+    try {
+      const answer = await fetch("settings.json", { headers: { Authorization: `Bearer ${token}` } });
+      if (answer.ok) return await answer.json();
+      if (answer.status === 401) {
+        connection.dataset.state = "refused";
+        setText(connection, WRONG_TOKEN);
+        await new Promise(() => {});
+      }
+    } catch {
+      connection.dataset.state = "stale";
+      setText(connection, "STALE: no connection to the view's server; trying again");
+    }
+    await new Promise((done) => setTimeout(done, RETRY_MS));
+  }
+}
 
 function showReply(ok, text) {
   const reply = document.getElementById("reply");
@@ -144,4 +165,4 @@ const source = settings.live ? new Connection(token, handlers) : new Player(toke
 setInterval(wantDraw, LOOK_MS);
 
 // What tests read: the numbers behind the pictures.
-window.slipd = { state, cards, source, get frames() { return frames; }, UNKNOWN };
+window.slipd = { state, cards, grasp, source, get frames() { return frames; }, UNKNOWN };

@@ -2,6 +2,7 @@
 
 import { begin, colour } from "./canvas.js";
 import { SECONDS } from "./chart.js";
+import { WRONG_TOKEN } from "./connection.js";
 import { quantity, setText } from "./format.js";
 import { known } from "./levels.js";
 
@@ -72,7 +73,8 @@ export class Player {
 
   async #fetch(path) {
     const answer = await fetch(`data/${path}`, { headers: { Authorization: `Bearer ${this.token}` } });
-    if (answer.status === 401) this.handlers.onState("refused", "this address is of an earlier start: open the one that is printed now");
+    if (answer.status === 401) this.handlers.onState("refused", WRONG_TOKEN);
+    else this.handlers.onState("open", "");
     return answer.ok ? answer.json() : null;
   }
 
@@ -88,7 +90,6 @@ export class Player {
         this.elements.position.max = this.seconds.toFixed(2);
         const fault = recording.fault ? `incomplete: ${recording.fault}` : "";
         setText(this.elements.loaded, recording.ended ? fault : `${quantity(this.seconds, 0, "s")} replayed so far`);
-        this.handlers.onState("open", "");
       }
     } catch {
       this.handlers.onState("closed", "");
@@ -96,7 +97,7 @@ export class Player {
     if (!this.ended) setTimeout(() => this.#ask(), ASK_MS);
   }
 
-  /** The frames of a second; an empty list where there are none, null until they are here. */
+  /** The frames of a second; an empty list if it has none, null until they are here. */
   #block(number) {
     if (!this.blocks.has(number)) {
       this.blocks.set(number, null);
@@ -111,11 +112,13 @@ export class Player {
 
   async #load(number) {
     const { ended } = this;
-    let frames = null;
+    let frames;
     try {
       frames = await this.#fetch(`block/${number}`);
     } catch {
       this.handlers.onState("closed", "");
+      setTimeout(() => this.blocks.delete(number), ASK_MS); // ask again
+      return;
     }
     if (frames || ended || number + 1 < Math.floor(this.seconds)) this.blocks.set(number, frames ?? []);
     else setTimeout(() => this.blocks.delete(number), ASK_MS); // not replayed yet: ask again

@@ -26,7 +26,7 @@ export class State {
     this.restarts = 0;
   }
 
-  /** Add a frame that has just arrived. */
+  /** Add a frame that has just arrived; its messages may have reached the server earlier, by their ages. */
   apply(frame) {
     const nowMs = performance.now();
     this.nowNs = frame.now_ns ?? null;
@@ -37,7 +37,7 @@ export class State {
       if (before?.body.seq === body.seq) continue; // sent again: no younger than it was
       const period = before ? Math.min(Math.max(body.t_ns - before.body.t_ns, 0) / 1e9, SLOWEST_PERIOD_S) : 0;
       const period_s = before ? 0.8 * before.period_s + 0.2 * period : topic === "status" ? 1 : 0;
-      this.topics.set(topic, { body, arrivedMs: nowMs, period_s });
+      this.topics.set(topic, { body, arrivedMs: nowMs - 1000 * (frame.ages?.[topic] ?? 0), period_s });
     }
     for (const change of frame.changes) this.#change(change);
   }

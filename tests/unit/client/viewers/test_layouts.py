@@ -8,10 +8,11 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from typing import Any
 
+from slipd import config
 from slipd_client.messages.schema.fields import fields_of
 from slipd_client.messages.schema.topics import TOPICS
 from slipd_client.ros.conversion import TYPES, ros_messages
-from slipd_client.viewers.layouts import PLOTS, foxglove_layout, plotjuggler_layout, ros_series, wire_series
+from slipd_client.viewers.layouts import Levels, foxglove_layout, plotjuggler_layout, plots, ros_series, wire_series
 
 FINGERS = ("thumb", "index")
 
@@ -41,7 +42,7 @@ def leaves(layout: Any) -> Iterator[str]:
 
 
 def test_the_foxglove_layout_shows_panels_of_topics_and_fields_that_exist() -> None:
-    layout = json.loads(foxglove_layout(FINGERS))
+    layout = json.loads(foxglove_layout(FINGERS, Levels()))
     panels = layout["configById"]
     assert sorted(leaves(layout["layout"])) == sorted(panels)
     values = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
@@ -56,9 +57,15 @@ def test_the_foxglove_layout_shows_panels_of_topics_and_fields_that_exist() -> N
 
 
 def test_the_plotjuggler_layouts_name_series_that_exist() -> None:
-    bridge, plain = (ET.fromstring(plotjuggler_layout(FINGERS, series)) for series in (ros_series, wire_series))
+    bridge, plain = (
+        ET.fromstring(plotjuggler_layout(FINGERS, Levels(), series)) for series in (ros_series, wire_series)
+    )
     for root in (bridge, plain):
-        assert len(list(root.iter("plot"))) == len(PLOTS) == int(next(root.iter("DockSplitter")).get("count", "0"))
+        assert (
+            len(list(root.iter("plot")))
+            == len(plots(Levels()))
+            == int(next(root.iter("DockSplitter")).get("count", "0"))
+        )
     curves = [curve.get("name", "") for curve in bridge.iter("curve")]
     assert all(exists(*name.rsplit("/", 1)) for name in curves)
     wire = [curve.get("name", "") for curve in plain.iter("curve")]
@@ -68,3 +75,10 @@ def test_the_plotjuggler_layouts_name_series_that_exist() -> None:
         assert found is not None, name
         assert any(field.name == found[3] for field in fields_of(TOPICS[found[1]])), name
         assert found[2] in (*FINGERS, None)
+
+
+def test_the_lines_are_at_the_levels_and_the_title_names_where_these_come_from() -> None:
+    assert Levels()[:2] == (config.Levels().caution, config.Levels().warning)
+    panel = json.loads(foxglove_layout(FINGERS, Levels(0.5, 0.6, "rig.toml")))["configById"]["Plot!0"]
+    assert [path["value"] for path in panel["paths"] if path["value"].replace(".", "").isdigit()] == ["0.5", "0.6", "1"]
+    assert panel["title"] == "Utilisation: slips at 1; lines at caution 0.5, warning 0.6 (rig.toml)"

@@ -12,7 +12,7 @@ from project import ROOT
 
 from slipd_client.errors import CallError
 from slipd_client.slipctl import main
-from slipd_client.viewers.viewers_command import pads_of
+from slipd_client.viewers.viewers_command import levels_of, pads_of
 
 if TYPE_CHECKING:
     from conftest import Publisher
@@ -62,6 +62,21 @@ def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.Cap
     shown = capsys.readouterr().out.splitlines()
     assert [Path(line).name for line in shown] == ["foxglove.json", "plotjuggler_bridge.xml", "plotjuggler_zmq.xml"]
     assert all(Path(line).exists() for line in shown)
+
+
+def test_the_levels_of_the_layouts_are_those_of_a_config(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    for text, levels in (
+        ("", (0.7, 0.85, "rig.toml")),
+        ("[levels]\ncaution = 0.5", (0.5, 0.85, "rig.toml")),
+        ("[levels]\ncaution = 0.5\nwarning = 0.6", (0.5, 0.6, "rig.toml")),
+    ):
+        rig.write_text(text)
+        assert levels_of(rig) == levels
+    rig.write_text("[levels]\ncaution = true")
+    with pytest.raises(CallError, match="must be numbers"):
+        levels_of(rig)
+    assert levels_of(None) == (0.7, 0.85, "slipd's defaults")
 
 
 def test_an_edited_layout_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
