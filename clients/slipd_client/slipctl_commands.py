@@ -28,6 +28,8 @@ def run(chosen: argparse.Namespace) -> None:
         raise CallError("--samples and --patience are for measuring; with MU_S the friction is set, not measured")
     if command.startswith("keys "):
         keys_command.run(chosen)
+    elif command == "gravity" and (chosen.follow is None) == (not chosen.numbers):
+        raise CallError("gravity needs either three or four numbers, or --follow FILE")
     elif command == "watch":
         from slipd_client.watch import watch  # here: requests need no subscriber
 
@@ -48,6 +50,8 @@ def run(chosen: argparse.Namespace) -> None:
                 _print_status(client.status(), chosen.json)
             elif command.startswith("grip "):
                 _grip(client, chosen)
+            elif command == "gravity":
+                _gravity(client, chosen)
             elif measures:
                 _measure_friction(client, chosen)
             else:
@@ -62,6 +66,16 @@ def _view(chosen: argparse.Namespace) -> None:
     except ModuleNotFoundError as error:
         raise CallError("slipctl view needs the package websockets: pip install 'slipd-client[view]'") from error
     asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, keys=_keys(chosen), buttons=chosen.buttons))
+
+
+def _gravity(client: GripClient, chosen: argparse.Namespace) -> None:
+    from slipd_client import gravity_feed
+
+    if chosen.follow is None:
+        vector = gravity_feed.gravity_of(chosen.numbers)
+        _print_result(gravity_feed.send(client, chosen.finger, vector, chosen.hold or 0.0))
+    elif (reply := gravity_feed.follow(client, chosen.finger, chosen.follow, chosen.hold)) is not None:
+        _print_result(reply)
 
 
 def _measure_friction(client: GripClient, chosen: argparse.Namespace) -> None:

@@ -63,6 +63,8 @@ def parser() -> argparse.ArgumentParser:
     _tare(_commands(add("tare", "take, show or undo the zero of a finger's sensors"), "tare "))
     _friction(add("friction", "measure the friction between pads and an object by hand, or set it on one finger"))
 
+    _gravity(add("gravity", "send the direction of gravity in a pad's frame, so that the finger's weight is known"))
+
     named = add("object", "name the object, so that its friction is remembered; acquires the lease where it can")
     choice = named.add_mutually_exclusive_group(required=True)
     choice.add_argument(
@@ -113,6 +115,28 @@ def _friction(friction: argparse.ArgumentParser) -> None:
     )
     friction.add_argument(
         "--patience", type=_seconds, metavar="S", help=f"how long to wait for each pull (default: {PATIENCE_S:g})"
+    )
+
+
+def _gravity(gravity: argparse.ArgumentParser) -> None:
+    gravity.description = (
+        "Sends gravity in the pad frame, m/s², or the orientation of the pad. The daemon forgets it after 0.25 s: "
+        "repeat it with --hold, or follow a file or pipe to which the robot program writes a line per pose."
+    )
+    _fields(gravity, "gravity.set", "finger")
+    gravity.add_argument(
+        "numbers",
+        type=_type(Field("number", NUMBER, "a component")),
+        nargs="*",
+        metavar="NUMBER",
+        help="three: gravity in the pad frame, m/s²; four: orientation of the pad in a frame whose Z points up, "
+        "quaternion x y z w",
+    )
+    gravity.add_argument(
+        "--hold", type=_seconds, metavar="S", help="repeat each orientation for S seconds (default: 0; followed: 1)"
+    )
+    gravity.add_argument(
+        "--follow", metavar="FILE", help='send each new line of a file or pipe ("-": standard input), numbers as above'
     )
 
 

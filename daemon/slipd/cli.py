@@ -177,6 +177,19 @@ def _export(arguments: argparse.Namespace) -> int:
     return DONE if whole else FAULT
 
 
+def _emulate(arguments: argparse.Namespace) -> int:
+    from slipd.sim.emulate_command import emulate_command
+
+    emulate_command(arguments.file, arguments.dir, arguments.script, arguments.seed)
+    return DONE
+
+
+def _touch(arguments: argparse.Namespace) -> int:
+    from slipd.sim.emulate_command import touch_command
+
+    return touch_command(arguments.dir, arguments.words)
+
+
 def _import_grips(arguments: argparse.Namespace) -> int:
     from slipd import config
     from slipd.recording.grips_import import import_trial
@@ -201,6 +214,8 @@ COMMANDS = {
     "export": _export,
     "plot": _plot,
     "identify": _identify,
+    "emulate": _emulate,
+    "touch": _touch,
     "import grips": _import_grips,
 }
 """What carries out each command of the parser."""

@@ -125,6 +125,8 @@ def parser() -> argparse.ArgumentParser:
     identify.add_argument("--finger", required=True, metavar="NAME", help="name of the finger in the config")
     identify.set_defaults(command="identify")
 
+    _emulation(commands)
+
     importer = _add_command(commands, "import", "convert other data to a recording")
     formats = importer.add_subparsers(required=True, metavar="FORMAT")
     grips = _add_command(formats, "grips", "import a gripper trial with two XELA pads")
@@ -172,6 +174,31 @@ def _add_shipped(commands: Any) -> None:
     docs = _add_command(commands, "docs", "list the pages of the documentation, or print one")
     docs.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
     docs.set_defaults(command="docs")
+
+
+def _emulation(commands: Any) -> None:
+    emulate = _add_command(commands, "emulate", "emulate every device of a config, to try slipd without hardware")
+    emulate.epilog = (
+        "The sensors are mounted as the config states. A copy of the config with the addresses of the emulated devices "
+        "is written; its path is printed last. docs/emulation.md lists the commands. Ctrl-C ends it."
+    )
+    emulate.add_argument("file", type=Path, metavar="CONFIG", help="config of a rig, TOML")
+    emulate.add_argument(
+        "--dir", type=Path, metavar="DIR", help="folder for the lines and the copy (default: a temporary one)"
+    )
+    emulate.add_argument("--script", type=Path, metavar="FILE", help="carry out the commands of this file first")
+    emulate.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
+    emulate.set_defaults(command="emulate")
+
+    touch = _add_command(commands, "touch", "press, push or twist a pad of a running emulation")
+    touch.add_argument("dir", type=Path, metavar="DIR", help="folder of the emulation, which it prints")
+    touch.add_argument(
+        "words",
+        nargs=argparse.REMAINDER,
+        metavar="COMMAND",
+        help='such as: press left 5 N at 0 0 mm; "help" lists all; without a command, lines of standard input',
+    )
+    touch.set_defaults(command="touch")
 
 
 def _add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentParser:

@@ -13,7 +13,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack
 from typing import Protocol, cast
 from urllib.parse import urlsplit
@@ -53,10 +53,12 @@ class Emulation:
 
     Args:
         devices: Each device with its line.
+        load: Called with the time in ns before the devices advance to it, to change the loads on them.
     """
 
-    def __init__(self, devices: Sequence[tuple[Emulator, Line]]) -> None:
+    def __init__(self, devices: Sequence[tuple[Emulator, Line]], load: Callable[[int], None] = lambda _: None) -> None:
         self._devices = devices
+        self._load = load
 
     async def run(self) -> None:
         """Run for ever, in real time."""
@@ -68,6 +70,7 @@ class Emulation:
             if now_ns - before_ns > LONGEST_LAG_NS:
                 start_ns += now_ns - before_ns
                 self._set_start(start_ns)
+            self._load(now_ns - start_ns)
             for device, line in self._devices:
                 _advance(device, line, now_ns - start_ns)
 
@@ -89,11 +92,14 @@ def _advance(device: Emulator, line: Line, t_ns: int) -> None:
 
 
 @contextlib.asynccontextmanager
-async def emulated(devices: Sequence[tuple[str, Emulator, str]]) -> AsyncIterator[Emulation]:
+async def emulated(
+    devices: Sequence[tuple[str, Emulator, str]], load: Callable[[int], None] = lambda _: None
+) -> AsyncIterator[Emulation]:
     """Open the lines of devices, and the servers of their inquiries.
 
     Args:
         devices: Name of each device in the list of devices, its emulator, and the address of its line.
+        load: See `Emulation`.
 
     Raises:
         OSError: A line cannot be served at its address.
@@ -107,7 +113,7 @@ async def emulated(devices: Sequence[tuple[str, Emulator, str]]) -> AsyncIterato
             if inquiry is not None:
                 host = urlsplit(address).hostname
                 await stack.enter_async_context(await _serve_inquiries(cast("Inquired", device), host, inquiry.port))
-        yield Emulation(lines)
+        yield Emulation(lines, load)
 
 
 def _inquiry(name: str, device: Emulator) -> Inquiry | None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slipd.arrays import Array
 from slipd.devices import dsacon32
 from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.dsacon32.dsacon32_session import MAX_RATE_HZ
@@ -52,6 +53,24 @@ class Dsacon32(WeissController):
         self._matrices = matrices
         self._rle = False
 
+    def press(self, values: Array, sensor: str | None = None) -> None:
+        """Set the load on the cells from now on, counts.
+
+        Args:
+            values: Loads of the cells of one matrix, or of all, shape (cells,).
+            sensor: Index of the matrix, as in ``sensor`` of a config; None: all.
+
+        Raises:
+            ValueError: The number of values is not the number of cells.
+        """
+        if sensor is not None:
+            sizes = [cols * rows for cols, rows in self._matrices]
+            begin = sum(sizes[: int(sensor)])
+            loads = self._ideal.copy()
+            loads[begin : begin + sizes[int(sensor)]] = values
+            values = loads
+        super().press(values)
+
     def _obey(self, request: Packet, t_ns: int) -> bytes:
         if request.id == messages.CONTROLLER:
             return messages.encode_controller(self.info)
@@ -70,9 +89,9 @@ class Dsacon32(WeissController):
         return dsacon32.encode_frame(cells, time_ms, rle=self._rle)
 
 
-def make(seed: int = 0) -> Dsacon32:
-    """Return the controller of one SDH finger."""
-    return Dsacon32(FINGER, np.random.default_rng(seed))
+def make(seed: int = 0, matrices: Sequence[tuple[int, int]] = FINGER) -> Dsacon32:
+    """Return a controller, by default that of one SDH finger; columns and rows of each matrix."""
+    return Dsacon32(matrices, np.random.default_rng(seed))
 
 
 def _is_request(packet_id: int, size: int, _: bytes) -> bool:

@@ -1,7 +1,8 @@
-"""A program that pushes the readings of a force/torque sensor and of a pad, each a stream of its own."""
+"""A program that pushes the readings of force/torque sensors and pads, each a stream of its own."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slipd.arrays import Array
@@ -17,6 +18,8 @@ PAD_EVERY = 5
 """Wrench readings per image."""
 
 TAXELS = 16
+NOISE = 0.01
+"""Standard deviation of each taxel."""
 
 
 class Pusher:
@@ -24,31 +27,43 @@ class Pusher:
 
     Args:
         seed: Seed of the noise.
+        wrenches: Names of the streams of force/torque sensors.
+        pads: Names of the streams of pads, each with the shape of its image, (taxels,) or (taxels, 3).
 
     Attributes:
         began_ns: CLOCK_MONOTONIC of the start; the times of its readings count from it.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(
+        self,
+        seed: int,
+        wrenches: Sequence[str] = (WRENCH,),
+        pads: Mapping[str, tuple[int, ...]] = {PAD: (TAXELS,)},
+    ) -> None:
         self.options: dict[str, Any] = {}
         self.rate_hz = RATE_HZ
         self.began_ns = 0
-        self._wrenches = WrenchStream(seed, RATE_HZ)
-        self._images = TactileStream(seed, RATE_HZ / PAD_EVERY, (TAXELS,), 0.01)
-        self._wrenches.start(0)
-        self._images.start(0)
-        self._sent = {WRENCH: 0, PAD: 0}
+        self._wrenches = {name: WrenchStream(seed + k, RATE_HZ) for k, name in enumerate(wrenches)}
+        self._images = {
+            name: TactileStream(seed + k, RATE_HZ / PAD_EVERY, shape, NOISE)
+            for k, (name, shape) in enumerate(pads.items())
+        }
+        for wrench in self._wrenches.values():
+            wrench.start(0)
+        for pad in self._images.values():
+            pad.start(0)
+        self._sent = dict.fromkeys([*wrenches, *pads], 0)
 
     def opened(self, t_ns: int) -> None:
         """Do nothing: the program pushes all the time."""
 
-    def feel(self, force_n: Array, torque_nm: Array) -> None:
-        """Set the load on the sensor from now on, in the frame of the sensor, N and N·m."""
-        self._wrenches.feel(force_n, torque_nm)
+    def feel(self, force_n: Array, torque_nm: Array, sensor: str = WRENCH) -> None:
+        """Set the load on a sensor from now on, in the frame of the sensor, N and N·m."""
+        self._wrenches[sensor].feel(force_n, torque_nm)
 
-    def press(self, values: Array) -> None:
-        """Set the load on each taxel from now on, shape (16,)."""
-        self._images.press(values)
+    def press(self, values: Array, sensor: str = PAD) -> None:
+        """Set the load on each taxel of a pad from now on, of the shape of its image."""
+        self._images[sensor].press(values)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Ignore all bytes."""
@@ -56,19 +71,19 @@ class Pusher:
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Advance to ``t_ns`` and return the messages due by then, in the order of their times."""
-        wrenches = [(t, WRENCH, values) for t, values in self._wrenches.due(t_ns)]
-        images = [(t, PAD, self._images.image()) for t in self._images.due(t_ns)]
+        wrenches = [(t, name, values) for name, stream in self._wrenches.items() for t, values in stream.due(t_ns)]
+        images = [(t, name, stream.image()) for name, stream in self._images.items() for t in stream.due(t_ns)]
         return [self._message(*reading) for reading in sorted(wrenches + images, key=lambda reading: reading[0])]
 
     def _message(self, taken_ns: int, stream: str, values: Array) -> bytes:
         number = self._sent[stream]
         self._sent[stream] += 1
         t_ns = self.began_ns + taken_ns
-        if stream == PAD:
+        if stream in self._images:
             return encode_reading(stream, t_ns, seq=number, values=values)
         return encode_reading(stream, t_ns, seq=number, force_n=values[:3], torque_nm=values[3:])
 
 
-def make(seed: int) -> Pusher:
-    """Return the emulator with seeded noise."""
-    return Pusher(seed)
+def make(seed: int, **streams: Any) -> Pusher:
+    """Return the emulator with seeded noise; for other streams see `Pusher`."""
+    return Pusher(seed, **streams)

@@ -54,6 +54,15 @@ class Driver:
         self._answered = 0
         self._registers = False
 
+    def set_part(self, width_m: float) -> None:
+        """Put a part of this width between the jaws; 0: none."""
+        self.part_m = width_m
+
+    @property
+    def grip_n(self) -> float:
+        """Grip force on one pad, N."""
+        return self.force_n if self._blocked else 0.0
+
     def opened(self, t_ns: int) -> None:
         """Handle the connection to the daemon: register next."""
         self._registers = True

@@ -96,6 +96,6 @@ class GaugeAmplifier:
         return gauges.encode_frame(channels, self._sequence - 1, device_us, saturated)
 
 
-def make(seed: int) -> GaugeAmplifier:
-    """Return the emulator with seeded noise."""
-    return GaugeAmplifier(seed)
+def make(seed: int, **settings: Any) -> GaugeAmplifier:
+    """Return the emulator with seeded noise; for other settings see `GaugeAmplifier`."""
+    return GaugeAmplifier(seed, **settings)

@@ -80,6 +80,6 @@ class NetftSensor:
         return output
 
 
-def make(seed: int) -> NetftSensor:
+def make(seed: int, rate_hz: float = 4000.0) -> NetftSensor:
     """Return the emulator with seeded noise."""
-    return NetftSensor(seed)
+    return NetftSensor(seed, rate_hz)

@@ -52,9 +52,9 @@ class Controller:
         """Drop the bytes of the previous user of the line."""
         self._received = b""
 
-    def press(self, values: Array) -> None:
-        """Set the load on each pillar of both sensors from now on, N, shape (9, 3)."""
-        self._stream.press(values)
+    def press(self, values: Array, sensor: str | None = None) -> None:
+        """Set the load on each pillar of one sensor or both from now on, N, shape (9, 3)."""
+        self._stream.press(values, sensor)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; there is no answer."""
@@ -70,7 +70,7 @@ class Controller:
         return [self._frame(taken_ns) for taken_ns in self._stream.due(t_ns)]
 
     def _frame(self, taken_ns: int) -> bytes:
-        pads = [self._stream.image() for _ in range(frames.SENSORS)]
+        pads = [self._stream.image(str(sensor)) for sensor in range(frames.SENSORS)]
         entries = [_entries(pad, self._layout) for pad in pads]
         documented = self._layout == DISPLACEMENT_FIRST
         blocks = [

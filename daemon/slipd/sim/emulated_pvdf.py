@@ -179,6 +179,39 @@ class PvdfLine:
         return output
 
 
+class PressedPad:
+    """A pad whose charge leaks, under a given load, as an emulator (see `slipd.sim.emulators.Emulator`).
+
+    Args:
+        seed: Seed of its noise.
+        rows: Rows of the scan.
+        cols: Columns of the scan.
+        electronics: Amplifier, converter and multiplexer.
+    """
+
+    def __init__(self, seed: int, rows: int, cols: int, electronics: PvdfElectronics) -> None:
+        self.options: dict[str, Any] = {"rows": rows, "cols": cols}
+        self.rate_hz = electronics.rate_hz
+        self._pad = PvdfPad(rows, cols, electronics, np.random.default_rng(seed))
+        self._loads_n = np.zeros(rows * cols)
+
+    def press(self, values: Array) -> None:
+        """Set the load on each taxel from now on, shape (taxels,), N."""
+        self._loads_n = np.asarray(values, dtype=np.float64)
+
+    def opened(self, t_ns: int) -> None:
+        """Do nothing: the pad sends from power-on."""
+
+    def receive(self, data: bytes, t_ns: int) -> list[bytes]:
+        """Ignore all bytes."""
+        return []
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        """Advance to ``t_ns`` and return the scans complete by then; a late step returns several together."""
+        output = self._pad.advance(t_ns, self._loads_n)
+        return [output] if output else []
+
+
 def make(seed: int) -> PvdfLine:
     """Return a pad of 8 x 16 taxels with seeded noise."""
     return PvdfLine(seed)

@@ -5,6 +5,9 @@ Not emulated: emergency release, faults of the gripper itself, and the full stro
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,7 +34,35 @@ _INACTIVE, _ACTIVATING, _ACTIVE = 0, 1, 3
 _FOUND_MOVING, _FOUND_CLOSING, _FOUND_NONE = 0, 2, 3
 _FAULT_DELAYED, _FAULT_NOT_ACTIVATED = 5, 7
 _MOVING_A, _HOLDING_A_PER_N = 0.12, 0.02
-_FORCE_BYTES, _FORCES_N = zip(*FORCE_TABLE, strict=True)
+
+
+@dataclass
+class Jaws:
+    """Two jaws without a scene, which close on a rigid part or on nothing.
+
+    Attributes:
+        width_m: Width between the pads.
+        part_m: Width of the part between the pads, m; 0: no part.
+        moving: The jaws move.
+        in_contact: They hold the part.
+        normal_n: Force on one pad.
+    """
+
+    width_m: float
+    part_m: float = 0.0
+    moving: bool = False
+    in_contact: bool = False
+    normal_n: float = 0.0
+
+    def follow(self, command: GripCommand, dt_s: float) -> None:
+        """Move for ``dt_s`` towards the width of a command."""
+        squeeze = 0.0 < self.part_m <= self.width_m and command.width_m < self.part_m
+        stop_m = self.part_m if squeeze else command.width_m
+        away_m, reach_m = stop_m - self.width_m, command.speed_mps * dt_s
+        self.moving = abs(away_m) > reach_m
+        self.width_m = self.width_m + math.copysign(reach_m, away_m) if self.moving else stop_m
+        self.in_contact = squeeze and not self.moving
+        self.normal_n = command.force_n if self.in_contact else 0.0
 
 
 class Gripper2F:
@@ -39,19 +70,21 @@ class Gripper2F:
 
     Args:
         open_width_m: Width between the pads at position 0; at 255 it is zero.
+        force_table: Force byte and normal force on one pad, N.
 
     Attributes:
         activated_ns: When it was first activated, ns; None before.
     """
 
-    def __init__(self, open_width_m: float = 0.085) -> None:
+    def __init__(self, open_width_m: float = 0.085, force_table: Sequence[tuple[float, float]] = FORCE_TABLE) -> None:
+        self._force_bytes, self._forces_n = zip(*force_table, strict=True)
         self.activated_ns: int | None = None
         self._open_width_m = open_width_m
         self._registers: tuple[int, ...] = (0,) * robotiq_registers.REGISTERS
         self._output = robotiq_registers.parse_output(self._registers)
         self._received, self._received_ns = b"", 0
         self._ready_ns = 0
-        self._goal = self._command = GripCommand(open_width_m, SPEED_MPS[0], _FORCES_N[0])
+        self._goal = self._command = GripCommand(open_width_m, SPEED_MPS[0], self._forces_n[0])
         self._width_m, self._normal_n = open_width_m, 0.0
         self._moving, self._holding = False, False
 
@@ -67,15 +100,15 @@ class Gripper2F:
         """Return the present command to the drive."""
         stage = self._stage(t_ns)
         if stage == _ACTIVATING:
-            self._command = GripCommand(self._open_width_m, SPEED_MPS[1], _FORCES_N[0])
+            self._command = GripCommand(self._open_width_m, SPEED_MPS[1], self._forces_n[0])
         elif stage == _ACTIVE and self._output.go:
             self._command = self._goal
         elif not self._holding:  # stopped; a held object stays held
             self._command = GripCommand(self._width_m, self._command.speed_mps, self._command.force_n)
         return self._command
 
-    def observe(self, scene: Scene) -> None:
-        """Read the state of the scene after the command."""
+    def observe(self, scene: Scene | Jaws) -> None:
+        """Read the state of the scene, or of the jaws without one, after the command."""
         self._width_m, self._normal_n = scene.width_m, scene.normal_n
         self._moving, self._holding = scene.moving, scene.in_contact
 
@@ -97,7 +130,7 @@ class Gripper2F:
         self._goal = GripCommand(
             width_m=self._open_width_m * (1.0 - written.position / 255),
             speed_mps=slow + (fast - slow) * written.speed / 255,
-            force_n=float(np.interp(written.force, _FORCE_BYTES, _FORCES_N)),
+            force_n=float(np.interp(written.force, self._force_bytes, self._forces_n)),
         )
         if written.activate and not was_active:
             self._ready_ns = t_ns + ACTIVATION_NS
@@ -123,12 +156,28 @@ class Gripper2F:
 
 
 class GripperLine:
-    """A `Gripper2F` with nothing between its pads, as an emulator (see `slipd.sim.emulators.Emulator`)."""
+    """A `Gripper2F` with a rigid part between its pads, or nothing, as an emulator (`slipd.sim.emulators.Emulator`).
 
-    def __init__(self) -> None:
+    Args:
+        open_width_m: Width between the pads at position 0.
+        force_table: Force byte and normal force on one pad, N.
+    """
+
+    def __init__(self, open_width_m: float = 0.085, force_table: Sequence[tuple[float, float]] = FORCE_TABLE) -> None:
         self.options: dict[str, Any] = {}
         self.rate_hz = POLL_HZ
-        self._gripper = Gripper2F()
+        self._gripper = Gripper2F(open_width_m, force_table)
+        self._jaws = Jaws(open_width_m)
+        self._now_ns = 0
+
+    def set_part(self, width_m: float) -> None:
+        """Put a part of this width between the pads; 0: none."""
+        self._jaws.part_m = width_m
+
+    @property
+    def grip_n(self) -> float:
+        """Grip force on one pad, N."""
+        return self._jaws.normal_n
 
     def opened(self, t_ns: int) -> None:
         """Do nothing: the gripper only answers."""
@@ -139,11 +188,14 @@ class GripperLine:
         return [output] if output else []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Send nothing unasked."""
+        """Advance the jaws to ``t_ns``; send nothing unasked."""
+        self._jaws.follow(self._gripper.command(t_ns), max(t_ns - self._now_ns, 0) * 1e-9)
+        self._now_ns = t_ns
+        self._gripper.observe(self._jaws)
         return []
 
 
-def make(seed: int) -> GripperLine:
-    """Return a gripper; it has no noise, so ``seed`` is unused."""
+def make(seed: int, **settings: Any) -> GripperLine:
+    """Return a gripper; it has no noise, so ``seed`` is unused. For other settings see `GripperLine`."""
     del seed
-    return GripperLine()
+    return GripperLine(**settings)

@@ -43,9 +43,9 @@ class Fingertips:
         """Drop the bytes of the previous user of the line."""
         self._received = b""
 
-    def press(self, values: Array) -> None:
-        """Set the load on each taxel of both fingers from now on, counts above rest, shape (28,)."""
-        self._packets.press(values)
+    def press(self, values: Array, sensor: str | None = None) -> None:
+        """Set the load on each taxel of one finger or both from now on, counts above rest, shape (28,)."""
+        self._packets.press(values, sensor)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Handle bytes from the host; return the answers."""
@@ -80,7 +80,7 @@ class Fingertips:
         blocks = b""
         for finger in range(tsf85.FINGERS):
             if fresh:
-                counts = np.clip(np.rint(self._packets.image() + REST_COUNTS), 0, _FULL_SCALE)
+                counts = np.clip(np.rint(self._packets.image(str(finger)) + REST_COUNTS), 0, _FULL_SCALE)
                 blocks += encode_block(tsf85.STATIC, finger, counts)
             blocks += encode_block(tsf85.DYNAMIC, finger, [0])
             blocks += encode_block(tsf85.ACCELEROMETER, finger, [0, 0, 16384])

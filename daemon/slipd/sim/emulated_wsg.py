@@ -46,6 +46,15 @@ class Gripper:
         self._blocked = ""
         self._updates: dict[int, tuple[int, int]] = {}  # id: period and when the next is due, ns
 
+    def set_part(self, width_m: float) -> None:
+        """Put a part of this width between the jaws; 0: none."""
+        self.part_mm = 1e3 * width_m
+
+    @property
+    def grip_n(self) -> float:
+        """Grip force on one pad, N."""
+        return self.limit / 2 if self._blocked else 0.0
+
     def opened(self, t_ns: int) -> None:
         """Handle a connection; if the previous host left without a disconnect command, make a fast stop."""
         if self._connected:

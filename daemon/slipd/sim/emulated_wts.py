@@ -59,9 +59,9 @@ class WtsModule(WeissController):
         return wts.encode_frame(cells, time_ms)
 
 
-def make(seed: int = 0) -> WtsModule:
-    """Return a WTS-FT module of 4 x 8 cells."""
-    return WtsModule(wts.Matrix(), np.random.default_rng(seed))
+def make(seed: int = 0, cols: int = 4, rows: int = 8) -> WtsModule:
+    """Return a module, by default a WTS-FT of 4 x 8 cells."""
+    return WtsModule(wts.Matrix(cols, rows), np.random.default_rng(seed))
 
 
 def _is_request(packet_id: int, size: int, _: bytes) -> bool:

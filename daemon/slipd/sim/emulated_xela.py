@@ -30,12 +30,13 @@ class Server:
 
     Args:
         seed: Seed of the noise.
+        taxels: Number of taxels of each pad.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, taxels: int = TAXELS) -> None:
         self.options: dict[str, Any] = {}
         self.rate_hz = RATE_HZ
-        self._stream = TactileStream(seed, RATE_HZ, (TAXELS, 3), NOISE_COUNTS)
+        self._stream = TactileStream(seed, RATE_HZ, (taxels, 3), NOISE_COUNTS)
         self._stream.start(0)
         self._number = 0
         self._welcome: list[bytes] = []
@@ -44,9 +45,9 @@ class Server:
         """Send a welcome to the new client."""
         self._welcome = [json.dumps({"message": "Welcome"}).encode()]
 
-    def press(self, values: Array) -> None:
-        """Set the load on each taxel of both pads from now on, counts relative to rest, shape (16, 3)."""
-        self._stream.press(values)
+    def press(self, values: Array, sensor: str | None = None) -> None:
+        """Set the load on each taxel of one pad or both from now on, counts relative to rest, shape (taxels, 3)."""
+        self._stream.press(values, sensor)
 
     def receive(self, data: bytes, t_ns: int) -> list[bytes]:
         """Ignore all bytes."""
@@ -59,12 +60,12 @@ class Server:
 
     def _message(self, taken_ns: int) -> bytes:
         self._number += 1
-        pads = {key: self._stream.image() for key in SENSORS}
+        pads = {key: self._stream.image(key) for key in SENSORS}
         raw = {key: np.clip(np.rint(pad + REST_COUNTS), 0, _FULL_SCALE) for key, pad in pads.items()}
         forces = {key: np.round(N_PER_COUNT * pad, 4) for key, pad in pads.items()}
         return xela.encode_message(self._number, raw, BEGAN_S + taken_ns * 1e-9, forces)
 
 
-def make(seed: int) -> Server:
+def make(seed: int, taxels: int = TAXELS) -> Server:
     """Return the emulator with seeded noise."""
-    return Server(seed)
+    return Server(seed, taxels)

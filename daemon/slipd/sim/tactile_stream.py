@@ -26,12 +26,17 @@ class TactileStream:
         self.rate_hz = rate_hz
         self._rng = np.random.default_rng(seed)
         self._ideal = np.zeros(shape)
+        self._of_sensor: dict[str, Array] = {}
         self._noise = noise
         self._begun_ns: int | None = None
         self._sent = 0
 
-    def press(self, values: Array) -> None:
+    def press(self, values: Array, sensor: str | None = None) -> None:
         """Set the load on each taxel from now on, in the units of the sensor.
+
+        Args:
+            values: The loads, of the shape of an image.
+            sensor: Name of one of several sensors with images of this shape; None: all of them.
 
         Raises:
             ValueError: The shape is not that of an image.
@@ -39,7 +44,11 @@ class TactileStream:
         values = np.asarray(values, dtype=np.float64)
         if values.shape != self._ideal.shape:
             raise ValueError(f"an image must have shape {self._ideal.shape}, got {values.shape}")
-        self._ideal = values
+        if sensor is None:
+            self._ideal = values
+            self._of_sensor.clear()
+        else:
+            self._of_sensor[sensor] = values
 
     def start(self, t_ns: int, rate_hz: float | None = None) -> None:
         """Send images from ``t_ns`` on, the first after one period, optionally at another rate."""
@@ -59,6 +68,6 @@ class TactileStream:
             self._sent += 1
             yield next_ns
 
-    def image(self) -> Array:
-        """Return an image of the present load with new noise."""
-        return self._ideal + self._noise * self._rng.standard_normal(self._ideal.shape)
+    def image(self, sensor: str = "") -> Array:
+        """Return an image of the present load on one sensor with new noise."""
+        return self._of_sensor.get(sensor, self._ideal) + self._noise * self._rng.standard_normal(self._ideal.shape)

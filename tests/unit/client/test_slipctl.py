@@ -31,7 +31,7 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
         (
             [],
             "slipctl: error: COMMAND must be one of watch, view, viewers, relay, status, grip, tare, friction, "
-            "object, record, keys\n",
+            "gravity, object, record, keys\n",
         ),
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
         (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),

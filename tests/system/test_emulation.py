@@ -1,0 +1,90 @@
+"""Emulated devices that a hand presses from the shell, a daemon that reads them, and clients: each a process."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from project import ROOT
+
+pytestmark = pytest.mark.process
+
+PATIENCE_S = 100.0
+RIG = """# One finger of moderate rates.
+[finger.left]
+mu = 0.5
+
+[finger.left.wrench]
+device = "bota"
+port = "/dev/serial/by-id/left-wrench"
+hardware_id = "of the real one"
+rate_hz = 100.0
+sign = -1
+stale_s = 0.5
+pad_from_sensor = { xyz_m = [0.004, -0.002, -0.025], quat_xyzw = [0.9659258, 0.2588190, 0.0, 0.0] }
+"""
+
+
+def run(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
+    """Run a script of a shell that finds slipd and slipctl."""
+    (folder / "rig.toml").write_text(RIG, encoding="utf-8")
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "SLIPD_RUNTIME_DIR": str(folder / "run"),
+    }
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        ["bash", "-c", script], cwd=folder, env=environment, stdout=pipe, stderr=pipe, text=True, start_new_session=True
+    ) as shell:
+        try:
+            out, errors = shell.communicate(timeout=PATIENCE_S)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(shell.pid, signal.SIGKILL)  # what a script that failed left behind
+    return subprocess.CompletedProcess(shell.args, shell.returncode, out, errors)
+
+
+def test_the_mass_of_a_finger_is_identified_from_the_shell_as_the_page_shows(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "emulation.md").read_text(encoding="utf-8")
+    (script,) = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
+    press = "slipd touch rig press left 5 kg && echo accepted; slipd touch rig show; kill %1\n"
+    done = run(tmp_path, f"{script.replace('kill %1', press)}")
+    assert done.returncode == 0, done.stderr
+    found = tomllib.loads(done.stdout[done.stdout.index("[finger.left.wrench]") :].partition("left: ")[0])
+    wrench = found["finger"]["left"]["wrench"]
+    assert wrench["mass_kg"] == pytest.approx(0.085, abs=0.001)
+    assert wrench["com_m"] == pytest.approx([0.0, 0.002, -0.014], abs=0.001)
+    assert "left: nothing touches" in done.stdout
+    assert "the unit must be N, got 'kg'" in done.stderr
+    assert "accepted" not in done.stdout
+    assert not (tmp_path / "rig" / "hand").exists()
+    assert not (tmp_path / "rig" / "rig.toml").exists()
+
+
+def test_commands_come_from_a_script_and_standard_input_and_faults_are_named(tmp_path: Path) -> None:
+    (tmp_path / "good").write_text("press left 5 N at 1 2 mm\nshow; wait 0.1\n")
+    (tmp_path / "wrong").write_text("\npress middle 5 N\n")
+    done = run(
+        tmp_path,
+        "printf 'push left +x 9 N\\nshow\\nnonsense\\n' | slipd emulate rig.toml --script good; echo $?;"
+        "slipd emulate rig.toml --script wrong; echo $?; slipd emulate rig.toml --dir . ; echo $?;"
+        "slipd touch nowhere show; echo $?",
+    )
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("bota: ")
+    assert "left: normal 5.00 N at 1.0, 2.0 mm, tangential 0.00, 0.00 N, spin 0.0 mN·m" in lines
+    assert "left: normal 5.00 N at 1.0, 2.0 mm, tangential 2.25, 0.00 N, spin 0.0 mN·m" in lines
+    assert any(line.startswith("error: a command must begin with press") for line in lines)
+    assert [line for line in lines if line.isdigit()] == ["0", "1", "1", "1"]
+    assert "wrong:2: press: FINGER must be one of left, got 'middle'" in done.stderr
+    assert "--dir must not be the folder of the config" in done.stderr
+    assert "no emulation at nowhere" in done.stderr
+    assert (tmp_path / "rig.toml").read_text(encoding="utf-8") == RIG
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,154 @@
+"""Every device of a config reads the load on its pad: the daemon's own decoders, mounting and geometry invert it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from driving import drive
+from project import CONFIG
+
+from slipd import config
+from slipd.config import Config, Stream
+from slipd.devices import DEVICES
+from slipd.errors import ConfigError
+from slipd.samples import TactileSample, WrenchSample
+from slipd.signals.mounting import Mounting
+from slipd.signals.pad import PadGeometry
+from slipd.sim.emulators import Emulator
+from slipd.sim.hand import PadLoad
+from slipd.sim.hand_commands import parse_command
+from slipd.sim.touched_devices import BIAS, TouchedDevices
+
+MS = 1_000_000
+SHIPPED = sorted(CONFIG.glob("*.toml"))
+SECONDS = 0.7
+AT_M = (0.004, -0.003)
+
+
+@dataclass
+class Loaded:
+    """An emulator that acts in the time of the test under a constant load."""
+
+    emulator: Emulator
+    devices: TouchedDevices
+    received: list[Any] = field(default_factory=list)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.emulator, name)
+
+    def advance(self, t_ns: int) -> list[bytes]:
+        self.devices.advance(t_ns)
+        return self.emulator.advance(t_ns)
+
+
+def give(devices: TouchedDevices, *lines: str) -> None:
+    for line in lines:
+        command = parse_command(line, devices.hand.fingers)
+        assert command is not None
+        devices.hand.carry_out(command, 0.0)
+
+
+def touched(rig: Config, folder: Path) -> TouchedDevices:
+    """Return the devices of a rig, with a load on the first finger."""
+    devices = TouchedDevices(rig, folder)
+    finger = next(iter(rig.finger))
+    give(devices, f"press {finger} 6 N at 4 -3 mm", f"push {finger} -y 1 N", f"twist {finger} 10 mNm")
+    return devices
+
+
+def read(rig: Config, folder: Path, stream: Stream) -> list[Any]:
+    """Return the readings of a stream under the load of the test, from the last third of some tenths of a second."""
+    devices = touched(rig, folder)
+    number = list(dict.fromkeys(each.port for each in rig.streams().values())).index(stream.port)
+    emulator = Loaded(devices.devices[number][1], devices)
+    device, options = DEVICES[stream.device], config.device_options(stream)
+    emulator.opened(0)
+    samples: list[Any] = []
+    if device.session is None:
+        decoder = device.decoder(**options)
+        for t_ns in range(0, round(SECONDS * 1e9), MS):
+            for data in emulator.advance(t_ns):
+                samples += decoder.receive(data, t_ns)
+    else:
+        session = device.session(**options)
+        asks = device.inquiry(**options) if device.inquiry is not None else None
+        if asks is not None:
+            session.start(0)
+            session.receive(emulator.inquire(asks.request), 0)
+        samples = drive(session, emulator, SECONDS + 0.8, start=asks is None)
+    chosen = [sample for sample in samples if sample.source == stream.sensor or not stream.sensor]
+    return chosen[2 * len(chosen) // 3 :]
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_the_sensors_of_a_shipped_config_read_the_load_on_their_pad(path: Path, tmp_path: Path) -> None:
+    rig = config.load(path)
+    devices = touched(rig, tmp_path)
+    finger = next(iter(rig.finger))
+    wanted = devices.loads(0)[finger].wrench()
+    sensors = rig.finger[finger]
+    if sensors.wrench is not None:
+        readings = [
+            sample
+            for sample in read(rig, tmp_path, sensors.wrench)
+            if isinstance(sample, WrenchSample) and sample.torque_nm is not None
+        ]
+        felt = np.mean([np.concatenate((sample.force_n, sample.torque_nm)) for sample in readings], axis=0)
+        pose = sensors.wrench.pad_from_sensor
+        found = Mounting(pose.xyz_m, pose.quat_xyzw, sensors.wrench.sign).matrix @ (felt - BIAS)
+        assert found - devices.hand.weight(finger) == pytest.approx(wanted, abs=0.06)
+    if sensors.pad is not None:
+        pad = sensors.pad
+        images = [sample.values for sample in read(rig, tmp_path, pad) if isinstance(sample, TactileSample)]
+        geometry = PadGeometry(pad.rows, pad.cols, pad.pitch_m, pad.electrode_m, pad.swap_xy, pad.flip_x, pad.flip_y)
+        assert np.shape(images)[1] == geometry.taxels
+        values = np.mean(images, axis=0) - (np.reshape(pad.tare, np.shape(images[0])) if pad.tare else 0.0)
+        if config.axes_of(pad) == 3:
+            forces = values[:, [1, 0, 2]] * pad.axis_scale if pad.swap_xy else values * np.array(pad.axis_scale)
+            assert forces.sum(axis=0)[1:] / forces.sum(axis=0)[2] == pytest.approx([1 / 6, 1.0], abs=0.02)
+            pressure = -forces[:, 2]
+        else:
+            pressure = values * pad.axis_scale[0]
+        pressure = np.where(pressure > 0.1 * pressure.max(), pressure, 0.0)
+        x, y = geometry.positions()
+        assert (pressure @ x, pressure @ y) / pressure.sum() == pytest.approx(AT_M, abs=0.6 * pad.pitch_m)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_the_copy_of_a_config_has_other_ports_and_no_identities(path: Path, tmp_path: Path) -> None:
+    rig = config.load(path)
+    devices = TouchedDevices(rig, tmp_path)
+    copy = config.parse(devices.config_text(), "copy")
+    assert {stream.port for stream in copy.streams().values()} == {address for _, _, address in devices.devices}
+    assert {stream.hardware_id for stream in copy.streams().values()} == {""}
+    assert copy.bus.secret_key is None
+    for name, stream in rig.streams().items():
+        assert config.transport_of(copy.streams()[name].port) == config.transport_of(stream.port)
+        same = {"port", "hardware_id"}
+        assert stream.model_dump(exclude=same) == copy.streams()[name].model_dump(exclude=same)
+
+
+def test_a_port_in_an_inline_table_is_refused(tmp_path: Path) -> None:
+    text = '[finger.f]\nwrench = { device = "bota", port = "/dev/x", rate_hz = 100.0 }\n'
+    with pytest.raises(ConfigError, match="every port must be on a line of its own"):
+        TouchedDevices(config.parse(text, "rig"), tmp_path).config_text()
+
+
+@pytest.mark.parametrize("name", ["demo.toml", "netft_wts.toml", "external.toml"])
+def test_a_gripper_that_closes_on_an_object_presses_both_pads(name: str, tmp_path: Path) -> None:
+    rig = config.load(CONFIG / name)
+    devices = TouchedDevices(rig, tmp_path)
+    give(devices, "object 40 mm")
+    gripper: Any = devices.devices[-1][1]
+    devices.advance(0)
+    if name == "demo.toml":
+        gripper._jaws.in_contact, gripper._jaws.normal_n = True, 8.0
+    elif name == "netft_wts.toml":
+        gripper._blocked, gripper.limit = "blocked_minus", 16.0
+    else:
+        gripper._blocked, gripper.force_n = True, 8.0
+    assert devices.loads(MS) == {finger: PadLoad((0.0, 0.0), 8.0) for finger in rig.finger}
