@@ -17,7 +17,7 @@ ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gr
 # Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
 DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
-.PHONY: demo test lint portable_quick portable bench chart pictures evaluate fuzz soak clean
+.PHONY: demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -80,6 +80,12 @@ soak: $(KERNELS)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults (about an hour)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
+
+dist: $(READY)
+	@echo "== the wheels: slipd for the robot PC, slipd_client for other machines and environments"
+	@rm -rf dist
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist . ./clients
+	@ls dist/*
 
 # What only the measurements need: rival solvers and a plotting library.
 $(MEASURES): $(KERNELS)
