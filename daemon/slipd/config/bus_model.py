@@ -17,15 +17,19 @@ class Bus(StrictModel):
 
     Attributes:
         publish: ZeroMQ endpoint of the messages; None: a socket in the private runtime directory. An endpoint over TCP
-            needs ``secret_key`` and ``readers``.
-        requests: ZeroMQ endpoint of the requests, likewise; over TCP it needs ``secret_key`` and ``requesters``.
-        secret_key: File with the secret key of the daemon (``slipctl keys new`` creates one).
-        readers: Directory with the public keys (``*.key``) that may subscribe; None: no key is needed.
+            needs ``secret_key`` and ``readers``. Wrong: clients find no daemon.
+        requests: ZeroMQ endpoint of the requests, likewise; over TCP it needs ``secret_key`` and ``requesters``. Wrong:
+            likewise.
+        secret_key: File with the secret key of the daemon (``slipctl keys new`` creates one). Wrong: the daemon does
+            not start.
+        readers: Directory with the public keys (``*.key``) that may subscribe; None: no key is needed. Wrong: clients
+            are not admitted.
         requesters: Directory with the public keys that may send requests, likewise. A client that may do both has its
-            key in both directories.
+            key in both directories. Wrong: likewise.
         allow_local_tcp: Serve TCP ports of this machine without keys; every user of the machine can then move the
-            gripper.
-        requests_hz: Requests per second that one client may send.
+            gripper. Wrong: true on a machine with other users: each of them can move the gripper.
+        requests_hz: Requests per second that one client may send. Wrong: too low, and requests are `busy`; too high,
+            and one client can slow down the others.
     """
 
     publish: str | None = None
@@ -42,7 +46,7 @@ class Requests(StrictModel):
 
     Attributes:
         friction_without_lease: Any client may raise μ of a finger, or name another object, which makes verdicts more
-            lenient. False: only the client that holds the lease may.
+            lenient. False: only the client that holds the lease may. Wrong: true, and any client can silence warnings.
     """
 
     friction_without_lease: bool = False
@@ -52,9 +56,12 @@ class Recording(StrictModel):
     """``[recording]``: limits of the recordings that clients start; ``slipd run --record`` has none.
 
     Attributes:
-        max_bytes: Size of one file, bytes. A recording that reaches it is closed properly within 0.1 s.
-        max_files: Number of files; at this number ``record.start`` is refused. No file is deleted.
-        min_free_bytes: Free disk space, bytes; below it no recording starts, and a running one ends.
+        max_bytes: Size of one file, bytes. A recording that reaches it is closed properly within 0.1 s. Wrong: too
+            small, and a recording ends before what it should show.
+        max_files: Number of files; at this number ``record.start`` is refused. No file is deleted. Wrong: too small,
+            and `record.start` is refused.
+        min_free_bytes: Free disk space, bytes; below it no recording starts, and a running one ends. Wrong: too small,
+            and the disk fills up; too large, and nothing is recorded.
     """
 
     max_bytes: int = Field(default=1_000_000_000, ge=1_000_000)

@@ -34,7 +34,14 @@ MU_RAISE = 2.0
 
 
 class Pose(StrictModel):
-    """``pad_from_sensor``: transforms coordinates of the sensor frame to the pad frame."""
+    """``pad_from_sensor``: transforms coordinates of the sensor frame to the pad frame.
+
+    Attributes:
+        xyz_m: Origin of the sensor frame in the pad frame, m. Wrong: centroid and torque are displaced, and warnings of
+            a rotation come late or for nothing.
+        quat_xyzw: Rotation from sensor coordinates to pad coordinates. Wrong: normal force and shear are mixed: the
+            force is `pulled`, or utilisation does not follow the load.
+    """
 
     xyz_m: Place = Field(default=[0.0, 0.0, 0.0])
     quat_xyzw: Quaternion = Field(default=[0.0, 0.0, 0.0, 1.0])
@@ -44,24 +51,31 @@ class Wrench(Stream):
     """``[finger.X.wrench]``: a force/torque sensor.
 
     Attributes:
-        sign: +1 if the sensor reports the load on the finger, −1 if it reports the load that the finger exerts.
-        pad_from_sensor: Pose of the sensor in the pad frame.
-        mass_kg: Mass of the part of the finger beyond the sensor, kg; 0: no weight is compensated.
-        com_m: Centre of mass of that part in the pad frame, m.
-        force_std_n: Noise of each force component, standard deviation, N.
-        torque_std_nm: Noise of each torque component, standard deviation, N·m.
-        range_n: Largest force that the sensor can report, as the length of the vector, N. Readings beyond it, and
-            jumps back and forth by a quarter of it, are treated as damaged. None: unknown; only readings above 1e6 N,
-            which no sensor has, are treated as damaged.
-        range_nm: Largest torque that the sensor can report, likewise, N·m.
+        sign: +1 if the sensor reports the load on the finger, −1 if it reports the load that the finger exerts. Wrong:
+            a press reads as a pull: the finger is unknown (`pulled`).
+        pad_from_sensor: Pose of the sensor in the pad frame. Wrong: see its keys.
+        mass_kg: Mass of the part of the finger beyond the sensor, kg; 0: no weight is compensated. Wrong: the weight of
+            the finger counts as load, and changes with its orientation.
+        com_m: Centre of mass of that part in the pad frame, m. Wrong: the torque of that weight counts as load.
+        force_std_n: Noise of each force component, standard deviation, N. Wrong: too low, and noise causes false
+            reports of slips; too high, and small slips are missed.
+        torque_std_nm: Noise of each torque component, standard deviation, N·m. Wrong: the same for rotation.
+        range_n: Largest force that the sensor can report, as the length of the vector, N. Readings beyond it, and jumps
+            back and forth by a quarter of it, are treated as damaged. None: unknown; only readings above 1e6 N, which
+            no sensor has, are treated as damaged. Wrong: too low, and strong grips are `garbage`; too high, and damaged
+            readings pass.
+        range_nm: Largest torque that the sensor can report, likewise, N·m. Wrong: likewise.
         stuck_after: The sensor counts as stuck after this many repeats of a reading (over 20 ms or more). Up to 50,
             repeats over 70 ms that are unusual for this sensor count too; above 50, for a sensor whose readings rest
             for long, only the number counts. 0: a reading may repeat for ever. In every case no grip is raised on a
-            reading that repeats for longer than usual, or for over 50 ms.
+            reading that repeats for longer than usual, or for over 50 ms. Wrong: too low, and a resting sensor is
+            `stuck`; too high, and a dead one is noticed late.
         drift_tau_s: Time constant with which a drifting zero is followed while nothing touches, s; None: not followed.
+            Wrong: too short, and a light contact is taken for drift; too long, and the zero wanders.
         drift_limit_n: Largest drift compensation of each force component since the tare, N; also part of the tolerance
-            for a negative normal force.
-        drift_limit_nm: Largest drift compensation of each torque component since the tare, N·m.
+            for a negative normal force. Wrong: too low, and a sensor that drifts needs a tare more often; too high, and
+            a real pull is tolerated.
+        drift_limit_nm: Largest drift compensation of each torque component since the tare, N·m. Wrong: likewise.
     """
 
     sign: Literal[1, -1] = 1
@@ -82,24 +96,35 @@ class Pad(Stream):
     """``[finger.X.pad]``: a tactile pad.
 
     Attributes:
-        rows: Rows of taxels.
-        cols: Columns of taxels.
-        pitch_m: Distance between the centres of neighbouring taxels, m.
-        electrode_m: Diameter of the sensing area of a taxel, m.
-        swap_xy: The rows of the scan run along X; the shear axes of three-axis taxels are swapped with them.
-        flip_x: The scan runs against X. Shear changes its sign by ``axis_scale``, not by this key.
-        flip_y: The scan runs against Y, likewise.
+        rows: Rows of taxels. The longer side of the pad is at most 0.5 m. Wrong: every image is refused, or has its
+            taxels in the wrong places.
+        cols: Columns of taxels. Wrong: likewise.
+        pitch_m: Distance between the centres of neighbouring taxels, m. Wrong: too large, and the resistance to
+            rotation is overestimated: a rotation is reported late.
+        electrode_m: Diameter of the sensing area of a taxel, m; at most ``pitch_m``. Wrong: an edge of the contact is
+            misplaced by up to half of the difference.
+        swap_xy: The rows of the scan run along X; the shear axes of three-axis taxels are swapped with them. Wrong: the
+            image is turned against the force: warnings of a rotation come late or for nothing.
+        flip_x: The scan runs against X. Shear changes its sign by ``axis_scale``, not by this key. Wrong: the image is
+            mirrored against the force, likewise.
+        flip_y: The scan runs against Y, likewise. Wrong: likewise.
         axis_scale: Newtons (or another unit) per count, one value for each component that a taxel measures; the sign
-            sets the direction of the axis.
-        threshold: A taxel is active above this normal force, in the unit of ``axis_scale``.
-        tare: Counts of the unloaded pad, one for each component of each taxel in scan order; empty: zero.
-        full_scale: Largest count of a taxel; None: unknown, and a saturated taxel is reported as stuck or hot.
+            sets the direction of the axis. Wrong: forces are wrong by the same factor; with a wrong sign the force is
+            `pulled`, or shear points backwards.
+        threshold: A taxel is active above this normal force, in the unit of ``axis_scale``. Wrong: too low, and noise
+            is contact; too high, and the edge of the contact is missing.
+        tare: Counts of the unloaded pad, one for each component of each taxel in scan order; empty: zero. Wrong: the
+            pad feels a load that does not exist, or misses one.
+        full_scale: Largest count of a taxel; None: unknown, and a saturated taxel is reported as stuck or hot. Wrong:
+            too low, and loaded taxels count as saturated; too high, and saturated ones pass.
         gain_error: Relative error of ``axis_scale`` where it gives newtons, such as 0.05. The sum of the image is then
-            compared with the force sensor. None: the unit is not newtons.
+            compared with the force sensor. None: the unit is not newtons. Wrong: too low, and force and image
+            contradict each other; too high, and a damaged pad passes.
         stuck_after: As for a wrench, for taxels that measure the force by themselves (three axes, no ``wrench``). The
             default is 0, because a pad without noise repeats its image as long as its load does; no grip is raised
-            meanwhile.
-        charge_tau_s: Leak time constant of the charge amplifiers, s; None for pads that measure force itself.
+            meanwhile. Wrong: as for a wrench.
+        charge_tau_s: Leak time constant of the charge amplifiers, s; None for pads that measure force itself. Wrong: a
+            steady load seems to fade or to grow.
     """
 
     rows: int = Field(gt=0, le=64)
@@ -122,10 +147,13 @@ class Slip(StrictModel):
     """``[finger.X.slip]``: when a fall of the load counts as a slip (see `slipd.fusion.levels.SlipSettings`).
 
     Attributes:
-        drop: Least relative fall of the required friction; noise may ask for more.
-        window_s: Longest fall, s.
-        armed_at: No longer in use; `slipd check` says so.
+        drop: Least relative fall of the required friction; noise may ask for more. Wrong: too low, and more
+            disturbances count as slips; too high, and short slips are missed.
+        window_s: Longest fall, s. Wrong: too short, and slow slips are missed; too long, and changes of the load count
+            as slips.
+        armed_at: No longer in use; `slipd check` says so. Wrong: without effect.
         hold_s: Longest time for which a slip is reported without new evidence, s. Motion that ends earlier ends it.
+            Wrong: too long, and a slip is reported after it ended unseen; too short, and the report ends too early.
     """
 
     drop: float = Field(default=0.03, gt=0.0, lt=1.0)
@@ -139,20 +167,27 @@ class Finger(StrictModel):
 
     Attributes:
         mu: Safe estimate of the coefficient of static friction; None: no level but "slipping" is known before a slip
-            showed the friction.
-        mu_max: Largest μ that `friction.set` accepts, and that may be learned; None: twice ``mu``, at most 2.
-        mu_spread: Relative standard deviation of ``mu``, and of what `friction.set` states; 0: it is known exactly,
-            and none is learned.
+            showed the friction. Wrong: too high, and warnings come too late, which is the dangerous side; too low, and
+            they come early.
+        mu_max: Largest μ that `friction.set` accepts, and that may be learned; None: twice ``mu``, at most 2. At least
+            ``mu``. Wrong: too high, and a client can make verdicts too lenient; too low, and a good grip counts as
+            weak.
+        mu_spread: Relative standard deviation of ``mu``, and of what `friction.set` states; 0: it is known exactly, and
+            none is learned. Wrong: too low, and a wrong μ is corrected slowly; too high, and a good one is given up
+            quickly.
         mu_rotation: Coefficient of friction that limits a rotation, for taxels whose gains for shear and pressure are
             not calibrated against each other; None: ``mu``. It weighs images that change. Once the object turned, the
-            coefficient that this took limits rotation in λ too, until the grasp ends.
-        min_normal_n: Below this normal force there is no contact, N.
-        load_rule: How the normal force is distributed over the taxels.
+            coefficient that this took limits rotation in λ too, until the grasp ends. Wrong: as for `mu`, for rotation.
+        min_normal_n: Below this normal force there is no contact, N. With a force sensor at most 50, and below
+            ``range_n``. Wrong: too high, and a light grip is `no_contact`; too low, and noise is contact.
+        load_rule: How the normal force is distributed over the taxels. Wrong: the resistance to rotation is misjudged.
         contact_growth: Exponent with which the size of the contact grows with the normal force: 0 rigid, 1/3 Hertz.
-        grip_safety: Safety factor on the load in ``grip_needed_n``.
-        wrench: The force/torque sensor, if there is one.
-        pad: The tactile pad, if there is one.
-        slip: Slip detection.
+            Wrong: the force that `grip_needed_n` asks for against a rotation is wrong.
+        grip_safety: Safety factor on the load in ``grip_needed_n``. Wrong: too low, and the grip asked for just holds;
+            too high, and it crushes the object.
+        wrench: The force/torque sensor, if there is one. Wrong: see its keys.
+        pad: The tactile pad, if there is one. Wrong: see its keys.
+        slip: Slip detection. Wrong: see its keys.
     """
 
     mu: Friction | None = None

@@ -15,18 +15,27 @@ class Gripper(Stream):
 
     Attributes:
         force_table: Rows of (device units, N on one pad), both rising; linear between the rows. Only for grippers that
-            do not take newtons.
-        width_table: Rows of (closure 0…1, m between the pads), closure rising and width falling; likewise.
+            do not take newtons. Wrong: every force that is set or reported is wrong. Measure it.
+        width_table: Rows of (closure 0…1, m between the pads), closure rising and width falling; likewise. Wrong:
+            widths are wrong, and so are the places of the pads.
         speed_table: Rows of (device units, m/s of the jaws), both rising; None: no request may set ``speed_mps``.
-        max_force_n: Largest force that a request may set, N; None: no request may move anything.
-        min_force_n: Smallest force that a request may set, N.
-        step_n: Largest change of the force on a held object by one request, N.
-        raise_n_per_s: Fastest rise of that force by requests, N/s.
-        lower_n_per_s: Fastest fall of that force by requests, N/s.
-        budget_n: Largest sum of all raises of one grasp, N; None: ``max_force_n``.
-        max_lease_ms: Longest life of a lease without renewal, ms.
+            Wrong: the jaws move at another speed.
+        max_force_n: Largest force that a request may set, N; None: no request may move anything. Above ``min_force_n``,
+            and within ``force_table``. Wrong: too high, and a request can crush the object; too low, and the raise that
+            would hold it is refused.
+        min_force_n: Smallest force that a request may set, N. Wrong: too low, and a request can let the object fall.
+        step_n: Largest change of the force on a held object by one request, N. Wrong: too high, and one request can
+            crush the object; too low, and raises take several requests.
+        raise_n_per_s: Fastest rise of that force by requests, N/s. Wrong: too high, and a faulty client crushes the
+            object quickly; too low, and a raise comes too late.
+        lower_n_per_s: Fastest fall of that force by requests, N/s. Wrong: too high, and a faulty client drops the
+            object quickly.
+        budget_n: Largest sum of all raises of one grasp, N; None: ``max_force_n``. Wrong: too high, and many small
+            raises crush the object; too low, and the last one is refused.
+        max_lease_ms: Longest life of a lease without renewal, ms. Wrong: the longer, the later the grip of a dead
+            client is free for others.
         lease_end: What happens to moving fingers when a lease runs out: "hold" lets them finish, "stop" stops them
-            where they are. Neither opens them.
+            where they are. Neither opens them. Wrong: with "hold", moving fingers finish a motion whose client is gone.
     """
 
     force_table: Table | None = None
@@ -47,8 +56,10 @@ class PadPlace(StrictModel):
 
     Attributes:
         positions: Rows of (width m, x m, y m, z m): origin of the pad frame at some widths between the pads, width
-            rising. Linear between the rows, unknown beyond them.
-        quat_xyzw: Rotation from pad coordinates to gripper coordinates.
+            rising. Linear between the rows, unknown beyond them. Wrong: the two contacts are put together wrongly:
+            `grasp` misjudges load and grip.
+        quat_xyzw: Rotation from pad coordinates to gripper coordinates. Wrong: likewise; pads that do not face each
+            other are refused.
     """
 
     positions: list[Annotated[tuple[float, float, float, float], Strict(False)]] = Field(min_length=2)
@@ -60,7 +71,8 @@ class ObservedObject(Stream):
 
     Attributes:
         std_m: Least standard deviation of an observed position, m. It holds what the scatter at rest does not show,
-            such as an error of the camera's calibration that changes with the pose of the arm.
+            such as an error of the camera's calibration that changes with the pose of the arm. Wrong: too small, and
+            errors of the camera count as motion; too large, and slow motion is missed.
     """
 
     std_m: Positive = 0.001
@@ -70,8 +82,8 @@ class Grasp(StrictModel):
     """``[grasp]``: two fingers as one grasp; ``pads`` names both.
 
     Attributes:
-        pads: Pose of the pad of each finger.
-        object: Observation of the object by another process, if there is one.
+        pads: Pose of the pad of each finger. Wrong: see its keys.
+        object: Observation of the object by another process, if there is one. Wrong: see its keys.
     """
 
     pads: dict[str, PadPlace] = Field(min_length=2, max_length=2)
@@ -82,14 +94,19 @@ class Reflex(StrictModel):
     """``[reflex]``: raises the grip without a request when a finger warns; needs ``[grasp]`` and ``[gripper]``.
 
     Attributes:
-        enabled: The reflex acts.
-        raise_n_per_s: How fast it raises the force on one pad, N/s.
-        ceiling_n: Largest force that it sets, N on one pad; None: ``gripper.max_force_n``.
-        slip_gain: Factor on the present force if a finger slips although the grip should hold, because the assumed μ
-            is too high.
+        enabled: The reflex acts. Wrong: false: only clients raise the grip.
+        raise_n_per_s: How fast it raises the force on one pad, N/s. Wrong: too low, and the grip rises too late; too
+            high, and it overshoots.
+        ceiling_n: Largest force that it sets, N on one pad; None: ``gripper.max_force_n``, which is also the most.
+            Wrong: too high, and the object is crushed; too low, and it falls.
+        slip_gain: Factor on the present force if a finger slips although the grip should hold, because the assumed μ is
+            too high. Wrong: too high, and the object is crushed; too low, and it goes on sliding.
         lead_time_s: Time from a warning to the drop, s; `slipd check` prints how much force the reflex can add in it.
-        calm_s: Time without need after which the reflex lowers the force again, s.
-        lower_n_per_s: How fast it lowers the force to what is needed, N/s; 0: never.
+            Wrong: `slipd check` prints a wrong figure; nothing else depends on it.
+        calm_s: Time without need after which the reflex lowers the force again, s. Wrong: too short, and the grip is
+            lowered while the load still swings.
+        lower_n_per_s: How fast it lowers the force to what is needed, N/s; 0: never. Wrong: too high, and the grip
+            follows every short calm.
     """
 
     enabled: bool = False

@@ -54,8 +54,8 @@ class Decoder:
     deleted byte may hide the beginning of the next packet; that costs one packet.
 
     Args:
-        timestamp_unit_ns: Unit of the sensor's timestamp, ns, which the manufacturer does not specify. None leaves
-            ``device_time_ns`` None.
+        timestamp_unit_ns: Unit of the sensor's timestamp, ns, which the manufacturer does not specify. None: the
+            timestamp is not used.
 
     Raises:
         ValueError: The unit is not a positive integer.

@@ -44,7 +44,8 @@ class Session(SensorSession[WrenchSample]):
     received since the port was opened.
 
     Args:
-        sinc_length: Length of the sensor's filter, 64 to 1024; one frame is sent every sinc_length / 51200 s.
+        sinc_length: Length of the sensor's filter, 64 to 1024; one frame is sent every sinc_length / 51200 s:
+            64 is 800 Hz, 512 is 100 Hz.
         temperature_compensation: Enable the sensor's temperature compensation; the manufacturer advises against it.
 
     Raises:

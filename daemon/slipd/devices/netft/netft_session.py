@@ -29,7 +29,8 @@ class Session:
         force_unit: See `Decoder`.
         torque_unit: See `Decoder`.
         internal_hz: See `Decoder`; a rate on the web page takes precedence.
-        buffered: Let the sensor send several records per datagram.
+        buffered: Let the sensor send several records per datagram, as its RDT buffer size says: fewer wake-ups, later
+            readings.
 
     Raises:
         ValueError: An option is out of range or unknown.

@@ -47,7 +47,8 @@ class Decoder:
 
     Args:
         wiring: "serial", or "udp" for the Ethernet converter.
-        counts_per_n: Counts per newton of each axis, x y z; serial only. A negative number reverses the axis.
+        counts_per_n: Counts per newton of each axis, x y z, from the sensor's sensitivity report: counts at nominal
+            load divided by nominal load; serial only. A negative number reverses the axis. With 1, readings are counts.
         counts_per_nm: Counts per newton metre of each axis of a six-axis sensor; serial only.
         channel: The sensor of a four-channel DAQ to read, 0 to 3; other DAQs have only one.
         counted: Whether the counter of the serial frames rises by one per frame, so that it shows losses.

@@ -1,0 +1,57 @@
+"""The options of every device, from the signature and docstring of what takes them."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Iterator
+from inspect import Parameter
+
+from slipd.config.docstring_parts import arguments_of
+from slipd.devices import DEVICES, Device
+
+_TYPES = {
+    "int": "integer",
+    "int | None": "integer",
+    "float": "number",
+    "bool": "true, false",
+    "str": "text",
+    "Sequence[float]": "list of numbers",
+    "Sequence[Sequence[float]] | None": "list of lists of numbers",
+}
+
+_KEYS = {"rows", "cols", "wiring", "force_table", "width_table", "speed_table"}
+"""Arguments of a decoder or session that follow from other keys of the config."""
+
+
+def option_rows() -> Iterator[tuple[str, ...]]:
+    """Yield device, option, type, default and meaning of every option."""
+    for name, device in DEVICES.items():
+        for option, parameter in _parameters(device).items():
+            yield f"`{name}`", f"`{option}`", _TYPES[parameter.annotation], _default(parameter), _text(device, option)
+
+
+def _parameters(device: Device) -> dict[str, Parameter]:
+    """Return the options of a device: those of its session, and those that it hands on to the decoder."""
+    found: dict[str, Parameter] = {}
+    for taker in (device.session, device.decoder) if _hands_on(device) else (device.session or device.decoder,):
+        if taker is not None:
+            found = dict(inspect.signature(taker).parameters) | found
+    return {name: each for name, each in found.items() if name not in _KEYS and each.kind is not Parameter.VAR_KEYWORD}
+
+
+def _hands_on(device: Device) -> bool:
+    parameters = inspect.signature(device.session or device.decoder).parameters
+    return any(each.kind is Parameter.VAR_KEYWORD for each in parameters.values())
+
+
+def _text(device: Device, option: str) -> str:
+    text = arguments_of(device.session or device.decoder).get(option, "See `Decoder`.")
+    decoder = arguments_of(device.decoder).get(option, "")
+    return text.replace("See `Decoder`", decoder.rstrip(".")) if "See `Decoder`" in text else text
+
+
+def _default(parameter: Parameter) -> str:
+    if parameter.default is None:
+        return "left out"
+    return f"`{json.dumps(parameter.default)}`"

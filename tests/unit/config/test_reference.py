@@ -1,0 +1,82 @@
+"""docs/config.md is made from the model, and explains every key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, get_args
+
+import pytest
+from project import DOCS
+from pydantic import BaseModel
+
+from slipd.config import Config
+from slipd.config.docstring_parts import attributes_of
+from slipd.config.key_types import range_of, type_of, unit_of
+from slipd.config.reference import TABLES, reference
+from slipd.config.stream_model import Stream
+from slipd.devices import DEVICES
+
+
+def test_the_page_is_that_of_the_model() -> None:
+    made = "write it again: python -m slipd.config.reference docs/config.md"
+    assert (DOCS / "config.md").read_text(encoding="utf-8") == reference(), made
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        for field in annotation.model_fields.values():
+            yield from models_in(field.annotation)
+    for part in get_args(annotation):
+        yield from models_in(part)
+
+
+def test_every_table_of_a_config_is_on_the_page() -> None:
+    assert set(TABLES.values()) == set(models_in(Config)) - {Config}
+
+
+@pytest.mark.parametrize("model", [Stream, *TABLES.values()], ids=lambda model: model.__name__)
+def test_the_docstring_of_a_table_says_what_each_key_is_and_what_a_wrong_value_does(model: type[BaseModel]) -> None:
+    texts = attributes_of(model)
+    inherited = set(Stream.model_fields) if model is not Stream and issubclass(model, Stream) else set()
+    assert set(texts) | inherited >= set(model.model_fields), "an entry under Attributes for each key"
+    for key, text in texts.items():
+        meaning, _, wrong = text.partition(" Wrong: ")
+        assert meaning.endswith("."), key
+        assert wrong.endswith("."), f"{key}: the entry ends with 'Wrong: …', what a wrong value does"
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "type_", "unit", "range_"),
+    [
+        ("finger.X", "mu", "number", "", "0.01 to 2"),
+        ("finger.X", "min_normal_n", "number", "N", "above 0"),
+        ("finger.X", "load_rule", '`"matched"`, `"grey"`, `"binary"`', "", ""),
+        ("finger.X.wrench", "mass_kg", "number", "kg", "1e-05 to 10, or 0"),
+        ("finger.X.wrench", "com_m", "list of numbers", "m", "-1 to 1, 3 values"),
+        ("finger.X.wrench", "stuck_after", "integer", "", "at least 0"),
+        ("finger.X.wrench", "range_nm", "number", "N·m", "0.0001 to 100000"),
+        ("finger.X.wrench.pad_from_sensor", "quat_xyzw", "list of numbers", "", "4 values, length 1"),
+        ("finger.X.pad", "rows", "integer", "", "above 0, at most 64"),
+        ("finger.X.pad", "gain_error", "number", "", "above 0, below 1"),
+        ("finger.X.pad", "swap_xy", "true, false", "", ""),
+        ("gripper", "force_table", "list of rows of 2 numbers", "", "at least 2 values"),
+        ("gripper", "step_n", "number", "N", "above 0, at most 5000"),
+        ("gripper", "raise_n_per_s", "number", "N/s", "0.001 to 50000"),
+        ("gripper", "port", "text", "", "not empty"),
+        ("grasp", "pads", "table", "", "2 values"),
+        ("levels", "false_alarms_per_hour", "number", "/h", "0.001 to 100"),
+        ("recording", "max_bytes", "integer", "bytes", "at least 1000000"),
+    ],
+)
+def test_type_unit_and_range_are_those_of_the_checks(table: str, key: str, type_: str, unit: str, range_: str) -> None:
+    field = TABLES[table].model_fields[key]
+    assert (type_of(field), unit_of(key, field), range_of(field)) == (type_, unit, range_)
+
+
+def test_every_device_with_options_is_on_the_page() -> None:
+    options = reference().partition("## Options of the devices")[2]
+    without = {"external", "pvdf"}
+    assert {name for name in DEVICES if f"| `{name}` |" in options} == set(DEVICES) - without
+    assert "See `" not in options
+    assert "wiring` |" not in options, "it follows from the port"
