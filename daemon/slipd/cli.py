@@ -1,4 +1,4 @@
-"""The command ``slipd``: run, demo, check, config, docs, replay, view, evaluate, plot, export, identify, import.
+"""The command ``slipd``: run, demo, check, config, docs, replay, recover, view, evaluate, plot, export, identify, import.
 
 Each command imports what it needs.
 """
@@ -143,6 +143,17 @@ def _replay(arguments: argparse.Namespace) -> int:
     return DONE if whole else FAULT
 
 
+def _recover(arguments: argparse.Namespace) -> int:
+    from slipd.recording.recover import recover
+
+    found = recover(arguments.file, arguments.out)
+    for fault in found.faults:
+        print(f"{arguments.file}: {fault}")
+    lost = f"{found.lost} known to be missing" if found.lost or found.faults else "nothing was missing"
+    print(f"{arguments.out}: {found.entries} entries, {lost}")
+    return DONE
+
+
 def _view(arguments: argparse.Namespace) -> int:
     from slipd.recording.view_recording import view_recording
 
@@ -209,6 +220,7 @@ COMMANDS = {
     "config show": _config_show,
     "docs": _docs,
     "replay": _replay,
+    "recover": _recover,
     "view": _view,
     "evaluate": _evaluate,
     "export": _export,

@@ -51,6 +51,15 @@ def parser() -> argparse.ArgumentParser:
     )
     replay.set_defaults(command="replay")
 
+    recover = _add_command(commands, "recover", "write what is intact of a damaged recording as a complete file")
+    recover.epilog = (
+        "OUT has the index and the summary that other programs need, and states what is missing. Exit code 1: FILE is "
+        "not a recording, its start or all of it is damaged, or OUT cannot be written; nothing is written then."
+    )
+    recover.add_argument("file", type=Path, metavar="FILE", help="truncated or damaged recording, MCAP; only read")
+    recover.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
+    recover.set_defaults(command="recover")
+
     view = _add_command(commands, "view", "show a recording in a browser; prints the address of the page")
     view.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
     add_listen(view)

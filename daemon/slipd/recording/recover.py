@@ -1,0 +1,243 @@
+"""``slipd recover``: writes what can be read of a damaged recording as a complete file, and reports the rest.
+
+A reader of recordings stops at the first fault. This one searches behind it for the next chunk that is intact by its
+checksum.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Chunk, Metadata
+from mcap.writer import MCAP0_MAGIC
+
+from slipd.errors import RecordingError
+from slipd.recording.entry_walk import Entered, EntryWalk, Published
+from slipd.recording.mcap_file import RECORD_LIMIT_BYTES, STOPPED, RecordingFile, check_new
+from slipd.recording.mcap_records import BAD_RECORD, DamageError, inner_records, unpack_chunk
+from slipd.recording.reader import Recording, open_recording
+
+_HEAD = struct.Struct("<BQ")
+_MARKS = ((Opcode.CHUNK, b"\x04\x00\x00\x00zstd", 37), (Opcode.METADATA, b"\x09\x00\x00\x00slipd/end", 9))
+"""Kind of a record, bytes that every such record of slipd has, and their distance from its first byte."""
+
+_FOOTER = struct.Struct("<BQQQI")  # kind, length, place of the summary, of its offsets, CRC-32 of both
+_CRC_BYTES = 4
+
+
+@dataclass
+class Recovered:
+    """What was recovered.
+
+    Attributes:
+        entries: Number of entries written.
+        lost: Number of entries known to be missing.
+        faults: What is missing or damaged, and where in the file; one line each.
+    """
+
+    entries: int = 0
+    lost: int = 0
+    faults: list[str] = field(default_factory=list)
+
+
+def recover(source: Path, out: Path) -> Recovered:
+    """Write every intact entry of a recording to a new, complete file.
+
+    Args:
+        source: The recording; it is only read.
+        out: The new file. It states as missing what is missing in the source.
+
+    Raises:
+        RecordingError: The source is no recording, its start or all of its entries are damaged, or ``out`` exists or
+            cannot be written; nothing is written then.
+    """
+    if out.exists() and source.exists() and out.samefile(source):
+        raise RecordingError(f"{out}: is the damaged file itself; give the name of a new file")
+    recording = open_recording(source)
+    check_new(out)
+    found = Recovered()
+    with source.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        salvage = _Salvage(data, recording, found)
+        entries = salvage.entries()
+        first = next(entries, None)
+        if first is None:
+            raise RecordingError(f"{source}: holds no entry that is intact; {'; '.join(found.faults)}")
+        written = RecordingFile(
+            out,
+            config_text=recording.config_text,
+            boot=recording.boot,
+            wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
+            versions=recording.versions,
+            first=recording.first,
+        )
+        try:
+            _write(written, first)
+            for entry in entries:
+                _write(written, entry)
+            written.finish(salvage.end, salvage.stopped)
+        except OSError as error:
+            written.remove()
+            raise RecordingError(f"{out}: cannot be written: {error.strerror}") from error
+    _verify(out, found)
+    return found
+
+
+def _write(file: RecordingFile, entry: Entered | Published) -> None:
+    if isinstance(entry, Entered):
+        file.event(entry.n, entry.t_ns, entry.event)
+    else:
+        file.published(entry.n, entry.t_ns, entry.topic, entry.payload)
+
+
+def _verify(out: Path, found: Recovered) -> None:
+    """Read the new file once: a disk may have kept less than it was given."""
+    entries = sum(1 for _ in open_recording(out).entries())
+    if entries != found.entries:
+        raise RecordingError(f"{out}: has {entries} entries after {found.entries} were written: the disk failed")
+
+
+class _Salvage:
+    """One pass over the intact records of a file.
+
+    Args:
+        data: The file.
+        recording: Its start.
+        found: Gets what is found and what is missing.
+
+    Attributes:
+        end: Index behind the last entry, missing ones included.
+        stopped: Why entries are missing at the end; "" where none is.
+    """
+
+    def __init__(self, data: mmap.mmap, recording: Recording, found: Recovered) -> None:
+        self.end, self.stopped = recording.first, ""
+        self._data, self._found = data, found
+        self._walk = EntryWalk(recording.wall_minus_monotonic_ns, recording.first)
+        self._walk.file_bytes = len(data)
+        self._begin_ns = self._last_ns = 0
+        self._read_up_to = 0
+
+    def entries(self) -> Iterator[Entered | Published]:
+        """Yield every intact entry, in order."""
+        for body in _summary_channels(self._data):
+            self._walk.announce(body)
+        for place, end, record in _intact_records(self._data, self._found.faults):
+            if isinstance(record, Metadata):
+                if self._end(place, record):
+                    return
+            else:
+                yield from self._chunk(place, record)
+            self._read_up_to = end
+        size = len(self._data)
+        self.stopped = f"recovered from a file of {size} bytes without an end record"
+        text = f"from byte {self._read_up_to} of {size}: the end is missing; how many entries it held is not known"
+        self._found.faults.append(text)
+
+    def _chunk(self, place: int, chunk: Chunk) -> Iterator[Entered | Published]:
+        try:
+            for entry in self._walk.entries(chunk):
+                if self._found.entries == 0:
+                    self._begin_ns = self._last_ns = entry.t_ns
+                if entry.n > self.end:
+                    self._report_gap(place, entry.n, f" up to {(entry.t_ns - self._begin_ns) * 1e-9:.3f} s")
+                self.end, self._last_ns = entry.n + 1, entry.t_ns
+                self._found.entries += 1
+                yield entry
+        except DamageError as error:
+            self._found.faults.append(f"chunk at byte {place}: the file {error}")
+
+    def _end(self, place: int, record: Metadata) -> bool:
+        """Read the end record; return whether it is intact."""
+        try:
+            list(self._walk.entries(record))
+        except DamageError as error:
+            self._found.faults.append(f"at byte {place}: {error}")
+            return False
+        count = self._walk.entry_count or 0
+        if count > self.end:
+            self._report_gap(place, count, "")
+        self.end, self.stopped = count, record.metadata.get(STOPPED, "")
+        if self.stopped:
+            self._found.faults.append(f"at byte {place}: the recording stopped before the run did ({self.stopped})")
+        return True
+
+    def _report_gap(self, place: int, n: int, until: str) -> None:
+        missing = n - self.end
+        self._found.lost += missing
+        where = "lost while recording" if self._adjoin(place) else f"bytes {self._read_up_to} to {place} are damaged"
+        since = f"from {(self._last_ns - self._begin_ns) * 1e-9:.3f} s{until}"
+        self._found.faults.append(f"{missing} entries are missing, {since}: {where}")
+
+    def _adjoin(self, place: int) -> bool:
+        """Return whether nothing but indexes is between the last intact chunk and this one."""
+        at = self._read_up_to
+        while at + _HEAD.size <= place and self._data[at] == Opcode.MESSAGE_INDEX:
+            at += _HEAD.size + _HEAD.unpack_from(self._data, at)[1]
+        return at == place
+
+
+def _intact_records(data: mmap.mmap, faults: list[str]) -> Iterator[tuple[int, int, Chunk | Metadata]]:
+    """Yield first byte, last byte + 1 and content of every intact chunk and end record; note the damaged ones."""
+    place = 0
+    while (found := _next_mark(data, place)) is not None:
+        place, kind = found
+        end = place + _HEAD.size + _HEAD.unpack_from(data, place)[1]
+        record = _record(data, place, end, kind)
+        if record is not None:
+            yield place, end, record
+            place = end
+        else:
+            if end <= len(data):
+                faults.append(f"at byte {place}: a {kind.name.lower()} record is damaged")
+            place += 1
+
+
+def _next_mark(data: mmap.mmap, place: int) -> tuple[int, Opcode] | None:
+    """Return the place and kind of the next record that may be a chunk or the end record."""
+    found = []
+    for kind, mark, distance in _MARKS:
+        at = data.find(mark, place + distance)
+        while at >= 0 and data[at - distance] != kind:
+            at = data.find(mark, at + 1)
+        if at >= 0:
+            found.append((at - distance, kind))
+    return min(found, default=None)
+
+
+def _record(data: mmap.mmap, place: int, end: int, kind: Opcode) -> Chunk | Metadata | None:
+    """Return a record; None where it is damaged or cut off."""
+    if end > min(len(data), place + _HEAD.size + RECORD_LIMIT_BYTES):
+        return None
+    body = ReadDataStream(BytesIO(data[place + _HEAD.size : end]))
+    try:
+        if kind == Opcode.METADATA:
+            metadata: Metadata = Metadata.read(body)
+            return metadata
+        chunk: Chunk = Chunk.read(body)
+        unpack_chunk(chunk)
+    except (*BAD_RECORD, DamageError):
+        return None
+    return chunk
+
+
+def _summary_channels(data: mmap.mmap) -> list[memoryview]:
+    """Return the channels that the summary of a closed file repeats; none if it is damaged."""
+    place = len(data) - len(MCAP0_MAGIC) - _FOOTER.size
+    _, _, start, _, crc = _FOOTER.unpack_from(data, place)
+    if not 0 < start < place or zlib.crc32(data[start : place + _FOOTER.size - _CRC_BYTES]) != crc:
+        return []
+    found: list[memoryview] = []
+    with suppress(DamageError):  # other records follow the channels
+        for opcode, body in inner_records(data[start:place]):
+            if opcode == Opcode.CHANNEL:
+                found.append(body)
+    return found

@@ -1,0 +1,202 @@
+"""Recovery of damaged recordings: what is intact is kept, what is missing is reported, and nothing is overwritten."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from slipd.cli import main
+from slipd.errors import RecordingError
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
+from slipd.recording.recover import Recovered, recover
+
+
+@pytest.fixture
+def damaged(tmp_path: Path, write, entries) -> Callable[[Callable[[bytearray], object]], Path]:
+    """Write a recording of 60 entries in chunks of 20, damage its bytes, and return its path."""
+
+    def damage(change: Callable[[bytearray], object]) -> Path:
+        path = tmp_path / "damaged.mcap"
+        write(path, entries(60), 20)
+        data = bytearray(path.read_bytes())
+        change(data)
+        path.write_bytes(data)
+        return path
+
+    return damage
+
+
+def chunks(data: bytes) -> list[tuple[int, int]]:
+    """Return first byte and last byte + 1 of every chunk."""
+    found, place = [], 8
+    while data[place] != 0x0F:
+        end = place + 9 + struct.unpack_from("<Q", data, place + 1)[0]
+        if data[place] == 6:
+            found.append((place, end))
+        place = end
+    return found
+
+
+def flip(chunk: int, at: int) -> Callable[[bytearray], object]:
+    """Return what flips a byte of a chunk: the ``at``-th."""
+
+    def change(data: bytearray) -> None:
+        data[chunks(data)[chunk][0] + at] ^= 0xFF
+
+    return change
+
+
+def recovered(path: Path) -> tuple[Recovered, list]:
+    out = path.with_name("out.mcap")
+    found = recover(path, out)
+    recording = open_recording(out)
+    kept = list(recording.entries())
+    assert (recording.closed, recording.lost) == (True, found.lost)
+    assert len(kept) == found.entries
+    with out.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == found.entries
+        assert len(list(reader.iter_messages())) == found.entries
+    return found, kept
+
+
+def test_a_truncated_recording_gets_an_end_an_index_and_a_summary(damaged, entries) -> None:
+    def cut(data: bytearray) -> None:
+        del data[chunks(data)[2][1] - 5 :]
+
+    path = damaged(cut)
+    found, kept = recovered(path)
+    assert kept == entries(40)
+    size = path.stat().st_size
+    [fault] = found.faults
+    assert fault.endswith(f"of {size}: the end is missing; how many entries it held is not known")
+    recording = open_recording(path.with_name("out.mcap"))
+    list(recording.entries())
+    assert f"recovered from a file of {size} bytes without an end record" in str(recording.fault)
+
+
+@pytest.mark.parametrize("at", [0, 5, 60])
+def test_entries_behind_a_damaged_chunk_are_recovered_and_the_gap_is_located(damaged, entries, at: int) -> None:
+    found, kept = recovered(damaged(flip(1, at)))
+    assert kept == entries(60)[:20] + entries(60)[40:]
+    assert (found.entries, found.lost) == (40, 20)
+    assert any("20 entries are missing, from 0.009 s up to 0.020 s: bytes " in fault for fault in found.faults)
+
+
+def test_a_damaged_first_chunk_costs_only_itself(damaged, entries) -> None:
+    found, kept = recovered(damaged(flip(0, 60)))
+    assert kept == entries(60)[20:]
+    assert found.lost == 20
+
+
+def test_a_damaged_last_chunk_is_counted_by_the_end_record(damaged, entries) -> None:
+    found, kept = recovered(damaged(flip(2, 60)))
+    assert kept == entries(40)
+    assert found.lost == 20
+    assert any(fault.startswith("20 entries are missing, from 0.019 s: bytes") for fault in found.faults)
+
+
+def test_a_damaged_end_record_is_reported(damaged, entries) -> None:
+    def change(data: bytearray) -> None:
+        at = data.index(b"\x02\x00\x00\x0060")
+        data[at + 4 : at + 6] = b"99"
+
+    found, kept = recovered(damaged(change))
+    assert kept == entries(60)
+    assert "its end is damaged" in found.faults[0]
+    assert "the end is missing" in found.faults[1]
+
+
+def test_a_damaged_summary_of_a_file_without_its_first_chunk_leaves_nothing(damaged) -> None:
+    def change(data: bytearray) -> None:
+        flip(0, 60)(data)
+        data[-80] ^= 1
+
+    path = damaged(change)
+    with pytest.raises(RecordingError, match=r"holds no entry that is intact; .*on a channel that was never announced"):
+        recover(path, path.with_name("out.mcap"))
+    assert not path.with_name("out.mcap").exists()
+
+
+def test_entries_that_were_lost_while_recording_are_told_from_damage(tmp_path: Path, write, entries) -> None:
+    write(tmp_path / "run.mcap", entries(60)[:20] + entries(60)[40:], 20)
+    found, kept = recovered(tmp_path / "run.mcap")
+    assert len(kept) == 40
+    assert found.faults == ["20 entries are missing, from 0.009 s up to 0.020 s: lost while recording"]
+
+
+def test_a_complete_recording_is_copied_and_keeps_what_stopped_it(tmp_path: Path, about_run, write, entries) -> None:
+    write(tmp_path / "run.mcap", entries(60), 20)
+    found, kept = recovered(tmp_path / "run.mcap")
+    assert (kept, found.faults, found.lost) == (entries(60), [], 0)
+    file = RecordingFile(tmp_path / "stopped.mcap", **about_run)
+    file.event(0, 0, entries(1)[0].event)
+    file.finish(1, "the disk failed")
+    (tmp_path / "out.mcap").unlink()
+    found, _ = recovered(tmp_path / "stopped.mcap")
+    assert found.faults[0].endswith("the recording stopped before the run did (the disk failed)")
+
+
+def test_versions_boot_and_first_index_of_the_run_are_kept(tmp_path: Path, about_run, entries) -> None:
+    file = RecordingFile(tmp_path / "run.mcap", **about_run, versions={"slipd": "0.0.1"}, first=40)
+    for entry in entries(60)[40::2]:
+        file.event(entry.n, entry.t_ns, entry.event)
+    file.finish(60)
+    recover(tmp_path / "run.mcap", tmp_path / "out.mcap")
+    out = open_recording(tmp_path / "out.mcap")
+    assert (out.versions, out.first, out.boot) == ({"slipd": "0.0.1"}, 40, about_run["boot"])
+
+
+def test_a_file_that_exists_is_kept_and_the_source_too(tmp_path: Path, write, entries) -> None:
+    source, other = tmp_path / "run.mcap", tmp_path / "other.mcap"
+    write(source, entries(60), 20)
+    before = source.read_bytes()
+    other.write_bytes(b"precious")
+    (tmp_path / "link.mcap").symlink_to(source)
+    for out, text in (
+        (other, "exists already; give the name of a new file"),
+        (source, "is the damaged file itself"),
+        (tmp_path / "link.mcap", "is the damaged file itself"),
+        (tmp_path / "none" / "out.mcap", "there is no folder"),
+    ):
+        with pytest.raises(RecordingError, match=text):
+            recover(source, out)
+    assert (source.read_bytes(), other.read_bytes()) == (before, b"precious")
+
+
+@pytest.mark.parametrize(
+    ("data", "text"), [(b"", "is empty"), (b"time,force\n", "not an MCAP file"), (None, "No such file")]
+)
+def test_what_is_no_recording_is_refused(
+    tmp_path: Path, data: bytes | None, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "some.mcap"
+    if data is not None:
+        source.write_bytes(data)
+    assert main(["recover", str(source), str(tmp_path / "out.mcap")]) == 1
+    assert text in capsys.readouterr().err
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_a_disk_that_is_full_leaves_no_file(tmp_path: Path, write, entries, small_disk) -> None:
+    write(tmp_path / "run.mcap", entries(600), 20)
+    with small_disk(2000), pytest.raises(RecordingError, match=r"out\.mcap: cannot be written: File too large"):
+        recover(tmp_path / "run.mcap", tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_the_command_prints_what_is_missing_and_where(damaged, capsys: pytest.CaptureFixture[str]) -> None:
+    path = damaged(flip(1, 60))
+    assert main(["recover", str(path), os.fspath(path.with_name("out.mcap"))]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f"{path}: at byte ")
+    assert lines[-1] == f"{path.with_name('out.mcap')}: 40 entries, 20 known to be missing"
