@@ -1,4 +1,4 @@
-"""The command ``slipd``: run, demo, check, config, docs, replay, recover, view, evaluate, plot, export, identify, import.
+"""The command ``slipd`` and what carries out each of its subcommands.
 
 Each command imports what it needs.
 """
