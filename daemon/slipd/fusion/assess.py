@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from slipd.arrays import Array
 from slipd.fusion.compiled import compiled
+from slipd.fusion.level_steps import DWELL_S, grows, held_step, settle
 from slipd.fusion.load_blocks import forget_load
 from slipd.fusion.load_drop import follow_load
 from slipd.fusion.rows import (
@@ -27,9 +27,6 @@ from slipd.fusion.rows import (
 SPIN_ARM_M = 0.005
 """Arm that makes a spin torque comparable with a force: friction in a contact of 15 mm acts about this far from its
 centre. It weighs noise, and stands in for the limit surface where there is no image."""
-DWELL_S = 0.25
-"""A level is left only after the load stayed a hysteresis below its threshold for this time, s: the period of the
-slowest vibration of arms and tools (some 5 Hz), and less than what a person or a program waits for."""
 NOISE_WIDTH = 4.0
 """The hysteresis is at least this many standard deviations of the utilisation."""
 
@@ -74,7 +71,12 @@ def assess_readings(readings: Rows, watches: Rows, drops: Rows, ring: Rows) -> N
                     (upper * normal + unknown_n / mu + watch["spin_utilisation_1n"]) / free if free > 0.0 else math.inf
                 )
         width = max(watch["hysteresis"], NOISE_WIDTH * max(drop["std"], drop["rough"]) / mu)
-        step = _held_step(upper, watch["step"], watch["caution"], watch["warning"], width, watch["held_s"], t_s)
+        used = settle(row, watch, upper, exact)
+        warning = watch["warning"]
+        sooner = warning - watch["hysteresis"]
+        if sooner <= used < warning and grows(drop, ring, mu, sooner):
+            warning = sooner
+        step = held_step(used, watch["step"], watch, warning, width, t_s)
         watch["step"] = step
         found["friction_step"], found["utilisation_upper"] = step, upper
         if exact:
@@ -97,6 +99,7 @@ def _find_nothing(found: Row) -> None:
 def _forget(watch: Row, drop: Row) -> None:
     """Forget a contact that ended."""
     watch["step"], watch["tipping_step"], watch["moving_until_s"] = STABLE, STABLE, -math.inf
+    watch["settled"] = 0.0
     forget_load(drop)
 
 
@@ -129,29 +132,6 @@ def _find_motion(row: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bo
         dropped = True
     found["slips"] = dropped
     return dropped
-
-
-@compiled
-def _held_step(used: float, step: int, caution: float, warning: float, width: float, held_s: Array, t_s: float) -> int:
-    """Return the step of a utilisation; a higher one is reached at once, a lower one only after DWELL_S.
-
-    Args:
-        used: Utilisation; infinity exceeds every threshold.
-        step: The step before.
-        caution: Threshold of CAUTION.
-        warning: Threshold of WARNING.
-        width: Hysteresis.
-        held_s: When ``used`` was last within the hysteresis of each threshold, shape (2,), s; updated.
-        t_s: Now, s.
-    """
-    if used >= caution - width:
-        held_s[0] = t_s
-    if used >= warning - width:
-        held_s[1] = t_s
-    reached = int(used >= caution) + int(used >= warning)
-    while reached < step and t_s - held_s[reached] < DWELL_S:
-        reached += 1
-    return reached
 
 
 @compiled

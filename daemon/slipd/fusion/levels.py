@@ -1,7 +1,8 @@
 """Level of one contact, reading by reading: utilisation against thresholds with hysteresis, tipping, and slip.
 
-A level rises at once, and falls only when the load stayed lower for a while by more than its noise, so that a vibration
-changes it once. `slipd.fusion.load_drop` has what the load shows of motion, `slipd.fusion.assess` the compiled code.
+A level rises at once where noise allows, that of a growing load a little earlier, and falls only when the load stayed
+lower for a while by more than its noise, so that a vibration changes it once. `slipd.fusion.load_drop` has what the
+load shows of motion, `slipd.fusion.level_steps` how a level follows the load, `slipd.fusion.assess` both together.
 """
 
 from __future__ import annotations
@@ -113,6 +114,7 @@ class ContactWatch:
     def reset(self) -> None:
         """Forget everything: the contact ended."""
         self._watch["step"], self._watch["tipping_step"], self._watch["moving_until_s"] = STABLE, STABLE, -math.inf
+        self._watch["settled"] = 0.0
         self.forget_load()
 
     def forget_load(self) -> None:

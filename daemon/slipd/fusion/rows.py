@@ -102,6 +102,7 @@ WATCH = np.dtype(
         ("moving_evidence", _INTEGER),
         ("step", _INTEGER),
         ("tipping_step", _INTEGER),
+        ("settled", _FLOAT),
         ("held_s", _FLOAT, (2,)),
         ("tipping_held_s", _FLOAT, (2,)),
     ],
@@ -109,7 +110,7 @@ WATCH = np.dtype(
 )
 """State of `slipd.fusion.levels.ContactWatch` without that of its load: settings, friction and uncertainty in force,
 memory. ``held_s`` is when the load was last within the hysteresis of CAUTION and of WARNING, ``tipping_held_s`` when
-the tipping margin asked for them."""
+the tipping margin asked for them. ``settled`` is the utilisation that counts."""
 
 DROP = np.dtype(
     [

@@ -1,0 +1,106 @@
+"""A reading counts as much as its noise allows, and a load that grows steadily is warned of a hysteresis earlier."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from load_course import MU, contact_rows
+
+from slipd.arrays import Array
+from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
+from slipd.fusion.rows import CAUTION, STABLE, WARNING, Rows
+
+LIGHT_N = 0.5
+LEVER_M = 5e-4
+"""Of a contact on one taxel or two, by its friction."""
+NOISE = Uncertainty(0.0, 2e-4)
+
+
+def watch() -> ContactWatch:
+    return ContactWatch(Thresholds(0.70, 0.85, 0.05), SlipSettings(), 0.001, 0.3)
+
+
+def course(used: Array, period_s: float = 1e-3, noise_n: float = 0.02) -> Rows:
+    """Return the assessed readings of a load on a contact of 10 N, with noise."""
+    load = used * 10.0 * MU + np.random.default_rng(3).normal(0.0, noise_n, len(used))
+    rows = contact_rows(len(used), load, 10.0, load / 10.0 / MU, np.arange(len(used)) * period_s)
+    watch().assess(rows, MU, Uncertainty(noise_n), 0.0)
+    return rows
+
+
+def spun(spins: Array) -> Rows:
+    """Return the assessed readings of a light contact that bears these spin torques, N·m."""
+    used = np.abs(spins) / (MU * LIGHT_N * LEVER_M)
+    rows = contact_rows(len(spins), 0.0, LIGHT_N, used, np.arange(len(spins)) * 1e-3)
+    rows["contact"]["spin_nm"] = spins
+    rows["utilisation"]["twist"][:, 2] = np.sign(spins)
+    watch().assess(rows, MU, NOISE, 0.0)
+    return rows
+
+
+def first(rows: Rows, step: int) -> float:
+    """Return the mean utilisation about the first reading of a step."""
+    k = int(np.argmax(rows["assessment"]["friction_step"] == step))
+    return float(rows["utilisation"]["value"][max(k - 5, 0) : k + 5].mean())
+
+
+@pytest.mark.parametrize("period_s", [1e-3, 0.01, 0.025])
+@pytest.mark.parametrize("per_s", [0.3, 1.0])
+def test_a_load_that_grows_is_warned_of_a_hysteresis_earlier(per_s: float, period_s: float) -> None:
+    rows = course(np.arange(0.3, 0.95, per_s * period_s), period_s, 0.005)
+    assert first(rows, WARNING) == pytest.approx(0.80, abs=0.01 + 2.0 * per_s * period_s)
+
+
+def test_a_load_that_hardly_grows_is_warned_of_at_its_threshold() -> None:
+    rows = course(np.arange(0.70, 0.9, 0.05e-3))
+    assert first(rows, WARNING) == pytest.approx(0.845, abs=0.01)
+
+
+@pytest.mark.parametrize("from_used", [0.3, 0.6, 0.76])
+def test_a_load_that_jumps_and_stays_does_not_grow(from_used: float) -> None:
+    rows = course(np.where(np.arange(2000) < 1000, from_used, 0.82), noise_n=0.005)
+    assert rows["assessment"]["friction_step"].max() == CAUTION
+
+
+def test_readings_too_far_apart_show_no_growth() -> None:
+    rows = course(np.arange(0.3, 0.95, 0.02), 0.12, 0.0)
+    steps = rows["assessment"]["friction_step"]
+    assert rows["utilisation"]["value"][np.argmax(steps == WARNING)] >= 0.85
+
+
+def test_the_noise_of_a_light_grip_is_no_danger() -> None:
+    spins = np.random.default_rng(4).normal(0.0, NOISE.torque_std_nm, 100)
+    rows = spun(spins)
+    assert (rows["utilisation"]["value"] > 1.0).sum() > 20
+    assert rows["assessment"]["friction_step"].max() == STABLE
+
+
+def test_a_spin_beyond_the_noise_is_a_danger_at_once() -> None:
+    rows = spun(np.array([0.0, 60.0 * NOISE.torque_std_nm]))
+    assert rows["assessment"]["friction_step"].tolist() == [STABLE, WARNING]
+
+
+def test_a_spin_that_lasts_is_a_danger_soon_however_large_its_noise() -> None:
+    noise = np.random.default_rng(5).normal(0.0, NOISE.torque_std_nm, 2000)
+    steps = spun(5.0 * NOISE.torque_std_nm + noise)["assessment"]["friction_step"]
+    assert steps[0] == STABLE
+    assert steps[-1] == WARNING
+
+
+def test_a_load_that_no_friction_holds_is_a_danger_where_its_spin_is_beyond_the_noise() -> None:
+    for times, step in ((0.5, STABLE), (60.0, WARNING)):
+        spins = np.full(3, times * NOISE.torque_std_nm)
+        rows = contact_rows(3, 0.0, LIGHT_N, math.inf, np.arange(3) * 1e-3)
+        rows["contact"]["spin_nm"], rows["utilisation"]["twist"][:, 2] = spins, 1.0
+        watch().assess(rows, MU, NOISE, 0.0)
+        assert rows["assessment"]["friction_step"].max() == step
+
+
+def test_the_friction_ratio_alone_counts_as_its_noise_allows() -> None:
+    for std, step in ((0.5, STABLE), (0.01, WARNING)):
+        rows = contact_rows(3, 0.9 * MU * LIGHT_N, LIGHT_N, 0.0, np.arange(3) * 1e-3)
+        rows["contact"]["friction_ratio_std"], rows["utilisation"]["kind"] = std, -1
+        watch().assess(rows, MU, Uncertainty(), 0.0)
+        assert rows["assessment"]["friction_step"].max() == step
