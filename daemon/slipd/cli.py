@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
+import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from slipd.cli_parser import parser
 from slipd.errors import ConfigError, SlipdError
@@ -25,6 +27,13 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command and return its exit code: 0 done, 1 fault at run time, 2 wrong arguments or config."""
     arguments = parser().parse_args(argv)
     open_log()
+    code = _exit_code(arguments)
+    if argv is None and arguments.command == "run":
+        _end_process(code)
+    return code
+
+
+def _exit_code(arguments: argparse.Namespace) -> int:
     try:
         return COMMANDS[arguments.command](arguments)
     except ConfigError as error:
@@ -47,11 +56,18 @@ def _first_steps(_: argparse.Namespace) -> int:
     return WRONG
 
 
-def _run(arguments: argparse.Namespace) -> int:
-    from slipd import config, service
+def _end_process(code: int) -> NoReturn:
+    """End without taking down the interpreter: all is closed, and that alone takes longer than a stop may."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
 
-    rig = config.load(arguments.config)
-    return _run_daemon(service.serve(rig, record=arguments.record, on_ready=print_endpoints))
+
+def _run(arguments: argparse.Namespace) -> int:
+    from slipd.serve_file import serve_file
+
+    return _run_daemon(serve_file(arguments.config, arguments.record, print_endpoints))
 
 
 def _demo(arguments: argparse.Namespace) -> int:

@@ -96,7 +96,20 @@ class RecordingChanged:
     lost: int = 0
 
 
-Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged
+@dataclass(slots=True, frozen=True)
+class HostNotice:
+    """What the host knows of the daemon, and people should: shown in ``status`` until the same topic changes.
+
+    Attributes:
+        topic: "config": a faulty file was not reloaded; "realtime": the priority is not permitted.
+        text: The notice, for people; "" ends it.
+    """
+
+    topic: str
+    text: str
+
+
+Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged | HostNotice
 
 
 class Publish(NamedTuple):

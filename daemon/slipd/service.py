@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import gc
 import logging
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
+from slipd.events import HostNotice
+from slipd.host.config_reload import ConfigReload
+from slipd.host.realtime import realtime_priority
+from slipd.host.run_signals import handled_signals
+from slipd.host.stage_checks import stage_checks
+from slipd.host.systemd_notify import SystemdNotifier
+from slipd.host.watchdog import Watchdog
 from slipd.service_run import Endpoints, ServiceRun
 from slipd.ticker import Ticker
 from slipd.transport import Links
@@ -21,6 +28,8 @@ from slipd.zmtp.listener import raise_descriptor_limit
 LOSS_REPORT_S = 10.0
 """Period of the log lines about data lost on this host, s: often enough to find the cause, too rare to flood the
 log."""
+
+NO_SYSTEMD = SystemdNotifier({})
 
 _log = logging.getLogger(__name__)
 
@@ -31,8 +40,11 @@ async def serve(
     record: Path | None = None,
     on_ready: Callable[[Endpoints], None] = lambda _: None,
     stop: asyncio.Event | None = None,
+    reload: ConfigReload | None = None,
+    notices: Mapping[str, str] = {},
+    notifier: SystemdNotifier = NO_SYSTEMD,
 ) -> None:
-    """Run the daemon until SIGINT, SIGTERM, SIGHUP or ``stop``.
+    """Run the daemon until SIGINT, SIGTERM, ``stop``, or a config that ``reload`` finds.
 
     Resources that only one daemon may hold are claimed first, so that a second daemon is refused before it compiles its
     kernels.
@@ -42,6 +54,9 @@ async def serve(
         record: New file for every event and message; None: nothing is recorded.
         on_ready: Called once the endpoints are served and the kernels are compiled.
         stop: Setting it ends the run.
+        reload: Waits for another config; None: SIGHUP ends the run too.
+        notices: Notices that ``status`` shows from the start, by topic.
+        notifier: Reports to systemd.
 
     Raises:
         LinkError: An endpoint cannot be bound, a key file is invalid, or another daemon holds the runtime directory.
@@ -49,27 +64,62 @@ async def serve(
     """
     stop = stop or asyncio.Event()
     with ExitStack() as stack:
-        run = stack.enter_context(ServiceRun(config, record, stop))
+        run = stack.enter_context(ServiceRun(config, record, stop, notifier.status))
         compile_kernels()
         raise_descriptor_limit()
-        stack.enter_context(_ended_by_signals(stop))
+        ends = (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if reload is None else ()))
+        stack.enter_context(handled_signals(dict.fromkeys(ends, stop.set)))
         run.open()
+        refused = stack.enter_context(realtime_priority(config.realtime.priority))
         asyncio.get_running_loop().set_exception_handler(run.on_loop_fault)
         gc.collect()
         gc.freeze()
         stack.callback(gc.unfreeze)
         async with asyncio.TaskGroup() as tasks, Links(tasks, run.engine.links.values(), run.handle) as links:
             run.links = links
-            ticker = tasks.create_task(Ticker(run.tick, lambda: run.events_handled).run(), name="ticker")
-            reporter = tasks.create_task(_report_losses(links), name="losses")
+            helpers = [
+                tasks.create_task(work, name=name)
+                for name, work in _helpers(run, links, config, stop, reload, notifier).items()
+            ]
             run.report_recording()
+            _report_notices(run, {**notices, "realtime": refused})
             on_ready(run.endpoints)
             run.ready = True
+            notifier.ready()
             await stop.wait()
-            ticker.cancel()
+            (notifier.stopping if reload is None or reload.found is None else notifier.reloading)()
             run.end()
-            reporter.cancel()
+            for helper in helpers:
+                helper.cancel()
     run.raise_failure()
+
+
+def _helpers(
+    run: ServiceRun,
+    links: Links,
+    config: Config,
+    stop: asyncio.Event,
+    reload: ConfigReload | None,
+    notifier: SystemdNotifier,
+) -> dict[str, Coroutine[Any, Any, None]]:
+    """Return what runs beside the links, by the names of the tasks."""
+    helpers = {
+        "ticker": Ticker(run.tick, lambda: run.events_handled).run(),
+        "losses": _report_losses(links),
+    }
+    if reload is not None:
+        helpers["reload"] = reload.watch(config, run.handle, stop)
+    if notifier.watchdog_s is not None:
+        checks = stage_checks(links, lambda: run.ticks_handled, *run.endpoints_progress())
+        helpers["watchdog"] = Watchdog(notifier.feed, notifier.watchdog_s, checks).run()
+    return helpers
+
+
+def _report_notices(run: ServiceRun, notices: Mapping[str, str]) -> None:
+    for topic, text in notices.items():
+        if text:
+            _log.warning("%s: %s", topic, text)
+            run.handle(HostNotice(topic, text))
 
 
 async def _report_losses(links: Links) -> None:
@@ -84,21 +134,3 @@ async def _report_losses(links: Links) -> None:
                 if lost != reported.get(name, (0, 0)):
                     _log.warning("%s: %d writes dropped, %d datagrams lost before they were read so far", name, *lost)
                 reported[name] = lost
-
-
-@contextlib.contextmanager
-def _ended_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """End the run in good order on SIGINT, SIGTERM, or SIGHUP unless ``nohup`` ignores it."""
-    loop = asyncio.get_running_loop()
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
-    for number in numbers:
-        with contextlib.suppress(ValueError, RuntimeError):  # not the main thread: its owner ends the run
-            loop.add_signal_handler(number, stop.set)
-    try:
-        yield
-    finally:
-        for number in numbers:
-            with contextlib.suppress(ValueError, RuntimeError):
-                loop.remove_signal_handler(number)

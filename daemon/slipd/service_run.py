@@ -30,7 +30,9 @@ from slipd.recording.requested_recordings import RequestedRecordings, check_room
 from slipd.recording.writer import Recorder, Room
 from slipd.transport import Links
 from slipd.zmtp.endpoint import check_free
-from slipd_client.messages import encode
+from slipd.zmtp.listener_progress import ListenerProgress
+from slipd_client.health.repairs import summary
+from slipd_client.messages import STATUS_TOPIC, encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
 
 
@@ -45,11 +47,20 @@ class Endpoints:
 class ServiceRun:
     """One run, from its claims on resources to its end.
 
+    Args:
+        config: The rig.
+        record: New file for every event and message; None: nothing is recorded.
+        stop: Set where a failure ends the run.
+        show_status: Called with a line that sums up each message of the topic ``status``.
+
     Attributes:
         events_handled: Number of events that entered the engine.
+        ticks_handled: Number of ticks among them.
     """
 
-    def __init__(self, config: Config, record: Path | None, stop: asyncio.Event) -> None:
+    def __init__(
+        self, config: Config, record: Path | None, stop: asyncio.Event, show_status: Callable[[str], None]
+    ) -> None:
         self.boot = secrets.token_hex(8)
         self.links: Links | None = None
         wall_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
@@ -58,7 +69,8 @@ class ServiceRun:
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._failure: BaseException | None = None
         self._over = False
-        self.events_handled = 0
+        self.events_handled = self.ticks_handled = 0
+        self._show_status = show_status
         self._stack = ExitStack()
         self._recorder: Recorder | None = None
         self._recording: RecorderWatch | None = None
@@ -107,6 +119,10 @@ class ServiceRun:
         if self._home is not None:
             self._home.share(self._publisher.endpoint)
             self._home.share(self._requests.endpoint)
+
+    def endpoints_progress(self) -> tuple[ListenerProgress, ListenerProgress]:
+        """Return a look at the progress of the publisher, and of the request server."""
+        return self._publisher.progress(), self._requests.progress()
 
     def _requested_recordings(self) -> RequestedRecordings:
         limits, folder = self._config.recording, state_dir()
@@ -161,6 +177,7 @@ class ServiceRun:
     def tick(self, tick: Tick, t_ns: int) -> None:
         """Pass the time to the engine, then changes of the recordings."""
         self.handle(tick, t_ns)
+        self.ticks_handled += 1
         self.report_recording()
         for change in self._requested.changes(time.monotonic_ns()):
             self.handle(change)
@@ -185,6 +202,8 @@ class ServiceRun:
             if isinstance(output, Publish):
                 payload = encode(output.body)
                 self._publisher.publish(output.topic, payload)
+                if output.topic == STATUS_TOPIC:
+                    self._show_status(summary(output.body))
                 if recorder is not None:
                     recorder.published(output.topic, payload, t_ns)
                 self._requested.record_published(output.topic, payload, t_ns)

@@ -25,7 +25,7 @@ from slipd_client.messages import decode, encode
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 async def test_P4_a_signal_ends_the_process_well(
     rig: Rig, runtime: Path, tmp_path: Path, number: signal.Signals
 ) -> None:

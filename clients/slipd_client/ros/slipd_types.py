@@ -115,7 +115,7 @@ def _ros_name(field: Field) -> str:
 
 def _field_shape(field: Field) -> _Shape:
     if field.kind is INTEGER and field.name.endswith(_NS):
-        return _Shape(_TIME, None, time_of, "0")
+        return _Shape(_TIME, None, lambda t_ns: time_of(t_ns or 0), "0")
     if field.name == "seq":  # 2^31 messages are 99 days at 250 Hz
         return _Shape("int64", None, _integer, "-1")
     return _shape(field.kind, field.nullable)

@@ -8,6 +8,7 @@ from types import TracebackType
 from slipd.bus.rate_limit import RateLimit
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
+from slipd.zmtp.listener_progress import ListenerProgress
 from slipd.zmtp.peer import Peer
 from slipd.zmtp.peer_rules import PeerRules
 from slipd.zmtp.wire import ProtocolError
@@ -72,6 +73,10 @@ class Publisher:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._listener.__exit__(kind, error, trace)
+
+    def progress(self) -> ListenerProgress:
+        """Return a look at the progress of this endpoint, once it serves."""
+        return ListenerProgress(self._listener)
 
     @property
     def subscriptions(self) -> int:

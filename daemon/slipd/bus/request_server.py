@@ -18,6 +18,7 @@ from slipd.publish.replies import error_body
 from slipd.refusal import Refusal
 from slipd.zmtp.endpoint import USER_ALONE, Access
 from slipd.zmtp.listener import Listener
+from slipd.zmtp.listener_progress import ListenerProgress
 from slipd.zmtp.loop_time_accounts import SHARE
 from slipd.zmtp.peer import Peer
 from slipd.zmtp.peer_rules import PeerRules
@@ -112,6 +113,10 @@ class RequestServer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._listener.__exit__(kind, error, trace)
+
+    def progress(self) -> ListenerProgress:
+        """Return a look at the progress of this endpoint, once it serves."""
+        return ListenerProgress(self._listener)
 
     def reply(self, client: bytes, body: dict[str, Any]) -> None:
         """Send a reply; a client that is gone or does not read is counted, not an error."""

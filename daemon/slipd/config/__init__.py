@@ -2,8 +2,8 @@
 
 The keys of a table and their defaults are in the file named after it: ``finger_model`` ([finger.X] with wrench, pad and
 slip), ``gripper_model`` ([gripper], [grasp], [reflex]), ``levels_model`` ([levels], [rates]), ``bus_model`` ([bus],
-[requests], [recording]), and ``stream_model`` for the keys that every device has. ``value_bounds`` has the range of
-each quantity.
+[requests], [recording]), ``host_model`` ([realtime]), and ``stream_model`` for the keys that every device has.
+``value_bounds`` has the range of each quantity.
 """
 
 from slipd.config.bus_model import Bus, Recording, Requests
@@ -11,6 +11,7 @@ from slipd.config.check_hints import hints
 from slipd.config.config_file import load, parse
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
 from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.host_model import Realtime
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
 from slipd.config.stream_model import Stream
@@ -29,6 +30,7 @@ __all__ = [
     "PadPlace",
     "Pose",
     "Rates",
+    "Realtime",
     "Recording",
     "Reflex",
     "Requests",

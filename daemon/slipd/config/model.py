@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr
 from slipd.config.bus_model import Bus, Recording, Requests
 from slipd.config.finger_model import Finger
 from slipd.config.gripper_model import Grasp, Gripper, Reflex
+from slipd.config.host_model import Realtime
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.stream_model import Stream
 from slipd.config.value_bounds import StrictModel
@@ -26,6 +27,7 @@ class Config(StrictModel):
     grasp: Grasp | None = None
     reflex: Reflex = Reflex()
     recording: Recording = Recording()
+    realtime: Realtime = Realtime()
     _text: str = PrivateAttr(default="")
 
     @property

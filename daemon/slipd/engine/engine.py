@@ -16,7 +16,7 @@ from slipd.engine.device_link import DeviceLink, make_links
 from slipd.engine.held_motion import Found, HeldMotion
 from slipd.engine.lateness import Lateness
 from slipd.engine.status_reader import StatusReader
-from slipd.events import Bytes, Event, LinkSpec, LinkUp, Output, RecordingChanged, Request, Tick, Write
+from slipd.events import Bytes, Event, HostNotice, LinkSpec, LinkUp, Output, RecordingChanged, Request, Tick, Write
 from slipd.finger.finger import Finger
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.verdict_batch import VerdictBatch
@@ -85,7 +85,6 @@ class Engine:
             self._recordings,
             self._status_body,
         )
-        self._started_ns: int | None = None
         self._suspended_ns: int | None = None
 
     @property
@@ -96,8 +95,6 @@ class Engine:
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         """Handle one event at ``t_ns`` (CLOCK_MONOTONIC) and return its outputs, in order."""
         out: list[Output] = []
-        if self._started_ns is None:
-            self._started_ns = t_ns
         self._lateness.update(event, t_ns)
         if self._gripper is not None:
             self._gripper.drop_after_stall(t_ns)
@@ -111,6 +108,9 @@ class Engine:
             case RecordingChanged():
                 if (reply := self._handlers.note_recording(event, t_ns)) is not None:
                     out.append(reply)
+                self._publish_status(t_ns, out)
+            case HostNotice(topic, text):
+                self._status_reader.note(topic, text)
                 self._publish_status(t_ns, out)
             case LinkUp(name, identity):
                 if greeting := self._links[name].open(identity, t_ns):
@@ -293,7 +293,7 @@ class Engine:
         cast("GripperPublisher", self._gripper_publisher).publish(t_ns, out)
 
     def _publish_status(self, t_ns: int, out: list[Output]) -> None:
-        self._status_publisher.publish(self._status_reader.read(self._started_ns or t_ns, t_ns), t_ns, out)
+        self._status_publisher.publish(self._status_reader.read(t_ns), t_ns, out)
 
     def _status_body(self, t_ns: int) -> Body:
-        return self._status_publisher.body(self._status_reader.read(self._started_ns or t_ns, t_ns), t_ns)
+        return self._status_publisher.body(self._status_reader.read(t_ns), t_ns)

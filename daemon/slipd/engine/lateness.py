@@ -22,10 +22,12 @@ class Lateness:
     """Measures the gaps between ticks.
 
     Attributes:
+        first_ns: Time of the first event; None before it.
         late_ns: The longest stall since the lines were last read empty; 0 without one.
     """
 
     def __init__(self) -> None:
+        self.first_ns: int | None = None
         self.late_ns = 0
         self._tick_ns: int | None = None
         self._since_ns = self._unread_since_ns = self._unread_until_ns = 0
@@ -33,6 +35,8 @@ class Lateness:
 
     def update(self, event: Event, t_ns: int) -> None:
         """Update with the time of an event, before the event is handled."""
+        if self.first_ns is None:
+            self.first_ns = t_ns
         if self._tick_ns is not None and t_ns - self._tick_ns > LATE_NS:
             self._stall(self._tick_ns, t_ns)
         if isinstance(event, Tick):

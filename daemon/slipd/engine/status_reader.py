@@ -38,11 +38,18 @@ class StatusReader:
         self._gripper = gripper
         self._lateness = lateness
         self._recordings = recordings
+        self._notices: dict[str, str] = {}
 
-    def read(self, started_ns: int, t_ns: int) -> DaemonStatus:
-        """Return the state at ``t_ns`` of a run that began at ``started_ns``."""
+    def note(self, topic: str, text: str) -> None:
+        """Keep a notice of the host for `read`; "" ends that of the topic."""
+        self._notices.pop(topic, None)
+        if text:
+            self._notices[topic] = text
+
+    def read(self, t_ns: int) -> DaemonStatus:
+        """Return the state at ``t_ns``."""
         return DaemonStatus(
-            uptime_s=(t_ns - started_ns) * 1e-9,
+            uptime_s=(t_ns - (self._lateness.first_ns or t_ns)) * 1e-9,
             late_s=self._lateness.worst_ns(t_ns) * 1e-9,
             streams=[
                 self._read_stream(link, stream, t_ns)
@@ -51,6 +58,7 @@ class StatusReader:
             ],
             recording=self._recordings.requested,
             run_recording=self._recordings.whole_run,
+            notices=dict(self._notices),
         )
 
     def _read_stream(self, link: DeviceLink, stream: StreamMeter, t_ns: int) -> StreamStatus:

@@ -98,9 +98,14 @@ class GraspView:
         first, second = self._fingers
         return first.name, second.name
 
+    def levels(self) -> tuple[str, str]:
+        """Return the levels of the first and the second finger."""
+        first, second = self._fingers
+        return first.state.verdict.level, second.state.verdict.level
+
     def level(self) -> str:
         """Return the level of the worse finger."""
-        first, second = (finger.state.verdict.level for finger in self._fingers)
+        first, second = self.levels()
         return first if SEVERITY[first] >= SEVERITY[second] else second
 
     def evidence(self) -> dict[str, tuple[str, ...]]:

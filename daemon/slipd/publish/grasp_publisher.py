@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from slipd.events import Output
 from slipd.grasp.grasp_view import GraspView
+from slipd.grasp.hold_state import HoldState
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.message_sequencer import MessageSequencer, Pace
 from slipd.publish.wire_values import Body, array
@@ -13,11 +14,11 @@ GRASP_FRAME = "gripper"
 
 
 class GraspPublisher:
-    """Publish a change of the grasp's level at once, and all else at the configured rate.
+    """Publish a change of the grasp's level or state at once, and all else at the configured rate.
 
     Args:
         view: The two fingers as one grasp.
-        gripper: Measures the width between the pads; None where the config has no gripper.
+        gripper: Measures the width between the pads, and is commanded to open; None where the config has no gripper.
         sequencer: Numbers and dates the messages.
         rate_hz: ``rates.grasp_hz``.
     """
@@ -30,25 +31,29 @@ class GraspPublisher:
         self._sequencer = sequencer
         self._pace = Pace(rate_hz)
         self._level = "unknown"
+        self._hold = HoldState()
 
     def publish(self, t_ns: int, out: list[Output]) -> None:
         """Append the message at ``t_ns`` where it is due."""
         level = self._view.level()
-        changed = level != self._level
+        releasing = self._gripper is not None and self._gripper.policy.releasing
+        changed = self._hold.update(self._view.levels(), releasing=releasing, t_ns=t_ns) or level != self._level
         if not self._pace.passes(t_ns, now=changed):
             return
         self._level = level
         self._view.update(None if self._gripper is None else self._gripper.width_m)
-        out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, grasp_body(self._view, t_ns)))
+        out.append(self._sequencer.message(GRASP_TOPIC, t_ns, GRASP_FRAME, grasp_body(self._view, self._hold, t_ns)))
 
 
-def grasp_body(view: GraspView, t_ns: int) -> Body:
+def grasp_body(view: GraspView, hold: HoldState, t_ns: int) -> Body:
     """Return ``grasp``: both fingers together at ``t_ns``, as of the last `GraspView.update`."""
     state, load = view.state, view.load(t_ns)
     first, second = view.names
     share = load.first_share
     return {
         "fingers": [first, second],
+        "state": hold.word,
+        "state_t_ns": hold.since_ns,
         "level": state.level,
         "level_code": level_code(state.level),
         "reasons": list(state.reasons),

@@ -76,6 +76,7 @@ class DaemonStatus:
         streams: State of every stream.
         recording: The newest recording on request.
         run_recording: The recording of the whole run; None where there is none.
+        notices: Notices of the host by topic.
     """
 
     uptime_s: float
@@ -83,6 +84,7 @@ class DaemonStatus:
     streams: Sequence[StreamStatus]
     recording: RecordingChanged
     run_recording: RecordingChanged | None
+    notices: Mapping[str, str]
 
 
 class StatusPublisher:
@@ -130,6 +132,7 @@ class StatusPublisher:
             "gripper": None if self._gripper is None else gripper_body(self._gripper, t_ns),
             "recording": _recording_body(daemon.recording),
             "run_recording": None if daemon.run_recording is None else _recording_body(daemon.run_recording),
+            "notices": {topic: one_line(text) for topic, text in daemon.notices.items()},
         }
 
 

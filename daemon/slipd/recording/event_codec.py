@@ -13,7 +13,7 @@ from typing import Any
 import msgpack
 
 from slipd.errors import RecordingError
-from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd_client import messages
 
 _CRC_BYTES = 4
@@ -25,6 +25,7 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "request": (Request, {"client": bytes, "body": dict}),
     "tick": (Tick, {"suspended_ns": int}),
     "recording": (RecordingChanged, {"name": str, "path": str, "state": str, "reason": str, "lost": int}),
+    "notice": (HostNotice, {"topic": str, "text": str}),
     "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }
 _OPTIONAL: dict[str, dict[str, type]] = {"tick": {"unread": bool}}  # omitted if false, as in older recordings

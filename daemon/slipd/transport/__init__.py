@@ -47,6 +47,10 @@ class Links:
         """Link name → datagrams lost before they could be read."""
         return {name: link.overruns for name, link in self._links.items()}
 
+    def unread(self) -> list[str]:
+        """Return the links on which bytes wait, as at the last call, although none were delivered since."""
+        return [name for name, link in self._links.items() if link.unread()]
+
     def write(self, link: str, data: bytes) -> bool:
         """Send bytes on a link at once, or drop them; never block.
 

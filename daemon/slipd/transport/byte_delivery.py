@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import select
 
 from slipd.transport.link import OnBytes
 
 READ_BYTES = 1024
 """Bytes delivered before other tasks of the loop run: about 30 readings of a force sensor, or 1 to 2 ms of processing.
 pyserial-asyncio reads as many at once."""
+
+
+def is_readable(fileno: int) -> bool:
+    """Return whether a descriptor has bytes to read."""
+    poll = select.poll()
+    poll.register(fileno, select.POLLIN)
+    return any(event & select.POLLIN for _, event in poll.poll(0))
 
 
 class ByteDelivery:

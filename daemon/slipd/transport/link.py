@@ -71,6 +71,10 @@ class Connection(Protocol):
         """
         ...
 
+    def unread(self) -> bool:
+        """Return whether bytes wait to be read."""
+        ...
+
     async def close(self) -> None:
         """Release the port or socket within a bounded time; written bytes are sent first if the peer reads."""
         ...
@@ -116,11 +120,19 @@ class Link:
         self._logged: deque[str] = deque(maxlen=LINES_HELD)
         self._device_reads, self._received = True, False
         self._delay_s = FIRST_DELAY_S
+        self._pieces = 0
+        self._looked: tuple[int, bool] = 0, False
 
     @property
     def overruns(self) -> int:
         """Pieces lost before they could be read, since the start."""
         return self._overruns + (self._connection.overruns if self._connection is not None else 0)
+
+    def unread(self) -> bool:
+        """Return whether bytes wait, as at the last call, and none were delivered since."""
+        before = self._looked
+        self._looked = self._pieces, self._connection is not None and self._connection.unread()
+        return self._looked[1] and self._looked == before
 
     async def run(self) -> NoReturn:
         """Keep the link open until cancelled.
@@ -205,6 +217,7 @@ class Link:
 
     def _deliver(self, data: bytes) -> None:
         self._received = True
+        self._pieces += 1
         self._on_event(Bytes(self._spec.name, data))
 
     def _report_down(self, reason: str) -> None:

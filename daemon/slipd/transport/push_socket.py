@@ -62,6 +62,10 @@ class PushConnection:
         del data
         return False
 
+    def unread(self) -> bool:
+        """Return False: a sender is paused on purpose while it has used up its share of the loop."""
+        return False
+
     async def close(self) -> None:
         """Close the socket at once; unread messages are lost."""
         self._listener.__exit__(None, None, None)

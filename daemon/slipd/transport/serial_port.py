@@ -21,7 +21,7 @@ from serial.tools.list_ports_linux import SysFS
 
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
-from slipd.transport.byte_delivery import ByteDelivery
+from slipd.transport.byte_delivery import ByteDelivery, is_readable
 from slipd.transport.link import OnBytes
 from slipd.transport.nonblocking_writer import NonblockingWriter
 
@@ -119,6 +119,10 @@ class SerialConnection(asyncio.Protocol):
     def write(self, data: bytes) -> bool:
         """Send at once or not at all; return False while the device does not read."""
         return not self._delivery.ended and self._writer.write(data)
+
+    def unread(self) -> bool:
+        """Return whether bytes wait to be read."""
+        return not self._delivery.ended and is_readable(self._port.fileno())
 
     async def close(self) -> None:
         """Wait at most DRAIN_TIMEOUT_S for unsent bytes, then release the port."""

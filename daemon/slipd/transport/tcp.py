@@ -7,7 +7,7 @@ import socket
 
 from slipd.events import LinkSpec
 from slipd.transport.address import connected
-from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
+from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery, is_readable
 from slipd.transport.link import OnBytes
 from slipd.transport.nonblocking_writer import NonblockingWriter
 from slipd.zmtp.tcp_options import set_tcp_options
@@ -49,6 +49,10 @@ class TcpConnection:
     def write(self, data: bytes) -> bool:
         """Send at once or not at all; return False while the device does not read."""
         return not self._delivery.ended and self._writer.write(data)
+
+    def unread(self) -> bool:
+        """Return whether bytes wait to be read."""
+        return not self._delivery.ended and is_readable(self._socket.fileno())
 
     async def close(self) -> None:
         """Wait at most DRAIN_TIMEOUT_S for the rest of a partial write, then close; the kernel sends what it has."""

@@ -12,7 +12,7 @@ import socket
 
 from slipd.events import LinkSpec
 from slipd.transport.address import connected
-from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
+from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery, is_readable
 from slipd.transport.link import OnBytes
 
 RECEIVE_BUFFER_BYTES = 512 * 1024
@@ -72,6 +72,10 @@ class UdpConnection:
         except OSError as error:
             self._lose(error)
             return False
+
+    def unread(self) -> bool:
+        """Return whether bytes wait to be read."""
+        return not self._delivery.ended and is_readable(self._socket.fileno())
 
     async def close(self) -> None:
         """Close the socket at once."""

@@ -18,7 +18,7 @@ from websockets.uri import WebSocketURI, parse_uri
 from slipd.errors import LinkError
 from slipd.events import LinkSpec
 from slipd.transport.address import connected
-from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery
+from slipd.transport.byte_delivery import READ_BYTES, ByteDelivery, is_readable
 from slipd.transport.link import OnBytes
 from slipd.transport.nonblocking_writer import NonblockingWriter
 
@@ -43,6 +43,9 @@ PING_INTERVAL_S = 1.0
 
 PING_TIMEOUT_S = 2.0
 """Longest wait for an answer, s; with the interval, a cut cable is noticed within 4 s."""
+
+UNREAD_S = 0.2
+"""A loop that reads takes no longer to come back to a socket with bytes, s."""
 
 _DATA = frozenset((Opcode.TEXT, Opcode.BINARY, Opcode.CONT))
 
@@ -138,6 +141,11 @@ class WebsocketConnection:
         """Refuse: sensors with a WebSocket server accept no commands."""
         del data
         return False
+
+    def unread(self) -> bool:
+        """Return whether bytes wait that are not read at once; pings are read, but deliver nothing."""
+        late = self._loop.time() - self._received_s > UNREAD_S
+        return not self._delivery.ended and late and is_readable(self._socket.fileno())
 
     async def close(self) -> None:
         """Send a close frame if the server reads, and close at once."""

@@ -35,7 +35,7 @@ ACCEPTED_PER_WAKE = 4
 HANDSHAKE_S = 2.0
 """Longest handshake, s; then the connection is dropped, which frees its descriptor."""
 
-LINGER_S = 0.2
+LINGER_S = 0.1
 """Longest wait for the last messages before a stop, s; a stalled peer delays the exit by no more."""
 
 LOG_PERIOD_S = 10.0
@@ -80,6 +80,7 @@ class Listener:
     Attributes:
         endpoint: Endpoint for clients, once served.
         peers: Peers that completed their handshake.
+        accepted: Number of connections accepted.
         refused: Number of connections that this side ended, for any reason.
     """
 
@@ -96,6 +97,7 @@ class Listener:
     ) -> None:
         self.endpoint = endpoint
         self.peers: dict[Peer, None] = {}
+        self.accepted = 0
         self.refused = 0
         self._rules, self._access = rules, access
         self._on_message, self._on_ready, self._on_close = on_message, on_ready, on_close
@@ -162,6 +164,7 @@ class Listener:
             self._pacing.charge(time.monotonic() - begin_s)
 
     def _welcome(self, connection: socket.socket, address: object) -> None:
+        self.accepted += 1
         connection.setblocking(False)
         if isinstance(address, tuple):
             set_tcp_options(connection)

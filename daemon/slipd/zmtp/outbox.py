@@ -22,6 +22,9 @@ class Outbox:
         most: Messages queued for a peer that does not read.
         drops_oldest: A full queue drops its oldest message, not the new one.
         on_gone: Called when the peer turns out to be gone.
+
+    Attributes:
+        sent_bytes: Bytes that the kernel accepted.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class Outbox:
         self._queue: deque[Message] = deque(maxlen=most if drops_oldest else None)
         self._rest = b""  # of a partial write
         self._closed = False
+        self.sent_bytes = 0
 
     @property
     def waiting(self) -> int:
@@ -90,9 +94,11 @@ class Outbox:
     def _write(self, data: bytes) -> int:
         """Return how many bytes the kernel accepted."""
         try:
-            return self._connection.send(data)
+            sent = self._connection.send(data)
         except (BlockingIOError, InterruptedError):
             return 0
         except OSError:
             self._on_gone()
             return 0
+        self.sent_bytes += sent
+        return sent

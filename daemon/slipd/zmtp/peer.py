@@ -108,6 +108,11 @@ class Peer:
         """Number of messages queued until the peer reads."""
         return self._outbox.waiting
 
+    @property
+    def sent_bytes(self) -> int:
+        """Bytes that the kernel accepted for the peer."""
+        return self._outbox.sent_bytes
+
     def move(self, account: TimeAccount) -> None:
         """Charge another account from now on, because the peer proved its identity."""
         self.account.leave(self.slot)

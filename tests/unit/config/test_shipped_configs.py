@@ -24,6 +24,7 @@ from slipd.config import (
     PadPlace,
     Pose,
     Rates,
+    Realtime,
     Recording,
     Reflex,
     Slip,
@@ -34,6 +35,7 @@ SHIPPED = sorted(CONFIG.glob("*.toml"))
 INNER: dict[str, type[BaseModel]] = {
     "bus": Bus,
     "recording": Recording,
+    "realtime": Realtime,
     "levels": Levels,
     "rates": Rates,
     "gripper": Gripper,

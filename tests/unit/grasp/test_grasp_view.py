@@ -17,6 +17,7 @@ from slipd import config
 from slipd.config import Config, Levels
 from slipd.finger.finger import Finger
 from slipd.grasp.grasp_view import GraspView
+from slipd.grasp.hold_state import HoldState
 from slipd.publish.finger_messages import slip_body
 from slipd.publish.grasp_publisher import grasp_body
 from slipd.samples import TactileSample, WrenchSample
@@ -37,7 +38,7 @@ quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 WIDTH_M = 0.06
 PROTOCOL = (DOCS / "protocol.md").read_text(encoding="utf-8")
 # Fields that are known whatever is known of the fingers.
-ALWAYS = {"fingers", "level", "level_code", "reasons", "evidence", "width_m", "age_s"}
+ALWAYS = {"fingers", "state", "state_t_ns", "level", "level_code", "reasons", "evidence", "width_m", "age_s"}
 
 Parse = Callable[[str], Config]
 Wrench = Callable[..., WrenchSample]
@@ -65,7 +66,7 @@ class Hand:
 
     def body(self, t_ns: int = T0, width_m: float | None = WIDTH_M) -> dict[str, Any]:
         self.view.update(width_m)
-        body = grasp_body(self.view, t_ns)
+        body = grasp_body(self.view, HoldState(), t_ns)
         assert decode(encode(body), MESSAGE_LIMITS) == body, "plain finite values"
         return body
 
@@ -143,7 +144,7 @@ def test_wrenches_of_both_pads_add_up_to_the_external_wrench(hand: Hand) -> None
         read_force(hand.fingers[name], WrenchSample(T0, None, force, torque, ()))
     view = GraspView(grasp, hand.fingers)
     view.update(WIDTH_M)
-    body = grasp_body(view, T0)
+    body = grasp_body(view, HoldState(), T0)
     assert body["external_force_n"] == pytest.approx([-0.7, 0.0, 2.5])
     where = np.array((-at[1], 0.0, at[0]))
     torque = np.cross(where, np.array((-0.7, 0.0, 2.5))) - np.array((0.0, 0.03, 0.0))

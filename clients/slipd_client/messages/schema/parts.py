@@ -197,3 +197,8 @@ class DaemonState:
     run_recording: RecordingStatus | None = wire(
         "the recording of the whole run (`slipd run --record`), likewise; nil where there is none", nil=True
     )
+    notices: Mapping[str, str] = wire(
+        'what is wrong around the daemon: "config" (a changed file has faults, and the config read before is kept), '
+        '"realtime" (the priority is not permitted) → the text for people',
+        default={},
+    )

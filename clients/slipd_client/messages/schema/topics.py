@@ -202,6 +202,14 @@ class Grasp(Message):
     fingers: tuple[str, ...] = wire(
         'names of both fingers in the order of the config: "first" and "second" below', default=()
     )
+    state: str | None = wire(
+        '"empty" (a pad is free, and nothing was held or slipd was asked to open), "held" (both pads press), '
+        '"slipping", "lost" (a pad is free that pressed, although slipd was not asked to open), or "unknown" (not '
+        'known of both pads). It stays "lost" until both pads press again, or until slipd is asked to open. Where the '
+        'config has no gripper, slipd sees no opening, and every grasp ends as "lost"',
+        default=None,
+    )
+    state_t_ns: int | None = wire("when that state began", default=None)
     level: SlipLevel = wire(
         'level of the worse finger, as in `slip`; "unknown" is worse than "stable" and less alarming than "caution"'
     )

@@ -75,7 +75,9 @@ def test_every_field_of_a_message_of_slipd_is_in_its_ros_message(converted: Conv
         assert value["header"]["frame_id"] == body["frame"]
         assert value["header"]["stamp"] == dict(zip(("sec", "nanosec"), divmod(stamp_ns(body), 10**9), strict=True))
         assert value["t"]["sec"] * 10**9 + value["t"]["nanosec"] == body["t_ns"]
-        for key in {field.name for field in fields_of(cls)} - {"v", "timestamp", "frame", "t_ns"}:
+        if cls is Grasp:
+            assert value["state_t"]["sec"] * 10**9 + value["state_t"]["nanosec"] == body["state_t_ns"]
+        for key in {field.name for field in fields_of(cls)} - {"v", "timestamp", "frame", "t_ns", "state_t_ns"}:
             wire, ros, kind = body[key], value[key], types[key]
             if wire is None and kind.length is None:
                 assert same(ros, unknown.get(kind.type, math.nan))

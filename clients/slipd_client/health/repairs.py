@@ -1,0 +1,158 @@
+"""What is wrong with a running slipd, from its status, and what mends it: a list for people and for programs.
+
+Each repair has an id that stays, and a section of ``docs/health.md`` under that id.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from slipd_client.messages.names import REASONS, Health
+
+Severity = Literal["error", "warning"]
+
+DOCUMENT = "docs/health.md"
+
+FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
+    "not_tared": ("finger-not-tared", "error", "slipctl tare take {finger}"),
+    "no_mu": ("friction-unknown", "warning", "slipctl friction {finger}"),
+    "weight_unknown": ("gravity-unknown", "error", "slipctl tare take {finger}"),
+    "pulled": ("finger-pulled", "error", "slipctl tare take {finger}"),
+    "disagreement": ("finger-disagreement", "error", "slipctl view"),
+    "rotation_unobserved": ("pad-unusable", "warning", "slipctl tare take {finger}"),
+}
+"""Reason of a finger → id, severity and command of its repair. Streams and motions cause the other reasons."""
+
+
+LATE_S = 0.1
+"""Shorter stalls pass unnoticed: the readings are only judged a little later, and the status shows them anyway."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """One thing to mend.
+
+    Attributes:
+        id: Stable id, e.g. "stream-silent".
+        severity: "error": slipd cannot do its work on this; "warning": it can, but less well.
+        about: Stream, finger or part, e.g. "left.wrench".
+        problem: What is wrong, for people.
+        command: Command that mends it, or shows what to mend.
+    """
+
+    id: str
+    severity: Severity
+    about: str
+    problem: str
+    command: str
+
+    @property
+    def link(self) -> str:
+        """Section of the documents about this repair."""
+        return f"{DOCUMENT}#{self.id}"
+
+    def as_map(self) -> dict[str, str]:
+        """Return all fields, and the link, for JSON."""
+        return {**asdict(self), "link": self.link}
+
+
+def repairs(status: Mapping[str, Any]) -> list[Repair]:
+    """Return what needs a repair, errors first.
+
+    Args:
+        status: Body of the topic ``status``, or the reply to the request of that name. Fields that an older daemon does
+            not send are skipped.
+    """
+    found = [*_host(status), *_streams(status), *_fingers(status), *_gripper(status), *_recordings(status)]
+    return sorted(found, key=lambda repair: repair.severity != "error")
+
+
+def summary(status: Mapping[str, Any]) -> str:
+    """Return one line: how many streams are read, and the first repairs."""
+    streams = _maps(status, "streams")
+    read = sum(stream.get("health", Health.STALE) < Health.ERROR for stream in streams.values())
+    text = f"{read} of {len(streams)} streams are read"
+    found = repairs(status)
+    problems = "; ".join(f"{repair.about}: {repair.problem}" for repair in found[:2])
+    more = f" (and {len(found) - 2} more)" if len(found) > 2 else ""
+    return f"{text}; {problems}{more}" if found else text
+
+
+def _host(status: Mapping[str, Any]) -> Iterator[Repair]:
+    notices = _maps(status, "notices")
+    if text := notices.get("config"):
+        yield Repair("config-kept", "error", "config", text, "slipd check FILE")
+    if text := notices.get("realtime"):
+        yield Repair("realtime-refused", "warning", "realtime", text, "systemctl show slipd -p LimitRTPRIO")
+    late_s = status.get("late_s") or 0.0
+    if late_s > LATE_S:
+        yield Repair("daemon-late", "warning", "daemon", f"the daemon was late by {late_s:.2f} s", "top")
+
+
+def _streams(status: Mapping[str, Any]) -> Iterator[Repair]:
+    for name, stream in _maps(status, "streams").items():
+        health, problem = stream.get("health", Health.OK), stream.get("message") or "no reason is given"
+        where = _look_at(stream.get("address") or "")
+        if health == Health.WARN:
+            yield Repair("stream-degraded", "warning", name, problem, "slipctl watch")
+        elif health == Health.STALE:
+            yield Repair("stream-silent", "error", name, problem, where)
+        elif health != Health.OK:
+            missing = stream.get("age_s") is None
+            yield Repair("stream-missing" if missing else "stream-fault", "error", name, problem, where)
+
+
+def _fingers(status: Mapping[str, Any]) -> Iterator[Repair]:
+    unwell = {
+        name.partition(".")[0]
+        for name, stream in _maps(status, "streams").items()
+        if stream.get("health", Health.OK) != Health.OK
+    }
+    for finger, state in _maps(status, "fingers").items():
+        reasons = list(state.get("reasons") or ())
+        known = [reason for reason in reasons if reason in FINGER_REPAIRS]
+        for reason in known:
+            number, severity, command = FINGER_REPAIRS[reason]
+            yield Repair(number, severity, finger, REASONS[reason], command.format(finger=finger))
+        if state.get("level") == "unknown" and not known and finger not in unwell:
+            why = "; ".join(REASONS.get(reason, reason) for reason in reasons) or "no reason is given"
+            yield Repair("finger-unknown", "error", finger, why, "slipctl watch")
+
+
+def _gripper(status: Mapping[str, Any]) -> Iterator[Repair]:
+    gripper = status.get("gripper")
+    if not gripper:
+        return
+    if fault := gripper.get("latched_fault"):
+        yield Repair("gripper-fault", "error", "gripper", f"{fault} is latched", "slipctl grip ack")
+    if gripper.get("active") is False:
+        yield Repair("gripper-inactive", "warning", "gripper", "it is not active", "slipctl grip activate")
+    if gripper.get("force_limit_n") is None:
+        problem = "the config gives no max_force_n, so that nothing may move"
+        yield Repair("gripper-no-limit", "warning", "gripper", problem, "slipd check FILE")
+
+
+def _recordings(status: Mapping[str, Any]) -> Iterator[Repair]:
+    for key in ("recording", "run_recording"):
+        recording = status.get(key) or {}
+        state, about = recording.get("state"), key.replace("_", " ")
+        why = recording.get("failure") or state
+        if state == "failed":
+            yield Repair("recording-failed", "error", about, str(why), "df -h")
+        elif state == "limited":
+            yield Repair("recording-limited", "warning", about, str(why), "df -h")
+
+
+def _look_at(address: str) -> str:
+    """Return the command that shows whether the port or host of a stream is there."""
+    if address.startswith("/"):
+        return f"ls -l {address} /dev/serial/by-id"
+    host = re.match(r"\w+://\[?([\w.:-]+?)\]?(:\d+|/|$)", address)
+    return f"ping -c 3 {host[1]}" if host and not address.startswith(("ipc:", "unix:")) else "slipctl status --json"
+
+
+def _maps(status: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    return status.get(key) or {}

@@ -1,0 +1,1 @@
+"""What the daemon needs of its host: systemd, signals, the scheduler and the journal."""

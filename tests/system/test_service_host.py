@@ -1,0 +1,122 @@
+"""The daemon as a service: what it reports to systemd, and a config that is read again."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from daemon_peers import PATIENCE_S, Client, until
+from service_rig import Rig, client_of, start
+
+pytestmark = pytest.mark.process
+
+WATCHDOG_S = 2.0
+
+
+class Manager:
+    """The service manager's side of the notify socket."""
+
+    def __init__(self, path: Path) -> None:
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(path))
+        self._socket.settimeout(0.05)
+        self.heard: list[bytes] = []
+
+    def until(self, pattern: bytes) -> None:
+        """Wait for a report that matches, after those of earlier calls."""
+        until_s = time.monotonic() + PATIENCE_S
+        while not (self.receive() and re.search(pattern, self.heard[-1])):
+            assert time.monotonic() < until_s, (pattern, self.heard)
+
+    def receive(self) -> bool:
+        """Return whether another report came within a moment."""
+        try:
+            self.heard.append(self._socket.recv(4096))
+        except TimeoutError:
+            return False
+        return True
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@contextmanager
+def service(rig: Rig, tmp_path: Path) -> Iterator[tuple[Manager, subprocess.Popen[str], Client]]:
+    """A daemon that a service manager started, with a watchdog."""
+    manager = Manager(tmp_path / "notify")
+    environment = os.environ | {
+        "NOTIFY_SOCKET": str(tmp_path / "notify"),
+        "WATCHDOG_USEC": str(round(WATCHDOG_S * 1e6)),
+    }
+    with start(rig.file, env=environment, stdin=subprocess.DEVNULL) as process:
+        client = client_of(process)
+        try:
+            yield manager, process, client
+        finally:
+            client.close()
+            manager.close()
+
+
+async def test_P2_P4_G2_a_service_reports_is_watched_and_reads_its_config_again(rig: Rig, tmp_path: Path) -> None:
+    rig.pad.unplug()  # a stream that is missing is no failed start
+    with service(rig, tmp_path) as (manager, process, client):
+        manager.until(b"^READY=1$")
+        manager.until(b"^STATUS=0 of 2 streams are read; left.*no such port")
+        manager.until(b"^WATCHDOG=1$")
+
+        process.send_signal(signal.SIGSTOP)  # P2: a daemon that stands still does not feed the watchdog
+        while manager.receive():
+            pass
+        count, until_s = len(manager.heard), time.monotonic() + WATCHDOG_S
+        while time.monotonic() < until_s:
+            assert not manager.receive()
+        process.send_signal(signal.SIGCONT)
+        manager.until(b"^WATCHDOG=1$")
+        assert len(manager.heard) > count
+
+        good = rig.file.read_text(encoding="utf-8")
+        first_id = (await until(lambda: client.hear("status")))[-1]["config_id"]
+        for bad in (good[: len(good) // 2] + "[", "", good.replace("bota", "nobody's sensor")):  # G2: half-written
+            rig.file.write_text(bad, encoding="utf-8")
+            process.send_signal(signal.SIGHUP)
+            manager.until(b"^STATUS=.*config: the config read before is kept: ")
+            status = client.hear("status")[-1]
+            assert (status["config_id"], set(status["notices"])) == (first_id, {"config"})
+            rig.file.write_text(good, encoding="utf-8")
+            process.send_signal(signal.SIGHUP)
+            await until(lambda: client.hear("status")[-1]["notices"] == {})
+
+        rig.file.write_text(good.replace("mu = 0.5", "mu = 0.4"), encoding="utf-8")
+        process.send_signal(signal.SIGHUP)
+        manager.until(b"^RELOADING=1\nMONOTONIC_USEC=")
+        manager.until(b"^READY=1$")
+        status = (await until(lambda: [body for body in client.hear("status") if body["config_id"] != first_id]))[-1]
+        assert status["boot"] != client.heard[0][1]["boot"], "a new run"
+
+        process.send_signal(signal.SIGTERM)
+        manager.until(b"^STOPPING=1$")
+        assert process.wait(PATIENCE_S) == 0
+
+
+async def test_G2_a_config_with_which_no_run_can_start_is_left_for_the_one_before(rig: Rig, tmp_path: Path) -> None:
+    with service(rig, tmp_path) as (manager, process, client):
+        manager.until(b"^READY=1$")
+        config_id = (await until(lambda: client.hear("status")))[-1]["config_id"]
+        taken = f'\n[bus]\npublish = "ipc://{tmp_path}/nowhere/publish"\n'
+        rig.file.write_text(rig.file.read_text(encoding="utf-8") + taken, encoding="utf-8")
+        process.send_signal(signal.SIGHUP)
+        manager.until(b"^RELOADING=1")
+        manager.until(b"^READY=1$")
+        manager.until(b"^STATUS=.*the config read before is kept: .*nowhere/publish: cannot be bound")
+        status = (await until(lambda: [body for body in client.hear("status") if body["notices"]]))[-1]
+        assert status["config_id"] == config_id
+        process.terminate()
+        assert process.wait(PATIENCE_S) == 0
