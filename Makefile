@@ -17,7 +17,7 @@ ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gr
 # Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
 DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
-.PHONY: demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
+.PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -105,6 +105,41 @@ $(READY): pyproject.toml
 $(KERNELS): $(READY)
 	@$(BIN)/python -m slipd.compile_kernels
 	@touch $@
+
+# For all users as root, or into DESTDIR; else for this user, without root. docs/service.md
+PREFIX ?= /usr/local
+HOME_OF_PROGRAM := $(DESTDIR)$(PREFIX)/lib/slipd
+UNPRIVILEGED := $(if $(DESTDIR),,$(filter-out 0,$(shell id -u)))
+USER_UNITS := $(or $(XDG_CONFIG_HOME),$(HOME)/.config)/systemd/user
+UNITS := $(if $(UNPRIVILEGED),$(USER_UNITS),$(DESTDIR)/etc/systemd/system)
+UNIT := $(if $(UNPRIVILEGED),slipd-user.service,slipd.service)
+
+install:
+	@echo "== slipd into $(HOME_OF_PROGRAM)"
+	@mkdir -p "$(HOME_OF_PROGRAM)" "$(DESTDIR)$(PREFIX)/bin" || { echo "name a place that you may write to: make install PREFIX=~/.local"; exit 2; }
+	@$(PYTHON) -m venv --clear "$(HOME_OF_PROGRAM)"
+	@"$(HOME_OF_PROGRAM)/bin/python" -m pip install --quiet --disable-pip-version-check .
+	@grep -rlIF "$(HOME_OF_PROGRAM)" "$(HOME_OF_PROGRAM)/bin" "$(HOME_OF_PROGRAM)/pyvenv.cfg" \
+		| xargs sed -i 's|$(HOME_OF_PROGRAM)|$(PREFIX)/lib/slipd|g'
+	@for program in slipd slipctl; do ln -sf "$(PREFIX)/lib/slipd/bin/$$program" "$(DESTDIR)$(PREFIX)/bin/$$program"; done
+	@mkdir -p "$(UNITS)" && sed 's|^ExecStart=[^ ]*|ExecStart=$(PREFIX)/bin/slipd|' config/$(UNIT) > "$(UNITS)/slipd.service" \
+		|| echo "== no systemd unit: $(UNITS) cannot be written; slipd run works without"
+ifeq ($(UNPRIVILEGED),)
+	@install -D -m 644 config/70-slipd.rules "$(DESTDIR)/etc/udev/rules.d/70-slipd.rules"
+	@install -D -m 644 config/slipd.sysusers "$(DESTDIR)/etc/sysusers.d/slipd.conf"
+	@install -d -m 755 "$(DESTDIR)/etc/slipd"
+endif
+	@echo "== installed; next: docs/service.md"
+
+uninstall:
+	@rm -rf "$(HOME_OF_PROGRAM)"
+	@for program in slipd slipctl; do \
+		[ "$$(readlink "$(DESTDIR)$(PREFIX)/bin/$$program")" != "$(PREFIX)/lib/slipd/bin/$$program" ] || rm "$(DESTDIR)$(PREFIX)/bin/$$program"; done
+	@rm -f "$(UNITS)/slipd.service"
+ifeq ($(UNPRIVILEGED),)
+	@rm -f "$(DESTDIR)/etc/udev/rules.d/70-slipd.rules" "$(DESTDIR)/etc/sysusers.d/slipd.conf"
+endif
+	@echo "== uninstalled; configs, keys and recordings are kept"
 
 clean:
 	rm -rf .venv .venv-* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage*

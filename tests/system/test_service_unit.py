@@ -10,17 +10,59 @@ from pathlib import Path
 import pytest
 from project import CONFIG
 
-UNIT = CONFIG / "slipd.service"
+from slipd.host.stage_checks import ANSWER_S
+from slipd.host.watchdog import FEEDS_PER_TIMEOUT
+
+UNIT, USER_UNIT = CONFIG / "slipd.service", CONFIG / "slipd-user.service"
+RULES, USERS = CONFIG / "70-slipd.rules", CONFIG / "slipd.sysusers"
+
+MOST_EXPOSED = 1.6
+"""Of ``systemd-analyze security``: a network of sensors, serial ports, generated code and real-time priority."""
 
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+both = pytest.mark.parametrize("unit", [UNIT, USER_UNIT], ids=lambda unit: unit.name)
 
 
 @needs_systemd
-def test_systemd_understands_every_line(tmp_path: Path) -> None:
-    here = tmp_path / UNIT.name
-    here.write_text(re.sub(r"(?<=ExecStart=)\S+", "/bin/true", UNIT.read_text(encoding="utf-8")), encoding="utf-8")
+@both
+def test_systemd_understands_every_line(unit: Path, tmp_path: Path) -> None:
+    here = tmp_path / unit.name
+    here.write_text(re.sub(r"(?<=ExecStart=)\S+", "/bin/true", unit.read_text(encoding="utf-8")), encoding="utf-8")
     done = subprocess.run(["systemd-analyze", "verify", str(here)], capture_output=True, text=True)
-    assert (done.returncode, [line for line in done.stderr.splitlines() if UNIT.name in line]) == (0, [])
+    assert (done.returncode, [line for line in done.stderr.splitlines() if unit.name in line]) == (0, [])
+
+
+@both
+def test_P5_a_daemon_that_crashes_is_started_again_without_limit(unit: Path) -> None:
+    lines = unit.read_text(encoding="utf-8").splitlines()
+    assert {"StartLimitIntervalSec=0", "Restart=always"} <= set(lines)
+    [pause_s] = [float(line.partition("=")[2]) for line in lines if line.startswith("RestartSec=")]
+    assert 0.0 < pause_s <= 2.0
+
+
+@both
+def test_P2_a_daemon_that_hangs_is_ended_by_the_watchdog(unit: Path) -> None:
+    lines = unit.read_text(encoding="utf-8").splitlines()
+    assert {"Type=notify", "NotifyAccess=main", "ExecReload=/bin/kill -HUP $MAINPID"} <= set(lines)
+    [timeout_s] = [float(line.partition("=")[2]) for line in lines if line.startswith("WatchdogSec=")]
+    assert timeout_s / FEEDS_PER_TIMEOUT > ANSWER_S
+
+
+@pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="needs systemd-sysusers")
+def test_the_user_of_the_service_may_open_serial_ports(tmp_path: Path) -> None:
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "base.conf").write_text("g dialout 20\n", encoding="utf-8")
+    files = [str(tmp_path / "base.conf"), str(USERS)]
+    subprocess.run(["systemd-sysusers", f"--root={tmp_path}", *files], capture_output=True, check=True)
+    groups = (tmp_path / "etc" / "group").read_text(encoding="utf-8").splitlines()
+    assert "dialout:x:20:slipd" in groups
+
+
+def test_every_rule_of_udev_is_a_list_of_matches_and_assignments() -> None:
+    part = re.compile(r'[A-Z]+(\{[\w.]+\})?(==|!=|=|\+=)"[^"]*"')
+    for line in RULES.read_text(encoding="utf-8").splitlines():
+        if line and not line.startswith("# "):
+            assert all(part.fullmatch(each) for each in line.split(", ")), line
 
 
 @needs_systemd
@@ -29,7 +71,7 @@ def test_it_is_exposed_no_more_than_serial_ports_and_a_network_need() -> None:
         ["systemd-analyze", "security", "--offline=yes", "--no-pager", str(UNIT)], capture_output=True, text=True
     )
     [level] = re.findall(r"Overall exposure level for slipd.service: ([\d.]+)", done.stdout)
-    assert float(level) <= 1.5
+    assert float(level) <= MOST_EXPOSED
 
 
 def test_the_runtime_directory_is_for_the_group_alone() -> None:

@@ -5,10 +5,10 @@ Each repair has an id that stays, and a section of ``docs/health.md`` under that
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
+from urllib.parse import urlsplit
 
 from slipd_client.messages.names import REASONS, Health
 
@@ -150,8 +150,9 @@ def _look_at(address: str) -> str:
     """Return the command that shows whether the port or host of a stream is there."""
     if address.startswith("/"):
         return f"ls -l {address} /dev/serial/by-id"
-    host = re.match(r"\w+://\[?([\w.:-]+?)\]?(:\d+|/|$)", address)
-    return f"ping -c 3 {host[1]}" if host and not address.startswith(("ipc:", "unix:")) else "slipctl status --json"
+    if address.startswith(("tcp:", "udp:", "ws:")):
+        return f"ping -c 3 {urlsplit(address).hostname}"
+    return "slipctl status --json"
 
 
 def _maps(status: Mapping[str, Any], key: str) -> Mapping[str, Any]:

@@ -12,7 +12,8 @@ class Realtime(StrictModel):
 
     Attributes:
         priority: Real-time priority of the event loop (SCHED_FIFO); 0: none. From 50 on it would delay the interrupts
-            of the sensors' own lines. Where it is not permitted, the daemon runs without and reports it in ``status``.
+            of the sensors' own lines. Where it is not permitted, the daemon runs without and reports it in
+            ``status``. Wrong: 0 beside programs that use all processors delays warnings.
     """
 
     priority: int = Field(default=0, ge=0, le=49)

@@ -18,6 +18,7 @@ from slipd.config.bus_model import Bus, Recording, Requests
 from slipd.config.docstring_parts import attributes_of, sentence, summary_of
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
 from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.host_model import Realtime
 from slipd.config.key_types import range_of, type_of, unit_of
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.option_tables import option_rows
@@ -39,6 +40,7 @@ TABLES: dict[str, type[BaseModel]] = {
     "bus": Bus,
     "requests": Requests,
     "recording": Recording,
+    "realtime": Realtime,
 }
 """Every table of a config file, in the order of the page."""
 

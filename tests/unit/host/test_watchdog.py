@@ -8,9 +8,9 @@ import os
 import tty
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from daemon_peers import PATIENCE_S, until
 
 from slipd.bus.publisher import Publisher
 from slipd.bus.request_server import RequestServer
@@ -18,8 +18,6 @@ from slipd.events import Event, LinkSpec
 from slipd.host.stage_checks import stage_checks
 from slipd.host.watchdog import FEEDS_PER_TIMEOUT, Watchdog
 from slipd.transport import Links
-
-PATIENCE_S = 30.0
 
 
 class Daemon:
@@ -55,9 +53,7 @@ async def daemon(tmp_path: Path) -> AsyncIterator[Daemon]:
         RequestServer(f"ipc://{tmp_path}/requests", lambda *_: None) as requests,
     ):
         async with asyncio.TaskGroup() as tasks, Links(tasks, [link], events.append) as links:
-            async with asyncio.timeout(PATIENCE_S):
-                while not events:
-                    await asyncio.sleep(0.005)
+            await until(lambda: events)
             yield Daemon(links, publisher, requests, device)
     os.close(device)
     os.close(port)
@@ -117,11 +113,6 @@ async def test_P2_the_watchdog_is_not_fed_while_a_stage_stands_still(caplog: pyt
     def feed() -> None:
         nonlocal fed
         fed += 1
-
-    async def until(condition: Callable[[], Any]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while not condition():
-                await asyncio.sleep(0.001)
 
     watchdog = asyncio.create_task(Watchdog(feed, 0.004 * FEEDS_PER_TIMEOUT, {"engine": check}).run())
     await until(lambda: fed > 2)

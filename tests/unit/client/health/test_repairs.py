@@ -1,0 +1,115 @@
+"""What the status of a daemon is made into: a list of repairs, and one line."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from engine_rig import GRIPPER, LEFT, RIGHT, Run
+from project import DOCS
+
+from slipd.events import HostNotice, RecordingChanged
+from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
+from slipd_client.messages.names import REASONS
+
+WELL: dict[str, Any] = {
+    "streams": {"left.wrench": {"health": 0, "message": "", "address": "/dev/left", "age_s": 0.01}},
+    "fingers": {"left": {"level": "stable", "reasons": []}},
+    "gripper": None,
+    "late_s": 0.0,
+    "recording": {"state": "running", "failure": None},
+    "run_recording": None,
+    "notices": {},
+}
+
+
+def ids(found: list[Repair]) -> list[str]:
+    return [repair.id for repair in found]
+
+
+def stream(**changes: Any) -> dict[str, Any]:
+    return WELL | {"streams": {"left.wrench": WELL["streams"]["left.wrench"] | changes}}
+
+
+def test_a_daemon_that_is_well_needs_no_repair() -> None:
+    assert repairs(WELL) == []
+    assert summary(WELL) == "1 of 1 streams are read"
+
+
+def test_an_empty_status_of_an_older_daemon_is_no_fault() -> None:
+    assert (repairs({}), summary({})) == ([], "0 of 0 streams are read")
+
+
+@pytest.mark.parametrize(
+    ("changes", "number", "command"),
+    [
+        ({"health": 1}, "stream-degraded", "slipctl watch"),
+        ({"health": 3}, "stream-silent", "ls -l /dev/left /dev/serial/by-id"),
+        ({"health": 2}, "stream-fault", "ls -l /dev/left /dev/serial/by-id"),
+        ({"health": 2, "age_s": None, "address": "udp://192.168.1.1:49152"}, "stream-missing", "ping -c 3 192.168.1.1"),
+        ({"health": 2, "address": "tcp://[fe80::1]:1000"}, "stream-fault", "ping -c 3 fe80::1"),
+        ({"health": 3, "address": "ws://sensors"}, "stream-silent", "ping -c 3 sensors"),
+        ({"health": 3, "address": "ipc:///run/own"}, "stream-silent", "slipctl status --json"),
+    ],
+)
+def test_a_stream_that_is_not_well_is_to_be_looked_at(changes: dict[str, Any], number: str, command: str) -> None:
+    [repair] = repairs(stream(**changes))
+    assert (repair.id, repair.about, repair.command) == (number, "left.wrench", command)
+
+
+@pytest.mark.parametrize("reason", FINGER_REPAIRS)
+def test_a_finger_names_the_command_that_mends_it(reason: str) -> None:
+    status = WELL | {"fingers": {"left": {"level": "unknown", "reasons": [reason]}}}
+    [repair] = repairs(status)
+    assert repair.problem == REASONS[reason]
+    assert repair.command in ("slipctl view", f"slipctl tare take {repair.about}", f"slipctl friction {repair.about}")
+
+
+def test_a_finger_whose_stream_is_not_well_is_not_listed_twice() -> None:
+    unknown = {"fingers": {"left": {"level": "unknown", "reasons": ["stale"]}}}
+    assert ids(repairs(stream(health=3) | unknown)) == ["stream-silent"]
+    assert ids(repairs(WELL | unknown)) == ["finger-unknown"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({"late_s": 2.0}, ["daemon-late"]),
+        ({"notices": {"realtime": "no", "config": "kept"}}, ["config-kept", "realtime-refused"]),
+        ({"recording": {"state": "failed", "failure": "disk full"}}, ["recording-failed"]),
+        ({"run_recording": {"state": "limited", "failure": None}}, ["recording-limited"]),
+        (
+            {"gripper": {"latched_fault": "no_answer", "active": False, "force_limit_n": None}},
+            ["gripper-fault", "gripper-inactive", "gripper-no-limit"],
+        ),
+        ({"gripper": {"latched_fault": "", "active": True, "force_limit_n": 20.0}}, []),
+    ],
+)
+def test_what_is_wrong_around_the_streams_is_listed(changes: dict[str, Any], found: list[str]) -> None:
+    assert ids(repairs(WELL | changes)) == found
+
+
+def test_errors_come_first_and_the_line_names_the_first_two() -> None:
+    status = stream(health=3, message="no reading") | {"notices": {"config": "kept", "realtime": "no"}, "late_s": 1.0}
+    assert [repair.severity for repair in repairs(status)] == ["error", "error", "warning", "warning"]
+    assert summary(status) == "0 of 1 streams are read; config: kept; left.wrench: no reading (and 2 more)"
+
+
+def test_every_repair_has_its_section_in_the_documents() -> None:
+    text = (DOCS / "health.md").read_text(encoding="utf-8")
+    code = (DOCS.parent / "clients/slipd_client/health/repairs.py").read_text(encoding="utf-8")
+    known = set(
+        re.findall(r'"((?:stream|finger|friction|gravity|pad|gripper|recording|daemon|config|realtime)-[a-z-]+)"', code)
+    )
+    assert set(re.findall(r"^## ([a-z-]+)$", text, re.MULTILINE)) == known
+    assert repairs(stream(health=3))[0].as_map()["link"] == "docs/health.md#stream-silent"
+
+
+def test_the_status_of_a_real_engine_becomes_repairs() -> None:
+    run = Run(LEFT + RIGHT + GRIPPER)
+    run.tick()
+    assert "stream-missing" in ids(repairs(run.published("status")[-1]))
+    run.feed(HostNotice("config", "kept"))
+    run.feed(RecordingChanged("", "/r.mcap", "failed", "disk full"))
+    assert {"config-kept", "recording-failed"} <= set(ids(repairs(run.published("status")[-1])))
