@@ -9,8 +9,7 @@ import json
 from slipd_client import keys, keys_command
 from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
-from slipd_client.messages import STATUS_TOPIC
-from slipd_client.messages.schema.replies import Reply, StatusReply
+from slipd_client.messages.schema.replies import Reply
 from slipd_client.slipctl_parser import PATIENCE_S, SAMPLES
 
 
@@ -44,10 +43,14 @@ def run(chosen: argparse.Namespace) -> None:
         relay(chosen.publish, chosen.listen, keys=_keys(chosen), time_frame=chosen.time_frame)
     elif command == "view":
         _view(chosen)
+    elif command == "diagnose":
+        _diagnose(chosen)
     else:
         with GripClient(chosen.requests, keys=_keys(chosen)) as client:
             if command == "status":
-                _print_status(client.status(), chosen.json)
+                from slipd_client.health.status_command import print_status  # here: requests need no subscriber
+
+                print_status(client.status(), as_json=chosen.json)
             elif command.startswith("grip "):
                 _grip(client, chosen)
             elif command == "gravity":
@@ -56,6 +59,13 @@ def run(chosen: argparse.Namespace) -> None:
                 _measure_friction(client, chosen)
             else:
                 _print_result(_request(client, chosen))
+
+
+def _diagnose(chosen: argparse.Namespace) -> None:
+    from slipd_client.health.bundle import diagnose  # here: requests need no subscriber
+
+    places = {"publish": chosen.publish, "requests": chosen.requests}
+    diagnose(chosen.out, chosen.config, chosen.seconds, keys=_keys(chosen), **places)
 
 
 def _view(chosen: argparse.Namespace) -> None:
@@ -144,18 +154,6 @@ def _keys(chosen: argparse.Namespace) -> keys.Keys | None:
     if (chosen.key is None) != (chosen.server_key is None):
         raise CallError("--key (secret key of this client) and --server-key (public key of the daemon) go together")
     return None if chosen.key is None else keys.load(chosen.key, chosen.server_key)
-
-
-def _print_status(status: StatusReply, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(status))
-        return
-    from slipd_client.live_view import LiveView
-    from slipd_client.watch import print_view
-
-    view = LiveView()
-    view.update(STATUS_TOPIC, status)
-    print_view(view)
 
 
 def _print_result(result: Reply) -> None:

@@ -6,6 +6,7 @@ import argparse
 import math
 import os
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -56,8 +57,21 @@ def parser() -> argparse.ArgumentParser:
         "(default: only if no other machine can open the page)",
     )
     add_viewers(add)
-    status = add("status", "show the state of the daemon and its streams")
-    status.add_argument("--json", action="store_true", help="print the whole reply")
+    status = add("status", "show what needs a repair, and the state of the daemon and its streams")
+    status.add_argument("--json", action="store_true", help="print the whole reply, and the repairs")
+    diagnose = add("diagnose", "collect status, messages, log and recordings in one file for those who help")
+    diagnose.add_argument(
+        "out",
+        metavar="OUT",
+        nargs="?",
+        type=Path,
+        default=Path(f"slipd-diagnose-{time.strftime('%Y%m%d-%H%M%S')}.tar.gz"),
+        help="new file (default: with the date and time, in this folder)",
+    )
+    diagnose.add_argument("--config", type=Path, metavar="FILE", help="add this config, without secrets")
+    diagnose.add_argument(
+        "--seconds", type=_seconds, default=5.0, metavar="S", help="how long to listen to messages (default: 5)"
+    )
 
     _grip(_commands(add("grip", "move the gripper or change its force; acquires the lease"), "grip "))
     _tare(_commands(add("tare", "take, show or undo the zero of a finger's sensors"), "tare "))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+import os
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TextIO
 
 from slipd.device_text import one_line
 
@@ -17,6 +20,10 @@ EVERY_S = 5.0
 
 KINDS = 256
 """Kinds of lines that are counted separately; beyond this number all counts are reset."""
+
+
+_PRIORITIES = (logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6)
+_DEBUG = 7
 
 
 @dataclass(slots=True)
@@ -71,9 +78,33 @@ class LogGate(logging.Filter):
         return kind
 
 
+class JournalFormatter(logging.Formatter):
+    """Begin every line with its priority, as the journal of systemd reads it: ``<4>slipd.transport.link: …``."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the lines of a record; those of a traceback are lines of their own."""
+        mark = f"<{_priority(record.levelno)}>"
+        return "\n".join(mark + line for line in super().format(record).splitlines())
+
+
+def _priority(level: int) -> int:
+    """Return the priority of syslog for a level."""
+    return next((priority for least, priority in _PRIORITIES if level >= least), _DEBUG)
+
+
+def is_journal(stream: TextIO, environment: Mapping[str, str]) -> bool:
+    """Return whether a stream is read by the journal: ``JOURNAL_STREAM`` has its device and inode."""
+    try:
+        found = os.fstat(stream.fileno())
+    except (OSError, ValueError):  # no file, as in tests
+        return False
+    return environment.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+
+
 def open_log() -> None:
-    """Send the log to standard error, through the filter."""
+    """Send the log to standard error, through the filter; with priorities where the journal reads it."""
     handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    plain = logging.Formatter("%(levelname)s %(name)s: %(message)s")
+    handler.setFormatter(JournalFormatter("%(name)s: %(message)s") if is_journal(sys.stderr, os.environ) else plain)
     handler.addFilter(LogGate())
     logging.basicConfig(level=logging.INFO, handlers=[handler])

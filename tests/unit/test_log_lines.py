@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import os
+from pathlib import Path
 
 import pytest
 
 from slipd.device_text import LONGEST, one_line
-from slipd.log_lines import BURST, EVERY_S, KINDS, LogGate
+from slipd.log_lines import BURST, EVERY_S, KINDS, JournalFormatter, LogGate, is_journal
 
 
 def line(message: str, *args: object, name: str = "slipd.transport.link") -> logging.LogRecord:
@@ -60,3 +62,28 @@ def test_the_gate_keeps_a_bounded_number_of_kinds() -> None:
 @pytest.mark.parametrize("args", [(), ({"name": "left"},)])
 def test_lines_without_positional_arguments_pass(args: tuple[object, ...]) -> None:
     assert LogGate(lambda: 0.0).filter(line("ready" if not args else "%(name)s", *args))
+
+
+def test_in_the_journal_every_line_has_its_priority() -> None:
+    formatter = JournalFormatter("%(name)s: %(message)s")
+    assert formatter.format(line("gone", name="link")) == "<4>link: gone"
+    levels = {logging.DEBUG: 7, logging.INFO: 6, logging.ERROR: 3, logging.CRITICAL: 2}
+    for level, priority in levels.items():
+        record = line("gone", name="link")
+        record.levelno = level
+        assert formatter.format(record) == f"<{priority}>link: gone"
+    error = ValueError("why\nnot")
+    record = line("gone", name="link")
+    record.exc_info = type(error), error, None
+    lines = formatter.format(record).splitlines()
+    assert len(lines) == 3
+    assert all(each.startswith("<4>") for each in lines)
+
+
+def test_the_journal_is_known_by_the_file_behind_the_stream(tmp_path: Path) -> None:
+    with (tmp_path / "stream").open("w", encoding="utf-8") as stream:
+        found = os.fstat(stream.fileno())
+        assert is_journal(stream, {"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"})
+        assert not is_journal(stream, {"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino + 1}"})
+        assert not is_journal(stream, {})
+    assert not is_journal(stream, {"JOURNAL_STREAM": "1:2"})

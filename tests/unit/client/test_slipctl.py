@@ -30,8 +30,8 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
     [
         (
             [],
-            "slipctl: error: COMMAND must be one of watch, view, viewers, relay, status, grip, tare, friction, "
-            "gravity, object, record, keys\n",
+            "slipctl: error: COMMAND must be one of watch, view, viewers, relay, status, diagnose, grip, tare, "
+            "friction, gravity, object, record, keys\n",
         ),
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
         (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),
@@ -146,7 +146,10 @@ def test_status_is_drawn_for_people(daemon: Daemon, capsys: pytest.CaptureFixtur
         "streams": {"left.wrench": {"health": 3, "message": long}},
     }
     assert main(["--requests", daemon.endpoint, "status"]) == 0
-    first, second, third = capsys.readouterr().out.splitlines()
+    count, repair, command, first, second, third = capsys.readouterr().out.splitlines()
+    assert count == "1 to repair"
+    assert repair == f"  error   stream-silent  left.wrench: {long}"
+    assert command == "          slipctl status --json   # docs/health.md#stream-silent"
     assert first.startswith("slipd 0.1.0")
     assert second.startswith("left      STABLE")
     assert third.endswith(long), "no terminal, no cut"
@@ -156,7 +159,7 @@ def test_status_as_json_is_the_whole_map(daemon: Daemon, capsys: pytest.CaptureF
     status = {"version": "0.1.0", "lease": {"held": False, "expires_in_s": None}}
     daemon.handlers["status"] = lambda _: status
     assert main(["--requests", daemon.endpoint, "status", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == status
+    assert json.loads(capsys.readouterr().out) == status | {"repairs": []}
 
 
 def test_tare_prints_what_was_taken(daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:

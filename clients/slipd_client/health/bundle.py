@@ -1,0 +1,168 @@
+"""``slipctl diagnose``: one file with everything that a person who helps needs, without secrets."""
+
+from __future__ import annotations
+
+import io
+import json
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import time
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+
+from slipd_client.errors import CallError, SlipdClientError
+from slipd_client.grip import GripClient
+from slipd_client.health.repairs import repairs
+from slipd_client.health.status_command import repairs_text
+from slipd_client.keys import Keys
+from slipd_client.subscriber import Subscriber
+
+MOST_RECORDING_BYTES = 200_000_000
+"""A longer recording is left out: the bundle is sent by mail or chat."""
+
+LOG_LINES = 5000
+PACKAGES = ("slipd", "slipd-client", "pyzmq", "msgpack", "numpy", "scipy", "numba", "pyserial", "websockets")
+
+REMOVED = "(removed)"
+
+_SECRET_VALUES = re.compile(
+    r"(?i)([\w.-]*(?:secret|password|passwd|passphrase|token|credential|api_?key)[\w.-]*[\"']?\s*[=:]\s*)"
+    r"(\"[^\"\n]*\"|'[^'\n]*'|[^\s&,;]+)"
+)
+_KEYS = re.compile(r"(?<![0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#])[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}(?=[\"'\s]|$)")
+_USERS = re.compile(r"(\w+://)[^/\s@]+@")
+
+
+def without_secrets(text: str) -> str:
+    """Return a text without passwords, tokens, keys and the users of addresses."""
+    text = _SECRET_VALUES.sub(rf"\1{REMOVED}", text)
+    text = _USERS.sub(rf"\1{REMOVED}@", text)
+    return _KEYS.sub(lambda found: found[0] if found[0].startswith(("/", "./")) else REMOVED, text)
+
+
+class Bundle:
+    """Collects parts; a part that cannot be had is listed in ``problems.txt``, with the reason."""
+
+    def __init__(self) -> None:
+        self.parts: dict[str, bytes] = {}
+        self.problems: list[str] = []
+
+    def add(self, name: str, collect: Callable[[], str]) -> None:
+        """Add a text without its secrets."""
+        try:
+            self.parts[name] = without_secrets(collect()).encode("utf-8", "replace")
+        except (OSError, SlipdClientError, subprocess.SubprocessError) as error:
+            self.problems.append(f"{name}: {error}")
+
+    def add_recording(self, path: Path) -> None:
+        """Add the file of a recording as it is."""
+        try:
+            size = path.stat().st_size
+            if size > MOST_RECORDING_BYTES:
+                self.problems.append(f"{path}: left out, it has {size} bytes")
+            else:
+                self.parts[path.name] = path.read_bytes()
+        except OSError as error:
+            self.problems.append(f"{path}: {error}")
+
+    def write(self, path: Path) -> None:
+        """Write a new file that only this user can read.
+
+        Raises:
+            CallError: The file exists, or cannot be written.
+        """
+        parts = self.parts | {"problems.txt": "".join(f"{line}\n" for line in self.problems).encode()}
+        try:
+            with path.open("xb") as file:
+                path.chmod(0o600)
+                with tarfile.open(fileobj=file, mode="w:gz") as archive:
+                    for name, data in parts.items():
+                        member = tarfile.TarInfo(f"{path.name.removesuffix('.tar.gz')}/{name}")
+                        member.size, member.mtime, member.mode = len(data), int(time.time()), 0o600
+                        archive.addfile(member, io.BytesIO(data))
+        except FileExistsError:
+            raise CallError(f"{path}: exists, and is not overwritten; name another file") from None
+        except OSError as error:
+            raise CallError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def diagnose(
+    out: Path, config: Path | None, seconds: float, *, publish: str | None, requests: str | None, keys: Keys | None
+) -> None:
+    """Write the bundle and print what is in it; a daemon that does not answer is a problem like any other.
+
+    Args:
+        out: The new file.
+        config: Config of the rig; None: it is left out.
+        seconds: How long to listen to the messages, s.
+        publish: Endpoint of the messages; None: the default one.
+        requests: Endpoint of the requests; None: the default one.
+        keys: Keys for a daemon across a network.
+
+    Raises:
+        CallError: The file exists, or cannot be written.
+    """
+    if out.exists():
+        raise CallError(f"{out}: exists, and is not overwritten; name another file")
+    bundle = Bundle()
+    bundle.add("versions.json", _versions)
+    recordings: list[str] = []
+
+    def status() -> str:
+        with GripClient(requests, keys=keys) as client:
+            reply = client.status()
+        found = repairs(reply)
+        bundle.add("repairs.txt", lambda: repairs_text(found) + "\n")
+        for name in ("recording", "run_recording"):
+            recordings.extend(filter(None, [(dict(reply).get(name) or {}).get("path")]))
+        return json.dumps({**reply, "repairs": [repair.as_map() for repair in found]}, indent=1)
+
+    bundle.add("status.json", status)
+    bundle.add("messages.jsonl", lambda: _messages(publish, keys, seconds))
+    if config is not None:
+        bundle.add("config.toml", lambda: config.read_text(encoding="utf-8", errors="replace"))
+    bundle.add("log.txt", _log)
+    for path in recordings:
+        bundle.add_recording(Path(path))
+    bundle.write(out)
+    print(f"{out}: {', '.join(bundle.parts)}")
+    for problem in bundle.problems:
+        print(f"not in it: {problem}")
+
+
+def _versions() -> str:
+    found = {"python": sys.version, "platform": platform.platform(), "libc": " ".join(platform.libc_ver())}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed here"
+    return json.dumps(found, indent=1)
+
+
+def _messages(endpoint: str | None, keys: Keys | None, seconds: float) -> str:
+    lines, until_s = [], time.monotonic() + seconds
+    with Subscriber(endpoint, keys=keys, silence_s=None) as subscriber:
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            message = subscriber.receive(left_s)
+            if message is not None:
+                lines.append(json.dumps({"topic": message.topic, **message.raw}))
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _log() -> str:
+    """Return the end of the log of the service, of the system and of this user."""
+    program = shutil.which("journalctl")
+    if program is None:
+        raise FileNotFoundError("there is no journalctl on this machine: add the output of slipd yourself")
+    found = ""
+    for unit in (("--unit", "slipd"), ("--user-unit", "slipd")):
+        command = [program, *unit, "--lines", str(LOG_LINES), "--no-pager", "--output", "short-iso-precise"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20.0, check=False)  # noqa: S603
+        found += f"== {' '.join(unit)}\n{done.stdout}{done.stderr}"
+    return found
