@@ -98,9 +98,9 @@ def test_a_cache_that_cannot_be_written_is_a_warning_and_no_crash() -> None:
         "import warnings\n"
         "with warnings.catch_warnings(record=True) as told:\n"
         "    warnings.simplefilter('always')\n"
-        "    from slipd.fusion import tipping_margin\n"
+        "    from slipd.fusion.slide import surprise_of\n"
         "assert any('NUMBA_CACHE_DIR' in str(w.message) for w in told), told\n"
-        "assert tipping_margin([0, 1, 1, 0], [0, 0, 1, 1], (0.5, 0.5)) == 0.5\n"
+        "assert round(surprise_of(2.0), 3) == 3.612\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -119,9 +119,9 @@ def test_a_numba_that_keeps_its_cache_in_another_way_is_used_without_a_cache() -
         "import warnings\n"
         "with warnings.catch_warnings(record=True) as told:\n"
         "    warnings.simplefilter('always')\n"
-        "    from slipd.fusion import tipping_margin\n"
+        "    from slipd.fusion.slide import surprise_of\n"
         "assert any('cannot be cached' in str(w.message) for w in told), told\n"
-        "assert tipping_margin([0, 1, 1, 0], [0, 0, 1, 1], (0.5, 0.5)) == 0.5\n"
+        "assert round(surprise_of(2.0), 3) == 3.612\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
