@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from bench.tables import Table
-from evaluate.campaign import CREEPING, FORESEEN, QUIET, SLIPPING_FAMILIES, Campaign, is_sticky
+from evaluate.campaign import CREEPING, FORESEEN, HOLDING, QUIET, SLIPPING_FAMILIES, Campaign, is_sticky
 from evaluate.families import FAMILIES, PERTURBATIONS
 from evaluate.intervals import share_upper
 from evaluate.running import FACTORS, Variant
@@ -41,6 +41,9 @@ def goals(campaign: Campaign) -> Table:
         notes=[
             "Oracle: what a detector of a falling load misses (of creep: finds) although it is told the onset, see "
             "*visible* below.",
+            "Oracle of warnings and leads: it is told the true λ and warns as early as gives no warning below λ = 0.7 "
+            "where μ is stated 10 % too low, see *oracle of the warnings* below.",
+            "False warnings in families that slip come before, between and after the slips; most of them soon before.",
             "Gross slip without `slipping` in 100 ms: creep apart, of which another figure is asked.",
             f"Warned before, its lead and changes on the way: families {', '.join(FORESEEN)}.",
         ],
@@ -97,9 +100,14 @@ def _false(c: Campaign) -> Iterator[Row]:
         )
     s = c.summary(FAMILIES, *ALL)
     yield "false `slipping` while the grip closes", "≤ 0.5 %", percent(s.closing), _below(s.closing, 0.5)
-    s = c.summary(FAMILIES, *NEAR)
-    bound = f"{s.false_warnings} in {s.safe_h:.2f} h (≤ {s.false_warnings_upper:.1f}/h)"
-    yield "false warnings (λ < 0.7), factors 0.9 to 1.1", "≤ 1/h", bound, s.false_warnings <= s.safe_h
+    for families, what, asked in ((HOLDING, "families that hold", True), (SLIPPING_FAMILIES, "that slip", False)):
+        s = c.summary(families, *NEAR)
+        yield (
+            f"false warnings (λ < 0.7), factors 0.9 to 1.1, {what}",
+            "≤ 1/h" if asked else "",
+            f"{s.false_warnings} in {s.safe_h:.2f} h (≤ {s.false_warnings_upper:.1f}/h)",
+            s.false_warnings <= s.safe_h if asked else None,
+        )
 
 
 def _course(c: Campaign) -> Iterator[Row]:
@@ -128,8 +136,10 @@ def _course(c: Campaign) -> Iterator[Row]:
 
 def _numbers(c: Campaign) -> Iterator[Row]:
     s = c.summary(FORESEEN, EXACT)
-    yield "warned before gross slip, μ known", "≥ 99 %", percent(s.warned), _above(s.warned, 99.0)
-    yield "lead of the warning, p5, μ known", "≥ 130 ms", f"{whole(s.lead_p5_ms)} ms", _within(130.0, s.lead_p5_ms)
+    warned = f"{percent(s.warned)} (oracle: {percent(s.oracle_warned)})"
+    yield "warned before gross slip, μ known", "≥ 99 %", warned, _above(s.warned, 99.0)
+    lead = f"{whole(s.lead_p5_ms)} ms (oracle: {whole(s.oracle_lead_p5_ms)} ms)"
+    yield "lead of the warning, p5, μ known", "≥ 130 ms", lead, _within(130.0, s.lead_p5_ms)
     many = [name for name in FAMILIES if name != "few taxels"]
     for families, what, most in ((many, "", 6.0), (["few taxels"], ", few taxels", 10.0)):
         s = c.summary(families, EXACT)

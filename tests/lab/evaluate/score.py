@@ -6,6 +6,9 @@ as sliding time.
 
 - **warned**: an alarm is in force at the onset of a gross slip. The share is that of the first gross slips of the runs,
   or, where it says so, of all later ones. Its **lead** is the time since that alarm began, without a pause.
+- **oracle of the warnings**: it is told the true λ and warns where λ, since it was last below `ORACLE_BEGIN`, reaches
+  `SAFE` / 0.9 for the first time: lower, and a μ stated 10 % too low gives false warnings. Its lead is the time from
+  there to the onset. Where friction weakens in partial slip, the object is let go before λ = 1, or before that.
 - **latency** of a gross slip of `PROMPT_S` or longer: from the onset to the first time that the level is "slipping"; 0
   where it is so already; infinite where that never comes before the slip ends. **path**: how far the contact slides
   until then.
@@ -47,6 +50,7 @@ PROMPT_S = 0.1
 EARLY_S, LATE_S = 0.02, 0.25
 SAFE, SETTLED_S = 0.7, 0.03
 LEAST_USED = 0.3
+ORACLE_BEGIN, ORACLE_USED = 0.5, SAFE / 0.9
 ORACLE_S, ORACLE_AFTER_S, ORACLE_ERRORS = 0.04, 0.02, 3.0
 SHORT = 0.05
 """A grip force counts as too small if it is short of the true need by more than this."""
@@ -63,6 +67,7 @@ class EpisodeScore:
         long: It lasts `PROMPT_S` or longer.
         warned: See the module.
         lead_s: NaN without a warning.
+        oracle_lead_s: Of the oracle of the warnings; NaN where it does not warn.
         latency_s: Infinite where it was not reported.
         path_m: NaN where it was not reported.
         missed: See the module.
@@ -75,6 +80,7 @@ class EpisodeScore:
     long: bool
     warned: bool
     lead_s: float
+    oracle_lead_s: float
     latency_s: float
     path_m: float
     missed: bool
@@ -156,6 +162,7 @@ def _episode(k: int, episodes: list[Episode], spans: list[Span], truth: Truth, r
         long=long,
         warned=bool(before),
         lead_s=begin_s - before[0].begin_s if before else math.nan,
+        oracle_lead_s=_oracle_lead_s(truth, begin_s),
         latency_s=reported_s - begin_s,
         path_m=truth.path_m(begin_s, reported_s) if slipping else math.nan,
         missed=long and not _overlap(spans, soon, (SLIPPING,)),
@@ -163,6 +170,15 @@ def _episode(k: int, episodes: list[Episode], spans: list[Span], truth: Truth, r
         visible=_visible(reports, begin_s),
         overstay_s=math.nan if followed or end_s >= truth.t_s[-1] else (last[0] - end_s if last else 0.0),
     )
+
+
+def _oracle_lead_s(truth: Truth, onset_s: float) -> float:
+    """Return how long before an onset the true λ reached `ORACLE_USED`; NaN where it did not."""
+    used = truth.utilisation[: np.searchsorted(truth.t_s, onset_s)]
+    low = np.flatnonzero(used < ORACLE_BEGIN)
+    begin = int(low[-1]) if low.size else 0
+    reached = np.flatnonzero(used[begin:] >= ORACLE_USED)
+    return onset_s - float(truth.t_s[begin + reached[0]]) if reached.size else math.nan
 
 
 def _visible(reports: Reports, onset_s: float) -> bool:

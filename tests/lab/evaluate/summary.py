@@ -26,6 +26,8 @@ class Summary:
         warned_again: Likewise of later ones.
         lead_p50_ms: Lead of the warnings.
         lead_p5_ms: Likewise.
+        oracle_warned: Share of the first slips that the oracle of the warnings warns of.
+        oracle_lead_p5_ms: Lead of its warnings.
         latency_p50_ms: From onset to "slipping", of long slips.
         latency_p95_ms: Likewise; infinite where more are not reported.
         missed: Share of long slips without "slipping" within 100 ms.
@@ -57,6 +59,8 @@ class Summary:
     warned_again: float
     lead_p50_ms: float
     lead_p5_ms: float
+    oracle_warned: float
+    oracle_lead_p5_ms: float
     latency_p50_ms: float
     latency_p95_ms: float
     missed: float
@@ -87,6 +91,7 @@ def summarise(scores: Iterable[RunScore]) -> Summary:
     slips = [slip for run in runs for slip in run.episodes]
     long = [slip for slip in slips if slip.long]
     leads = [1e3 * slip.lead_s for slip in slips if slip.warned]
+    oracle_leads = [1e3 * slip.oracle_lead_s for slip in slips if not math.isnan(slip.oracle_lead_s)]
     latencies = [1e3 * slip.latency_s for slip in long]
     quiet_h, safe_h = (sum(getattr(run, name) for run in runs) / 3600.0 for name in ("quiet_s", "safe_s"))
     false_slips, false_warnings = (sum(getattr(r, name) for r in runs) for name in ("false_slipping", "false_warnings"))
@@ -100,6 +105,8 @@ def summarise(scores: Iterable[RunScore]) -> Summary:
         warned_again=_share(slip.warned for slip in slips if not slip.first),
         lead_p50_ms=quantile(leads, 0.5),
         lead_p5_ms=quantile(leads, 0.05),
+        oracle_warned=_share(not math.isnan(slip.oracle_lead_s) for slip in slips if slip.first),
+        oracle_lead_p5_ms=quantile(oracle_leads, 0.05),
         latency_p50_ms=quantile(latencies, 0.5),
         latency_p95_ms=quantile(latencies, 0.95),
         missed=_share(slip.missed for slip in long),

@@ -87,6 +87,19 @@ def test_an_alarm_that_pauses_before_the_slip_leads_from_its_last_beginning() ->
     assert slip.lead_s == pytest.approx(0.1)
 
 
+def test_the_oracle_warns_where_the_true_load_comes_near_the_limit() -> None:
+    truth = course((1.0, 1.5))
+    truth.utilisation[(truth.t_s > 0.3995) & (truth.t_s < 0.4995)] = 0.8
+    (slip,) = scored(truth, said((0.0, STABLE))).episodes
+    assert slip.oracle_lead_s == pytest.approx(0.6), "the load has not been low since"
+    truth.utilisation[(truth.t_s > 0.5995) & (truth.t_s < 0.6995)] = 0.4
+    assert math.isnan(scored(truth, said((0.0, STABLE))).episodes[0].oracle_lead_s)
+    truth.utilisation[(truth.t_s > 0.8995) & (truth.t_s < 1.0)] = 0.8
+    found = scored(truth, said((0.0, STABLE)))
+    assert found.episodes[0].oracle_lead_s == pytest.approx(0.1)
+    assert summarise([found]).oracle_lead_p5_ms == pytest.approx(100.0)
+
+
 @pytest.mark.parametrize(
     ("at", "false"),
     [(0.9, 1), (0.985, 0), (1.2, 0), (1.6, 0), (1.8, 1)],
