@@ -16,6 +16,7 @@ from slipd.fusion import (
     torque_limit,
     utilisation,
 )
+from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.streaming import IDENTITY, move_to_pad, new_readings, spin_utilisation_1n
 from slipd.motion.image_fit import ImageFitter
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
@@ -32,6 +33,7 @@ def warm_up() -> None:
     torque_limit(x, y, loads, 0.5, force, centre)
     utilisation(x, y, loads, 0.5, force, 0.001, centre)
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
+    relative_noise((0.1, 0.0), 0.001, (0.0, 0.0), (1.0, 0.0, 0.0), 0.02, 0.001)
     tipping_margin(x, y, centre)
     contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
     spin_utilisation_1n(x, y, loads, 0.5, 0.001)

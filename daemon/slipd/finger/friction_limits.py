@@ -8,13 +8,16 @@ from __future__ import annotations
 from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState
 from slipd.finite import finite_or_none
-from slipd.fusion import grip_needed_n, torque_limit
+from slipd.friction.learning import Z
+from slipd.fusion import Contact, Utilisation, grip_needed_n, torque_limit
+from slipd.fusion.load_noise import relative_noise
 
 
 def needed_normal_n(finger: Finger, state: FingerState) -> float | None:
     """Return the least normal force on this pad that holds its load with the configured safety, N.
 
-    None where it is not known, and where no force would hold the load.
+    It holds the load with the noise of the reading too, at a one-sided confidence of 95 %. None where it is not known,
+    and where no force would hold the load.
     """
     contact, distribution, loads, mu = state.contact, state.load_distribution, state.loads, _mu(state)
     if contact is None or loads is None or distribution is None or state.utilisation is None or mu is None:
@@ -28,9 +31,18 @@ def needed_normal_n(finger: Finger, state: FingerState) -> float | None:
         contact.spin_nm * _spin_scale(state),
         (contact.cx_m, contact.cy_m),
         growth=finger.config.contact_growth,
-        safety=finger.config.grip_safety,
+        safety=finger.config.grip_safety * (1.0 + Z * _load_noise(finger, contact, state.utilisation)),
     )
     return finite_or_none(found)
+
+
+def _load_noise(finger: Finger, contact: Contact, used: Utilisation) -> float:
+    """Return the relative standard deviation of the load by the stated noise of the force sensor."""
+    wrench = finger.config.wrench
+    if wrench is None:  # the pad measures the force, of unknown noise
+        return 0.0
+    force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
+    return relative_noise(force, contact.spin_nm, about, used.twist, wrench.force_std_n, wrench.torque_std_nm)
 
 
 def torque_limit_nm(finger: Finger, state: FingerState) -> float | None:

@@ -9,10 +9,9 @@
 
 from __future__ import annotations
 
-import math
-
 from slipd.fusion.compiled import compiled
 from slipd.fusion.load_blocks import LEVEL, mean_q
+from slipd.fusion.load_noise import relative_noise
 from slipd.fusion.rows import Row, Rows
 
 DWELL_S = 0.25
@@ -38,27 +37,22 @@ GROWTH_STDS = 6.0
 def settle(row: Row, watch: Row, used: float, exact: bool) -> float:
     """Return the utilisation that counts: that of the reading, or of a mean where the noise is large.
 
-    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE. σ follows from the
-    motion that would begin: the gradient of λ with respect to the load is that motion over its frictional power.
+    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE.
 
     Args:
         row: The reading, with its contact and utilisation.
         watch: Its ``settled`` is updated.
         used: Utilisation of the reading.
         exact: It is that of force and spin together.
-
-    Source: envelope theorem on λ = max ℓ·q / D(q).
     """
     contact = row["contact"]
-    if not exact:
-        noise = contact["friction_ratio_std"] / contact["friction_ratio"] if contact["friction_ratio"] > 0.0 else 0.0
-    else:
+    if exact:
         vx, vy, omega = row["utilisation"]["twist"]
-        power = abs(contact["fx_n"] * vx + contact["fy_n"] * vy + contact["spin_nm"] * omega)
-        ux, uy = vx + omega * contact["cy_m"], vy - omega * contact["cx_m"]  # of the pad's origin
-        noise = 0.0
-        if power > 0.0:
-            noise = math.hypot(math.hypot(ux, uy) * watch["force_std_n"], omega * watch["torque_std_nm"]) / power
+        force, about = (contact["fx_n"], contact["fy_n"]), (contact["cx_m"], contact["cy_m"])
+        stds = watch["force_std_n"], watch["torque_std_nm"]
+        noise = relative_noise(force, contact["spin_nm"], about, (vx, vy, omega), stds[0], stds[1])
+    else:
+        noise = contact["friction_ratio_std"] / contact["friction_ratio"] if contact["friction_ratio"] > 0.0 else 0.0
     std = min(used, LARGE) * noise
     before = watch["settled"]
     watch["settled"] = min(used, LARGE)

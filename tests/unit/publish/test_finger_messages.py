@@ -77,6 +77,19 @@ def test_slip_of_a_contact_has_no_nil(finger: Finger, wrench: Wrench, image: Ima
     assert body["age_s"] == 0.0
 
 
+def test_the_grip_needed_allows_for_the_noise_of_the_reading(
+    left: str, parse: Callable[[str], Config], wrench: Wrench, image: Image
+) -> None:
+    needed = []
+    for noise_n in (0.0, 0.1):
+        text = left.replace("force_std_n = 0.0", f"force_std_n = {noise_n}")
+        finger = Finger("left", parse(text).finger["left"], Levels())
+        finger.update_image(image(T0 - MS, FULL))
+        read_force(finger, wrench(T0, 10.0, (3.0, 0.0)))
+        needed.append(slip_body(finger, finger.state)["grip_needed_n"])
+    assert needed[1] / needed[0] == pytest.approx(1.0 + 1.645 * 0.1 / 3.0, rel=1e-3), "with a confidence of 95 %"
+
+
 def test_the_torque_limit_is_in_the_sense_of_the_spin(finger: Finger, wrench: Wrench, image: Image) -> None:
     """With a force away from the centre of the load the two senses differ."""
     lopsided = np.array([[100] * 4] * 2 + [[10] * 4] * 2)
