@@ -83,6 +83,14 @@ class Browser:
     def click(self, selector: str) -> None:
         self.do(lambda page: page.click(selector))
 
+    def press(self, button: str, reply: str) -> None:
+        """Press a button until its reply begins as expected: a busy machine has reasons of its own to refuse."""
+        until_s = time.monotonic() + PATIENCE_S
+        shown = "((text) => text !== '…' && text)(document.getElementById('reply').textContent)"
+        while not (found := (self.click(button), self.until(shown))[1]).startswith(reply):
+            assert time.monotonic() < until_s, found
+            time.sleep(0.1)
+
     def _start(self) -> None:
         from playwright.sync_api import sync_playwright
 

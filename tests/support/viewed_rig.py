@@ -23,10 +23,12 @@ from slipd.devices.external import encode_reading
 from slipd.signals.pad import PadGeometry
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
+from slipd_client.keys import Keys, create, load
 from slipd_client.subscriber import Subscriber
 
 PATIENCE_S = 60.0
 PERIOD_S = 0.02
+HOT_N = 1.0
 
 PADS = {
     "left": PadGeometry(4, 8, 0.004, 0.003, flip_x=True),
@@ -35,7 +37,7 @@ PADS = {
 
 FINGER = """
 [finger.{name}]
-mu = 0.5
+{mu}
 min_normal_n = 0.4
 
 [finger.{name}.wrench]
@@ -83,6 +85,16 @@ quat_xyzw = [-0.5, -0.5, -0.5, 0.5]
 """
 
 
+BUS = """
+[bus]
+publish = "tcp://127.0.0.1:*"
+requests = "tcp://127.0.0.1:*"
+secret_key = "{keys}/daemon.key_secret"
+readers = "{keys}/readers"
+requesters = "{keys}/requesters"
+"""
+
+
 @dataclass(frozen=True)
 class Contact:
     """What presses on a finger.
@@ -106,17 +118,30 @@ class Contact:
         return force_n, np.cross(centroid_m, force_n) + np.array((0.0, 0.0, self.spin_nm))
 
 
+def held(pad: PadGeometry, tangential_n: tuple[float, float], spin_nm: float) -> Contact:
+    """A contact of 10 N that is off the centre of the pad, with more load on one side."""
+    x, y = pad.positions()
+    loads = np.where((np.abs(x + 0.002) < 0.007) & (np.abs(y - 0.002) < 0.005), 1.0 + 60.0 * x + 40.0 * y, 0.0)
+    return Contact(10.0 * loads / loads.sum(), tangential_n, spin_nm)
+
+
+HELD = {"left": held(PADS["left"], (0.4, 1.2), 0.008), "right": held(PADS["right"], (0.4, -1.2), -0.008)}
+"""An object in the grip."""
+
+
 class Sensors(threading.Thread):
     """Pushes the readings of both fingers until it is stopped.
 
     Attributes:
         contacts: What presses on each finger; None: nothing.
+        hot: Finger and index of a taxel that reads a load which does not exist; None: no taxel.
         silent: Nothing is sent.
     """
 
     def __init__(self, endpoint: str) -> None:
         super().__init__(name="sensors")
         self.contacts: dict[str, Contact | None] = {"left": None, "right": None}
+        self.hot: tuple[str, int] | None = None
         self.silent = False
         self._endpoint = endpoint
         self._ended = threading.Event()
@@ -140,6 +165,8 @@ class Sensors(threading.Thread):
                         "torque_nm": torque_nm + 0.0002 * noise.standard_normal(3),
                     }
                     loads_n = np.where(contact.loads_n > 0, contact.loads_n + 0.001 * noise.random(pad.taxels), 0.0)
+                    if self.hot is not None and self.hot[0] == name:
+                        loads_n[self.hot[1]] = HOT_N
                     if not self.silent:
                         t_ns = time.monotonic_ns()
                         with contextlib.suppress(zmq.Again):  # no daemon
@@ -150,6 +177,11 @@ class Sensors(threading.Thread):
 class ViewedRig:
     """The parts; ``with`` starts and ends them.
 
+    Args:
+        folder: For the files and sockets of the parts.
+        without_mu: The finger whose coefficient of friction is not known; "" for none of them.
+        keyed: The daemon serves TCP ports, for clients with keys: "requester", and "reader" that may only subscribe.
+
     Attributes:
         url: Address of the page.
         sensors: What the sensors send.
@@ -157,12 +189,14 @@ class ViewedRig:
         messages: Every message so far, by topic and number.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, without_mu: str = "", keyed: bool = False) -> None:
         self.messages: dict[tuple[str, int], dict[str, Any]] = {}
         self.url = ""
         self._folder = folder
         self._environment = os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")}
         self._publish, self._requests = f"ipc://{folder}/run/publish", f"ipc://{folder}/run/requests"
+        self._without_mu = without_mu
+        self._bus = _make_keys(folder) if keyed else ""
         self._ended = threading.Event()
         self.sensors = Sensors(f"ipc://{folder}/readings")
 
@@ -171,11 +205,7 @@ class ViewedRig:
             gripper = f"unix://{self._folder}/gripper"
             self.daemon = stack.enter_context(self.start_daemon())
             stack.enter_context(self._part("slipd.sim.emulate", "external_gripper", "--at", gripper)[0])
-            endpoints = ("--publish", self._publish, "--requests", self._requests)
-            arguments = (*endpoints, "view", "--listen", "127.0.0.1:0")
-            view, line = self._part("slipd_client.slipctl", *arguments)
-            stack.enter_context(view)
-            self.url = line.partition(": ")[2]
+            self.url = stack.enter_context(self.view("requester"))
             listener = threading.Thread(target=self._listen, name="listener")
             listener.start()
             stack.callback(listener.join)
@@ -191,16 +221,38 @@ class ViewedRig:
     @contextlib.contextmanager
     def start_daemon(self) -> Iterator[subprocess.Popen[str]]:
         """Start a daemon, which serves once this returns."""
-        fingers = [FINGER.format(name=name, folder=self._folder, **_layout(pad)) for name, pad in PADS.items()]
+        fingers = [
+            FINGER.format(name=name, folder=self._folder, mu=self._mu(name), **_layout(pad))
+            for name, pad in PADS.items()
+        ]
         config = self._folder / "rig.toml"
-        config.write_text("".join(fingers) + GRIPPER.format(folder=self._folder), encoding="utf-8")
-        part, _ = self._part("slipd", "run", "--config", str(config))
+        config.write_text("".join(fingers) + GRIPPER.format(folder=self._folder) + self._bus, encoding="utf-8")
+        part, line = self._part("slipd", "run", "--config", str(config))
         with part as process:
+            self._publish = line.partition(": ")[2]
+            self._requests = process.stdout.readline().strip().partition(": ")[2]
             yield process
+
+    @contextlib.contextmanager
+    def view(self, key: str) -> Iterator[str]:
+        """Serve the live view to the holder of a key, and return its address."""
+        endpoints = ("--publish", self._publish, "--requests", self._requests)
+        keys = self._folder / "keys"
+        secret = ("--key", f"{keys}/{key}.key_secret", "--server-key", f"{keys}/daemon.key") if self._bus else ()
+        part, line = self._part("slipd_client.slipctl", *endpoints, *secret, "view", "--listen", "127.0.0.1:0")
+        with part:
+            yield line.partition(": ")[2]
 
     def client(self) -> GripClient:
         """Return a client for requests."""
-        return GripClient(self._requests, timeout_s=5.0)
+        return GripClient(self._requests, keys=self._keys(), timeout_s=5.0)
+
+    def _mu(self, finger: str) -> str:
+        return "" if finger == self._without_mu else "mu = 0.5"
+
+    def _keys(self) -> Keys | None:
+        keys = self._folder / "keys"
+        return load(keys / "requester.key_secret", keys / "daemon.key") if self._bus else None
 
     def grip(self, force_n: float, contacts: dict[str, Contact | None]) -> None:
         """Close the gripper onto an object, which then presses on the fingers."""
@@ -223,7 +275,7 @@ class ViewedRig:
             time.sleep(0.02)
 
     def _listen(self) -> None:
-        with Subscriber(self._publish, ("",)) as subscriber:
+        with Subscriber(self._publish, ("",), keys=self._keys()) as subscriber:
             while not self._ended.is_set():
                 message = subscriber.receive(0.1)
                 if message is not None:
@@ -242,6 +294,17 @@ class ViewedRig:
         line = process.stdout.readline().strip()
         assert line, f"{name} ended at its start"
         return _ending(process), line
+
+
+def _make_keys(folder: Path) -> str:
+    """Make the keys of the daemon and of two clients; return the part of the config that names them."""
+    keys = folder / "keys"
+    for name, lists in (("daemon", ()), ("requester", ("readers", "requesters")), ("reader", ("readers",))):
+        public, _ = create(name, keys)
+        for each in lists:
+            (keys / each).mkdir(exist_ok=True)
+            (keys / each / public.name).write_bytes(public.read_bytes())
+    return BUS.format(keys=keys)
 
 
 def _layout(pad: PadGeometry) -> dict[str, Any]:

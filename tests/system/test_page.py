@@ -5,16 +5,13 @@ from __future__ import annotations
 import contextlib
 import re
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 import pytest
-from browser import MISSING, PATIENCE_S, Browser
-from viewed_rig import PADS, Contact, ViewedRig
+from browser import MISSING, Browser
+from viewed_rig import HELD, PADS, ViewedRig, held
 
-from slipd.signals.pad import PadGeometry
 from slipd_client.errors import ClientError
 from slipd_client.messages.names import REASONS
 
@@ -25,14 +22,6 @@ CARD = "slipd.cards.get('left')"
 Parts = tuple[ViewedRig, Browser]
 
 
-def held(pad: PadGeometry, tangential_n: tuple[float, float], spin_nm: float) -> Contact:
-    """A contact of 10 N that is off the centre of the pad, with more load on one side."""
-    x, y = pad.positions()
-    loads = np.where((np.abs(x + 0.002) < 0.007) & (np.abs(y - 0.002) < 0.005), 1.0 + 60.0 * x + 40.0 * y, 0.0)
-    return Contact(10.0 * loads / loads.sum(), tangential_n, spin_nm)
-
-
-HELD = {"left": held(PADS["left"], (0.4, 1.2), 0.008), "right": held(PADS["right"], (0.4, -1.2), -0.008)}
 SLIDING = {"left": held(PADS["left"], (0.4, 4.7), 0.008), "right": HELD["right"]}
 
 
@@ -149,27 +138,9 @@ def rgb(colour: str) -> list[int]:
     return list(bytes.fromhex(colour.removeprefix("#")))
 
 
-def press(browser: Browser, button: str, reply: str) -> None:
-    """Press a button until its reply begins as expected: a busy machine has reasons of its own to refuse."""
-
-    def replied() -> bool:
-        browser.click(button)
-        text = browser.until("((text) => text !== '…' && text)(document.getElementById('reply').textContent)")
-        return bool(text.startswith(reply))
-
-    until(replied)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < until_s
-        time.sleep(0.1)
-
-
 def test_a_refused_request_shows_the_words_of_the_daemon(parts: Parts) -> None:
     _, browser = parts
-    press(browser, ".tare", "in_contact: ")
+    browser.press(".tare", "in_contact: ")
     assert browser.value("document.getElementById('reply').dataset.ok") == "false"
 
 
@@ -177,7 +148,7 @@ def test_a_change_of_the_grip_force_reaches_the_gripper(parts: Parts) -> None:
     rig, browser = parts
     with rig.client() as client:
         before_n = rig.wait(lambda: client.status()["gripper"]["force_command_n"])
-        press(browser, "#more", "grip force +1 N: the gripper was sent ")
+        browser.press("#more", "grip force +1 N: the gripper was sent ")
         rig.wait(lambda: client.status()["gripper"]["force_command_n"] > before_n + 0.5)
 
 
@@ -196,7 +167,7 @@ def test_another_client_that_holds_the_lease_is_named_as_the_reason(parts: Parts
     holder = threading.Thread(target=hold)
     holder.start()
     try:
-        press(browser, "#more", "lease_held: another client holds the lease")
+        browser.press("#more", "lease_held: another client holds the lease")
     finally:
         ended.set()
         holder.join()
@@ -257,6 +228,42 @@ def test_a_daemon_that_ends_is_stale_and_one_that_returns_is_live(parts: Parts) 
     rig.daemon.wait()
     with rig.start_daemon():
         browser.until(f"{state} === 'live'")
+
+
+def test_a_message_that_reached_the_server_long_ago_is_stale_in_a_browser_that_opens_now(parts: Parts) -> None:
+    _, browser = parts
+    ages = browser.value(
+        """import("/state.js").then(({ State }) => [0.1, 0.8].map((age) => {
+            const state = new State(false);
+            const topics = { "slip.left": { boot: "b", seq: 1, t_ns: 1e9 } };
+            state.apply({ topics, ages: { "slip.left": age }, changes: [] });
+            return [state.age("slip.left"), state.stale("slip.left")];
+        }))"""
+    )
+    assert [stale for _, stale in ages] == [False, True]
+    assert ages[1][0] == pytest.approx(0.8, abs=0.05)
+
+
+def test_an_unknown_grip_force_is_hatched_and_not_an_empty_bar(parts: Parts) -> None:
+    _, browser = parts
+    pixels = """((now) => {
+        const canvas = document.createElement("canvas");
+        canvas.style.cssText = "width: 400px; height: 64px; position: absolute; left: 0; top: 0";
+        document.body.append(canvas);
+        return import("/gauges.js").then(({ drawGrip }) => {
+            const drawn = drawGrip(canvas, now, 5, 40);
+            const row = [...canvas.getContext("2d").getImageData(0, canvas.height / 2, canvas.width, 1).data];
+            canvas.remove();
+            const colours = new Set(row.flatMap((_, at) => (at % 4 ? [] : [row.slice(at, at + 3).join(",")])));
+            return { now: drawn.now, colours: [...colours] };
+        });
+    })"""
+    unknown = ",".join(
+        map(str, rgb(browser.value("getComputedStyle(document.documentElement).getPropertyValue('--unknown')")))
+    )
+    assert unknown in browser.value(f"{pixels}(null)")["colours"]
+    assert browser.value(f"{pixels}(null)")["now"] is None
+    assert unknown not in browser.value(f"{pixels}(0)")["colours"]
 
 
 def test_the_page_loads_nothing_from_elsewhere_and_its_scripts_report_no_error(parts: Parts) -> None:

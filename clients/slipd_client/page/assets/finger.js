@@ -139,7 +139,7 @@ export class FingerCard {
     facts.push(circles.length
       ? `circles: friction limit of each taxel, the largest ${quantity(largestLimit, 3, "N")}`
       : "no friction circles: load or μ is unknown, or the taxels are too small");
-    if (masked.length) facts.push(`${masked.length} taxels are not used (×)`);
+    if (masked.length) facts.push(`${masked.length} ${masked.length === 1 ? "taxel is" : "taxels are"} not used (×)`);
     return facts.join("; ");
   }
 }

@@ -1,0 +1,145 @@
+"""The live view in a real browser: keys, a faulty taxel, a finger without friction coefficient, the virtual gripper."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser import MISSING, PATIENCE_S, Browser
+from viewed_rig import HELD, PADS, ViewedRig
+
+from slipd_client.messages.names import REASONS
+
+pytestmark = [pytest.mark.process, pytest.mark.skipif(bool(MISSING), reason=MISSING), pytest.mark.timeout(180)]
+
+Parts = tuple[ViewedRig, Browser]
+
+HOT_TAXEL = 13
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Parts]:
+    """Open fingers of a daemon across TCP: the left pad has a faulty taxel, the right finger lacks a coefficient."""
+    folder = tmp_path_factory.mktemp("rigs")
+    with Browser() as browser, ViewedRig(folder, without_mu="right", keyed=True) as rig:
+        rig.sensors.hot = ("left", HOT_TAXEL)
+        browser.open(rig.url)
+        yield rig, browser
+
+
+def texts(browser: Browser, finger: str, *names: str) -> list[str]:
+    """What the card of a finger shows."""
+    found: list[str] = browser.value(
+        f'{list(names)}.map((name) => document.querySelector(`[data-field="{finger}.${{name}}"]`).textContent)'
+    )
+    return found
+
+
+def test_a_client_with_keys_shows_a_daemon_across_tcp_and_may_request(parts: Parts) -> None:
+    _, browser = parts
+    browser.until("document.getElementById('connection').dataset.state === 'live'")
+    assert browser.value("document.getElementById('facts').textContent").startswith("tcp://127.0.0.1:")
+    browser.press('[data-finger="right"] .tare', "right: zero taken of wrench")
+
+
+def test_a_key_that_may_only_read_shows_why_no_button_works(parts: Parts) -> None:
+    rig, browser = parts
+    with rig.view("reader") as url:
+        browser.open(url)
+        browser.until(
+            "document.getElementById('permission').textContent.startsWith('requests are not accepted: read_only')"
+        )
+        browser.until(
+            "slipd.cards.size === 2 && [...document.querySelectorAll('.tare')].every((each) => each.disabled)"
+        )
+        browser.until("document.getElementById('connection').dataset.state === 'live'")
+    browser.open(rig.url)
+
+
+def test_a_masked_taxel_is_crossed_out_and_counted(parts: Parts) -> None:
+    rig, browser = parts
+    browser.until(
+        "document.querySelector('[data-finger=\"left\"] figcaption')?.textContent.includes('1 taxel is not used (×)')"
+    )
+    statuses = [body for (topic, _), body in list(rig.messages.items()) if topic == "status"]
+    assert any(body["streams"]["left.pad"]["masked"] == [HOT_TAXEL] for body in statuses)
+    crossed = browser.value(
+        """(() => {
+            const card = slipd.cards.get("left");
+            const context = card.pad.getContext("2d");
+            const middle = ([x, y]) => [...context.getImageData(x * devicePixelRatio, y * devicePixelRatio, 1, 1).data];
+            const ink = getComputedStyle(document.documentElement).getPropertyValue("--masked").trim();
+            return { ink, middles: card.drawn.pad.taxels.map(middle) };
+        })()"""
+    )
+    ink = bytes.fromhex(crossed["ink"].removeprefix("#"))
+    marked = [max(abs(a - b) for a, b in zip(pixel, ink, strict=False)) < 60 for pixel in crossed["middles"]]
+    assert [index for index, found in enumerate(marked) if found] == [HOT_TAXEL]
+    assert len(marked) == PADS["left"].taxels
+
+
+def test_a_finger_without_a_friction_coefficient_is_unknown_and_shows_what_is_known(parts: Parts) -> None:
+    rig, browser = parts
+    rig.sensors.hot = None
+    rig.grip(10.0, HELD)
+    browser.until("slipd.cards.get('right')?.drawn.slip?.required_friction > 0")
+    page: dict[str, Any] = browser.value(
+        """(() => {
+            const card = slipd.cards.get("right");
+            return { seq: card.drawn.slip.seq, level: card.level.textContent, why: card.why.textContent,
+                circles: card.drawn.pad.circles.length, caption: card.caption.textContent, bar: card.drawn.bar.value };
+        })()"""
+    )
+    shown = texts(browser, "right", "mu", "utilisation", "required_friction")
+    message = rig.wait(lambda: rig.messages.get(("slip.right", page["seq"])))
+    assert (message["mu"], message["mu_source"], message["utilisation"]) == (None, "none", None)
+    assert page["level"] == message["level"].upper().replace("_", " ")
+    assert REASONS[message["reasons"][0]] in page["why"]
+    assert shown[:2] == ["unknown", "unknown"]
+    assert float(shown[2]) == pytest.approx(message["required_friction"], abs=0.02)
+    assert (page["circles"], page["bar"]) == (0, None)
+    assert "no friction circles" in page["caption"]
+    assert texts(browser, "left", "mu")[0].startswith("0.50 (config")
+
+
+def test_no_script_failed(parts: Parts) -> None:
+    _, browser = parts
+    assert browser.problems == []
+
+
+def test_the_demo_leads_a_browser_to_its_page_and_shows_the_virtual_gripper(tmp_path: Path) -> None:
+    """The file that the demo opens is followed by a real browser."""
+    copy, opener = tmp_path / "copy.html", tmp_path / "opener"
+    opener.write_text(f'#!/bin/sh\ncp "${{1#file://}}" {copy}.new && mv {copy}.new {copy}\n', encoding="utf-8")
+    opener.chmod(0o700)
+    environment = os.environ | {
+        "SLIPD_RUNTIME_DIR": str(tmp_path / "run"),
+        "DISPLAY": ":99",
+        "BROWSER": f"{opener} %s",
+    }
+    command = [sys.executable, "-m", "slipd", "demo", "--seconds", "120"]
+    with Browser() as browser, subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as demo:
+        try:
+            until_s = time.monotonic() + PATIENCE_S
+            while not copy.exists():
+                assert time.monotonic() < until_s
+                time.sleep(0.05)
+            browser.do(lambda page: (page.goto(copy.as_uri()), page.wait_for_url("http://127.0.0.1:*/**")))
+            browser.until("window.slipd?.cards.size === 2")
+            browser.until("[...slipd.cards.values()].every((card) => card.drawn.pad?.taxels.length === 128)")
+            browser.until("slipd.grasp.drawn.now !== null")
+            width = "document.querySelector('[data-field=\"grasp.width_m\"]').textContent"
+            browser.until(f"/^[0-9.]+ mm$/.test({width})")
+            rows = browser.value("[...document.querySelectorAll('#stream-rows tr')].map((row) => row.dataset.stream)")
+            assert sorted(rows) == ["gripper", "left.pad", "left.wrench", "right.pad", "right.wrench"]
+            assert browser.problems == []
+        finally:
+            demo.send_signal(signal.SIGINT)
+            demo.wait(PATIENCE_S)
