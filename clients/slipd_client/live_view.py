@@ -6,7 +6,7 @@ Knows no clock, socket or terminal: messages in, text out. An unknown value is s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from slipd_client.live_view_format import (
     as_map,
@@ -51,6 +51,19 @@ Pads = dict[str, tuple[PadImage, int] | None]
 """Finger → image of its pad, and its scale; None where there is no room for it."""
 
 
+StreamForms = list[tuple[Sheet, list[str]]]
+"""Lines of the streams, each with what they leave out."""
+
+
+class _Made(NamedTuple):
+    """Lines of the streams, and what they were made of."""
+
+    status: dict[str, Any] | None
+    width: int
+    ascii_only: bool
+    forms: StreamForms
+
+
 @dataclass(frozen=True, slots=True)
 class Terminal:
     """What the view is drawn for.
@@ -73,6 +86,7 @@ class LiveView:
 
     def __init__(self) -> None:
         self._newest: dict[str, dict[str, Any]] = {}
+        self._stream_forms: _Made | None = None
 
     def update(self, topic: str, body: dict[str, Any]) -> None:
         """Add a message; ``body`` is kept, not copied.
@@ -158,7 +172,7 @@ class LiveView:
             add_recording(sheet, self._status(key), what)
         without = [f"pad of {plain(finger)}" for finger, pad in pads.items() if pad is None]
         without += ["forces"] if brief else []
-        for streams, left_out in self._stream_forms(sheet):
+        for streams, left_out in self._forms(sheet):
             note = sheet.narrower(0)
             if without or left_out:
                 note.paragraph(f"left out in {_size(terminal)}: {', '.join([*without, *left_out])}", "2")
@@ -167,7 +181,14 @@ class LiveView:
                 break
         return lines
 
-    def _stream_forms(self, like: Sheet) -> list[tuple[Sheet, list[str]]]:
+    def _forms(self, like: Sheet) -> StreamForms:
+        """Return the lines of the streams, made once for each ``status``: the view is drawn ten times as often."""
+        made, status = self._stream_forms, self._newest.get(STATUS_TOPIC)
+        if made is None or made.status is not status or made.width != like.width or made.ascii_only != like.ascii_only:
+            made = self._stream_forms = _Made(status, like.width, like.ascii_only, self._new_forms(like))
+        return made.forms
+
+    def _new_forms(self, like: Sheet) -> StreamForms:
         """Return the lines of the streams, from the longest form to the shortest, each with what it leaves out."""
         streams = {name: as_map(stream) for name, stream in self._status("streams").items()}
         well = {

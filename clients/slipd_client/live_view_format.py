@@ -134,4 +134,6 @@ def plain(value: Any) -> str:
     """Return a string from the daemon without control characters, which would move the cursor."""
     if not isinstance(value, str):
         return UNKNOWN
+    if value and value.isprintable():
+        return value
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value) or UNKNOWN

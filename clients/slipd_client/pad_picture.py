@@ -30,6 +30,9 @@ MOST_TAXELS = 4096
 
 _HALF = "▀"
 
+_CODES = [[f"38;5;{top};{ground}" for ground in (*(f"48;5;{bottom}" for bottom in HEAT), "49")] for top in HEAT]
+"""Colour of a half block, by the steps of the upper and the lower pixel; the last one is without a lower pixel."""
+
 
 @dataclass(frozen=True, slots=True)
 class PadImage:
@@ -115,7 +118,8 @@ def pad_picture(
             signs.setdefault(int(place[1] * scale) // 2, {})[int(place[0] * scale)] = sign
     shades = SHADES[ascii_only]
     steps = len(HEAT) if colour and not ascii_only else len(shades)
-    rows = [[_step(share, steps) for share in row] for row in image.rows]
+    # 0 for no load, else 1 to ``steps`` - 1
+    rows = [[1 + min(int(share * (steps - 1)), steps - 2) if share > 0.0 else 0 for share in row] for row in image.rows]
     lines = []
     for at in range((scale * len(rows) + 1) // 2):
         upper, lower_row = rows[2 * at // scale], (2 * at + 1) // scale
@@ -133,11 +137,8 @@ def pad_picture(
 def _heat_line(upper: Sequence[int], lower: Sequence[int] | None, scale: int) -> Line:
     """Draw half blocks: the foreground is the upper pixel, the background the lower one."""
     below = lower or [-1] * len(upper)
-    line: Line = []
-    for (top, bottom), alike in groupby(zip(upper, below, strict=True)):
-        ground = f"48;5;{HEAT[bottom]}" if bottom >= 0 else "49"
-        line.append((_HALF * (scale * len(list(alike))), f"38;5;{HEAT[top]};{ground}"))
-    return line
+    codes = [_CODES[top][bottom] for top, bottom in zip(upper, below, strict=True)]
+    return [(_HALF * (scale * len(list(alike))), code) for code, alike in groupby(codes)]
 
 
 def _shade_line(upper: Sequence[int], lower: Sequence[int], scale: int, shades: str) -> Line:
@@ -161,8 +162,3 @@ def _marked(line: Line, column: int, sign: str) -> Line:
 
 _INK = {str(colour): 16 for colour in HEAT[len(HEAT) // 2 + 1 :]}
 """Black on the bright colours; white on the others."""
-
-
-def _step(share: float, steps: int) -> int:
-    """Return 0 for no load, else 1 to ``steps`` − 1."""
-    return 0 if share <= 0.0 else 1 + min(int(share * (steps - 1)), steps - 2)
