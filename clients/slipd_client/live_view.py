@@ -48,7 +48,7 @@ OTHER_LINES = 6
 """Lines kept for the header, the gripper, the streams in short and a note; the rest is for the fingers."""
 
 Pads = dict[str, tuple[PadImage, int] | None]
-"""Finger → image of its pad, and its scale; None where there is no room for it."""
+"""Finger → image of its pad, and its scale; None: it does not fit."""
 
 
 StreamForms = list[tuple[Sheet, list[str]]]
@@ -139,7 +139,7 @@ class LiveView:
         return spelled(line, ascii_only=ascii_only)
 
     def _pads(self, terminal: Terminal) -> Pads:
-        """Return image and scale of each pad; None where there is no room for it."""
+        """Return image and scale of each pad; None if it does not fit."""
         fingers = self._fingers()
         room = (terminal.lines - OTHER_LINES) // max(len(fingers), 1) - 1
         found: Pads = {}
@@ -182,7 +182,7 @@ class LiveView:
         return lines
 
     def _forms(self, like: Sheet) -> StreamForms:
-        """Return the lines of the streams, made once for each ``status``: the view is drawn ten times as often."""
+        """Return the lines of the streams, made once for each ``status``: the view is drawn several times as often."""
         made, status = self._stream_forms, self._newest.get(STATUS_TOPIC)
         if made is None or made.status is not status or made.width != like.width or made.ascii_only != like.ascii_only:
             made = self._stream_forms = _Made(status, like.width, like.ascii_only, self._new_forms(like))

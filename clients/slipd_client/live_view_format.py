@@ -86,7 +86,7 @@ def reasons_of(body: dict[str, Any]) -> str:
 
 
 def evidence_of(body: dict[str, Any]) -> str:
-    """Return what shows that the object moves, in words; "" where nothing does."""
+    """Return what shows that the object moves, in words; "" without evidence."""
     evidence = body.get("evidence")
     return f"moves by {', '.join(map(plain, evidence))}" if isinstance(evidence, list) and evidence else ""
 
@@ -98,7 +98,7 @@ def quantity(body: dict[str, Any], field: str, unit: str, digits: int) -> str:
 
 
 def place(body: dict[str, Any], field: str, name: str) -> str:
-    """Return a point of the pad in millimetres after its name; "" where it is not known."""
+    """Return a point of the pad in millimetres after its name; "" if it is not known."""
     point = body.get(field)
     numbers = [number(each) for each in point] if isinstance(point, list) else []
     if len(numbers) != 2 or numbers[0] is None or numbers[1] is None:

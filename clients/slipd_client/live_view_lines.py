@@ -61,7 +61,7 @@ def add_finger(
         sheet: Gets the lines.
         finger: Its name.
         body: Its verdict, or its entry in ``status``.
-        tactile: The newest message about its pad; empty where there is none.
+        tactile: The newest message about its pad; empty before the first.
         silent: The daemon is silent, so the level is not known.
         pad: Image of its pad and its scale, drawn beside the facts; None: no picture.
         brief: Without a picture, only level, utilisation and reasons.
@@ -103,7 +103,7 @@ def _facts(body: dict[str, Any], marked: bool) -> Sequence[str]:
 
 
 def _no_image(tactile: dict[str, Any]) -> str:
-    """Return why the image of a pad cannot be used; "" where it can, or where there is no pad."""
+    """Return why the image of a pad cannot be used; "" for a usable image, and for a finger without a pad."""
     reasons = tactile.get("image_reasons")
     if tactile.get("image_ok") is not False or not isinstance(reasons, list):
         return ""

@@ -41,7 +41,7 @@ class PadImage:
     Attributes:
         rows: Rows from above, in the direction of −Y; each in the direction of X. Loads from 0 to 1, the largest.
         peak: The largest load.
-        unit: Its unit: "N", or "" where the image is not calibrated.
+        unit: Its unit: "N", or "" for an image that is not calibrated.
         pitch_m: Distance of neighbouring taxels; None: not known.
     """
 
@@ -53,7 +53,7 @@ class PadImage:
     def place(self, point_m: Any) -> tuple[float, float] | None:
         """Return where a point x, y lies: columns from the left and rows from above, in taxels.
 
-        None where the point is not known or not on the pad.
+        None for a point that is not known or not on the pad.
         """
         if not self.pitch_m or not isinstance(point_m, list) or len(point_m) != 2:
             return None
@@ -66,7 +66,7 @@ class PadImage:
 
 
 def pad_image(body: Mapping[str, Any]) -> PadImage | None:
-    """Return the image of a message ``tactile``; None where it has none that can be used."""
+    """Return the image of a message ``tactile``; None if it has no usable one."""
     loads, rows, cols = body.get("loads_n"), body.get("rows"), body.get("cols")
     if not (isinstance(rows, int) and isinstance(cols, int) and isinstance(loads, list)):
         return None

@@ -32,7 +32,7 @@ FIRST_S = 3.0
 GATHER_S = 0.8
 """The daemon sends the last message of every topic to a new subscriber, of quiet topics after half a second."""
 
-REDRAW_S = 0.1
+REDRAW_S = 0.15
 LINE_S = 1.0
 
 DEFAULT_SIZE = os.terminal_size((80, 24))

@@ -43,7 +43,7 @@ class LiveFeed:
 
     Args:
         endpoint: Where the daemon publishes.
-        requests: Carries out what people request on the page; None where the page has no buttons.
+        requests: Carries out what people request on the page; None: the page has no buttons.
         keys: Keys of this client, for a daemon across a network; None on this machine.
 
     Attributes:

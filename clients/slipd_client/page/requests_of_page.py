@@ -53,7 +53,7 @@ class PageRequests:
         GripClient(endpoint, keys=keys).disconnect()  # a wrong endpoint is an error now, not at the first request
 
     async def permission(self) -> str:
-        """Return why the daemon accepts no request of this client; "" where it may accept some."""
+        """Return why the daemon accepts no request of this client; "" if it may accept some."""
         try:
             async with AsyncGripClient(self._endpoint, keys=self._keys) as client:
                 await client.hello()

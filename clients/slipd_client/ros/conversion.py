@@ -51,7 +51,7 @@ def ros_messages(topic: str, body: Body, pads: PadFrames | None = None) -> Itera
     Args:
         topic: Topic of the daemon, e.g. ``slip.left``.
         body: Map of the message, of this version of the API.
-        pads: Places of the pads; None where they are not known.
+        pads: Places of the pads; None: they are not known.
     """
     head, _, finger = topic.partition(".")
     cls = TOPICS.get(head)

@@ -34,7 +34,7 @@ class RosField:
         name: Its name.
         type: A primitive, "string", or a message as "package/Name".
         length: None for a single value, -1 for a sequence of any length, else the length of an array.
-        comment: What it is, in ASCII; "" where the name says it.
+        comment: What it is, in ASCII; "" if the name explains itself.
     """
 
     name: str

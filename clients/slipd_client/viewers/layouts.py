@@ -97,7 +97,7 @@ def write(folder: Path, fingers: Sequence[str], levels: Levels) -> list[Path]:
 
 
 def ros_topic(topic: str, finger: str) -> str:
-    """Return a topic in ROS; ``finger`` is "" where there is one for both."""
+    """Return a topic in ROS; ``finger`` is "" for a topic that both fingers share."""
     return f"/slipd/{finger}/{topic}" if finger else f"/slipd/{topic}"
 
 

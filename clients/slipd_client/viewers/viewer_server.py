@@ -35,7 +35,7 @@ class ViewerServer:
     Args:
         host: Address to listen on.
         port: Port; 0 is any that is free.
-        pads: Places of the pads; None where they are not known: then there is no ``/tf``.
+        pads: Places of the pads; None: they are not known, and ``/tf`` is not published.
 
     Raises:
         CallError: foxglove-sdk is not installed, or the address cannot be used.

@@ -24,7 +24,7 @@ def add_viewers(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
         type=parse_listen,
         default=VIEWERS_LISTEN,
         metavar="HOST:PORT",
-        help="where to serve (default: %(default)s; port 0: any); whoever reaches it can read everything",
+        help="where to serve (default: %(default)s; port 0: any); who reaches it can read everything",
     )
     viewers.add_argument(
         "--config",

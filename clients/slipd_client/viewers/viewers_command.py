@@ -42,7 +42,7 @@ def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
         try:
             print(f"viewers: ws:{listen.url(server.port).removeprefix('http:').rstrip('/')}", flush=True)
             if not listen.loopback:
-                print(f"slipctl: whoever reaches port {server.port} can read every message", file=sys.stderr)
+                print(f"slipctl: every program that reaches port {server.port} can read every message", file=sys.stderr)
             _serve(subscriber, server)
         finally:
             server.stop()

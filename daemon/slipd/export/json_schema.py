@@ -67,7 +67,7 @@ def _plan(cls: type[Any]) -> list[tuple[Field, Callable[[Any], Any] | None]]:
 
 
 def _converter(kind: Kind) -> Callable[[Any], Any] | None:
-    """Return what makes a value of a kind fit its schema; None where it fits as it is."""
+    """Return what makes a value of a kind fit its schema; None if it fits as it is."""
     if kind.part is not None:
         part = kind.part
         return lambda value: for_json(part, value)

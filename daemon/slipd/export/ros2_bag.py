@@ -39,7 +39,7 @@ class Ros2Bag:
 
     Args:
         folder: Folder to create.
-        pads: Places of the pads; None where they are not known.
+        pads: Places of the pads; None: they are not known.
     """
 
     def __init__(self, folder: Path, pads: PadFrames | None) -> None:

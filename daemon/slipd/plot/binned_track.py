@@ -15,7 +15,7 @@ FIRST_WIDTH_S = 0.001
 """Width of a bin at first: no topic is published faster than once a millisecond by default."""
 
 Range = tuple[float, float]
-"""Least and largest value; the least is above the largest where none is known."""
+"""Least and largest value; the least is above the largest if no value is known."""
 
 NO_VALUE: Range = (float("inf"), float("-inf"))
 

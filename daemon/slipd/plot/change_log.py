@@ -27,9 +27,9 @@ class Change:
         level: The level after.
         reasons: Its reasons.
         evidence: Kinds of evidence of motion.
-        utilisation: Utilisation then; None where it was not known.
-        image: Image of the pad at a rise to an alarm; None where there was none, and for later alarms.
-        centroid_m: Contact centroid then, x and y, m; None where it was not known.
+        utilisation: Utilisation then; None: not known.
+        image: Image of the pad at a rise to an alarm; None for other changes, without an image, and for later alarms.
+        centroid_m: Contact centroid then, x and y, m; None: not known.
         pole_m: Pole then, likewise.
     """
 

@@ -24,7 +24,7 @@ class Report:
     Attributes:
         title: Name of the recording.
         facts: What it is, in sentences.
-        faults: Why it is not complete; empty where it is.
+        faults: Why it is not complete; empty for a complete one.
         window: The part of the run that is drawn.
         parts: The course of the run.
         changes: Its changes of level.

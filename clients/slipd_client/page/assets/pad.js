@@ -14,8 +14,8 @@ const LEAST_TAXEL_PX = 6;
  * Draw a pad; return where everything was drawn, in CSS pixels, for the caption and for tests.
  *
  * @param canvas where to draw
- * @param tactile the pad's image; null where there is none, or it is out of date
- * @param slip the verdict; null where it is out of date
+ * @param tactile the pad's image; null if it is missing or out of date
+ * @param slip the verdict; null if it is out of date
  * @param masked indices of the taxels that are not used
  */
 export function drawPad(canvas, tactile, slip, masked) {

@@ -57,7 +57,7 @@ export class State {
   }
 
   /**
-   * Age of the newest message of a topic, s; null where there is none.
+   * Age of the newest message of a topic, s; null before the first.
    *
    * The daemon sends a new subscriber the last message of each topic: one that is older than the newest `status` is old,
    * although it has just arrived.
@@ -76,7 +76,7 @@ export class State {
     return age === null || age > Math.max(STALE_S, PERIODS * this.topics.get(topic).period_s);
   }
 
-  /** The newest message of a topic; null where there is none, or it no longer describes the present. */
+  /** The newest message of a topic; null before the first, or if it no longer describes the present. */
   fresh(topic) {
     return this.stale(topic) ? null : this.topics.get(topic).body;
   }
