@@ -20,6 +20,7 @@ from slipd_client.link import Link
 from slipd_client.message_tracker import SILENCE_S
 from slipd_client.messages import MessageError
 from slipd_client.messages.reader import read
+from slipd_client.paths import publish_endpoint
 from slipd_client.viewers.viewers_arguments import RELAY_LISTEN
 
 if TYPE_CHECKING:
@@ -28,11 +29,11 @@ if TYPE_CHECKING:
 _LISTEN = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\d.]+):(\d{1,5}|\*)")
 
 
-def relay(endpoint: str, listen: str, *, keys: Keys | None, time_frame: bool) -> None:
+def relay(endpoint: str | None, listen: str, *, keys: Keys | None, time_frame: bool) -> None:
     """Publish every message of the daemon again, until interrupted.
 
     Args:
-        endpoint: Where the daemon publishes.
+        endpoint: Where the daemon publishes; its default when None.
         listen: Where to publish: ``tcp://127.0.0.1:PORT``, port ``*`` is any that is free.
         keys: Keys of this client, for a daemon across a network; None on this machine.
         time_frame: Add a third frame: the time of acquisition in seconds, as text.
@@ -41,7 +42,7 @@ def relay(endpoint: str, listen: str, *, keys: Keys | None, time_frame: bool) ->
         CallError: An endpoint is wrong, or ``listen`` is in use or beyond this machine.
     """
     _check(listen)
-    source = Link(zmq.SUB, endpoint, keys)
+    source = Link(zmq.SUB, publish_endpoint() if endpoint is None else endpoint, keys)
     try:
         source.socket.setsockopt(zmq.SUBSCRIBE, b"")
         with zmq.Context() as context, context.socket(zmq.PUB) as out:

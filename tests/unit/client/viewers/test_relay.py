@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -96,6 +97,15 @@ def test_an_address_beyond_this_machine_is_refused(
         main(["--publish", publish, "relay", "--listen", listen])
     assert end.value.code == 2
     assert complaint in capsys.readouterr().err
+
+
+def test_without_an_endpoint_it_relays_the_default_one(
+    slipctl: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLIPD_RUNTIME_DIR", str(tmp_path))
+    process = slipctl("relay", "--listen", "tcp://127.0.0.1:*")
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("relay: tcp://127.0.0.1:")
 
 
 def test_a_port_in_use_is_named(publish: str, capsys: pytest.CaptureFixture[str]) -> None:
