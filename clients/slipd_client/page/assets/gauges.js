@@ -27,7 +27,6 @@ export function drawUtilisation(canvas, slip) {
   context.lineWidth = 3;
   line(context, [at(1), 0], [at(1), height]);
   if (!isNumber(value)) {
-    hatch(context, 0, 4, width, height - 8, colour("--unknown"));
     context.textAlign = "center";
     label(context, "utilisation unknown", width / 2, height / 2, colour("--ink"));
     context.textAlign = "left";

@@ -54,7 +54,7 @@ def test_a_server_that_other_machines_reach_says_that_they_can_read(
     assert process.stdout is not None
     assert process.stderr is not None
     port = process.stdout.readline().strip().rpartition(":")[2]
-    assert process.stderr.readline() == f"slipctl: whoever reaches port {port} can read every message\n"
+    assert process.stderr.readline() == f"slipctl: every program that reaches port {port} can read every message\n"
 
 
 def test_layouts_are_written_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
