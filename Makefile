@@ -116,6 +116,10 @@ UNITS := $(if $(UNPRIVILEGED),$(USER_UNITS),$(DESTDIR)/etc/systemd/system)
 UNIT := $(if $(UNPRIVILEGED),slipd-user.service,slipd.service)
 
 install:
+ifeq ($(UNPRIVILEGED),)
+	@case "$$($(PYTHON) -c 'import os, sys; print(os.path.realpath(sys.executable))')" in /home/*|/root/*) \
+		echo "The service cannot run a Python of one user's home. Name another: make install PYTHON=/usr/bin/python3"; exit 2;; esac
+endif
 	@echo "== slipd into $(HOME_OF_PROGRAM)"
 	@mkdir -p "$(HOME_OF_PROGRAM)" "$(DESTDIR)$(PREFIX)/bin" || { echo "name a place that you may write to: make install PREFIX=~/.local"; exit 2; }
 	@$(PYTHON) -m venv --clear "$(HOME_OF_PROGRAM)"

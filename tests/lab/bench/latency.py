@@ -19,7 +19,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import zmq
-from bench import chain, child, first_call, full_load, million, processes, ratios, reflex, requests, units
+from bench import chain, child, first_call, full_load, million, priority, processes, ratios, reflex, requests, units
 from bench.commit import measured_on
 from bench.tables import Table
 
@@ -28,7 +28,7 @@ QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
 SHORTEST_S, LONGEST_S = 0.1, 20.0
 """Less has no percentiles; the readings carry their number as a pull, which grows too large for the grip in more."""
 
-PARTS = ("chain", "load", "requests", "reflex", "ratios", "first", "units", "million")
+PARTS = ("chain", "load", "requests", "reflex", "priority", "ratios", "first", "units", "million")
 
 TRIALS, QUICK_TRIALS = 30, 3
 """Of the reflex in a round, of each kind; a third of a second each."""
@@ -74,6 +74,8 @@ def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool)
             yield requests.run(folder, rounds=rounds, seconds=seconds)
         if "reflex" in parts:
             yield from reflex.run(folder, rounds=rounds, trials=QUICK_TRIALS if quick else TRIALS)
+        if "priority" in parts:
+            yield priority.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)
         if "ratios" in parts:
             yield from ratios.run(folder, quick=quick)
     if "first" in parts:

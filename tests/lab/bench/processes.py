@@ -178,6 +178,7 @@ def measure(
     subscription: str,
     warm_up_s: float,
     watched: bool = False,
+    priority: int = 0,
 ) -> Measured:
     """Write all streams to a running publisher, and hear it.
 
@@ -190,6 +191,7 @@ def measure(
         subscription: Beginning of the topics to hear.
         warm_up_s: How much of the beginning does not count.
         watched: At every write it is looked how much is unread.
+        priority: Real-time priority of the writer and the listener; 0: none.
     """
     first = round(warm_up_s * traffic.WRENCH_HZ)
     count = max(len(stream.frames) for stream in streams)
@@ -205,6 +207,9 @@ def measure(
         child.Child(writing, folder, env=environment, pass_fds=fds) as hand,
     ):
         ear.told("listening")
+        if priority:
+            raise_threads(ear.pid, priority)
+            raise_threads(hand.pid, priority)
         hand.told("measuring")
         begin_s, cpu_s = time.monotonic(), served.cpu_s()
         outcomes = json.loads("{" + hand.told("{"))
@@ -219,6 +224,12 @@ def measure(
         for (topic, stream), row in zip(topics.items(), np.load(arrivals), strict=True)
     }
     return Measured(latency_us, count - first, cpu_s, seconds, outcomes, heard)
+
+
+def raise_threads(pid: int, priority: int) -> None:
+    """Run every thread of a process under SCHED_FIFO."""
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(priority))
 
 
 def _plan(stream: traffic.Stream, lines: Lines, folder: Path, *, watched: bool) -> writer.Plan:

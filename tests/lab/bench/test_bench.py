@@ -28,6 +28,7 @@ SECTIONS = (
     "Requests over ipc",
     "Reflex, bus idle",
     "Reflex, a poll outstanding",
+    "Real-time priority",
     "Friction limit: ratios",
     "Friction limit: times",
     "Friction limit: one public call",
