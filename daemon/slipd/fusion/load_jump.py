@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from slipd.fusion.compiled import compiled
-from slipd.fusion.load_blocks import RING, is_closing, mean_q, noise_of, vibration
+from slipd.fusion.load_blocks import RING, is_closing, mean_normal, mean_q, noise_of, vibration
 from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, SWINGS, begin_slide, surprise_of
 
@@ -34,6 +34,8 @@ GAPS, OVERSHOOT_S = (4, 8, 12, 16, 24), 0.024
 JUMPED, OVERSHOT, RINGS = 0.2, 0.04, 0.1
 """q rises by at least the first part of it, and overshoots by at least the second; then it changes and scatters by at
 most the third part of the overshoot: a contact that sticks rings on the springs of its pads."""
+LOOSENED = 0.5
+"""A fall of the normal force explains at most this part of a jump: a grip that loosens and stops makes a corner too."""
 FROM, OVERSHOT_FROM = 0.66, 0.55
 """A corner, and a plateau after an overshoot, count from these parts of the coefficient of friction on; where that is
 unknown, never."""
@@ -56,9 +58,16 @@ def look_for_jump(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
         surprise = _jump_surprise(drop, ring, p, low, rise, before["rough"])
         if surprise < drop["least_surprise"] or p < 1 + CORNER * _half_rise(drop, ring, k - p, low, steep):
             continue
-        if not is_closing(ring, k, count):
+        if not is_closing(ring, k, count) and not _loosened(ring, k, p, steep, rise / low):
             begin_slide(drop, t_s, math.nan, low, BEYOND * low, surprise)
             return
+
+
+@compiled
+def _loosened(ring: Rows, k: int, p: int, steep: int, rise: float) -> bool:
+    """Return whether a fall of the normal force before the newest ``p`` blocks explains much of a relative rise."""
+    after, before = mean_normal(ring, k, p), mean_normal(ring, k - p - steep, 1)
+    return bool(before - after > LOOSENED * rise * before)
 
 
 @compiled

@@ -33,7 +33,7 @@ LEAST_FALL = 0.025
 LEAST_STRETCH_S, STRETCH_SHARE = 0.004, 8
 """Rates are those between two neighbouring stretches, each at least this long, s, and at least one part in so many of
 the fall."""
-SHALLOW, SLOWER, MUCH_SLOWER = 0.18, 0.6, 0.3
+SHALLOW, SLOWER, MUCH_SLOWER = 0.3, 0.75, 0.55
 """Up to the first part of the peak, a fall has slowed down at the second part of its fastest rate; from there on at the
 third."""
 BACK = 0.3
@@ -54,7 +54,7 @@ STRAIGHT = 0.6
 """That rise is at least this part of the way that q went: a swing goes to and fro."""
 SWINGS = 2.0
 """A fall is at least this many times the largest swing of the last second."""
-PUSH, BEYOND_PUSH = 0.65, 1.0
+PUSH, BEYOND_PUSH = 0.65, 1.08
 """Unless the peak is beyond the second part of the coefficient of friction, q rose before it, in the time of the fall,
 by at most the first part of the fall."""
 TIGHTER = 0.2

@@ -9,10 +9,10 @@ from evaluate.draw import Course, Random, combined, draw_contact, log_uniform, p
 from evaluate.scene import Contact, Load, Scene
 
 
-def hold(rng: Random) -> Scene:
+def hold(rng: Random, seconds: float = 4.0) -> Scene:
     """An object at rest in the hand."""
-    course, *_ = _held(rng, 4.0, 0.2, 0.66)
-    return course.scene("safe", steady=(course.held_s + 0.4, 4.0))
+    course, *_ = _held(rng, seconds, 0.2, 0.66)
+    return course.scene("safe", steady=(course.held_s + 0.4, seconds))
 
 
 def lift(rng: Random) -> Scene:
@@ -28,9 +28,9 @@ def lift(rng: Random) -> Scene:
     return course.scene("safe")
 
 
-def shake(rng: Random) -> Scene:
+def shake(rng: Random, seconds: float = 2.5) -> Scene:
     """The hand swings the object."""
-    course, contact, used = _held(rng, 2.5, 0.25, 0.45)
+    course, contact, used = _held(rng, seconds, 0.25, 0.45)
     course.add(contact.load(_some(rng, contact), rng.uniform(0.1, 0.8 - used)), course.sine(log_uniform(rng, 0.8, 8.0)))
     return course.scene("safe")
 

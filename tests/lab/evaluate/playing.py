@@ -62,9 +62,16 @@ def _load(
     return fx + px, fy + py, torque + ka * (ha - angle) + ca * (ur - rate) + x0 * py - y0 * px
 
 
-def truth_of(scene: Scene, trace: GraspTrace) -> Truth:
-    """Return the truth that metrics are held against."""
-    indices = np.unique(np.append(np.arange(0, len(trace.t_s), TRUTH_EVERY), len(trace.t_s) - 1))
+def truth_of(scene: Scene, trace: GraspTrace, *, every: int = TRUTH_EVERY, needs: bool = True) -> Truth:
+    """Return the truth that metrics are held against.
+
+    Args:
+        scene: The scene.
+        trace: Its simulation.
+        every: Steps between two solutions of the true λ.
+        needs: Also solve the grip force that holds the load.
+    """
+    indices = np.unique(np.append(np.arange(0, len(trace.t_s), every), len(trace.t_s) - 1))
     held = indices[trace.normal_n[indices] > 0.0]
     used = np.interp(trace.t_s, trace.t_s[held], np.nan_to_num(trace.utilisation_at(held), nan=0.0, posinf=9.9))
     v, rate = np.hypot(*trace.velocity[:, :2].T), np.abs(trace.velocity[:, 2])
@@ -74,7 +81,7 @@ def truth_of(scene: Scene, trace: GraspTrace) -> Truth:
         speed_mps=np.hypot(v, rate * _gyration_m(scene)),
         gross=trace.gross & (trace.normal_n > 0.0),
         normal_n=trace.normal_n,
-        needed_n=_needed_n(scene, trace, used),
+        needed_n=_needed_n(scene, trace, used) if needs else np.full(len(used), np.nan),
         mu=scene.friction.mu_s,
     )
 

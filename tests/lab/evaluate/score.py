@@ -101,6 +101,7 @@ class RunScore:
     false_warnings: int
     safe_s: float
     sliding_s: float
+    sliding_seen_s: float
     sliding_reported_s: float
     sliding_stable_s: float
     changes_before: int | None
@@ -136,6 +137,7 @@ def score(truth: Truth, reports: Reports, *, steady: tuple[float, float] | None,
         false_warnings=sum(bool(safe[_index(truth, s.begin_s)]) for s in merged_alarms(spans)),
         safe_s=float(truth.step_s[safe].sum()),
         sliding_s=sum(e.end_s - e.begin_s for e in beyond),
+        sliding_seen_s=sum(e.end_s - e.begin_s for e in beyond if _visible(reports, e.begin_s - PROMPT_S)),
         sliding_reported_s=sum(_overlap(spans, e, (SLIPPING,)) for e in beyond),
         sliding_stable_s=sum(_overlap(spans, e, (STABLE, NO_CONTACT)) for e in beyond),
         changes_before=_changes(spans, 0.0, first_s) if episodes else None,

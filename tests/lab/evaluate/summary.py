@@ -42,6 +42,8 @@ class Summary:
         false_warnings: Alarms on a safe load.
         safe_h: Time with a safe load, h.
         false_warnings_upper: Upper bound of the rate, 1/h.
+        sliding_s: Sliding time beyond 100 ms, s.
+        seen: Share of it in slips of which an oracle sees the fall.
         reported: Share of the sliding time beyond 100 ms that is reported as slipping.
         stable: Share of it that is reported as stable.
         changes_p95: Changes of level on the way to the first slip.
@@ -75,6 +77,8 @@ class Summary:
     false_warnings: int
     safe_h: float
     false_warnings_upper: float
+    sliding_s: float
+    seen: float
     reported: float
     stable: float
     changes_p95: float
@@ -121,6 +125,8 @@ def summarise(scores: Iterable[RunScore]) -> Summary:
         false_warnings=false_warnings,
         safe_h=safe_h,
         false_warnings_upper=rate_upper(false_warnings, safe_h),
+        sliding_s=sliding_s,
+        seen=share(sum(run.sliding_seen_s for run in runs), sliding_s),
         reported=share(sum(run.sliding_reported_s for run in runs), sliding_s),
         stable=share(sum(run.sliding_stable_s for run in runs), sliding_s),
         changes_p95=quantile([r.changes_before for r in runs if r.changes_before is not None], 0.95),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -62,6 +63,17 @@ def test_a_warned_and_reported_slip() -> None:
     assert (found.sliding_s, found.sliding_reported_s) == (pytest.approx(0.4), pytest.approx(0.4))
     assert found.sliding_stable_s == 0.0
     assert found.changes_before == 2, "to caution and to warning"
+
+
+@pytest.mark.parametrize(("falls", "seen_s"), [(0.2, 0.4), (0.0, 0.0)])
+def test_an_oracle_sees_a_slide_whose_required_friction_falls(falls: float, seen_s: float) -> None:
+    reports = said((0.0, STABLE))
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, reports.t_s.size)
+    required = 0.25 * (1.0 - falls * (reports.t_s >= 1.0)) + noise
+    found = scored(course((1.0, 1.5)), dataclasses.replace(reports, required=required))
+    assert found.episodes[0].visible is bool(seen_s)
+    assert found.sliding_seen_s == pytest.approx(seen_s)
+    assert summarise([found]).seen == pytest.approx(seen_s / 0.4)
 
 
 def test_a_slip_that_nobody_reports_is_missed_and_silent() -> None:

@@ -102,6 +102,16 @@ def test_a_load_that_jumps_beyond_the_limit_is_reported_at_once() -> None:
     assert math.isnan(found["peak_required"][at])
 
 
+@pytest.mark.parametrize("loosened", [0.55, 0.7])
+def test_a_grip_that_loosens_at_once_and_stops_is_no_jump(loosened: float) -> None:
+    """The same corner as that of a load that jumps, but q rose because the normal force fell."""
+    normal = line((10.0, 10.0, 500), (10.0, 10.0 * loosened, 5), (10.0 * loosened, 10.0 * loosened, 300))
+    load = np.full(805, 5.5 * loosened)
+    assert slips_at(followed(load, normal)) == []
+    (at,) = slips_at(followed(load * 10.0 / normal))  # q is the same
+    assert at <= 515
+
+
 def test_a_jump_that_swings_on_the_springs_of_the_pads_is_none() -> None:
     t = np.arange(600) * 1e-3
     for hz in (15.0, 30.0, 60.0):

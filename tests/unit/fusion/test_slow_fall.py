@@ -95,6 +95,16 @@ def test_a_fall_far_below_what_the_grasp_carried_is_none() -> None:
     assert slips_at(q, more, np.full(len(q), 10.0)) == []
 
 
+@pytest.mark.parametrize("mu", [0.8 * MU, 0.9 * MU, MU])
+def test_a_weight_that_comes_on_and_swings_on_the_springs_of_the_pads_is_none(mu: float) -> None:
+    """Its crest is beyond a coefficient of friction that is stated too low."""
+    t = np.arange(1000) * 1e-3
+    on = 0.75 * np.clip(t / 0.15, 0.0, 1.0) ** 2 * (3.0 - 2.0 * np.clip(t / 0.15, 0.0, 1.0))
+    ring = -0.08 * np.exp(-6.0 * (t - 0.15)) * np.sin(2.0 * np.pi * 11.0 * (t - 0.15)) * (t > 0.15)
+    q = MU * np.concatenate([np.full(300, 0.02), 0.02 + on - ring])
+    assert slips_at(q, 10.0 * q, np.full(len(q), 10.0), mu=mu) == []
+
+
 def test_a_swing_near_the_limit_is_none() -> None:
     t = np.arange(3000) * 1e-3
     for hz in (1.5, 4.0, 9.0):
