@@ -38,7 +38,7 @@ SHALLOW, SLOWER, MUCH_SLOWER = 0.3, 0.75, 0.55
 third."""
 BACK = 0.3
 """Meanwhile q did not swing by more than this part of it."""
-RATE_STDS = 3.5
+RATE_STDS = 5.5
 """A fall has slowed down by at least so many standard deviations of the noise, unless the load went on."""
 GOES_ON, GOES_ON_STDS = 0.005, 3.0
 """The load went on if, since the peak, the tangential force grew or the normal force fell by more than this part plus

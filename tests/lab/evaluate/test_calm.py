@@ -22,11 +22,11 @@ def test_the_grasps_are_of_both_families_and_all_factors_and_of_seeds_kept_apart
 
 
 def test_a_short_hold_is_quiet() -> None:
-    found = calm.run(calm.Minute("hold", 0, 1.0), 1.5)
+    found = calm.run(calm.Minute("hold", 7, 1.0), 1.5)
     assert (found.false_slipping, found.false_warnings, found.episodes) == (0, 0, [])
     assert found.quiet_s == pytest.approx(1.5, abs=0.3)
     assert found.steady_s > 0.5
-    assert found.used_errors.size > 10
+    assert 0.0 < found.used_errors.max() < 0.2, "there were messages"
 
 
 def test_the_page_states_hours_counts_and_bounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
