@@ -13,7 +13,6 @@ unexport PYTHONDONTWRITEBYTECODE
 MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
-# Tests marked no_cover run without it: they take long, and other tests reach the same branches.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
 # Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
 DAEMONS := tests/system $(addprefix tests/lab/,bench soak)

@@ -73,7 +73,6 @@ def calls(work: Callable[[], object]) -> int:
     return count
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize(("name", "number"), STREAMS)
 def test_a_decoder_makes_a_bounded_number_of_calls_per_byte(name: str, number: int) -> None:
     device = DEVICES[name]
@@ -154,7 +153,6 @@ def run(first: int, count: int) -> bytes:
     return b"".join(rdt.encode_record((n % 1000, 0, 0, 0, 0, n % 7), n, 7 * n) for n in range(first, first + count))
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("seed", range(20))
 def test_the_search_for_records_finds_what_a_search_place_by_place_finds(seed: int) -> None:
     rng = random.Random(seed)

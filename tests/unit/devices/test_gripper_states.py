@@ -206,7 +206,6 @@ A "halt" or "drop" of an unsent activation sends nothing to a gripper that was n
 """
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("device", "state"), [(device, state) for device, outcomes in OUTCOMES.items() for state in outcomes]
@@ -236,7 +235,6 @@ def test_a_permit_is_sent_in_states_that_accept_it_and_changes_nothing_in_others
         assert session.state == untouched.session.state
 
 
-@pytest.mark.no_cover
 @devices
 def test_only_the_last_permit_is_ever_on_the_wire(device: str) -> None:
     accepted = {(state, event) for pairs in walks(device, range(WALKS)) for state, event, took in pairs if took}

@@ -51,7 +51,6 @@ def results(decoder: pvdf.Decoder, reads: list[bytes]) -> tuple[list[tuple[int |
     return [(one.device_time_ns, one.dwell_ns, one.values.tobytes()) for one in samples], repr(decoder.health)
 
 
-@pytest.mark.no_cover
 @given(first=st.sampled_from((1, 2, 9)), at=st.integers(0, 2 * 8 * FRAME - 1), flip=st.integers(0, 255))
 def test_whole_scans_in_one_read_equal_their_frames_one_by_one(first: int, at: int, flip: int) -> None:
     """Complete and in order, damaged at any place, or with jumps; the data after it are read the same way."""
@@ -87,7 +86,6 @@ def test_each_row_carries_the_time_of_its_first_taxel() -> None:
     assert times == [((1 << 32) - 1000 + round(row * 16 * 39.06)) % (1 << 32) for row in range(8)]
 
 
-@pytest.mark.no_cover
 def test_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
     stream = b"".join(rows_of(1)[5:] + rows_of(2) + [b"\xa5\x5a\x01\xa5"] + rows_of(3) + rows_of(4)[:3] + rows_of(5))
     assert len(same_for_every_split(pvdf.Decoder, stream)) == 3
@@ -165,7 +163,6 @@ def test_another_format_version_is_refused() -> None:
     assert decoder.health.bad == 8
 
 
-@pytest.mark.no_cover
 def test_damage_in_one_scan_costs_that_scan_alone() -> None:
     rng = random.Random(3)
     for _ in range(1000):

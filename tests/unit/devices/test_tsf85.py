@@ -190,7 +190,6 @@ def test_nothing_raises_and_a_packet_after_anything_is_read(parts: list[bytes]) 
     assert decoder.health.good == len(found)
 
 
-@pytest.mark.no_cover
 def test_L3_noise_gives_no_sample_and_is_not_kept() -> None:
     rng = random.Random(8)
     decoder = tsf85.Decoder()

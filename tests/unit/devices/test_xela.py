@@ -202,7 +202,6 @@ def test_nothing_raises_and_a_message_after_anything_is_read_at_the_latest_with_
     assert decoder.health.good - before >= 1
 
 
-@pytest.mark.no_cover
 def test_a_mutated_message_never_raises_and_the_next_is_read() -> None:
     rng = random.Random(2)
     whole = message(1)
@@ -215,7 +214,6 @@ def test_a_mutated_message_never_raises_and_the_next_is_read() -> None:
         assert decoder.health.good >= 1
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("junk", [b'{"a":', b"{", b"{ ", b'{"a', b'{"a}', b"[", b'{"a":[', b"\xff", b'{"a":9', b"9"])
 def test_endless_garbage_is_not_kept(junk: bytes) -> None:
     decoder = xela.Decoder()

@@ -12,8 +12,6 @@ from grasp_table import grasp_table
 from slipd.devices.external import encode_reading
 from slipd.events import Bytes
 
-pytestmark = pytest.mark.no_cover
-
 FINE = (
     LEFT.replace("rows = 4", "rows = 8")
     .replace("cols = 4", "cols = 16")

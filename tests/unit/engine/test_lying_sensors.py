@@ -162,7 +162,6 @@ def test_a_sensor_with_coarse_counts_may_raise_and_keeps_its_level(hold: Callabl
     assert granted > 150
 
 
-@pytest.mark.no_cover
 def test_a_sensor_whose_readings_may_repeat_is_never_stuck_and_never_raises_while_they_do(
     hold: Callable[..., Hand],
 ) -> None:
@@ -228,7 +227,6 @@ def test_no_raise_on_an_unusable_image(hold: Callable[..., Hand], bad: float) ->
     assert hand.raises() is None
 
 
-@pytest.mark.no_cover
 def test_the_reflex_does_not_raise_on_an_unusable_image(hold: Callable[..., Hand]) -> None:
     hand = hold(GRASP)
     hand.image(np.full(16, math.nan))
@@ -304,7 +302,6 @@ def test_no_raise_on_an_image_that_repeats_while_the_force_changes(hold: Callabl
         assert hand.raises() == refusal
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("force_n", [3e38, -3e38, 81.0, 1e30])
 @pytest.mark.parametrize("axis", [0, 2])
 def test_a_force_out_of_range_is_unknown_from_the_first_reading_on(

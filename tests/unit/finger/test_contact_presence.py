@@ -89,7 +89,6 @@ class TestIsPressed:
             assert found == known
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("normal_n", [0.0, 0.3])
 def test_finger_is_not_free_while_its_weight_may_hide_a_contact(
     make_noisy: Callable[..., NoisyFinger], normal_n: float
@@ -127,7 +126,6 @@ def test_held_load_that_the_pad_does_not_show_is_not_drift(make_noisy: Callable[
     assert noisy.verdict[1][0] == "disagreement"
 
 
-@pytest.mark.no_cover
 def test_drift_is_learned_while_untouched_with_and_without_image(left: str, parse: Parse) -> None:
     text = left.replace('port = "/dev/left-wrench"', 'port = "/dev/left-wrench"\ndrift_tau_s = 1.0')
     finger = make_finger(text, parse)

@@ -149,7 +149,6 @@ def test_drift_is_followed_without_contact_and_kept_in_contact(left: str, parse:
     assert force.drift.value[2] == pytest.approx(0.2, abs=0.01)
 
 
-@pytest.mark.no_cover
 def test_drift_at_its_limit_is_reported(left: str, parse: Parse) -> None:
     text = left.replace('port = "/dev/left-wrench"', DRIFTS + "\ndrift_limit_n = 0.1")
     force = side(text, parse)

@@ -33,7 +33,6 @@ class TestChargePad:
             state = press(10.0, (1.0, 0.0), counts=np.round(1000 * np.exp(-k * 0.01 / 2.0) * np.ones((4, 4))))
         return state
 
-    @pytest.mark.no_cover
     def test_held_contact_keeps_its_image(self, finger: Finger, press: Press) -> None:
         state = self.hold(press, 6.0)
         assert state.verdict.level == "stable"

@@ -82,7 +82,6 @@ def test_a_load_above_the_stated_friction_that_is_held_raises_it(held: Held) -> 
     assert held.mu == pytest.approx(0.6, rel=0.05)
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize(
     "untrusted",
     [

@@ -135,7 +135,6 @@ def test_wrong_mounting_shows_at_the_first_contact(make_run: Make, left: str) ->
     assert run.level() == ("unknown", ["pulled"])
 
 
-@pytest.mark.no_cover
 def test_taxels_pressed_during_a_pull_are_not_masked_as_hot(run: Run) -> None:
     """The force sensor has the wrong sign: its pull presses the pad, first lightly and then hard."""
     run.bring_up()

@@ -104,7 +104,6 @@ def test_T1_image_with_too_many_bad_taxels_is_not_used(make_noisy: Callable[...,
     assert message.startswith("too many taxels are masked")
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize(("force_n", "torque_nm"), [(3e38, 0.0), (-3e38, 0.0), (0.0, 3e38), (1e120, 1e120)])
 @pytest.mark.parametrize("more", ["", "range_n = 80.0", "range_nm = 5.0"])
 def test_F1_single_reading_beyond_any_sensor_is_garbage(

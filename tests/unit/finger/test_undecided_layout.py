@@ -80,7 +80,6 @@ def pads(layout: str, make_run: Callable[[str], Run]) -> Pads:
     return Pads(run, Controller(1, layout=layout))
 
 
-@pytest.mark.no_cover
 def test_finger_is_unknown_until_a_load_shows_the_layout(pads: Pads, layout: str) -> None:
     pads.go_on(1500, FREE)
     assert pads.level == "unknown"
@@ -94,7 +93,6 @@ def test_finger_is_unknown_until_a_load_shows_the_layout(pads: Pads, layout: str
     assert pads.level == "no_contact"
 
 
-@pytest.mark.no_cover
 def test_finger_is_unknown_where_pillars_contradict_the_sum_of_the_sensor(
     pads: Pads, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -185,7 +185,6 @@ def test_contact_without_pad_is_unsafe_or_unknown(left: str, parse: Parse, wrenc
     assert math.isnan(finger.state.tipping_margin_m)
 
 
-@pytest.mark.no_cover
 def test_level_drops_a_hysteresis_below_its_threshold_after_a_while(press: Press) -> None:
     before = 0.72
     for share, level in ((0.72, "caution"), (0.66, "caution"), (0.64, "stable"), (0.86, "warning"), (0.79, "caution")):

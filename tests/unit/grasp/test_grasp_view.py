@@ -331,7 +331,6 @@ def test_age_is_that_of_the_older_reading(hand: Hand) -> None:
     assert hand.body(T0 + 5 * MS)["age_s"] == pytest.approx(0.005)
 
 
-@pytest.mark.no_cover
 def test_the_reflex_lowers_only_to_what_the_stated_friction_needs(hand: Hand) -> None:
     """A load beyond the stated friction is carried: it is known to hold, but learned friction never loosens a grip."""
     left = hand.fingers["left"]

@@ -15,8 +15,6 @@ from slipd.devices import xela
 from slipd.engine.engine import Engine
 from slipd.events import Bytes, LinkUp, Publish, Tick
 
-pytestmark = pytest.mark.no_cover
-
 START_NS = 1_000_000_000
 PERIOD_NS = 100_000_000
 TEXT = (CONFIG / "grips.toml").read_text(encoding="utf-8")
@@ -100,6 +98,7 @@ def test_a_grip_that_closes_or_opens_is_no_slip() -> None:
     assert slips(closing + [hold(0.01, 1.0, 20_700.0)] * 10 + opening) == []
 
 
+@pytest.mark.no_cover
 def test_an_arm_that_shakes_a_held_box_is_no_slip() -> None:
     looks = [hold(0.06 * np.sin(0.7 * k), 1.0 + 0.01 * np.sin(0.7 * k)) for k in range(200)]
     assert slips(looks) == []

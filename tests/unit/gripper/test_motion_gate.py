@@ -276,7 +276,6 @@ def callers(function: str) -> set[str]:
     return {path for path, called in calls() if called.endswith(function)}
 
 
-@pytest.mark.no_cover
 def test_only_the_gate_issues_permits() -> None:
     assert callers("Permit") == {"gripper/motion_gate.py"}
 

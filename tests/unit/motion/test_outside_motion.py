@@ -56,7 +56,6 @@ def test_a_speed_counts_by_its_own_error() -> None:
     assert watch([observed()] * 90) == []
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("std_m", [0.0, 1e-4, 3e-3])
 def test_noise_is_as_rare_as_it_says(std_m: float) -> None:
     looks = found = 0

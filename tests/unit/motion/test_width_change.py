@@ -42,7 +42,6 @@ def test_one_step_of_a_coarse_gripper_is_none() -> None:
     assert watch(steps(flicker), STEP_M) == []
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("std_m", [1e-5, 2e-4, 1e-3])
 @pytest.mark.parametrize("keeps", [0.0, 0.9, 0.99])
 def test_noise_is_as_rare_as_it_says(std_m: float, keeps: float) -> None:

@@ -69,7 +69,6 @@ def run(rig: str, make_run: Callable[[str], Run]) -> Run:
     return run
 
 
-@pytest.mark.no_cover
 def test_every_topic_and_every_reply_has_exactly_the_declared_keys_and_kinds(run: Run) -> None:
     messages = [output for _, output in run.out if isinstance(output, Publish)]
     assert {message.topic.partition(".")[0] for message in messages} == set(TOPICS)
@@ -86,7 +85,6 @@ def lie(body: dict[str, Any], path: tuple[str, ...], value: Any) -> dict[str, An
     return body | {path[0]: lie(body[path[0]], path[1:], value)}
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize(
     ("path", "value", "fault"),
     [

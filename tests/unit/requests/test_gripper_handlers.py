@@ -254,7 +254,6 @@ class TestGripper:
         run.serve_gripper(50)
         assert run.writes() == []
 
-    @pytest.mark.no_cover
     def test_nothing_moves_without_a_request(self, run: Run) -> None:
         """Readings, ticks, faults, losses and refusals write nothing to the gripper."""
         run.bring_up()

@@ -63,7 +63,6 @@ class TestForceOfAHeldObject:
         run.feel(7.0)
         assert run.refusal("grip.adjust", delta_n=1.0) is None
 
-    @pytest.mark.no_cover
     def test_A8_the_force_falls_no_faster_than_the_limit_also_in_coarse_settings(
         self, make_run: Callable[[str], Run], rig: str
     ) -> None:

@@ -45,7 +45,6 @@ class TestLatchedFaults:
         assert self.latched(run) == ""
         assert run.refusal("grip.adjust", delta_n=-0.5) is None
 
-    @pytest.mark.no_cover
     @pytest.mark.parametrize("fault", [5, 7, *range(8, 16)])
     def test_D4_every_fault_of_the_gripper_blocks(self, run: Run, fault: int) -> None:
         run.bring_up()

@@ -68,7 +68,6 @@ def test_invalid_arguments_raise_with_the_rule_in_the_message() -> None:
             DeviceClock(None, **wrong)
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("ppm", [-500.0, 0.0, 500.0])
 def test_the_drift_is_reported(ppm: float) -> None:
     clock = DeviceClock(None)
@@ -77,7 +76,6 @@ def test_the_drift_is_reported(ppm: float) -> None:
     assert clock.drift_ppm == pytest.approx(ppm, abs=1.0)
 
 
-@pytest.mark.no_cover
 def test_the_bound_holds_over_rates_delays_and_clocks() -> None:
     streams = [
         Stream(4000.0, delay_s=3e-5, ppm=500.0),
@@ -95,7 +93,6 @@ def test_the_bound_holds_over_rates_delays_and_clocks() -> None:
         assert worst < 0.025, stream
 
 
-@pytest.mark.no_cover
 def test_L12_reads_bunched_by_16_ms_are_dated_by_the_device_clock() -> None:
     for seed, ppm in enumerate((-500.0, 0.0, 500.0)):
         beyond, without, worst = outside(Stream(1000.0, ppm=ppm, poll_s=0.016), 30.0, seed)
@@ -104,7 +101,6 @@ def test_L12_reads_bunched_by_16_ms_are_dated_by_the_device_clock() -> None:
         assert worst < 1.1e-3  # the time between two readings, where a receipt is late by up to 16 ms
 
 
-@pytest.mark.no_cover
 def test_L12_a_poll_interval_that_no_read_shows_is_in_the_bound_if_it_is_configured() -> None:
     device, receipt, true = Stream(400.0, ppm=-450.0, delay_s=2e-5, poll_s=1e-3).readings(60.0, 1)
     beyond = []
@@ -116,7 +112,6 @@ def test_L12_a_poll_interval_that_no_read_shows_is_in_the_bound_if_it_is_configu
     assert beyond[0] > 0.1  # else the stream shows it after all, and nobody need tell
 
 
-@pytest.mark.no_cover
 @settings(max_examples=15, deadline=None)
 @given(
     st.floats(-500.0, 500.0),
@@ -200,7 +195,6 @@ def test_C2_a_suspend_leaves_no_time_of_the_line_before(asleep_s: int, told: boo
     assert clock.state == "locked"
 
 
-@pytest.mark.no_cover
 def test_C4_readings_that_waited_for_a_stalled_loop_keep_their_time() -> None:
     for seed in range(3):
         stream = Stream(200.0, ppm=-500.0, poll_s=0.016, stall_every_s=5.0)
@@ -209,7 +203,6 @@ def test_C4_readings_that_waited_for_a_stalled_loop_keep_their_time() -> None:
         assert worst < 0.02  # where receipts are late by up to 10 s
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize(
     ("clock_ns", "within_s"),
     [

@@ -40,14 +40,12 @@ def learned() -> Stream:
     return stream
 
 
-@pytest.mark.no_cover
 def test_T4_a_drift_of_half_a_newton_in_an_hour_is_followed() -> None:
     stream = Stream(rate_hz=20.0)
     assert_allclose(stream.run(3600.0, 0.0, 0.5), 0.5, atol=0.004)
     assert stream.drift.total == pytest.approx(0.5, abs=0.004)
 
 
-@pytest.mark.no_cover
 def test_T4_a_hold_of_ten_minutes_loses_nothing() -> None:
     stream = Stream(rate_hz=1000.0, tau_s=1.0)
     before = stream.run(10.0, 0.005).copy()

@@ -277,7 +277,6 @@ def test_F1_a_habit_is_forgotten() -> None:
     assert habit.repeats == 0
 
 
-@pytest.mark.no_cover
 def test_F1_a_run_that_ends_with_readings_that_come_together_is_a_habit_too() -> None:
     rng = np.random.default_rng(7)
     watch = WrenchWatch(200.0)
@@ -350,7 +349,6 @@ def rows_of(kinds: list[str], rng: np.random.Generator, last: Array) -> Array:
     return np.array(rows)
 
 
-@pytest.mark.no_cover
 @given(reads=READS, seed=st.integers(0, 99), failed=st.booleans())
 def test_readings_that_arrive_together_are_judged_as_if_they_arrived_singly(
     reads: list[list[tuple[str, int]]], seed: int, failed: bool
@@ -371,7 +369,6 @@ def test_readings_that_arrive_together_are_judged_as_if_they_arrived_singly(
         t_ns, last = times_ns[-1], rows[-1]
 
 
-@pytest.mark.no_cover
 @given(kinds=st.lists(ROWS, min_size=1, max_size=5), seed=st.integers(0, 99))
 def test_the_kernel_does_what_it_does_without_compilation(kinds: list[str], seed: int) -> None:
     before, limits = (5.0,) * 6, (100.0, 10.0, 25.0)

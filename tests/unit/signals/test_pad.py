@@ -50,7 +50,6 @@ def test_rows_and_columns_run_in_the_stated_directions(swap: bool, flip_x: bool,
         assert step == pytest.approx(0.01 if direction[0] == "+" else -0.01)
 
 
-@pytest.mark.no_cover
 @given(
     rows=st.integers(1, 12),
     cols=st.integers(1, 12),

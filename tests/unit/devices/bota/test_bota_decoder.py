@@ -115,7 +115,6 @@ def test_a_frame_full_of_false_headers_is_found_from_any_start() -> None:
         assert len(decoder.receive((one * 4)[start:], 0)) == (4 if start == 0 else 3)
 
 
-@pytest.mark.no_cover
 def test_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage) -> None:
     before, whole, behind = frames(3)
     for hit in damaged(whole, 15_000, bursts=True):
@@ -129,7 +128,6 @@ def test_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage
         assert len(hit) - 4 <= decoder.health.bad_bytes <= len(hit)
 
 
-@pytest.mark.no_cover
 @given(st.lists(st.one_of(st.sampled_from(frames(5)), st.binary(max_size=60)), max_size=12))
 def test_every_good_frame_of_any_stream_is_found_or_overlaps_another(parts: list[bytes]) -> None:
     decoder = bota.Decoder()

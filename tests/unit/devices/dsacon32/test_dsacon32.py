@@ -71,7 +71,6 @@ def test_a_matrix_with_a_cell_at_full_scale_is_saturated_and_the_other_is_not(rl
     assert [sample.status for sample in samples] == [(), ("saturated",)]
 
 
-@pytest.mark.no_cover
 @given(st.lists(st.integers(0, 4095) | st.just(0), min_size=1, max_size=300))
 def test_run_lengths_give_back_what_they_encode(cells: list[int]) -> None:
     frame = dsacon32.encode_frame(cells, 0, rle=True)
@@ -88,7 +87,6 @@ def test_a_run_of_zero_cells_adds_nothing() -> None:
     assert sample.values.tolist() == [5]
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("rle", [False, True])
 @pytest.mark.parametrize("matrices", [None, FORMS])
 def test_L1_every_split_reads_the_same(
@@ -103,7 +101,6 @@ def test_L1_every_split_reads_the_same(
     assert len(samples) == (8 if matrices is None else 14)
 
 
-@pytest.mark.no_cover
 def test_L2_no_damage_costs_more_than_its_own_image(damaged: Damage) -> None:
     before, whole, behind = frames(3, rle=True)
     missed = 0

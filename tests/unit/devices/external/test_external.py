@@ -262,7 +262,6 @@ def test_T2_a_message_cut_anywhere_is_dropped_whole_and_delays_nothing() -> None
         assert (decoder.health.bad, decoder.health.bad_bytes) == (1, cut)
 
 
-@pytest.mark.no_cover
 def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
     long_name = encode_reading("n" * 40, 1 << 40, values=np.ones((3, 3)), seq=1 << 33, status=("hot", "x" * 32))
     stream = wrench(1)[9:] + wrench(2) + long_name + b"\x85\xa6strea" + wrench(3)[:-1] + wrench(4) + b"\xc1" + wrench(5)
@@ -271,7 +270,6 @@ def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None
     assert len(same_for_every_split(external.Decoder, stream)) == 4
 
 
-@pytest.mark.no_cover
 def test_L2_a_damaged_message_costs_at_most_itself() -> None:
     rng = random.Random(3)
     whole = encode_reading("left.pad", 10**12, values=np.ones(16), seq=7)
@@ -319,7 +317,6 @@ def test_a_hostile_message_is_rejected_at_its_first_wrong_byte(bomb: bytes) -> N
     assert decoder._scanner._tail == b""
 
 
-@pytest.mark.no_cover
 @given(st.lists(st.one_of(st.just(wrench(1)), st.just(pack(IMAGE)), st.binary(max_size=40)), max_size=9))
 def test_nothing_raises_and_a_reading_after_anything_is_read(parts: list[bytes]) -> None:
     samples, decoder = decode(*parts, wrench(8), wrench(9))

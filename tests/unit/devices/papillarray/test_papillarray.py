@@ -138,7 +138,6 @@ def test_the_stream_shows_its_layout(layout: int, index_end: bool, type_bytes: i
     assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_the_layout_is_undecided_without_a_load_and_kept_after_one(layout: int) -> None:
     rng = np.random.default_rng(3)
@@ -339,7 +338,6 @@ def test_an_end_marker_inside_the_data_does_not_end_the_frame() -> None:
     np.testing.assert_array_equal(sample.values[3], marker)
 
 
-@pytest.mark.no_cover
 def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None:
     small = [make(number, [forces(number, 1)], slip=True, type_bytes=1 + number % 2) for number in range(6)]
     stream = small[0][30:] + small[1] + small[2][:40] + small[3] + frames.START + small[4] + small[5]
@@ -347,7 +345,6 @@ def test_L1_every_split_reads_the_same(same_for_every_split: SplitCheck) -> None
     assert len(same_for_every_split(ready, stream + undefined, tail=bytes(frames.LONGEST))) == 4
 
 
-@pytest.mark.no_cover
 def test_L2_a_damaged_frame_is_dropped_and_both_neighbours_are_kept(damaged: Damage) -> None:
     before, whole, after = (frame(number, sensors=2) for number in (3, 4, 5))
     for hit in damaged(whole, 600):

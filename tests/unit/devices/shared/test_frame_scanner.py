@@ -73,7 +73,6 @@ def test_every_split_finds_the_same_frames_and_counts_the_same(size: int) -> Non
     assert scan(stream, size, b"ok") == scan(stream, len(stream), b"ok")
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("junk", [b"\xab", b"\xab\xcd", b"\xab\xcd\x01", b"\x00"])
 def test_endless_garbage_is_not_kept(junk: bytes) -> None:
     frames = FixedLengthScanner(SYNC, 4, holds, DecoderHealth())

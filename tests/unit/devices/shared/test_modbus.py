@@ -89,7 +89,6 @@ def test_the_peer_reads_every_request_as_intended(request_: Request) -> None:
         assert (pdu.address, pdu.count) == (request_.read_address, request_.read_count)
 
 
-@pytest.mark.no_cover
 @given(requests, st.data())
 def test_replies_agree_with_the_peer_both_ways(request_: Request, data: st.DataObject) -> None:
     count = request_.read_count

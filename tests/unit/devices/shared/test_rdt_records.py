@@ -285,7 +285,6 @@ def results(sent: list[bytes | None], size: int) -> tuple[list[list[object]], De
     return found, health
 
 
-@pytest.mark.no_cover
 @given(st.lists(EVENTS, max_size=12), st.sampled_from((1, 11, 36)))
 def test_L1_a_whole_datagram_is_read_as_its_pieces_are(events: list[tuple[str, int, int]], size: int) -> None:
     sent = datagrams(events)

@@ -65,7 +65,6 @@ STEPS = st.one_of(
 )
 
 
-@pytest.mark.no_cover
 @settings(max_examples=300)
 @given(st.sampled_from([1 << 16, 1 << 32, 1 << 64]), st.integers(0, 1 << 20), st.lists(STEPS, max_size=40))
 def test_D3_every_fault_of_a_sequence_is_counted_as_what_it_is(

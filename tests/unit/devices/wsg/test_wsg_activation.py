@@ -50,7 +50,6 @@ def test_homing_can_be_stopped() -> None:
     assert bench.session.state == "active"
 
 
-@pytest.mark.no_cover
 def test_homing_without_an_end_is_lost(bench: Bench) -> None:
     activate(bench.session, bench.now_ns)
     bench.write(bench.session.on_time(bench.now_ns))

@@ -155,7 +155,6 @@ def test_A6_a_command_that_a_newer_one_replaced_is_not_repeated(bench: Bench) ->
     assert not bench.session.command_lost
 
 
-@pytest.mark.no_cover
 @pytest.mark.parametrize("status", [*range(1, 26), *range(27, 31)])
 @pytest.mark.parametrize("refused", GO)
 def test_A6_every_refusal_is_reported_by_its_word_and_not_repeated(bench: Bench, refused: int, status: int) -> None:
