@@ -131,3 +131,16 @@ def test_odd_words_are_shown_and_a_message_that_cannot_be_drawn_is_never_shown_a
         browser.until("document.getElementById('connection').dataset.state === 'stale'")
         assert set(levels(browser).values()) == {"UNKNOWN"}
     browser.problems.clear()
+
+
+def test_a_fetch_that_fails_is_repeated_and_the_page_recovers(browser: Browser) -> None:
+    fails = True
+    with page_of(REPLAYS / "demo.mcap") as url:
+        browser.do(lambda page: page.route("**/data/block/4", lambda way: way.abort() if fails else way.continue_()))
+        browser.open(url)
+        browser.until("slipd.source.ended && document.getElementById('connection').dataset.state === 'stale'")
+        fails = False
+        browser.until("document.getElementById('connection').dataset.state === 'recording'")
+        browser.until("slipd.source.position > 4 && slipd.state.fresh('slip.left') !== null")
+        browser.do(lambda page: page.unroute("**/data/block/4"))
+    browser.problems.clear()  # the failed requests
