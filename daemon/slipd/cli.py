@@ -106,7 +106,7 @@ def _check(arguments: argparse.Namespace) -> int:
     rig = config.load(arguments.config)
     for name, stream in rig.streams().items():
         print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
-    for hint in config.hints(rig):
+    for hint in config.hints(rig, str(arguments.config)):
         print(hint)
     if rig.reflex.enabled:
         print(_reflex_text(rig))

@@ -153,9 +153,9 @@ def test_check_warns_of_weak_but_valid_configs(tmp_path: Path, capsys: pytest.Ca
     )
     assert main(["check", str(rig)]) == 0
     out = capsys.readouterr().out
-    assert "finger.left: no mu: it warns of nothing before a slip has shown the friction" in out
-    assert "finger.left: no pad: rotation is not observed" in out
-    assert "gripper: no max_force_n: no request can move the gripper" in out
+    assert f"{rig}: warning: finger.left: no mu: it warns of nothing before a slip has shown the friction" in out
+    assert f"{rig}: warning: finger.left: no pad: rotation is not observed" in out
+    assert f"{rig}:5: warning: gripper: no max_force_n: no request can move the gripper" in out
 
 
 def test_check_asks_about_a_quaternion_that_looks_like_another_order(

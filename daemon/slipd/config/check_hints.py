@@ -1,34 +1,127 @@
-"""Hints of `slipd check` on a valid config that its author may not have meant."""
+"""Warnings of `slipd check`: values of a valid config that its author may not have meant."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from pathlib import Path
 
-from slipd.config.finger_model import Finger
+from slipd.config.finger_model import Finger, Pad, Wrench
 from slipd.config.model import Config
-from slipd.config.stream_settings import axes_of
+from slipd.config.stream_model import Stream
+from slipd.config.stream_settings import axes_of, key_path
+from slipd.config.toml_lines import key_lines, line_of
 
 W_FIRST = ([1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0])
 """In the order w, x, y, z this is no rotation; in the order x, y, z, w it turns the sensor upside down."""
 
+USUAL_MU = 1.2
+"""Dry rubber on most objects."""
 
-def hints(config: Config) -> Iterator[str]:
-    """Yield keys that are missing or look wrong, and the consequence."""
+USUAL_PLACE_M = 0.3
+"""A sensor at the wrist is rarely further from the pad."""
+
+USUAL_MASS_KG = 2.0
+"""All that is beyond a sensor at the wrist, with a large gripper."""
+
+USUAL_PAD_M = 0.12
+"""The longer side of the largest pads of fingers."""
+
+LEAST_WRENCH_HZ = 100.0
+"""A contact breaks loose within some 10 ms."""
+
+MOST_WARNING = 0.95
+"""Above this level, the error of the friction coefficient is larger than what is left."""
+
+NUMBERED_PORT = re.compile(r"/dev/tty(USB|ACM)\d+")
+STABLE_NAMES = (Path("/dev/serial/by-id"), Path("/dev/serial/by-path"))
+
+
+def hints(config: Config, file: str) -> Iterator[str]:
+    """Yield the warnings of a config, one line each, with file, line and key.
+
+    Args:
+        config: The config.
+        file: Name of the file, for the lines.
+    """
+    lines = key_lines(config.text)
+    for path, text in _hints(config):
+        line = line_of(lines, tuple(path.split(".")))
+        place = file if line is None else f"{file}:{line}"
+        yield f"{place}: warning: {path}: {text}"
+    marked = [n for n, line in enumerate(config.text.splitlines(), start=1) if re.search(r"=.*#.*\bMEASURE\b", line)]
+    if marked:
+        count = f"{len(marked)} values are" if len(marked) > 1 else "1 value is"
+        yield f"{file}:{marked[0]}: warning: {count} still marked MEASURE: measure, and remove the mark"
+
+
+def _hints(config: Config) -> Iterator[tuple[str, str]]:
+    """Yield the key path and the text of each warning."""
     for name, finger in config.finger.items():
         yield from _finger_hints(f"finger.{name}", finger)
+    for stream_name, stream in config.streams().items():
+        yield from _port_hints(stream_name, stream)
     if config.gripper is not None and config.gripper.max_force_n is None:
-        yield "gripper: no max_force_n: no request can move the gripper"
+        yield "gripper", "no max_force_n: no request can move the gripper"
+    if config.levels.warning > MOST_WARNING:
+        yield "levels.warning", f"{config.levels.warning:g} leaves no time to act; 0.85 is usual"
+    if config.bus.allow_local_tcp:
+        yield "bus.allow_local_tcp", "every user of this machine can move the gripper over its TCP port"
 
 
-def _finger_hints(path: str, finger: Finger) -> Iterator[str]:
+def _finger_hints(path: str, finger: Finger) -> Iterator[tuple[str, str]]:
     if finger.mu is None:
-        yield f"{path}: no mu: it warns of nothing before a slip has shown the friction"
+        yield path, "no mu: it warns of nothing before a slip has shown the friction"
+    elif finger.mu > USUAL_MU:
+        meant = f"; did you mean {finger.mu / 10.0:g}?" if finger.mu / 10.0 >= 0.1 else ""
+        yield f"{path}.mu", f"{finger.mu:g} is more than rubber usually has: warnings would come too late{meant}"
     if finger.slip.armed_at is not None:
-        yield f"{path}.slip: armed_at has no effect any more: a slip is told by the course of the load. Remove it"
+        yield f"{path}.slip.armed_at", "has no effect any more: slips are found by the course of the load. Remove it"
     if finger.pad is None:
-        yield f'{path}: no pad: rotation is not observed, so its level is never "stable"'
-    elif finger.wrench is None and axes_of(finger.pad) == 3 and not finger.pad.tare:
-        yield f"{path}.pad: no tare: if it does not read about zero unloaded, run `slipctl tare take`"
-    if finger.wrench is not None and finger.wrench.pad_from_sensor.quat_xyzw in W_FIRST:
+        yield path, 'no pad: rotation is not observed, so its level is never "stable"'
+    else:
+        yield from _pad_hints(f"{path}.pad", finger.pad, alone=finger.wrench is None)
+    if finger.wrench is not None:
+        yield from _wrench_hints(f"{path}.wrench", finger.wrench)
+
+
+def _pad_hints(path: str, pad: Pad, *, alone: bool) -> Iterator[tuple[str, str]]:
+    if alone and axes_of(pad) == 3 and not pad.tare:
+        yield path, "no tare: if it does not read about zero unloaded, run `slipctl tare take`"
+    longest_m = max(pad.rows, pad.cols) * pad.pitch_m
+    if longest_m > USUAL_PAD_M:
+        size = f"{pad.rows} x {pad.cols} taxels make a pad {longest_m:g} m long"
+        yield f"{path}.pitch_m", f"{size}: is {pad.pitch_m:g} m the distance between two taxels?"
+
+
+def _wrench_hints(path: str, wrench: Wrench) -> Iterator[tuple[str, str]]:
+    mounting = wrench.pad_from_sensor
+    if mounting.quat_xyzw in W_FIRST:
         turned = "turns the sensor by 180 degrees about X; in the order w, x, y, z it would be the identity"
-        yield f"{path}.wrench.pad_from_sensor: quat_xyzw {turned}: is its order x, y, z, w?"
+        yield f"{path}.pad_from_sensor", f"quat_xyzw {turned}: is its order x, y, z, w?"
+    for key, place in (("pad_from_sensor.xyz_m", mounting.xyz_m), ("com_m", wrench.com_m)):
+        farthest_m = max(map(abs, place))
+        if farthest_m > USUAL_PLACE_M:
+            yield f"{path}.{key}", f"{farthest_m:g} m from the pad is far for a finger: is it in metres?"
+    if wrench.mass_kg > USUAL_MASS_KG:
+        yield f"{path}.mass_kg", f"{wrench.mass_kg:g} kg beyond the sensor is much for a finger: is it in kg?"
+    if wrench.rate_hz < LEAST_WRENCH_HZ:
+        late = f"{wrench.rate_hz:g} Hz shows a slip only after some {3e3 / wrench.rate_hz:.0f} ms"
+        yield f"{path}.rate_hz", f"{late}: choose the fastest rate of the sensor"
+
+
+def _port_hints(stream_name: str, stream: Stream) -> Iterator[tuple[str, str]]:
+    if not NUMBERED_PORT.fullmatch(stream.port):
+        return
+    stable = _stable_name(Path(stream.port))
+    better = f"write {stable}" if stable else f"use a path below {STABLE_NAMES[0]}"
+    yield f"{key_path(stream_name)}.port", f"{stream.port} is whichever device is plugged in first: {better}"
+
+
+def _stable_name(port: Path) -> Path | None:
+    """Return the name of a port that stays with its adapter, or with its socket; None if it is not plugged in."""
+    for folder in STABLE_NAMES:
+        for name in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if name.resolve() == port.resolve():
+                return name
+    return None

@@ -11,6 +11,7 @@ from slipd.config.gripper_checks import grasp_faults, gripper_faults, reflex_fau
 from slipd.config.model import Config
 from slipd.config.stream_checks import stream_faults
 from slipd.config.stream_model import Stream
+from slipd.config.stream_settings import key_path
 from slipd.config.value_bounds import Fault
 
 _FINGER_NAME = re.compile(r"[a-z0-9]{1,32}")
@@ -64,13 +65,9 @@ def _port_faults(config: Config) -> list[Fault]:
         shared = len({device for device, _ in sensors}) == 1 and all(sensor for _, sensor in sensors)
         if len(users) > 1 and not (shared and len(set(sensors)) == len(sensors)):
             rule = f"must differ from the port of {first_name}, or each needs a 'sensor' of its own; both are {port}"
-            faults.append((f"{_path(users[1][0])}.port", rule))
+            faults.append((f"{key_path(users[1][0])}.port", rule))
         for name, stream in users[1:]:
             different = [key for key in _PORT_KEYS if shared and getattr(stream, key) != getattr(first, key)]
             rule = f"must be the same as for {first_name}, which is on the same port"
-            faults += [(f"{_path(name)}.{key}", rule) for key in different]
+            faults += [(f"{key_path(name)}.{key}", rule) for key in different]
     return faults
-
-
-def _path(stream_name: str) -> str:
-    return {"gripper": "gripper", "object": "grasp.object"}.get(stream_name, f"finger.{stream_name}")

@@ -23,6 +23,11 @@ def transport_of(port: str) -> str:
     return _TRANSPORTS.get(scheme, "serial") if separator else "serial"
 
 
+def key_path(stream_name: str) -> str:
+    """Return the key path of the table of a stream, such as "finger.left.pad" for ``left.pad``."""
+    return {"gripper": "gripper", "object": "grasp.object"}.get(stream_name, f"finger.{stream_name}")
+
+
 def stale_after_ns(stream: Stream) -> int:
     """Return the silence, and the age of a reading, beyond which a stream is stale for the verdict, ns."""
     if stream.stale_s is not None:
