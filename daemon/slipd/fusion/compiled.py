@@ -57,14 +57,18 @@ def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P,
         if kernel is not function:  # NUMBA_DISABLE_JIT returns the function itself
             _date_by_folder(kernel)
     except (RuntimeError, OSError, AttributeError) as error:
-        warnings.warn(
-            f"compiled kernels cannot be cached ({error}); set NUMBA_CACHE_DIR to a writable directory",
-            RuntimeWarning,
-            stacklevel=3,
-        )
+        _warn_of_no_cache(str(error))
         kernel = numba.njit(error_model="numpy", fastmath=fastmath)(function)
     KERNELS.append(kernel)
     return cast("Callable[P, R]", kernel)
+
+
+def _warn_of_no_cache(reason: str) -> None:
+    """Warn at the first kernel; the others have the same reason."""
+    if KERNELS:
+        return
+    cost = "compiled kernels cannot be cached, so every start compiles them, for about a minute"
+    warnings.warn(f"{cost}; set NUMBA_CACHE_DIR to a writable directory ({reason})", RuntimeWarning, stacklevel=4)
 
 
 def _date_by_folder(kernel: Any) -> None:

@@ -1,0 +1,109 @@
+"""Test that every command of the documents can be given as it stands; those that need no daemon are run."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.util
+import io
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from documented_commands import OTHERS, PAGES, PROGRAMS, Command, commands, mentions
+from project import CONFIG, DOCS, ROOT
+
+from slipd import cli, cli_parser
+from slipd_client import slipctl_parser
+
+ALL = [command for page in PAGES for command in commands(page)]
+MENTIONED = [command for page in [*PAGES, *sorted(DOCS.glob("decisions/*.md"))] for command in mentions(page)]
+RUN = ("slipd config", "slipd docs", "slipd check")
+"""What is run here; the tests of the system run demo, import, plot, export, identify, evaluate and slipctl."""
+
+MODULE = re.compile(r"python -m ([\w.]+)")
+TARGETS = set(re.findall(r"^([a-z_]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def parser_of(program: str) -> argparse.ArgumentParser:
+    return cli_parser.parser() if program == "slipd" else slipctl_parser.parser()
+
+
+def ours(*programs: str) -> list[Command]:
+    return [command for command in ALL if command.words[0] in programs]
+
+
+def test_there_are_commands_on_many_pages() -> None:
+    assert len(ours("slipd", "slipctl")) > 40
+    assert len({command.page for command in ALL}) >= 6
+    assert len(MENTIONED) > 40
+
+
+def test_every_program_is_ours_or_known() -> None:
+    assert {command.words[0] for command in ALL} <= PROGRAMS | OTHERS
+
+
+@pytest.mark.parametrize("command", ours("slipd", "slipctl"), ids=str)
+def test_a_command_has_arguments_that_the_parser_accepts(command: Command) -> None:
+    program, *arguments = command.words
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        try:
+            parsed = parser_of(program).parse_args(arguments)
+        except SystemExit:
+            pytest.fail(said.getvalue())
+    assert parsed.command or not arguments, "a command is missing"
+
+
+@pytest.mark.parametrize("command", MENTIONED, ids=str)
+def test_a_command_in_the_text_names_a_command_and_options_that_exist(command: Command) -> None:
+    program, *words = command.words
+    parser = parser_of(program)
+    for word in words:
+        below = next((action for action in parser._actions if isinstance(action, argparse._SubParsersAction)), None)
+        if word.startswith("--"):
+            assert word.partition("=")[0] in parser._option_string_actions, f"{parser.prog} has no {word}"
+        elif below is not None:
+            names = [name for name in word.split("|") if name.islower()]
+            assert set(names) <= set(below.choices), f"{parser.prog} has no {word}"
+            parser = below.choices[names[0]] if names else parser
+
+
+def test_a_module_that_is_started_exists() -> None:
+    for page in PAGES:
+        for module in MODULE.findall(page.read_text(encoding="utf-8")):
+            assert importlib.util.find_spec(module) is not None, f"{page.name}: {module}"
+
+
+def test_a_target_of_make_exists() -> None:
+    named = {command.words[1] for command in ours("make")}
+    for page in PAGES:
+        named |= set(re.findall(r"`make ([a-z_]+)[^`]*`", page.read_text(encoding="utf-8")))
+    assert named
+    assert named <= TARGETS
+
+
+def test_a_file_of_the_project_that_a_command_takes_exists() -> None:
+    taken = {
+        word for command in ALL for word in command.words[1:] if re.match(r"(\./)?(tests|config|docs|clients)\b", word)
+    }
+    assert taken
+    for word in taken:
+        assert (ROOT / word.partition("[")[0]).exists(), word
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if any(" ".join(c.words).startswith(RUN) for c in commands(page))]
+)
+def test_the_commands_that_need_no_daemon_run_in_their_order(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("rig.toml", "other.toml"):
+        shutil.copy(CONFIG / "demo.toml", name)
+    for command in commands(page):
+        if " ".join(command.words).startswith(RUN):
+            assert cli.main(list(command.words[1:])) == 0, command
+            printed = capsys.readouterr().out
+            if command.output:
+                Path(command.output).write_text(printed, encoding="utf-8")
