@@ -19,7 +19,7 @@ DOCUMENT = "docs/health.md"
 FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
     "not_tared": ("finger-not-tared", "error", "slipctl tare take {finger}"),
     "no_mu": ("friction-unknown", "warning", "slipctl friction {finger}"),
-    "weight_unknown": ("gravity-unknown", "error", "slipctl tare take {finger}"),
+    "weight_unknown": ("gravity-unknown", "error", "slipctl gravity {finger} --help"),
     "pulled": ("finger-pulled", "error", "slipctl tare take {finger}"),
     "disagreement": ("finger-disagreement", "error", "slipctl view"),
     "rotation_unobserved": ("pad-unusable", "warning", "slipctl tare take {finger}"),
