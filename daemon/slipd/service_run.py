@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import secrets
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -24,6 +25,8 @@ from slipd.bus.runtime_directory import RuntimeDirectory
 from slipd.config import Config
 from slipd.engine.engine import Engine
 from slipd.events import Event, Publish, Record, Reply, Request, Tick, Write
+from slipd.recording.continuous_recording import PREFIX, ContinuousRecording, delete_oldest, run_name
+from slipd.recording.incidents import Incidents, file_of_run
 from slipd.recording.mcap_file import check_new
 from slipd.recording.recorder_watch import RecorderWatch
 from slipd.recording.requested_recordings import RequestedRecordings, check_room, private_directory, state_dir
@@ -72,8 +75,11 @@ class ServiceRun:
         self.events_handled = self.ticks_handled = 0
         self._show_status = show_status
         self._stack = ExitStack()
-        self._recorder: Recorder | None = None
         self._recording: RecorderWatch | None = None
+        self._continuous: ContinuousRecording | None = None
+        self._incidents: Incidents | None = None
+        self._recorders: list[Recorder | RequestedRecordings | ContinuousRecording | Incidents] = []
+        self._recordings_dir = Path(config.recording.directory or state_dir())
         self.ready = False
 
     def __enter__(self) -> ServiceRun:
@@ -96,12 +102,20 @@ class ServiceRun:
     def open(self) -> None:
         """Serve the endpoints, then create the recording, so that a run that fails to start leaves no file."""
         self._requested = self._stack.enter_context(contextlib.closing(self._requested_recordings()))
+        self._recorders.append(self._requested)
         recording = self._stack.enter_context(ExitStack())  # closed after the sockets, with the last messages
         self._open_bus(self._stack)
         if self._record is not None:
-            self._recorder = self._make_recorder(self._record)
-            self._recording = RecorderWatch("", self._recorder, time.monotonic_ns())
+            recorder = self._make_recorder(self._record)
+            self._recording = RecorderWatch("", recorder, time.monotonic_ns())
+            self._recorders.append(recorder)
             recording.callback(self._close_recording, self._recording)
+        elif self._config.recording.continuous.enabled:
+            self._continuous = recording.enter_context(contextlib.closing(self._continuous_recording()))
+            self._recorders.append(self._continuous)
+        if self._config.recording.incidents.enabled:
+            self._incidents = recording.enter_context(contextlib.closing(self._make_incidents()))
+            self._recorders.append(self._incidents)
 
     def _open_bus(self, stack: ExitStack) -> None:
         bus, allowed = self._config.bus, self._allowed
@@ -125,7 +139,7 @@ class ServiceRun:
         return self._publisher.progress(), self._requests.progress()
 
     def _requested_recordings(self) -> RequestedRecordings:
-        limits, folder = self._config.recording, state_dir()
+        limits, folder = self._config.recording, self._recordings_dir
         room = Room(limits.max_bytes, limits.min_free_bytes)
 
         def prepare() -> None:
@@ -133,6 +147,29 @@ class ServiceRun:
             check_room(folder, room, limits.max_files)
 
         return RequestedRecordings(folder, partial(self._make_recorder, room=room), prepare)
+
+    def _continuous_recording(self) -> ContinuousRecording:
+        folder, limits = self._recordings_dir, self._config.recording
+        continuous = limits.continuous
+        room = Room(sys.maxsize, limits.min_free_bytes)
+
+        def prepare() -> None:
+            private_directory(folder)
+            delete_oldest(folder, PREFIX, continuous.keep_files - 1, continuous.keep_bytes - continuous.file_bytes)
+
+        recordings = RequestedRecordings(folder, partial(self._make_recorder, room=room), prepare)
+        return ContinuousRecording(recordings, continuous, run_name(self.boot, self._wall_minus_monotonic_ns))
+
+    def _make_incidents(self) -> Incidents:
+        folder, limits = self._recordings_dir, self._config.recording
+
+        def prepare() -> None:
+            private_directory(folder)
+            check_room(folder, Room(sys.maxsize, limits.min_free_bytes), sys.maxsize)
+
+        create = file_of_run(self._config.text, self.boot, self._wall_minus_monotonic_ns)
+        name = run_name(self.boot, self._wall_minus_monotonic_ns)
+        return Incidents(folder, limits.incidents, name, create, prepare)
 
     def _make_recorder(
         self, path: Path, prepare: Callable[[], None] | None = None, *, room: Room | None = None
@@ -153,8 +190,12 @@ class ServiceRun:
 
     def report_recording(self) -> None:
         """Pass changes of the recording of the whole run to the engine."""
-        if self._recording is not None and (change := self._recording.poll(time.monotonic_ns())):
+        t_ns = time.monotonic_ns()
+        if self._recording is not None and (change := self._recording.poll(t_ns)):
             self.handle(change)
+        if self._continuous is not None:
+            for change in self._continuous.changes(t_ns, self.engine.open_links):
+                self.handle(change)
 
     def end(self) -> None:
         """Stop the sensors, unless the engine failed; events that arrive while the links close are ignored."""
@@ -194,19 +235,18 @@ class ServiceRun:
             raise self._failure
 
     def _handle(self, event: Event, t_ns: int) -> None:
-        recorder = self._recorder
-        if recorder is not None:
+        for recorder in self._recorders:
             recorder.event(event, t_ns)
-        self._requested.record_event(event, t_ns)
         for output in self.engine.handle(event, t_ns):
             if isinstance(output, Publish):
                 payload = encode(output.body)
                 self._publisher.publish(output.topic, payload)
                 if output.topic == STATUS_TOPIC:
                     self._show_status(summary(output.body))
-                if recorder is not None:
+                for recorder in self._recorders:
                     recorder.published(output.topic, payload, t_ns)
-                self._requested.record_published(output.topic, payload, t_ns)
+                if self._incidents is not None and output.topic == "warning":
+                    self._incidents.note_warning(output.body, t_ns)
             elif isinstance(output, Write):
                 if self.links is not None:
                     self.links.write(output.link, output.data)

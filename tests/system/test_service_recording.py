@@ -18,7 +18,7 @@ from slipd.errors import LinkError, RecordingError
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.service_run import Endpoints
-from slipd_client.messages import encode
+from slipd_client.messages import decode, encode
 
 
 async def test_what_was_recorded_replays_as_it_was_published(rig: Rig, tmp_path: Path) -> None:
@@ -167,3 +167,47 @@ async def test_a_disk_that_is_too_full_is_left_alone(rig: Rig, tmp_path: Path, m
         assert refused["code"] == "no_room"
         assert "free bytes, less than recording.min_free_bytes" in refused["message"]
         assert left_in(tmp_path / "state") == []
+
+
+async def test_what_happened_before_a_warning_is_saved_and_replays(rig: Rig, tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    limits = f'[recording]\ndirectory = "{folder}"\n[recording.incidents]\nenabled = true\nafter_s = 0.2\n'
+
+    def slide() -> None:
+        rig.pad.send_image()
+        rig.wrench.send_wrench(2.1)
+
+    def saved() -> list[Path]:
+        return [path for path in folder.glob("incident-*-left-*.mcap") if open_recording(path).closed]
+
+    async with serving(config.parse(rig.file.read_text(encoding="utf-8") + limits, "rig.toml")) as client:
+        await until(lambda: len(client.hear("slip.left")) > 10, rig.send)
+        await until(saved, slide)
+        boot = client.hear("status")[-1]["boot"]
+    [path] = saved()
+    level = path.stem.rpartition("-")[2]
+    assert boot in path.name
+    recording = open_recording(path)
+    published = list(recording.messages())
+    assert recording.complete
+    warnings = [decode(payload) for topic, payload in published if topic == "warning"]
+    assert any(body["level"] == level for body in warnings)
+    assert [(topic, encode(body)) for topic, body in replay(open_recording(path))] == published, "nothing was dropped"
+
+
+async def test_a_run_in_files_that_follow_each_other_is_reported_and_each_replays(rig: Rig, tmp_path: Path) -> None:
+    folder = tmp_path / "kept"
+    limits = (
+        f'[recording]\ndirectory = "{folder}"\nmin_free_bytes = 0\n'
+        "[recording.continuous]\nenabled = true\nfile_s = 1.0\nkeep_files = 2\n"
+    )
+    async with serving(config.parse(rig.file.read_text(encoding="utf-8") + limits, "rig.toml")) as client:
+        await until(lambda: any(body["run_recording"] for body in client.hear("status")), rig.send)
+        assert client.hear("status")[-1]["run_recording"]["path"].startswith(f"{folder}/run-")
+        await until(lambda: any("-0003.mcap" in path.name for path in folder.glob("run-*.mcap")), rig.send)
+    files = sorted(folder.glob("run-*.mcap"))
+    assert [path.stem[-4:] for path in files][:2] == ["0002", "0003"]
+    for path in files:
+        recording = open_recording(path)
+        assert len(list(replay(recording))) > 5
+        assert recording.complete

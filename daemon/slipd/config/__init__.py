@@ -2,11 +2,12 @@
 
 The keys of a table and their defaults are in the file named after it: ``finger_model`` ([finger.X] with wrench, pad and
 slip), ``gripper_model`` ([gripper], [grasp], [reflex]), ``levels_model`` ([levels], [rates]), ``bus_model`` ([bus],
-[requests], [recording]), ``host_model`` ([realtime]), and ``stream_model`` for the keys that every device has.
+[requests]), ``recording_model`` ([recording]), ``host_model`` ([realtime]), and ``stream_model`` for the keys that every
+device has.
 ``value_bounds`` has the range of each quantity.
 """
 
-from slipd.config.bus_model import Bus, Recording, Requests
+from slipd.config.bus_model import Bus, Requests
 from slipd.config.check_hints import hints
 from slipd.config.config_file import load, parse
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
@@ -14,6 +15,7 @@ from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace,
 from slipd.config.host_model import Realtime
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
+from slipd.config.recording_model import Continuous, Incidents, Recording
 from slipd.config.stream_model import Stream
 from slipd.config.stream_settings import axes_of, device_options, in_newtons, stale_after_ns, transport_of
 from slipd.shipped_files import config_file as shipped
@@ -21,9 +23,11 @@ from slipd.shipped_files import config_file as shipped
 __all__ = [
     "Bus",
     "Config",
+    "Continuous",
     "Finger",
     "Grasp",
     "Gripper",
+    "Incidents",
     "Levels",
     "ObservedObject",
     "Pad",

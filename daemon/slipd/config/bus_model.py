@@ -1,4 +1,4 @@
-"""Keys of ``[bus]``, ``[requests]`` and ``[recording]``: who may connect, and what clients may request."""
+"""Keys of ``[bus]`` and ``[requests]``: who may connect, and what clients may request."""
 
 from __future__ import annotations
 
@@ -50,20 +50,3 @@ class Requests(StrictModel):
     """
 
     friction_without_lease: bool = False
-
-
-class Recording(StrictModel):
-    """``[recording]``: limits of the recordings that clients start; ``slipd run --record`` has none.
-
-    Attributes:
-        max_bytes: Size of one file, bytes. A recording that reaches it is closed properly within 0.1 s. Wrong: too
-            small, and a recording ends before what it should show.
-        max_files: Number of files; at this number ``record.start`` is refused. No file is deleted. Wrong: too small,
-            and `record.start` is refused.
-        min_free_bytes: Free disk space, bytes; below it no recording starts, and a running one ends. Wrong: too small,
-            and the disk fills up; too large, and nothing is recorded.
-    """
-
-    max_bytes: int = Field(default=1_000_000_000, ge=1_000_000)
-    max_files: int = Field(default=20, ge=1)
-    min_free_bytes: int = Field(default=1_000_000_000, ge=0)

@@ -27,7 +27,7 @@ def semantic_faults(config: Config) -> list[Fault]:
         faults += stream_faults("gripper", config.gripper, "gripper") + gripper_faults(config.gripper)
     if config.grasp is not None and config.grasp.object is not None:
         faults += stream_faults("grasp.object", config.grasp.object, "object")
-    return faults + grasp_faults(config) + reflex_faults(config) + _level_faults(config)
+    return faults + grasp_faults(config) + reflex_faults(config) + _level_faults(config) + _recording_faults(config)
 
 
 def _name_faults(config: Config) -> list[Fault]:
@@ -51,6 +51,14 @@ def _level_faults(config: Config) -> list[Fault]:
         rule = f"must be below levels.caution, {levels.caution:g}, got {levels.hysteresis:g}"
         faults.append(("levels.hysteresis", rule))
     return faults
+
+
+def _recording_faults(config: Config) -> list[Fault]:
+    limits = config.recording.continuous
+    if limits.keep_bytes >= 2 * limits.file_bytes:
+        return []
+    rule = f"must be at least twice recording.continuous.file_bytes, {limits.file_bytes}, got {limits.keep_bytes}"
+    return [("recording.continuous.keep_bytes", rule)]
 
 
 def _port_faults(config: Config) -> list[Fault]:

@@ -8,11 +8,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from slipd.config.bus_model import Bus, Recording, Requests
+from slipd.config.bus_model import Bus, Requests
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
 from slipd.config.gripper_model import Grasp, Gripper, PadPlace, Reflex
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
+from slipd.config.recording_model import Continuous, Incidents, Recording
 
 _TABLES: dict[str, type[BaseModel]] = {
     "wrench": Wrench,
@@ -27,6 +28,8 @@ _TABLES: dict[str, type[BaseModel]] = {
     "bus": Bus,
     "requests": Requests,
     "recording": Recording,
+    "continuous": Continuous,
+    "incidents": Incidents,
 }
 """The table that each key opens; the name of a finger stands between ``finger`` and its keys."""
 

@@ -6,11 +6,12 @@ import hashlib
 
 from pydantic import Field, PrivateAttr
 
-from slipd.config.bus_model import Bus, Recording, Requests
+from slipd.config.bus_model import Bus, Requests
 from slipd.config.finger_model import Finger
 from slipd.config.gripper_model import Grasp, Gripper, Reflex
 from slipd.config.host_model import Realtime
 from slipd.config.levels_model import Levels, Rates
+from slipd.config.recording_model import Recording
 from slipd.config.stream_model import Stream
 from slipd.config.value_bounds import StrictModel
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from slipd.config.bus_model import Bus, Recording, Requests
+from slipd.config.bus_model import Bus, Requests
 from slipd.config.docstring_parts import attributes_of, sentence, summary_of
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
 from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
@@ -22,6 +22,7 @@ from slipd.config.host_model import Realtime
 from slipd.config.key_types import range_of, type_of, unit_of
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.option_tables import option_rows
+from slipd.config.recording_model import Continuous, Incidents, Recording
 from slipd.config.stream_model import Stream
 
 TABLES: dict[str, type[BaseModel]] = {
@@ -40,6 +41,8 @@ TABLES: dict[str, type[BaseModel]] = {
     "bus": Bus,
     "requests": Requests,
     "recording": Recording,
+    "recording.continuous": Continuous,
+    "recording.incidents": Incidents,
     "realtime": Realtime,
 }
 """Every table of a config file, in the order of the page."""

@@ -92,6 +92,11 @@ class Engine:
         """The links that are to be opened, by name."""
         return {name: link.spec for name, link in self._links.items()}
 
+    @property
+    def open_links(self) -> tuple[LinkUp, ...]:
+        """The links that are open, as the events with which a recording begins."""
+        return tuple(LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
+
     def handle(self, event: Event, t_ns: int) -> list[Output]:
         """Handle one event at ``t_ns`` (CLOCK_MONOTONIC) and return its outputs, in order."""
         out: list[Output] = []
@@ -208,11 +213,8 @@ class Engine:
             out.append(reply)
         self._write_due(t_ns, out)
         for record in self._recordings.due():
-            out.append(replace(record, opened=self._open_links()) if record.name else record)
+            out.append(replace(record, opened=self.open_links) if record.name else record)
             self._publish_status(t_ns, out)
-
-    def _open_links(self) -> tuple[LinkUp, ...]:
-        return tuple(LinkUp(name, link.opened) for name, link in self._links.items() if link.up)
 
     # Time
 

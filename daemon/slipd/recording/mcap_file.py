@@ -170,11 +170,15 @@ class RecordingFile:
 
     def event(self, n: int, t_ns: int, event: Event) -> None:
         """Write an event that entered the engine at ``t_ns``; ``n`` is its running index."""
-        self._entry(EVENTS, n, t_ns, encode_event(n, t_ns, event))
+        self.published(n, t_ns, EVENTS, encode_event(n, t_ns, event))
 
     def published(self, n: int, t_ns: int, topic: str, payload: bytes) -> None:
-        """Write the bytes that were published under ``topic``."""
-        self._entry(topic, n, t_ns, payload)
+        """Write the bytes that were published under ``topic``, or an encoded event under that of the events."""
+        if len(payload) > ENTRY_LIMIT_BYTES:
+            raise ValueError(f"an entry must have at most {ENTRY_LIMIT_BYTES} bytes, got {len(payload)} on {topic}")
+        wall_ns = t_ns + self._wall_minus_monotonic_ns
+        channel = self._channels.get(topic) or self._register(topic)
+        self._writer.add_message(channel, wall_ns, payload, wall_ns, n & SEQUENCE_MASK)
 
     def flush(self) -> None:
         """Pass all entries to the kernel, so that they survive the end of the process."""
@@ -225,13 +229,6 @@ class RecordingFile:
         self._writer.start(profile=PROFILE, library=f"slipd {version('slipd')}")
         self._writer.add_metadata(START, metadata)
         self._writer.add_attachment(0, 0, CONFIG, "application/toml", config_text.encode())
-
-    def _entry(self, topic: str, n: int, t_ns: int, payload: bytes) -> None:
-        if len(payload) > ENTRY_LIMIT_BYTES:
-            raise ValueError(f"an entry must have at most {ENTRY_LIMIT_BYTES} bytes, got {len(payload)} on {topic}")
-        wall_ns = t_ns + self._wall_minus_monotonic_ns
-        channel = self._channels.get(topic) or self._register(topic)
-        self._writer.add_message(channel, wall_ns, payload, wall_ns, n & SEQUENCE_MASK)
 
     def _register(self, topic: str) -> int:
         # msgpack needs no schema, but MCAP readers fail if a channel has none.

@@ -120,12 +120,17 @@ class RequestedRecordings:
             raise RecordingError("the disk is still writing earlier recordings; try again later")
         return self._make(path, self._prepare)
 
-    def record_event(self, event: Event, t_ns: int) -> None:
+    def event(self, event: Event, t_ns: int) -> None:
         """Record an event that enters the engine at ``t_ns``."""
         if self._running is not None:
             self._running.recorder.event(event, t_ns)
 
-    def record_published(self, topic: str, payload: bytes, t_ns: int) -> None:
+    @property
+    def size_bytes(self) -> int:
+        """Size of the running recording, bytes; 0 where none runs."""
+        return 0 if self._running is None else self._running.recorder.size_bytes
+
+    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
         """Record the bytes that were published."""
         if self._running is not None:
             self._running.recorder.published(topic, payload, t_ns)

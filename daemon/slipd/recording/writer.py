@@ -123,6 +123,11 @@ class Recorder:
         return not self._thread.is_alive()
 
     @property
+    def size_bytes(self) -> int:
+        """Size of the file, bytes, up to the last flush; 0 before it is created."""
+        return 0 if self._file is None else self._file.size_bytes
+
+    @property
     def lost(self) -> int:
         """Number of entries known to be missing from the file, because the queue overflowed or the disk failed."""
         return self._refused + (self._unwritten if self.failure else 0)
@@ -179,7 +184,7 @@ class Recorder:
         try:
             if self._prepare is not None:
                 self._prepare()
-            file = file or self._create()
+            self._file = file = file or self._create()
             self.begun = True
             self._write_until_closed(file)
             file.finish(self._entries)

@@ -16,6 +16,11 @@ _CODES = {"limited": "no_room", "failed": "record_failed"}
 """Error code of a `record.start` whose recording did not begin, by the state that was reported instead."""
 
 
+def utc_stamp(wall_ns: int) -> str:
+    """Return a wall time for the name of a file, such as "20261122T221300Z"."""
+    return (_EPOCH + timedelta(seconds=wall_ns // 10**9 % _SPAN_S)).strftime("%Y%m%dT%H%M%SZ")
+
+
 class RecordingState:
     """Recordings of one run: one on request at a time, and one of the whole run where there is one.
 
@@ -44,9 +49,7 @@ class RecordingState:
         if self._running:
             return Refusal("not_ready", f"{self.requested.name} is being recorded: end it with record.stop")
         self._count += 1
-        wall_s = (t_ns + self._wall_minus_monotonic_ns) // 10**9 % _SPAN_S
-        time = (_EPOCH + timedelta(seconds=wall_s)).strftime("%Y%m%dT%H%M%SZ")
-        name = f"slipd-{time}-{self._boot}-{self._count}.mcap"
+        name = f"slipd-{utc_stamp(t_ns + self._wall_minus_monotonic_ns)}-{self._boot}-{self._count}.mcap"
         self.requested = RecordingChanged(name, "", "running")
         self._waiting[name] = request
         self._due.append(Record(name))

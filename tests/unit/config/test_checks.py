@@ -90,3 +90,9 @@ def test_two_sensors_of_one_port_need_the_same_baud_and_hardware_id(key: str, va
     twin = other[0].replace("finger.right", "finger.third").replace('"2"', '"1"')
     found = faults(GOOD + twin.replace('sensor = "1"', f'sensor = "1"\n{key} = {value}'))
     assert [path for path, _, _ in found] == [f"finger.third.pad.{key}"]
+
+
+def test_files_that_follow_each_other_are_not_deleted_at_once() -> None:
+    [(path, _, message)] = faults(f"{GOOD}\n[recording.continuous]\nkeep_bytes = 300_000_000\n")
+    assert path == "recording.continuous.keep_bytes"
+    assert message == "must be at least twice recording.continuous.file_bytes, 200000000, got 300000000"

@@ -56,13 +56,13 @@ def news(recordings: RequestedRecordings, t_ns: int = 1) -> RecordingChanged:
 
 def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRecordings, tmp_path: Path) -> None:
     up = LinkUp("left.wrench", "/dev/ttyUSB0")
-    recordings.record_event(Tick(1), 10)
-    recordings.record_published("status", b"\x80", 10)
+    recordings.event(Tick(1), 10)
+    recordings.published("status", b"\x80", 10)
     recordings.handle(Record("a.mcap", (up,)), 20)
-    recordings.record_event(Tick(2), 30)
-    recordings.record_published("status", b"\x80", 30)
+    recordings.event(Tick(2), 30)
+    recordings.published("status", b"\x80", 30)
     recordings.handle(Record(""), 40)
-    recordings.record_event(Tick(3), 50)
+    recordings.event(Tick(3), 50)
     recordings.close()
     recording = open_recording(tmp_path / "state" / "slipd" / "a.mcap")
     assert list(recording.entries()) == [
@@ -79,9 +79,9 @@ def test_a_recording_begins_with_the_links_that_are_open(recordings: RequestedRe
 
 def test_K3_the_next_recording_ends_the_one_that_runs(recordings: RequestedRecordings, tmp_path: Path) -> None:
     recordings.handle(Record("a.mcap"), 0)
-    recordings.record_event(Tick(1), 1)
+    recordings.event(Tick(1), 1)
     recordings.handle(Record("b.mcap"), 2)
-    recordings.record_event(Tick(2), 3)
+    recordings.event(Tick(2), 3)
     recordings.close()
     for name, tick in (("a.mcap", Tick(1)), ("b.mcap", Tick(2))):
         recording = open_recording(tmp_path / "state" / "slipd" / name)
@@ -101,7 +101,7 @@ def test_an_existing_file_is_neither_overwritten_nor_followed(
     assert (failed.name, failed.state) == ("a.mcap", "failed")
     assert "exists already" in failed.reason
     assert recordings.changes(2) == [], "it is reported once"
-    recordings.record_event(Tick(1), 1)
+    recordings.event(Tick(1), 1)
     recordings.close()
     assert precious.read_text() == "mine"
     assert [record.message for record in caplog.records] == [failed.reason]
@@ -114,9 +114,9 @@ def test_K1_a_disk_that_fails_is_reported_and_nothing_else(
     assert news(recordings).state == "running"
     with small_disk((state / "full.mcap").stat().st_size + 150):
         for n in range(100):
-            recordings.record_event(Tick(n), n)
+            recordings.event(Tick(n), n)
         failed = news(recordings, 2)
-        recordings.record_event(Tick(101), 101)
+        recordings.event(Tick(101), 101)
     assert (failed.state, failed.lost) == ("failed", 100)
     assert "the recording stopped: File too large" in failed.reason
     recordings.handle(Record("next.mcap"), 200)
@@ -170,12 +170,12 @@ def test_a_recording_that_reaches_its_size_ends_by_itself_whole(state: Path) -> 
     made.handle(Record("a.mcap"), 0)
     assert news(made).state == "running"
     for n in range(500):
-        made.record_event(Tick(n), n)
+        made.event(Tick(n), n)
     ended = news(made, 2)
     assert ended == RecordingChanged(
         "a.mcap", f"{state}/a.mcap", "limited", f"{state}/a.mcap: the recording reached recording.max_bytes, 3000"
     )
-    made.record_event(Tick(501), 501)
+    made.event(Tick(501), 501)
     made.close()
     assert open_recording(state / "a.mcap").complete
 
@@ -206,12 +206,12 @@ def test_lost_entries_are_reported_periodically(
     assert news(recordings, 1).lost == 0
     monkeypatch.setattr(writer, "QUEUE_LIMIT", 0)
     for n in range(7):
-        recordings.record_event(Tick(n), n)
+        recordings.event(Tick(n), n)
     assert recordings.changes(2) == []
     (change,) = recordings.changes(2_000_000_000)
     assert (change.state, change.lost) == ("running", 7)
     assert "7 entries lost so far: the disk is too slow" in caplog.text
-    recordings.record_event(Tick(8), 8)
+    recordings.event(Tick(8), 8)
     assert recordings.changes(2_100_000_000) == []
     recordings.close()
     assert "8 entries are missing: the disk was too slow" in caplog.text
@@ -235,7 +235,7 @@ def test_K1_a_slow_disk_gets_no_more_recordings_than_it_can_write(
     refused = []
     for n in range(20):
         recordings.handle(Record(f"{n}.mcap", (LinkUp("left", "it"),)), 0)
-        recordings.record_event(Tick(n), n)
+        recordings.event(Tick(n), n)
         refused += [change.name for change in recordings.changes(0) if "still writing" in change.reason]
         recordings.handle(Record(""), 0)
     assert len(made) == MOST_UNFINISHED + 1
@@ -259,7 +259,7 @@ def test_a_recording_without_a_thread_fails_alone(
     with monkeypatch.context() as patch:
         patch.setattr(threading.Thread, "start", start)
         recordings.handle(Record("a.mcap"), 0)
-    recordings.record_event(Tick(1), 1)
+    recordings.event(Tick(1), 1)
     path = str(tmp_path / "state" / "slipd" / "a.mcap")
     assert news(recordings) == RecordingChanged("a.mcap", path, "failed", f"{path}: can't start new thread")
     recordings.handle(Record("b.mcap"), 2)

@@ -1,0 +1,90 @@
+"""The whole run in files that follow each other, each complete by itself; the oldest are deleted."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from slipd.config import Continuous
+from slipd.events import Event, LinkUp, Record, RecordingChanged
+from slipd.recording.requested_recordings import RequestedRecordings
+from slipd.requests.recording_state import utc_stamp
+
+RETRY_NS = 60_000_000_000
+"""Time from the failure of a file to the next attempt, ns."""
+
+PREFIX = "run-"
+
+_log = logging.getLogger(__name__)
+
+
+def delete_oldest(directory: Path, prefix: str, keep_files: int, keep_bytes: float = float("inf")) -> None:
+    """Delete the oldest recordings of a kind, so that no more than some files and bytes remain.
+
+    The names begin with the time, so the oldest come first. A file that cannot be deleted stays.
+    """
+    kept = kept_bytes = 0
+    for path in sorted(directory.glob(f"{prefix}*.mcap"), reverse=True):
+        with suppress(OSError):
+            kept, kept_bytes = kept + 1, kept_bytes + path.stat().st_size
+            if kept > keep_files or kept_bytes > keep_bytes:
+                path.unlink()
+                _log.info("%s: deleted, it was the oldest", path)
+
+
+class ContinuousRecording:
+    """Begins a new file when the present one is old or large enough; nothing is lost in between.
+
+    Args:
+        recordings: Writes the files, one at a time.
+        limits: ``[recording.continuous]``.
+        name: Returns the name of a file that begins at a time, without number and suffix.
+    """
+
+    def __init__(self, recordings: RequestedRecordings, limits: Continuous, name: Callable[[int], str]) -> None:
+        self._recordings = recordings
+        self._limits = limits
+        self._name_at = name
+        self._name = ""
+        self._count = 0
+        self._due_ns: int | None = None
+
+    def event(self, event: Event, t_ns: int) -> None:
+        """Record an event that enters the engine at ``t_ns``."""
+        self._recordings.event(event, t_ns)
+
+    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
+        """Record the bytes that were published."""
+        self._recordings.published(topic, payload, t_ns)
+
+    def changes(self, t_ns: int, open_links: tuple[LinkUp, ...]) -> list[RecordingChanged]:
+        """Begin a new file if it is time; return the changes that the engine must know, each once.
+
+        Args:
+            t_ns: Now, CLOCK_MONOTONIC.
+            open_links: The links that are open.
+        """
+        changes = [change for change in self._recordings.changes(t_ns) if change.name == self._name]
+        if any(change.state != "running" for change in changes):
+            self._due_ns = t_ns + RETRY_NS
+        elif self._due_ns is None or t_ns >= self._due_ns or self._recordings.size_bytes >= self._limits.file_bytes:
+            self._begin(t_ns, open_links)
+        return [replace(change, name="") for change in changes]
+
+    def _begin(self, t_ns: int, open_links: tuple[LinkUp, ...]) -> None:
+        self._count += 1
+        self._name = f"{PREFIX}{self._name_at(t_ns)}-{self._count:04}.mcap"
+        self._due_ns = t_ns + round(self._limits.file_s * 1e9)
+        self._recordings.handle(Record(self._name, open_links), t_ns)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._recordings.close()
+
+
+def run_name(boot: str, wall_minus_monotonic_ns: int) -> Callable[[int], str]:
+    """Return what names a file of a run by the time at which it begins."""
+    return lambda t_ns: f"{utc_stamp(t_ns + wall_minus_monotonic_ns)}-{boot}"

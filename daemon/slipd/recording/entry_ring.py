@@ -1,0 +1,125 @@
+"""The last entries of a run in memory, compressed; the oldest are dropped."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgpack
+import zstandard
+
+from slipd.events import Event, LinkDown, LinkUp
+from slipd.recording.event_codec import encode_event
+from slipd.recording.mcap_file import EVENTS, RecordingFile
+
+BLOCK_BYTES = 256 * 1024
+"""Bytes of entries that are compressed at once, which takes a millisecond without the interpreter lock."""
+
+MOST_BYTES = 256 * 1024 * 1024
+"""Most compressed bytes that are kept; a flood of incompressible bytes shortens the time."""
+
+_REST_ENTRIES, _REST_S = 50, 0.001
+"""While a file is written, the thread rests after so many entries, so that the live path waits for none of them."""
+
+
+class _Block(NamedTuple):
+    data: bytes
+    begin_ns: int
+    links: list[LinkUp | LinkDown]
+    entries: int
+
+
+class EntryRing:
+    """Keeps entries of the last seconds. Not safe for threads: one thread adds and writes.
+
+    Args:
+        before_ns: Time that is kept, ns.
+
+    Attributes:
+        next_n: Index of the next entry.
+    """
+
+    def __init__(self, before_ns: int) -> None:
+        self.next_n = 0
+        self._before_ns = before_ns
+        self._blocks: deque[_Block] = deque()
+        self._bytes = 0
+        self._open: dict[str, LinkUp] = {}  # the links that were open before the first block
+        self._packer = msgpack.Packer()
+        self._compressor = zstandard.ZstdCompressor(level=1)
+        self._begin_block()
+
+    def _begin_block(self) -> None:
+        self._pieces: list[bytes] = []
+        self._piece_bytes = self._begin_ns = 0
+        self._links: list[LinkUp | LinkDown] = []
+
+    def event(self, event: Event, t_ns: int) -> None:
+        """Keep an event."""
+        if isinstance(event, (LinkUp, LinkDown)):
+            self._links.append(event)
+        self._keep(EVENTS, encode_event(self.next_n, t_ns, event), t_ns)
+
+    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
+        """Keep a message."""
+        self._keep(topic, payload, t_ns)
+
+    def _keep(self, topic: str, payload: bytes, t_ns: int) -> None:
+        if not self._pieces:
+            self._begin_ns = t_ns
+        piece = self._packer.pack((self.next_n, t_ns, topic, payload))
+        self._pieces.append(piece)
+        self._piece_bytes += len(piece)
+        self.next_n += 1
+        if self._piece_bytes >= BLOCK_BYTES:
+            self._end_block()
+            self._drop(t_ns)
+
+    def _end_block(self) -> None:
+        data = self._compressor.compress(b"".join(self._pieces))
+        self._blocks.append(_Block(data, self._begin_ns, self._links, len(self._pieces)))
+        self._bytes += len(data)
+        self._begin_block()
+
+    def _drop(self, t_ns: int) -> None:
+        """Drop the blocks that are older than the time that is kept."""
+        blocks = self._blocks
+        while len(blocks) > 1 and (blocks[1].begin_ns <= t_ns - self._before_ns or self._bytes > MOST_BYTES):
+            dropped = blocks.popleft()
+            self._bytes -= len(dropped.data)
+            for link in dropped.links:
+                self._open.pop(link.link, None)
+                if isinstance(link, LinkUp):
+                    self._open[link.link] = link
+
+    @property
+    def first(self) -> int:
+        """Index of the first entry of a file: before the kept entries come the links that were open."""
+        kept = sum(block.entries for block in self._blocks) + len(self._pieces)
+        return self.next_n - kept - len(self._open)
+
+    def write(self, file: RecordingFile) -> None:
+        """Write all entries to a file that begins at the index `first`, and finish it.
+
+        Raises:
+            OSError: The disk failed.
+        """
+        if self._pieces:
+            self._end_block()
+        begin_n = self.next_n - sum(block.entries for block in self._blocks)
+        begin_ns = self._blocks[0].begin_ns if self._blocks else 0
+        for number, link in enumerate(self._open.values(), start=-len(self._open)):
+            file.event(begin_n + number, begin_ns, link)
+        for number, (n, t_ns, topic, payload) in enumerate(self._entries()):
+            file.published(n, t_ns, topic, payload)
+            if number % _REST_ENTRIES == 0:
+                time.sleep(_REST_S)
+        file.finish(self.next_n)
+
+    def _entries(self) -> Iterator[tuple[int, int, str, bytes]]:
+        for block in self._blocks:
+            unpacker = msgpack.Unpacker()
+            unpacker.feed(zstandard.decompress(block.data))
+            yield from unpacker

@@ -1,0 +1,164 @@
+"""What happened before a warning: the last seconds are always kept in memory, and saved as a file when a finger warns.
+
+The live path only puts entries into a queue; a thread compresses them, and writes the file.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any
+
+from slipd.config import Incidents as IncidentLimits
+from slipd.errors import RecordingError
+from slipd.events import Event
+from slipd.recording.continuous_recording import delete_oldest
+from slipd.recording.entry_ring import EntryRing
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.writer import CLOSE_LIMIT_S, QUEUE_LIMIT
+
+PREFIX = "incident-"
+
+LEVELS = ("caution", "warning", "slipping")
+"""Levels that may count as an incident, the least alarming first."""
+
+_PERIOD_S = 0.05
+"""How often the thread empties the queue, s: waking for every entry would delay the live path."""
+
+_log = logging.getLogger(__name__)
+
+_Entry = tuple[int, Event] | tuple[int, str, bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class _Save:
+    """Order to write a file once the entries up to a time are there."""
+
+    path: Path
+    until_ns: int
+
+
+class Incidents:
+    """Keeps the last seconds of a run, and saves them when a finger warns.
+
+    Call all methods from one thread. None of them blocks but `close`, and none raises because of a disk.
+
+    Args:
+        directory: Folder of the files.
+        limits: ``[recording.incidents]``.
+        name: Returns the first part of the name of a file, by its time.
+        create: Returns a new file, given its path and the index of its first entry.
+        prepare: Called by the thread before it creates a file; a RecordingError from it prevents that.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        limits: IncidentLimits,
+        name: Callable[[int], str],
+        create: Callable[[Path, int], RecordingFile],
+        prepare: Callable[[], None],
+    ) -> None:
+        self._directory, self._limits, self._name = directory, limits, name
+        self._create, self._prepare = create, prepare
+        self._levels = LEVELS[LEVELS.index(limits.level) :]
+        self._next_ns: int | None = None  # before it nothing is saved
+        self._ignored = 0
+        self._ring = EntryRing(round(limits.before_s * 1e9))
+        self._queue: SimpleQueue[_Entry | _Save | None] = SimpleQueue()
+        self._thread = Thread(target=self._run, name="incidents", daemon=True)
+        self._thread.start()
+
+    def event(self, event: Event, t_ns: int) -> None:
+        """Keep an event that enters the engine at ``t_ns``."""
+        self._put((t_ns, event))
+
+    def published(self, topic: str, payload: bytes, t_ns: int) -> None:
+        """Keep the bytes that were published."""
+        self._put((t_ns, topic, payload))
+
+    def _put(self, entry: _Entry) -> None:
+        if self._queue.qsize() < QUEUE_LIMIT:  # else the disk is slow; the file will have a gap of time
+            self._queue.put(entry)
+
+    def note_warning(self, body: Mapping[str, Any], t_ns: int) -> None:
+        """Save what happened if a message of the topic ``warning``, published at ``t_ns``, is reason enough.
+
+        Within `pause_s` of the last saving nothing is saved: a chattering warning must not fill the disk.
+        """
+        level, lost = body["level"], body["level"] == "no_contact" and body["previous"] in self._levels
+        if level not in self._levels and not lost:
+            return
+        if self._next_ns is not None and t_ns < self._next_ns:
+            self._ignored += 1
+            return
+        if self._ignored:
+            _log.info("%d warnings within %g s of the last saved one", self._ignored, self._limits.pause_s)
+        self._ignored, self._next_ns = 0, t_ns + round(self._limits.pause_s * 1e9)
+        what = "contact_lost" if lost else level
+        path = self._directory / f"{PREFIX}{self._name(t_ns)}-{body['finger']}-{what}.mcap"
+        self._queue.put(_Save(path, t_ns + round(self._limits.after_s * 1e9)))
+
+    def close(self) -> None:
+        """End the thread; what waits to be saved is saved as it is."""
+        self._queue.put(None)
+        self._thread.join(CLOSE_LIMIT_S)
+
+    def _run(self) -> None:
+        due: _Save | None = None
+        while True:
+            try:
+                item = self._queue.get_nowait()
+            except Empty:
+                time.sleep(_PERIOD_S)
+                continue
+            if item is None:
+                break
+            if isinstance(item, _Save):
+                due = item
+                continue
+            if due is not None and item[0] > due.until_ns:
+                self._save(due)
+                due = None
+            self._keep(item)
+        if due is not None:
+            self._save(due)
+
+    def _keep(self, entry: _Entry) -> None:
+        if len(entry) == 2:
+            self._ring.event(entry[1], entry[0])
+        else:
+            self._ring.published(entry[1], entry[2], entry[0])
+
+    def _save(self, order: _Save) -> None:
+        """Write the file; a disk that fails costs this file only."""
+        try:
+            self._prepare()
+            delete_oldest(self._directory, PREFIX, self._limits.keep_files - 1)
+            file = self._create(order.path, self._ring.first)
+        except (RecordingError, OSError) as error:
+            _log.error("%s: not saved: %s", order.path, error)
+            return
+        try:
+            self._ring.write(file)
+        except OSError as error:
+            file.remove()
+            _log.error("%s: not saved: %s", order.path, error.strerror)
+            return
+        _log.warning("%s: saved, with what happened before", order.path)
+
+
+def file_of_run(config_text: str, boot: str, wall_minus_monotonic_ns: int) -> Callable[[Path, int], RecordingFile]:
+    """Return what creates a file of a run, given its path and the index of its first entry."""
+
+    def create(path: Path, first: int) -> RecordingFile:
+        return RecordingFile(
+            path, config_text=config_text, boot=boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns, first=first
+        )
+
+    return create

@@ -1,0 +1,108 @@
+"""The whole run in files that follow each other: each opens by itself, nothing is lost in between, the oldest go."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from slipd.config import Continuous
+from slipd.events import LinkUp, Tick
+from slipd.recording.continuous_recording import RETRY_NS, ContinuousRecording, delete_oldest, run_name
+from slipd.recording.entry_walk import Entered
+from slipd.recording.reader import open_recording
+from slipd.recording.requested_recordings import RequestedRecordings
+from slipd.recording.writer import Recorder, RecordingLimitError
+
+SECOND_NS = 1_000_000_000
+OPEN = (LinkUp("left.wrench", "/dev/ttyUSB0"),)
+
+
+def wait_until(condition) -> None:
+    end_s = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end_s, "waited in vain"
+        time.sleep(0.002)
+
+
+class Run:
+    """A continuous recording of ticks."""
+
+    def __init__(self, folder: Path, about_run: dict[str, object], prepare=lambda: None, **limits: object) -> None:
+        self.folder, self.prepare = folder, prepare
+        recordings = RequestedRecordings(
+            folder, lambda path, prepare: Recorder(path, prepare=prepare, **about_run), lambda: self.prepare()
+        )
+        self.recording = ContinuousRecording(recordings, Continuous(**limits), run_name("b00t", 0))
+        self.changes: list = []
+
+    def poll(self, t_ns: int) -> None:
+        self.changes += self.recording.changes(t_ns, OPEN)
+
+    def files(self) -> list[Path]:
+        return sorted(self.folder.iterdir())
+
+
+def test_K3_files_follow_each_other_by_time_without_a_gap_and_open_by_themselves(tmp_path: Path, about_run) -> None:
+    run = Run(tmp_path, about_run, file_s=1.0)
+    for n in range(30):
+        run.poll(n * SECOND_NS // 10)
+        wait_until(lambda: run.recording._recordings._running.recorder.begun)
+        run.recording.event(Tick(n), n * SECOND_NS // 10)
+        run.recording.published("status", b"\x80", n * SECOND_NS // 10)
+    run.recording.close()
+    assert [path.name for path in run.files()] == [f"run-1970010{1}T00000{n}Z-b00t-000{n + 1}.mcap" for n in range(3)]
+    ticks = []
+    for path in run.files():
+        recording = open_recording(path)
+        entries = list(recording.entries())
+        assert recording.complete
+        assert entries[0].event == OPEN[0]
+        ticks += [one.event.suspended_ns for one in entries[1:] if isinstance(one, Entered)]
+    assert ticks == list(range(30))
+
+
+def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path: Path, about_run) -> None:
+    run = Run(tmp_path, about_run, file_bytes=1_000_000)
+    run.poll(0)
+    for _ in range(120):
+        run.recording.published("tactile.left", os.urandom(10_000), 1)
+    wait_until(lambda: run.files() and run.files()[0].stat().st_size >= 1_000_000)
+    wait_until(lambda: run.poll(2) or run.recording._count == 2)
+    run.recording.close()
+    assert len(run.files()) == 2
+    assert all(open_recording(path).closed for path in run.files())
+
+
+def test_the_state_is_reported_as_that_of_the_whole_run_and_a_failure_is_retried(tmp_path: Path, about_run) -> None:
+    def full() -> None:
+        raise RecordingLimitError("the disk is full")
+
+    run = Run(tmp_path, about_run, prepare=full)
+    run.poll(0)
+    wait_until(lambda: run.poll(1) or run.changes)
+    assert [(change.name, change.state, change.reason) for change in run.changes] == [
+        ("", "limited", "the disk is full")
+    ]
+    run.prepare = lambda: None
+    run.poll(RETRY_NS // 2)
+    assert run.files() == []
+    run.poll(RETRY_NS + 1)
+    wait_until(lambda: run.poll(RETRY_NS + 2) or len(run.changes) > 1)
+    assert (run.changes[-1].name, run.changes[-1].state) == ("", "running")
+    run.recording.close()
+    assert open_recording(run.files()[0]).closed
+
+
+@pytest.mark.parametrize(("files", "size", "left"), [(3, 10**6, "678"), (100, 25, "78"), (100, 5, ""), (0, 100, "")])
+def test_the_oldest_files_are_deleted_and_others_are_left(tmp_path: Path, files: int, size: int, left: str) -> None:
+    for n in range(9):
+        (tmp_path / f"run-2026{n}.mcap").write_bytes(bytes(10))
+    others = ["slipd-2020.mcap", "incident-2020.mcap", "run-2020.txt"]
+    for name in others:
+        (tmp_path / name).write_bytes(bytes(10))
+    delete_oldest(tmp_path, "run-", files, size)
+    kept = {path.name for path in tmp_path.iterdir()}
+    assert kept == {f"run-2026{n}.mcap" for n in left} | set(others)

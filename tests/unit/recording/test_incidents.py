@@ -1,0 +1,149 @@
+"""What happened before a warning is saved: the last seconds, no more often than allowed, and the file replays."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from slipd.config import Incidents as Limits
+from slipd.errors import RecordingError
+from slipd.events import Bytes, LinkDown, LinkUp
+from slipd.recording import entry_ring
+from slipd.recording.entry_ring import EntryRing
+from slipd.recording.entry_walk import Entered
+from slipd.recording.incidents import Incidents, file_of_run
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
+
+SECOND_NS = 1_000_000_000
+WARNING = {"finger": "left", "level": "warning", "previous": "stable"}
+
+
+@pytest.fixture
+def incidents(tmp_path: Path, about_run):
+    def make(prepare=lambda: None, **limits: object) -> Incidents:
+        return Incidents(tmp_path, Limits(**limits), lambda t_ns: f"{t_ns:020}", file_of_run(**about_run), prepare)
+
+    return make
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_the_pause(
+    tmp_path: Path, incidents, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    kept = incidents(after_s=2.0, pause_s=60.0)
+    for n in range(200):
+        t_ns = n * SECOND_NS
+        kept.event(Bytes("left.wrench", bytes([n])), t_ns)
+        kept.published("status", b"\x80", t_ns)
+        if n in (5, 6, 7, 100, 199):
+            kept.note_warning(WARNING, t_ns)
+    kept.close()
+    assert files(tmp_path) == [f"incident-{n * SECOND_NS:020}-left-warning.mcap" for n in (5, 100, 199)]
+    ends = []
+    for path in sorted(tmp_path.iterdir()):
+        recording = open_recording(path)
+        entries = list(recording.entries())
+        assert recording.complete
+        assert [entry.n for entry in entries] == list(range(len(entries)))
+        ends.append(entries[-1].t_ns // SECOND_NS)
+    assert ends == [7, 102, 199]
+    assert "2 warnings within 60 s of the last saved one" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("least", "level", "previous", "name"),
+    [
+        ("warning", "caution", "stable", None),
+        ("warning", "stable", "warning", None),
+        ("warning", "unknown", "warning", None),
+        ("warning", "no_contact", "stable", None),
+        ("warning", "no_contact", "slipping", "left-contact_lost"),
+        ("warning", "slipping", "stable", "left-slipping"),
+        ("slipping", "warning", "stable", None),
+        ("caution", "caution", "stable", "left-caution"),
+    ],
+)
+def test_the_level_decides_what_is_an_incident(
+    tmp_path: Path, incidents, least: str, level: str, previous: str, name: str | None
+) -> None:
+    kept = incidents(level=least)
+    kept.note_warning({"finger": "left", "level": level, "previous": previous}, 0)
+    kept.close()
+    assert files(tmp_path) == ([f"incident-{0:020}-{name}.mcap"] if name else [])
+
+
+def test_the_oldest_incidents_are_deleted(tmp_path: Path, incidents) -> None:
+    kept = incidents(keep_files=2, pause_s=1.0)
+    for n in range(5):
+        kept.note_warning(WARNING, n * SECOND_NS)
+        kept.event(Bytes("left.wrench", b"x"), n * SECOND_NS + 6)
+    kept.close()
+    assert len(files(tmp_path)) <= 2
+
+
+def test_a_disk_without_room_or_that_fails_costs_the_file_only(
+    tmp_path: Path, incidents, small_disk, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full() -> None:
+        raise RecordingError("no room")
+
+    kept = incidents(full)
+    kept.note_warning(WARNING, 0)
+    kept.close()
+    assert "incident-00000000000000000000-left-warning.mcap: not saved: no room" in caplog.text
+    kept = incidents()
+    for n in range(1000):
+        kept.event(Bytes("left.wrench", bytes(range(n % 256))), n)
+    kept.note_warning(WARNING, 1)
+    with small_disk(5000):
+        kept.close()
+    assert "incident-00000000000000000001-left-warning.mcap: not saved: File too large" in caplog.text
+    assert files(tmp_path) == []
+
+
+def written(ring: EntryRing, path: Path, about_run) -> list:
+    file = RecordingFile(path, **about_run, first=ring.first)
+    ring.write(file)
+    recording = open_recording(path)
+    entries = list(recording.entries())
+    assert recording.complete
+    return entries
+
+
+def test_a_ring_that_dropped_entries_begins_with_the_links_that_were_open(
+    tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 500)
+    ring = EntryRing(10 * SECOND_NS)
+    ring.event(LinkUp("left.wrench", "a"), 0)
+    ring.event(LinkUp("left.pad", "b"), 0)
+    ring.event(LinkUp("right.pad", "c"), 0)
+    ring.event(LinkDown("left.pad", "unplugged"), 1)
+    for n in range(100):
+        ring.event(Bytes("left.wrench", bytes(20)), n * SECOND_NS)
+    entries = written(ring, tmp_path / "ring.mcap", about_run)
+    assert [one.event for one in entries[:2]] == [LinkUp("left.wrench", "a"), LinkUp("right.pad", "c")]
+    assert entries[0].n == ring.first > 0
+    assert isinstance(entries[2], Entered)
+    assert 75 * SECOND_NS < entries[2].t_ns <= 89 * SECOND_NS
+    assert entries[-1].t_ns == 99 * SECOND_NS
+
+
+def test_a_flood_shortens_the_time_that_is_kept(tmp_path: Path, about_run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 100)
+    monkeypatch.setattr(entry_ring, "MOST_BYTES", 1000)
+    ring = EntryRing(10 * SECOND_NS)
+    for n in range(1000):
+        ring.published("status", bytes([n % 256, n // 256]) * 20, n)
+    assert 0 < len(written(ring, tmp_path / "ring.mcap", about_run)) < 100
+
+
+def test_an_empty_ring_writes_a_file_without_entries(tmp_path: Path, about_run) -> None:
+    assert written(EntryRing(SECOND_NS), tmp_path / "ring.mcap", about_run) == []
