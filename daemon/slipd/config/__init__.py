@@ -2,9 +2,8 @@
 
 The keys of a table and their defaults are in the file named after it: ``finger_model`` ([finger.X] with wrench, pad and
 slip), ``gripper_model`` ([gripper], [grasp], [reflex]), ``levels_model`` ([levels], [rates]), ``bus_model`` ([bus],
-[requests]), ``recording_model`` ([recording]), ``host_model`` ([realtime]), and ``stream_model`` for the keys that every
-device has.
-``value_bounds`` has the range of each quantity.
+[requests]), ``recording_model`` ([recording]), ``host_model`` ([realtime]), and ``stream_model`` for the keys that
+every device has. ``value_bounds`` has the range of each quantity.
 """
 
 from slipd.config.bus_model import Bus, Requests
