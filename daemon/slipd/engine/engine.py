@@ -285,8 +285,6 @@ class Engine:
         if kind == finger.main_stream:
             publisher.publish_state(finger.disconnect(t_ns), out)
 
-    # Outputs
-
     def _write_due(self, t_ns: int, out: list[Output]) -> None:
         for name, link in self._links.items():
             out += [Write(name, piece) for piece in link.due(t_ns)]
