@@ -204,6 +204,13 @@ def _export(arguments: argparse.Namespace) -> int:
     return DONE if whole else FAULT
 
 
+def _init(arguments: argparse.Namespace) -> int:
+    from slipd.discovery.init_command import init_command
+
+    init_command(arguments.file, arguments.ports, only_list=arguments.list)
+    return DONE
+
+
 def _emulate(arguments: argparse.Namespace) -> int:
     from slipd.sim.emulate_command import emulate_command
 
@@ -242,6 +249,7 @@ COMMANDS = {
     "export": _export,
     "plot": _plot,
     "identify": _identify,
+    "init": _init,
     "emulate": _emulate,
     "touch": _touch,
     "import grips": _import_grips,

@@ -134,6 +134,7 @@ def parser() -> argparse.ArgumentParser:
     identify.add_argument("--finger", required=True, metavar="NAME", help="name of the finger in the config")
     identify.set_defaults(command="identify")
 
+    _add_init(commands)
     _emulation(commands)
 
     importer = _add_command(commands, "import", "convert other data to a recording")
@@ -183,6 +184,27 @@ def _add_shipped(commands: Any) -> None:
     docs = _add_command(commands, "docs", "list the pages of the documentation, or print one")
     docs.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
     docs.set_defaults(command="docs")
+
+
+def _add_init(commands: Any) -> None:
+    init = _add_command(commands, "init", "find the devices on the serial ports and write a first config for them")
+    init.epilog = (
+        "Listens at each speed, then asks. Nothing moves: a gripper is asked for its status only. Devices on a network "
+        "are not searched. An existing file is never replaced."
+    )
+    init.add_argument(
+        "file",
+        type=Path,
+        nargs="?",
+        default=Path("slipd.toml"),
+        metavar="FILE",
+        help="new config (default: slipd.toml)",
+    )
+    init.add_argument("--list", action="store_true", help="only list the ports and their devices")
+    init.add_argument(
+        "--ports", type=Path, metavar="DIR", help="folder of the ports (default: /dev/serial/by-id, then other names)"
+    )
+    init.set_defaults(command="init")
 
 
 def _emulation(commands: Any) -> None:

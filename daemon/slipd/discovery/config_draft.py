@@ -1,0 +1,131 @@
+"""Write a first config for the devices that were found, with a comment at every value to measure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+from slipd.devices import DEVICES
+from slipd.discovery.port_probe import Found
+from slipd.discovery.serial_ports import SerialPort
+
+FINGERS = ("left", "right")
+Placed = tuple[SerialPort, Found]
+
+SHAPES = {"tsf85": (7, 4), "papillarray": (3, 3)}
+"""Rows and columns of pads whose devices do not report them."""
+
+PITCHES_M = {"tsf85": 0.0053, "papillarray": 0.007, "pvdf": 0.0032, "wts": 0.0034, "dsacon32": 0.0034}
+RATES_HZ = {"robotous": 500.0, "robotiq_2f": 50.0}
+"""Rate of devices that were asked but not started."""
+
+HEAD = """\
+# Written by `slipd init`. "MEASURE": the value is a guess; `slipd commission {file}` finds how the sensors are mounted,
+# and docs/first_day.md goes through the rest. All keys: docs/config.md.
+"""
+
+ROBOTIQ = """\
+force_table = [[0, 20.0], [255, 185.0]]      # MEASURE: force byte, N on one pad; the maker publishes no table
+width_table = [[0.0, 0.085], [1.0, 0.0]]     # MEASURE: closure 0 to 1, m between the pads
+# max_force_n = 40.0    # N on one pad, largest force that a request may ask for; without it nothing is ever moved
+"""
+
+
+def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> str:
+    """Return a config.
+
+    Args:
+        found: Ports with their devices; the first force sensor and the first pad are taken for the left finger.
+        unknown: Ports without a known device; they are listed in a comment.
+        file: Name of the config, for its head.
+
+    Raises:
+        ValueError: There is neither a force sensor nor a pad that measures shear, so there is no finger.
+    """
+    wrenches, pads = _of_kind(found, "wrench"), _of_kind(found, "tactile")
+    pads = [pad for number, pad in enumerate(pads) if number < len(wrenches) or DEVICES[pad[1].device].axes == 3]
+    grippers = _of_kind(found, "gripper")
+    if not wrenches and not pads:
+        raise ValueError("no force sensor answered on a serial port, and no pad that measures shear by itself")
+    lines = [HEAD.format(file=file)]
+    lines += [f"# {port.path}: no device that slipd knows answered" for port in unknown]
+    for number, name in enumerate(FINGERS[: max(len(wrenches), len(pads))]):
+        lines += [
+            f"\n[finger.{name}]",
+            "mu = 0.4                # MEASURE (`slipctl friction`): low estimate of static friction",
+        ]
+        if number < len(wrenches):
+            lines += _wrench(name, *wrenches[number])
+        if number < len(pads):
+            lines += _pad(name, *pads[number])
+    if grippers:
+        lines += _gripper(*grippers[0][:2])
+    used = {id(each[1]) for each in [*wrenches[:2], *pads[:2], *grippers[:1]]}
+    lines += [f"# not used: {found.device} on {port.path}" for port, found in found if id(found) not in used]
+    return "\n".join(lines) + "\n"
+
+
+def _of_kind(found: Sequence[Placed], kind: str) -> list[tuple[SerialPort, Found, str]]:
+    """Return every sensor of a kind: its port, its device and its name on a port that carries several."""
+    return [
+        (port, device, sensor)
+        for port, device in found
+        if DEVICES[device.device].kind == kind
+        for sensor in (device.sensors or ("",))
+    ]
+
+
+def _stream(header: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
+    rate_hz = found.rate_hz or RATES_HZ.get(found.device, 100.0)
+    lines = [f"\n[{header}]", f'device = "{found.device}"']
+    if found.identity:
+        lines.append(f"# it reports: {found.identity}")
+    if port.warning:
+        lines.append(f"# {port.warning}")
+    lines.append(f"port = {json.dumps(str(port.path))}")
+    if sensor:
+        lines.append(
+            f'sensor = "{sensor}"            # MEASURE: press this finger; the other sensor is on the other one'
+        )
+    return [*lines, f"rate_hz = {rate_hz}         # MEASURE: `slipctl status` shows the rate"]
+
+
+def _wrench(name: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
+    lines = _stream(f"finger.{name}.wrench", port, found, sensor)
+    if found.device == "gauges":
+        lines.append(
+            "# options.matrix and options.offset: MEASURE with known loads; without them the readings are counts"
+        )
+    return [
+        *lines,
+        "sign = 1                # MEASURE",
+        "pad_from_sensor = { xyz_m = [0.0, 0.0, 0.0], quat_xyzw = [0.0, 0.0, 0.0, 1.0] }  # MEASURE",
+    ]
+
+
+def _pad(name: str, port: SerialPort, found: Found, sensor: str) -> list[str]:
+    rows, cols = SHAPES.get(found.device) or _shape(found)
+    axes = max(DEVICES[found.device].axes, 1)
+    pitch_m = PITCHES_M.get(found.device, 0.004)
+    return [
+        *_stream(f"finger.{name}.pad", port, found, sensor),
+        f"rows = {rows}                # MEASURE",
+        f"cols = {cols}                # MEASURE",
+        f"pitch_m = {pitch_m}         # MEASURE",
+        f"electrode_m = {pitch_m}     # MEASURE",
+        "swap_xy = false         # MEASURE",
+        "flip_x = false          # MEASURE",
+        "flip_y = false          # MEASURE",
+        f"axis_scale = {[1.0] * axes if axes == 1 else [1.0, 1.0, -1.0]}  # MEASURE",
+        "threshold = 0.0         # MEASURE: ten times the noise of a taxel",
+    ]
+
+
+def _shape(found: Found) -> tuple[int, int]:
+    """Return rows and columns: as reported, or the most square shape with longer rows."""
+    rows = found.rows or max(n for n in range(1, found.taxels + 1) if found.taxels % n == 0 and n * n <= found.taxels)
+    return rows, found.taxels // rows
+
+
+def _gripper(port: SerialPort, found: Found) -> list[str]:
+    return [*_stream("gripper", port, found, ""), ROBOTIQ]
