@@ -211,6 +211,15 @@ def _init(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _commission(arguments: argparse.Namespace) -> int:
+    from slipd.commission.commission_command import commission_command
+
+    whole = commission_command(
+        arguments.file, arguments.finger, arguments.publish, arguments.patience, write=not arguments.dry_run
+    )
+    return DONE if whole else FAULT
+
+
 def _emulate(arguments: argparse.Namespace) -> int:
     from slipd.sim.emulate_command import emulate_command
 
@@ -250,6 +259,7 @@ COMMANDS = {
     "plot": _plot,
     "identify": _identify,
     "init": _init,
+    "commission": _commission,
     "emulate": _emulate,
     "touch": _touch,
     "import grips": _import_grips,

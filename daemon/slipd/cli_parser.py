@@ -135,6 +135,7 @@ def parser() -> argparse.ArgumentParser:
     identify.set_defaults(command="identify")
 
     _add_init(commands)
+    _add_commission(commands)
     _emulation(commands)
 
     importer = _add_command(commands, "import", "convert other data to a recording")
@@ -205,6 +206,25 @@ def _add_init(commands: Any) -> None:
         "--ports", type=Path, metavar="DIR", help="folder of the ports (default: /dev/serial/by-id, then other names)"
     )
     init.set_defaults(command="init")
+
+
+def _add_commission(commands: Any) -> None:
+    commission = _add_command(commands, "commission", "find how the sensors are mounted, by touching the pads")
+    commission.epilog = (
+        "The daemon must run this config. You are asked to press each pad at three places and to push it along two "
+        "directions (docs/first_day.md); nothing moves. What follows is written into the config, and the config before "
+        "is kept as FILE.previous. Exit code 1: something does not follow from the touches; it is not guessed."
+    )
+    commission.add_argument("file", type=Path, metavar="FILE", help="config of the rig, TOML")
+    commission.add_argument(
+        "--finger", action="append", default=[], metavar="NAME", help="only this finger; may be given several times"
+    )
+    commission.add_argument("--publish", metavar="ENDPOINT", help="endpoint on which slipd publishes")
+    commission.add_argument(
+        "--patience", type=_positive, default=60.0, metavar="S", help="how long to wait for each touch (default 60)"
+    )
+    commission.add_argument("--dry-run", action="store_true", help="print what would change, and change nothing")
+    commission.set_defaults(command="commission")
 
 
 def _emulation(commands: Any) -> None:

@@ -1,0 +1,385 @@
+"""Find sign, rotation and position of a force sensor, and the orientation of the image, from presses and pushes.
+
+Pure. Everything is measured as a difference to the untouched finger. The person presses the centre of the pad, the
+middle of its +X end and its +X +Y corner, and pushes along +X and +Y at the centre. In the frame of the sensor a press
+is s Rᵀ(−z), and the pushes are s Rᵀx and s Rᵀy, so their determinant is the sign s. The torque of a press gives its
+place, from which the position of the sensor follows, and which of the eight symmetries the image has.
+
+What does not follow is reported and never guessed: presses at one place leave the symmetry open, and a place that
+contradicts the pushes leaves the sign open.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from slipd.arrays import Array
+
+CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
+STEPS = (CENTRE, END, CORNER, PUSH_X, PUSH_Y)
+PRESSES = (CENTRE, END, CORNER)
+
+SAME_DIRECTION_RAD = math.radians(20.0)
+"""Presses whose directions differ by more were not all normal to the pad."""
+
+SQUARE_RAD = math.radians(40.0)
+"""The pushes may miss a right angle by this much; they are coarse, and the image corrects the turn about the normal."""
+
+YAW_RAD = math.radians(30.0)
+"""Largest such correction."""
+
+KEEP_RAD = math.radians(12.0)
+"""A hand pushes about as exactly as this: a known rotation within it is taken instead of the measured one."""
+
+KEEP_M = 0.003
+"""A position of the config this near to the measured one is kept, m."""
+
+STATED = "as the config states"
+
+LEAST_TRAVEL_M = 0.003
+"""Presses must be this far apart to show the orientation of the image, m."""
+
+CLEAR = 2.0
+"""The second-best symmetry must fit this many times worse than the best."""
+
+SCALES = (0.7, 1.4)
+"""Range of the travel by torque over the travel in the image; beyond it a unit or the pitch is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """Mean readings while a finger was touched, less those before.
+
+    Attributes:
+        force: Force in the frame of the sensor, without sign, shape (3,), N.
+        torque: Torque about the origin of the sensor, likewise, shape (3,), N·m.
+        scan_m: Centre of pressure along the columns and rows of the scan, from its middle, m; None without an image.
+    """
+
+    force: Array
+    torque: Array
+    scan_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Symmetry:
+    """Orientation of an image: the keys ``swap_xy``, ``flip_x`` and ``flip_y`` of a pad."""
+
+    swap_xy: bool = False
+    flip_x: bool = False
+    flip_y: bool = False
+
+    def place(self, scan_m: Sequence[float]) -> Array:
+        """Return a place of the scan (along columns, along rows) in the pad frame, shape (2,), m."""
+        x, y = reversed(scan_m) if self.swap_xy else scan_m
+        return np.array((-x if self.flip_x else x, -y if self.flip_y else y))
+
+
+SYMMETRIES = tuple(Symmetry(*flags) for flags in itertools.product((False, True), repeat=3))
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Mounting of a force sensor: the keys ``sign`` and ``pad_from_sensor``."""
+
+    sign: int
+    xyz_m: tuple[float, float, float]
+    quat_xyzw: tuple[float, float, float, float]
+
+
+@dataclass(slots=True)
+class Findings:
+    """What the touches show.
+
+    Attributes:
+        mount: Mounting of the force sensor; None where it does not follow.
+        symmetry: Orientation of the image; None where it does not follow.
+        notes: What was found, for people, with residuals.
+        problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
+    """
+
+    mount: Mount | None = None
+    symmetry: Symmetry | None = None
+    notes: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool = True) -> Findings:
+    """Find the mounting of a force sensor and the orientation of the image in front of it.
+
+    Args:
+        touches: By step; the image may be missing.
+        present: What the config states now; kept where it agrees with the touches.
+        has_pad: There should be an image.
+    """
+    found = Findings()
+    axes = _axes(touches, found)
+    if axes is None:
+        return found
+    sign = 1 if np.linalg.det(axes) > 0.0 else -1
+    coarse = Rotation.from_matrix(sign * axes.T)
+    travels = _travels(_turned(touches, sign, coarse))
+    images = _image_travels(touches)
+    yaw_rad = 0.0
+    if has_pad and images is None:
+        found.problems.append("the pad showed no image at some of the presses, so its orientation is not known")
+    elif images is not None:
+        scale = sum(map(math.hypot, *travels.T)) / sum(math.hypot(*image) for image in images)
+        if not SCALES[0] <= scale <= SCALES[1]:
+            found.problems.append(_wrong_scale(scale))
+            return found
+        symmetry, yaw_rad = _find_symmetry(images, travels, found)
+        if symmetry is None:
+            return found
+    turn = Rotation.from_euler("z", yaw_rad)
+    if not _places_fit(travels @ turn.as_matrix()[:2, :2].T, found):
+        return found
+    found.symmetry = symmetry if images is not None else None
+    rotation = turn * coarse
+    quaternion, how = nearest_known(rotation, present)
+    loads = _turned(touches, sign, Rotation.from_quat(quaternion))
+    xyz_m, residual_m = _position(touches, loads, found.symmetry)
+    kept = sign == present.sign and how == STATED and math.dist(xyz_m, present.xyz_m) <= KEEP_M
+    place = present.xyz_m if kept else (float(xyz_m[0]), float(xyz_m[1]), float(xyz_m[2]))
+    found.mount = Mount(sign, place, quaternion)
+    away = math.degrees((rotation * Rotation.from_quat(quaternion).inv()).magnitude())
+    found.notes.append(f"sign {sign:+d}; rotation {how}, {away:.0f}° from that of the touches")
+    found.notes.append(
+        f"sensor at {_mm(xyz_m)} mm in the pad frame, residual {1e3 * residual_m:.1f} mm"
+        f"{', the config is kept' if kept else ''}"
+    )
+    return found
+
+
+def find_three_axis(touches: Mapping[str, Touch]) -> tuple[Findings, tuple[int, int, int] | None]:
+    """Find the orientation of a pad whose taxels measure three axes, and the signs of its axes.
+
+    Args:
+        touches: By step; the force is the sum of the readings of the taxels, unsigned and in the order of the scan.
+
+    Returns:
+        The findings, and the signs of ``axis_scale`` in the order X, Y, Z of the pad; None where they do not follow.
+    """
+    found = Findings()
+    places = {step: np.array(touch.scan_m) for step, touch in touches.items() if touch.scan_m is not None}
+    missing = [step for step in STEPS if step not in places]
+    if missing:
+        found.problems.append(f"the pad showed nothing at: {', '.join(missing)}")
+        return found, None
+    end, corner = ((places[step] - places[CENTRE]).tolist() for step in (END, CORNER))
+    fits = [one for one in SYMMETRIES if _goes_to_end(one.place(end)) and _goes_to_corner(one.place(corner))]
+    if len(fits) != 1:
+        found.problems.append(
+            "the presses do not show the orientation of the image: press the middle of the +X end, and the +X +Y corner"
+        )
+        return found, None
+    found.symmetry = fits[0]
+    order = [1, 0, 2] if fits[0].swap_xy else [0, 1, 2]
+    push_x, push_y, press = (touches[step].force[order] for step in (PUSH_X, PUSH_Y, CENTRE))
+    share = push_x[2] / press[2], push_y[2] / press[2]
+    push_x, push_y = push_x - share[0] * press, push_y - share[1] * press
+    if abs(push_x[0]) < 2.0 * abs(push_x[1]) or abs(push_y[1]) < 2.0 * abs(push_y[0]):
+        found.problems.append("the pushes do not fit the presses: push along +X and along +Y, as the taxels lie")
+        return found, None
+    signs = (int(math.copysign(1, push_x[0])), int(math.copysign(1, push_y[1])), -int(math.copysign(1, press[2])))
+    found.notes.append(f"axes of the taxels: {'X' if signs[0] > 0 else '-X'}, {'Y' if signs[1] > 0 else '-Y'}, "
+                       f"{'Z' if signs[2] > 0 else '-Z'}")  # fmt: skip
+    return found, signs
+
+
+def nearest_known(rotation: Rotation, present: Mount) -> tuple[tuple[float, float, float, float], str]:
+    """Return the quaternion x, y, z, w of the nearest known rotation, and how it is known; else the measured one."""
+    x, y, z, w = present.quat_xyzw
+    named = [((x, y, z, w), "as the config states"), ((y, z, w, x), "that of the config read as w, x, y, z")]
+    named += [((-x, -y, -z, w), "the inverse of that of the config")]
+    known = [(Rotation.from_quat(quaternion), how) for quaternion, how in named]
+    stated = known[0][0]
+    known += [
+        (stated * each, f"that of the config, with the sensor turned by {text}") for each, text in _right_angles()
+    ]
+    known += [(each, f"by {text} from the pad") for each, text in [(Rotation.identity(), "0°"), *_right_angles()]]
+    angle, number = min(((rotation * each.inv()).magnitude(), number) for number, (each, _) in enumerate(known))
+    nearest, how = known[number] if angle <= KEEP_RAD else (rotation, "as measured, about ±5°")
+    first, second, third, fourth = (float(f"{part:.7f}") + 0.0 for part in nearest.as_quat(canonical=True))
+    if number == 0 and angle <= KEEP_RAD:
+        return present.quat_xyzw, how
+    return (first, second, third, fourth), how
+
+
+def _right_angles() -> Iterator[tuple[Rotation, str]]:
+    """Yield the rotations that take axes to axes, but for the identity."""
+    for each in Rotation.create_group("O"):
+        if each.magnitude() > 1e-6:
+            axis = each.as_rotvec() / each.magnitude()
+            text = ", ".join(f"{part:.0f}" for part in np.round(axis / np.abs(axis).max()) + 0.0)
+            yield each, f"{math.degrees(each.magnitude()):.0f}° about ({text})"
+
+
+def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
+    """Return the directions of X, Y and Z of the pad in the signed frame of the sensor, as columns; orthogonal."""
+    missing = [step for step in STEPS if step not in touches]
+    if missing:
+        found.problems.append(f"the force sensor showed nothing at: {', '.join(missing)}")
+        return None
+    presses = [_unit(touches[step].force) for step in PRESSES]
+    into = _unit(np.sum(presses, axis=0))
+    if max(_angle(into, press) for press in presses) > SAME_DIRECTION_RAD:
+        found.problems.append("the presses had different directions: press at right angles to the pad, at each place")
+        return None
+    pushes = [touches[step].force - into * (into @ touches[step].force) for step in (PUSH_X, PUSH_Y)]
+    along_x, along_y = map(_unit, pushes)
+    if abs(_angle(along_x, along_y) - math.pi / 2) > SQUARE_RAD:
+        found.problems.append(
+            f"the pushes along +X and +Y are {math.degrees(_angle(along_x, along_y)):.0f}° apart, not 90°: "
+            "push along the longer side of the pad, then across it"
+        )
+        return None
+    left, _, right = np.linalg.svd(np.column_stack((along_x, along_y, -into)))
+    return np.asarray(left @ right)
+
+
+def _depth(loads: Mapping[str, tuple[Array, Array]]) -> float:
+    """Return how far the pad is from the origin of the sensor along Z, m: M = q × F at one place."""
+    forces, torques = zip(*(loads[step] for step in (CENTRE, PUSH_X, PUSH_Y)), strict=True)
+    matrix = np.vstack([-_cross(force) for force in forces])
+    return float(np.linalg.lstsq(matrix, np.concatenate(torques), rcond=None)[0][2])
+
+
+def _lever(force: Array, torque: Array, depth_m: float) -> Array:
+    """Return where a press acts, X and Y from the origin of the sensor, m: M = q × F."""
+    return np.array(((depth_m * force[0] - torque[1]) / force[2], (depth_m * force[1] + torque[0]) / force[2]))
+
+
+def _turned(touches: Mapping[str, Touch], sign: int, rotation: Rotation) -> dict[str, tuple[Array, Array]]:
+    """Return force and torque of each touch in the axes of the pad, about the origin of the sensor."""
+    matrix = sign * rotation.as_matrix()
+    return {step: (matrix @ touch.force, matrix @ touch.torque) for step, touch in touches.items()}
+
+
+def _travels(loads: Mapping[str, tuple[Array, Array]]) -> Array:
+    """Return how far the end and the corner are from the centre by torque, shape (2, 2), m."""
+    depth_m = _depth(loads)
+    centre, end, corner = (_lever(*loads[step], depth_m) for step in PRESSES)
+    return np.array((end - centre, corner - centre))
+
+
+def _image_travels(touches: Mapping[str, Touch]) -> Array | None:
+    """Return the same in the scan of the image; None without an image, or if it did not travel."""
+    centre, end, corner = (touches[step].scan_m for step in PRESSES)
+    if centre is None or end is None or corner is None:
+        return None
+    travels = np.subtract((end, corner), centre)
+    return np.asarray(travels, dtype=np.float64) if np.abs(travels).max() > LEAST_TRAVEL_M else None
+
+
+def _wrong_scale(scale: float) -> str:
+    """Return what a wrong travel means."""
+    for factor, meaning in (
+        (1000.0, "its torques are in N·mm, not N·m"),
+        (0.001, "its torques are in kN·m, or its forces in mN"),
+    ):
+        if 0.5 < scale / factor < 2.0:
+            return (
+                f"the force sensor moves {scale:.3g} times as far as the image: {meaning}; correct it and begin again"
+            )
+    return (
+        f"the force sensor moves {scale:.2f} times as far as the image: pitch_m, a gain of the sensor, or the place of "
+        "a press is wrong; nothing follows from these presses"
+    )
+
+
+def _goes_to_end(travel: Array) -> bool:
+    return bool(travel[0] >= LEAST_TRAVEL_M and abs(travel[1]) < 0.5 * travel[0])
+
+
+def _goes_to_corner(travel: Array) -> bool:
+    return bool(travel[0] >= LEAST_TRAVEL_M and travel[1] >= min(LEAST_TRAVEL_M, 0.2 * travel[0]))
+
+
+def _places_fit(travels: Array, found: Findings) -> bool:
+    """Return whether the places by torque are those that were asked for."""
+    end, corner = travels
+    if np.hypot(*travels.T).max() < LEAST_TRAVEL_M:
+        found.problems.append("all presses were at one place: press the middle of the +X end, and the +X +Y corner")
+    elif not (_goes_to_end(end) and _goes_to_corner(corner)):
+        found.problems.append(
+            f"by the pushes, the end was pressed at {_mm(end)} mm and the corner at {_mm(corner)} mm from the centre: "
+            "a press or a push was on the other side; begin again"
+        )
+    else:
+        return True
+    return False
+
+
+def _find_symmetry(images: Array, travels: Array, found: Findings) -> tuple[Symmetry | None, float]:
+    """Return the orientation of the image, and the angle by which the travels by torque must turn to fit it."""
+    fits = sorted(
+        (*_misfit(np.array([one.place(image) for image in images]), travels), k) for k, one in enumerate(SYMMETRIES)
+    )
+    (best_m, yaw_rad, best), (second_m, _, _) = fits[:2]
+    if second_m < max(CLEAR * best_m, LEAST_TRAVEL_M):
+        found.problems.append(
+            f"the orientation of the image is open: two of the eight fit to {1e3 * best_m:.1f} and "
+            f"{1e3 * second_m:.1f} mm; press further from the centre"
+        )
+        return None, 0.0
+    found.notes.append(
+        f"image against force: {1e3 * best_m:.1f} mm; the next of the eight orientations {1e3 * second_m:.1f} mm"
+    )
+    return SYMMETRIES[best], yaw_rad
+
+
+def _misfit(image: Array, travels: Array) -> tuple[float, float]:
+    """Return how far the travels are from those of the image after the best turn of up to YAW_RAD, m, and the turn."""
+    cross = float(np.sum(travels[:, 0] * image[:, 1] - travels[:, 1] * image[:, 0]))
+    yaw_rad = min(max(math.atan2(cross, float(np.sum(travels * image))), -YAW_RAD), YAW_RAD)
+    turn = Rotation.from_euler("z", yaw_rad).as_matrix()[:2, :2]
+    return float(np.hypot(*(travels @ turn.T - image).T).max()), yaw_rad
+
+
+def _position(
+    touches: Mapping[str, Touch], loads: Mapping[str, tuple[Array, Array]], symmetry: Symmetry | None
+) -> tuple[Array, float]:
+    """Return the origin of the sensor in the pad frame, and the residual of the places, m.
+
+    Least squares over M = (p − r) × F, with the place p of the image; without an image, of the presses at the centre.
+    """
+    rows, sides = [], []
+    for step, (force, torque) in loads.items():
+        scan_m = touches[step].scan_m
+        if symmetry is not None and scan_m is not None:
+            place = np.append(symmetry.place(scan_m), 0.0)
+        elif step in (CENTRE, PUSH_X, PUSH_Y):
+            place = np.zeros(3)
+        else:
+            continue
+        size = float(np.linalg.norm(force))
+        rows.append(_cross(force) / size)  # r × F = −F × r, so M − p × F = F × r
+        sides.append((torque - np.cross(place, force)) / size)
+    matrix, side = np.vstack(rows), np.concatenate(sides)
+    xyz_m = np.linalg.lstsq(matrix, side, rcond=None)[0]
+    residual = float(np.sqrt(np.mean((matrix @ xyz_m - side) ** 2)))
+    return np.round(xyz_m, 4) + 0.0, residual
+
+
+def _cross(vector: Array) -> Array:
+    x, y, z = vector
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _angle(first: Array, second: Array) -> float:
+    return math.acos(min(max(float(first @ second), -1.0), 1.0))
+
+
+def _mm(place_m: Array) -> str:
+    return ", ".join(f"{1e3 * part:.1f}" for part in place_m)
