@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import json
+import os
+import sys
 
 from slipd_client import keys, keys_command
 from slipd_client.errors import CallError, RequestRefused
@@ -25,7 +28,9 @@ def run(chosen: argparse.Namespace) -> None:
     measures = command == "friction" and chosen.mu_s is None
     if command == "friction" and not measures and (chosen.samples, chosen.patience) != (None, None):
         raise CallError("--samples and --patience are for measuring; with MU_S the friction is set, not measured")
-    if command.startswith("keys "):
+    if command == "commission":
+        _commission(chosen)
+    elif command.startswith("keys "):
         keys_command.run(chosen)
     elif command == "gravity" and (chosen.follow is None) == (not chosen.numbers):
         raise CallError("gravity needs either three or four numbers, or --follow FILE")
@@ -76,6 +81,14 @@ def _view(chosen: argparse.Namespace) -> None:
     except ModuleNotFoundError as error:
         raise CallError("slipctl view needs the package websockets: pip install 'slipd-client[view]'") from error
     asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, keys=_keys(chosen), buttons=chosen.buttons))
+
+
+def _commission(chosen: argparse.Namespace) -> None:
+    """Hand over to ``slipd commission``, which reads and writes the config of the daemon."""
+    if importlib.util.find_spec("slipd") is None:
+        raise CallError("commission changes the config, so it needs the package slipd: run it where the daemon runs")
+    sys.stdout.flush()
+    os.execv(sys.executable, [sys.executable, "-m", "slipd", "commission", *chosen.rest])  # noqa: S606 - our own program
 
 
 def _gravity(client: GripClient, chosen: argparse.Namespace) -> None:

@@ -79,6 +79,11 @@ def parser() -> argparse.ArgumentParser:
 
     _gravity(add("gravity", "send the direction of gravity in a pad's frame, so that the finger's weight is known"))
 
+    commission = add(
+        "commission", "find how the sensors are mounted, by touching the pads: the same as slipd commission"
+    )
+    commission.add_argument("rest", nargs=argparse.REMAINDER, metavar="FILE …", help="see: slipd commission --help")
+
     named = add("object", "name the object, so that its friction is remembered; acquires the lease where it can")
     choice = named.add_mutually_exclusive_group(required=True)
     choice.add_argument(

@@ -215,7 +215,12 @@ def _commission(arguments: argparse.Namespace) -> int:
     from slipd.commission.commission_command import commission_command
 
     whole = commission_command(
-        arguments.file, arguments.finger, arguments.publish, arguments.patience, write=not arguments.dry_run
+        arguments.file,
+        arguments.finger,
+        arguments.publish,
+        arguments.requests,
+        arguments.patience,
+        write=not arguments.dry_run,
     )
     return DONE if whole else FAULT
 

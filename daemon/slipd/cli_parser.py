@@ -220,6 +220,7 @@ def _add_commission(commands: Any) -> None:
         "--finger", action="append", default=[], metavar="NAME", help="only this finger; may be given several times"
     )
     commission.add_argument("--publish", metavar="ENDPOINT", help="endpoint on which slipd publishes")
+    commission.add_argument("--requests", metavar="ENDPOINT", help="endpoint on which slipd accepts requests")
     commission.add_argument(
         "--patience", type=_positive, default=60.0, metavar="S", help="how long to wait for each touch (default 60)"
     )

@@ -9,10 +9,13 @@ from pathlib import Path
 from slipd import config
 from slipd.commission.commission_guide import CommissionGuide
 from slipd.commission.config_update import FingerResult, changed_text, changes, fragment, replace_config
-from slipd.commission.readings import ReadingListener
+from slipd.commission.readings import SILENCE_S, ReadingListener
 from slipd.errors import SlipdError
-from slipd_client.errors import SlipdClientError
+from slipd_client.errors import RequestRefused, SlipdClientError
+from slipd_client.grip import GripClient
 from slipd_client.subscriber import Subscriber
+
+TARE_S = 0.5
 
 NEXT = """\
 Next, with the daemon running the new config (docs/first_day.md):
@@ -22,13 +25,16 @@ Next, with the daemon running the new config (docs/first_day.md):
   slipctl grip close 10              first grasp"""
 
 
-def commission_command(file: Path, fingers: list[str], endpoint: str | None, patience_s: float, *, write: bool) -> bool:
+def commission_command(
+    file: Path, fingers: list[str], publish: str | None, requests: str | None, patience_s: float, *, write: bool
+) -> bool:
     """Lead a person through the touches of each finger, print what they show, and write it.
 
     Args:
         file: The config that the daemon runs.
         fingers: Names of the fingers; empty: all.
-        endpoint: Where the daemon publishes; None: its default.
+        publish: Where the daemon publishes; None: as the config states.
+        requests: Where it accepts requests, likewise.
         patience_s: How long to wait for each touch, s.
         write: Write the config; else only print what would change.
 
@@ -45,9 +51,12 @@ def commission_command(file: Path, fingers: list[str], endpoint: str | None, pat
             raise SlipdError(f"--finger must be one of {', '.join(rig.finger)}, got {name!r:.40}")
     results: dict[str, FingerResult] = {}
     complete = True
-    with _subscribed(endpoint or rig.bus.publish) as subscriber:
-        guide = CommissionGuide(rig, ReadingListener(subscriber, list(rig.finger), rig.config_id), _say, patience_s)
+    with _connected(publish or rig.bus.publish, requests or rig.bus.requests) as (subscriber, client):
+        listener = ReadingListener(lambda: subscriber.receive(SILENCE_S), rig.finger, rig.config_id)
+        guide = CommissionGuide(rig, listener, _say, patience_s)
         for name in fingers or rig.finger:
+            _say("Touch nothing: the zero is taken.")
+            _tare(client, name)
             outcome = guide.run(name)
             for note in outcome.findings.notes:
                 _say(f"  {name}: {note}")
@@ -80,12 +89,21 @@ def _write(file: Path, rig: config.Config, found: dict[tuple[str, ...], str], *,
         raise SlipdError(f"{file} is left as it was: {error}; put the lines above into it") from error
 
 
-@contextlib.contextmanager
-def _subscribed(endpoint: str | None) -> Iterator[Subscriber]:
-    """Subscribe; errors of the client are errors of this command."""
+def _tare(client: GripClient, finger: str) -> None:
+    """Take the zero of a finger, because a charge pad shows no image before its finger was seen free."""
     try:
-        with Subscriber(endpoint, ("wrench", "tactile")) as subscriber:
-            yield subscriber
+        with client.lease():
+            client.tare(finger, TARE_S, unloaded=True)
+    except RequestRefused as error:
+        _say(f"  not taken: {error}")
+
+
+@contextlib.contextmanager
+def _connected(publish: str | None, requests: str | None) -> Iterator[tuple[Subscriber, GripClient]]:
+    """Connect to the daemon; errors of the client are errors of this command."""
+    try:
+        with GripClient(requests) as client, Subscriber(publish, ("wrench", "tactile")) as subscriber:
+            yield subscriber, client
     except SlipdClientError as error:
         raise SlipdError(str(error)) from error
 

@@ -1,6 +1,6 @@
 """Leads a person through presses and pushes, and turns them into touches for the search of the mounting.
 
-It only reads what the daemon publishes: no lease is taken, nothing is set, and nothing moves.
+It only reads what the daemon publishes: nothing is set, and nothing moves.
 """
 
 from __future__ import annotations
@@ -12,19 +12,10 @@ import numpy as np
 
 from slipd.arrays import Array
 from slipd.commission.config_update import FingerResult
-from slipd.commission.mounting_search import (
-    CENTRE,
-    CORNER,
-    END,
-    PUSH_X,
-    PUSH_Y,
-    Findings,
-    Mount,
-    Touch,
-    find_mounting,
-    find_three_axis,
-)
+from slipd.commission.mounting_search import find_mounting
 from slipd.commission.readings import FingerReadings, ReadingListener
+from slipd.commission.three_axis_search import find_three_axis
+from slipd.commission.touches import CENTRE, CORNER, END, PUSH_X, PUSH_Y, Findings, Mount, Touch
 from slipd.config import Config, Pad
 from slipd.errors import SlipdError
 from slipd.signals.mounting import Mounting

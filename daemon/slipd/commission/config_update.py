@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slipd import config
-from slipd.commission.mounting_search import Mount, Symmetry
+from slipd.commission.touches import Mount, Symmetry
 from slipd.config.toml_edit import with_value
 
 PREVIOUS = ".previous"
@@ -45,6 +45,8 @@ def changes(rig: config.Config, results: Mapping[str, FingerResult]) -> dict[tup
         finger = rig.finger[name]
         for kind, other in result.streams.items():
             found |= _identity(rig, name, other, kind)
+            if other not in results:  # its sensor is on the finger whose tables have this one
+                found |= _identity(rig, other, name, kind)
         if result.mount is not None and finger.wrench is not None:
             pose = finger.wrench.pad_from_sensor
             if result.mount.sign != finger.wrench.sign:

@@ -11,19 +11,29 @@ contradicts the pushes leaves the sign open.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.arrays import Array
-
-CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
-STEPS = (CENTRE, END, CORNER, PUSH_X, PUSH_Y)
-PRESSES = (CENTRE, END, CORNER)
+from slipd.commission.known_rotations import STATED, nearest_known
+from slipd.commission.touches import (
+    CENTRE,
+    LEAST_TRAVEL_M,
+    PRESSES,
+    PUSH_X,
+    PUSH_Y,
+    STEPS,
+    SYMMETRIES,
+    Findings,
+    Mount,
+    Symmetry,
+    Touch,
+    goes_to_corner,
+    goes_to_end,
+)
 
 SAME_DIRECTION_RAD = math.radians(20.0)
 """Presses whose directions differ by more were not all normal to the pad."""
@@ -34,80 +44,14 @@ SQUARE_RAD = math.radians(40.0)
 YAW_RAD = math.radians(30.0)
 """Largest such correction."""
 
-KEEP_RAD = math.radians(12.0)
-"""A hand pushes about as exactly as this: a known rotation within it is taken instead of the measured one."""
-
 KEEP_M = 0.003
 """A position of the config this near to the measured one is kept, m."""
-
-STATED = "as the config states"
-
-LEAST_TRAVEL_M = 0.003
-"""Presses must be this far apart to show the orientation of the image, m."""
 
 CLEAR = 2.0
 """The second-best symmetry must fit this many times worse than the best."""
 
 SCALES = (0.7, 1.4)
 """Range of the travel by torque over the travel in the image; beyond it a unit or the pitch is wrong."""
-
-
-@dataclass(frozen=True, slots=True)
-class Touch:
-    """Mean readings while a finger was touched, less those before.
-
-    Attributes:
-        force: Force in the frame of the sensor, without sign, shape (3,), N.
-        torque: Torque about the origin of the sensor, likewise, shape (3,), N·m.
-        scan_m: Centre of pressure along the columns and rows of the scan, from its middle, m; None without an image.
-    """
-
-    force: Array
-    torque: Array
-    scan_m: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Symmetry:
-    """Orientation of an image: the keys ``swap_xy``, ``flip_x`` and ``flip_y`` of a pad."""
-
-    swap_xy: bool = False
-    flip_x: bool = False
-    flip_y: bool = False
-
-    def place(self, scan_m: Sequence[float]) -> Array:
-        """Return a place of the scan (along columns, along rows) in the pad frame, shape (2,), m."""
-        x, y = reversed(scan_m) if self.swap_xy else scan_m
-        return np.array((-x if self.flip_x else x, -y if self.flip_y else y))
-
-
-SYMMETRIES = tuple(Symmetry(*flags) for flags in itertools.product((False, True), repeat=3))
-
-
-@dataclass(frozen=True, slots=True)
-class Mount:
-    """Mounting of a force sensor: the keys ``sign`` and ``pad_from_sensor``."""
-
-    sign: int
-    xyz_m: tuple[float, float, float]
-    quat_xyzw: tuple[float, float, float, float]
-
-
-@dataclass(slots=True)
-class Findings:
-    """What the touches show.
-
-    Attributes:
-        mount: Mounting of the force sensor; None where it does not follow.
-        symmetry: Orientation of the image; None where it does not follow.
-        notes: What was found, for people, with residuals.
-        problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
-    """
-
-    mount: Mount | None = None
-    symmetry: Symmetry | None = None
-    notes: list[str] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
 
 
 def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool = True) -> Findings:
@@ -128,7 +72,10 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
     images = _image_travels(touches)
     yaw_rad = 0.0
     if has_pad and images is None:
-        found.problems.append("the pad showed no image at some of the presses, so its orientation is not known")
+        found.problems.append(
+            "the pad showed no image at some of the presses, so its orientation is not known; begin again once the "
+            "daemon runs what was found of the force sensor"
+        )
     elif images is not None:
         scale = sum(map(math.hypot, *travels.T)) / sum(math.hypot(*image) for image in images)
         if not SCALES[0] <= scale <= SCALES[1]:
@@ -155,70 +102,6 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
         f"{', the config is kept' if kept else ''}"
     )
     return found
-
-
-def find_three_axis(touches: Mapping[str, Touch]) -> tuple[Findings, tuple[int, int, int] | None]:
-    """Find the orientation of a pad whose taxels measure three axes, and the signs of its axes.
-
-    Args:
-        touches: By step; the force is the sum of the readings of the taxels, unsigned and in the order of the scan.
-
-    Returns:
-        The findings, and the signs of ``axis_scale`` in the order X, Y, Z of the pad; None where they do not follow.
-    """
-    found = Findings()
-    places = {step: np.array(touch.scan_m) for step, touch in touches.items() if touch.scan_m is not None}
-    missing = [step for step in STEPS if step not in places]
-    if missing:
-        found.problems.append(f"the pad showed nothing at: {', '.join(missing)}")
-        return found, None
-    end, corner = ((places[step] - places[CENTRE]).tolist() for step in (END, CORNER))
-    fits = [one for one in SYMMETRIES if _goes_to_end(one.place(end)) and _goes_to_corner(one.place(corner))]
-    if len(fits) != 1:
-        found.problems.append(
-            "the presses do not show the orientation of the image: press the middle of the +X end, and the +X +Y corner"
-        )
-        return found, None
-    found.symmetry = fits[0]
-    order = [1, 0, 2] if fits[0].swap_xy else [0, 1, 2]
-    push_x, push_y, press = (touches[step].force[order] for step in (PUSH_X, PUSH_Y, CENTRE))
-    share = push_x[2] / press[2], push_y[2] / press[2]
-    push_x, push_y = push_x - share[0] * press, push_y - share[1] * press
-    if abs(push_x[0]) < 2.0 * abs(push_x[1]) or abs(push_y[1]) < 2.0 * abs(push_y[0]):
-        found.problems.append("the pushes do not fit the presses: push along +X and along +Y, as the taxels lie")
-        return found, None
-    signs = (int(math.copysign(1, push_x[0])), int(math.copysign(1, push_y[1])), -int(math.copysign(1, press[2])))
-    found.notes.append(f"axes of the taxels: {'X' if signs[0] > 0 else '-X'}, {'Y' if signs[1] > 0 else '-Y'}, "
-                       f"{'Z' if signs[2] > 0 else '-Z'}")  # fmt: skip
-    return found, signs
-
-
-def nearest_known(rotation: Rotation, present: Mount) -> tuple[tuple[float, float, float, float], str]:
-    """Return the quaternion x, y, z, w of the nearest known rotation, and how it is known; else the measured one."""
-    x, y, z, w = present.quat_xyzw
-    named = [((x, y, z, w), "as the config states"), ((y, z, w, x), "that of the config read as w, x, y, z")]
-    named += [((-x, -y, -z, w), "the inverse of that of the config")]
-    known = [(Rotation.from_quat(quaternion), how) for quaternion, how in named]
-    stated = known[0][0]
-    known += [
-        (stated * each, f"that of the config, with the sensor turned by {text}") for each, text in _right_angles()
-    ]
-    known += [(each, f"by {text} from the pad") for each, text in [(Rotation.identity(), "0°"), *_right_angles()]]
-    angle, number = min(((rotation * each.inv()).magnitude(), number) for number, (each, _) in enumerate(known))
-    nearest, how = known[number] if angle <= KEEP_RAD else (rotation, "as measured, about ±5°")
-    first, second, third, fourth = (float(f"{part:.7f}") + 0.0 for part in nearest.as_quat(canonical=True))
-    if number == 0 and angle <= KEEP_RAD:
-        return present.quat_xyzw, how
-    return (first, second, third, fourth), how
-
-
-def _right_angles() -> Iterator[tuple[Rotation, str]]:
-    """Yield the rotations that take axes to axes, but for the identity."""
-    for each in Rotation.create_group("O"):
-        if each.magnitude() > 1e-6:
-            axis = each.as_rotvec() / each.magnitude()
-            text = ", ".join(f"{part:.0f}" for part in np.round(axis / np.abs(axis).max()) + 0.0)
-            yield each, f"{math.degrees(each.magnitude()):.0f}° about ({text})"
 
 
 def _axes(touches: Mapping[str, Touch], found: Findings) -> Array | None:
@@ -294,20 +177,12 @@ def _wrong_scale(scale: float) -> str:
     )
 
 
-def _goes_to_end(travel: Array) -> bool:
-    return bool(travel[0] >= LEAST_TRAVEL_M and abs(travel[1]) < 0.5 * travel[0])
-
-
-def _goes_to_corner(travel: Array) -> bool:
-    return bool(travel[0] >= LEAST_TRAVEL_M and travel[1] >= min(LEAST_TRAVEL_M, 0.2 * travel[0]))
-
-
 def _places_fit(travels: Array, found: Findings) -> bool:
     """Return whether the places by torque are those that were asked for."""
     end, corner = travels
     if np.hypot(*travels.T).max() < LEAST_TRAVEL_M:
         found.problems.append("all presses were at one place: press the middle of the +X end, and the +X +Y corner")
-    elif not (_goes_to_end(end) and _goes_to_corner(corner)):
+    elif not (goes_to_end(end) and goes_to_corner(corner)):
         found.problems.append(
             f"by the pushes, the end was pressed at {_mm(end)} mm and the corner at {_mm(corner)} mm from the centre: "
             "a press or a push was on the other side; begin again"

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from slipd.arrays import Array
 from slipd.errors import SlipdError
-from slipd_client.errors import hint_for
-from slipd_client.messages.schema.topics import Tactile, Wrench
-from slipd_client.subscriber import Subscriber
+from slipd_client.messages.schema.topics import Message, Tactile, Wrench
 
-LISTEN_S = 0.2
 LEAST_READINGS = 10
 """Readings of a mean."""
 
-SILENCE_S = 5.0
+SILENCE_S = 10.0
+"""Longest time without a message, s: the machine may be busy."""
 
 
 @dataclass(slots=True)
@@ -45,59 +42,61 @@ class FingerReadings:
 
 
 class ReadingListener:
-    """Collects the readings of a daemon that runs one config.
+    """Collects the readings of a daemon that runs one config, in the time of its readings.
 
     Args:
-        subscriber: Receives the topics ``wrench`` and ``tactile``.
+        receive: Returns the next message; None if none came for a while.
         fingers: Names of the fingers.
         config_id: Of the config that the daemon must run.
     """
 
-    def __init__(self, subscriber: Subscriber, fingers: list[str], config_id: str) -> None:
-        self._subscriber, self._fingers, self._config_id = subscriber, fingers, config_id
+    def __init__(self, receive: Callable[[], Message | None], fingers: Collection[str], config_id: str) -> None:
+        self._receive, self._fingers, self._config_id = receive, fingers, config_id
 
     def collect(self, seconds: float) -> dict[str, FingerReadings]:
-        """Return the readings of at least ``seconds``, and of some messages of every finger.
+        """Return the readings of ``seconds``, or longer until every finger has some.
 
         Raises:
-            SlipdError: The daemon is silent, runs another config, or a force is not known.
+            SlipdError: The daemon runs another config, or a force is not known.
         """
-        until_s = time.monotonic() + seconds
         found = {name: FingerReadings() for name in self._fingers}
-        while time.monotonic() < until_s or any(len(each.wrenches) < LEAST_READINGS for each in found.values()):
-            self._add(self._receive(), found)
-            if time.monotonic() > until_s + SILENCE_S:
-                silent = [name for name, each in found.items() if len(each.wrenches) < LEAST_READINGS]
-                raise SlipdError(f"finger {', '.join(silent)} has no force readings; see: slipctl status")
-        return found
+        begin_ns: int | None = None
+        for message in self._readings(seconds + SILENCE_S):
+            begin_ns = message.t_ns if begin_ns is None else begin_ns
+            self._add(message, found)
+            enough = all(len(each.wrenches) >= LEAST_READINGS for each in found.values())
+            if enough and message.t_ns - begin_ns >= seconds * 1e9:
+                return found
+        silent = [name for name, each in found.items() if len(each.wrenches) < LEAST_READINGS]
+        raise SlipdError(f"finger {', '.join(silent)} has no force readings; see: slipctl status")
 
     def wait(self, condition: Callable[[dict[str, Array]], bool], seconds: float) -> bool:
         """Wait until the newest wrenches fulfil a condition; return False if they do not within ``seconds``."""
         newest: dict[str, Array] = {}
-        until_s = time.monotonic() + seconds
-        while time.monotonic() < until_s:
-            message = self._receive()
+        for message in self._readings(seconds):
             if isinstance(message, Wrench) and message.force_n is not None and message.torque_nm is not None:
                 newest[message.finger] = np.array((*message.force_n, *message.torque_nm))
                 if len(newest) == len(self._fingers) and condition(newest):
                     return True
         return False
 
+    def _readings(self, seconds: float) -> Iterator[Wrench | Tactile]:
+        """Yield the readings of some time, by their own times."""
+        begin_ns: int | None = None
+        while (message := self._receive()) is not None:
+            if message.config_id not in (None, self._config_id):
+                raise SlipdError("the daemon runs another config than this file; start it with this file")
+            begin_ns = message.t_ns if begin_ns is None else begin_ns
+            if message.t_ns - begin_ns > seconds * 1e9:
+                return
+            if isinstance(message, (Wrench, Tactile)) and message.finger in self._fingers:
+                yield message
+        raise SlipdError(f"no message from the daemon for {SILENCE_S:g} s. Is slipd running?")
+
     @staticmethod
-    def _add(message: Wrench | Tactile | None, found: dict[str, FingerReadings]) -> None:
-        if message is None or message.finger not in found:
-            return
+    def _add(message: Wrench | Tactile, found: dict[str, FingerReadings]) -> None:
         if isinstance(message, Tactile):
             if message.loads_n is not None:
                 found[message.finger].images.append(np.array(message.loads_n))
         elif message.force_n is not None and message.torque_nm is not None:
             found[message.finger].wrenches.append(np.array((*message.force_n, *message.torque_nm)))
-
-    def _receive(self) -> Wrench | Tactile | None:
-        message = self._subscriber.receive(LISTEN_S)
-        if message is None and self._subscriber.stale:
-            where = self._subscriber.endpoint
-            raise SlipdError(f"no message from {where}. {hint_for(where)}")
-        if message is not None and message.config_id not in (None, self._config_id):
-            raise SlipdError("the daemon runs another config than this file; start it with this file, or name its file")
-        return message if isinstance(message, (Wrench, Tactile)) else None

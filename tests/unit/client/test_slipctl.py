@@ -31,7 +31,7 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
         (
             [],
             "slipctl: error: COMMAND must be one of watch, view, viewers, relay, status, diagnose, grip, tare, "
-            "friction, gravity, object, record, keys\n",
+            "friction, gravity, commission, object, record, keys\n",
         ),
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
         (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),

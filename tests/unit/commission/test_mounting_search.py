@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slipd.commission.mounting_search import (
+from slipd.commission.known_rotations import nearest_known
+from slipd.commission.mounting_search import find_mounting
+from slipd.commission.three_axis_search import find_three_axis
+from slipd.commission.touches import (
     CENTRE,
     CORNER,
     END,
@@ -21,9 +24,6 @@ from slipd.commission.mounting_search import (
     Mount,
     Symmetry,
     Touch,
-    find_mounting,
-    find_three_axis,
-    nearest_known,
 )
 from slipd.signals.mounting import Mounting
 

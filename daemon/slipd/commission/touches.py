@@ -1,0 +1,86 @@
+"""What a person's touches read, and what they show."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slipd.arrays import Array
+
+CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
+STEPS = (CENTRE, END, CORNER, PUSH_X, PUSH_Y)
+PRESSES = (CENTRE, END, CORNER)
+
+LEAST_TRAVEL_M = 0.003
+"""Presses must be this far apart to show the orientation of the image, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """Mean readings while a finger was touched, less those before.
+
+    Attributes:
+        force: Force in the frame of the sensor, without sign, shape (3,), N.
+        torque: Torque about the origin of the sensor, likewise, shape (3,), N·m.
+        scan_m: Centre of pressure along the columns and rows of the scan, from its middle, m; None without an image.
+    """
+
+    force: Array
+    torque: Array
+    scan_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Symmetry:
+    """Orientation of an image: the keys ``swap_xy``, ``flip_x`` and ``flip_y`` of a pad."""
+
+    swap_xy: bool = False
+    flip_x: bool = False
+    flip_y: bool = False
+
+    def place(self, scan_m: Sequence[float]) -> Array:
+        """Return a place of the scan (along columns, along rows) in the pad frame, shape (2,), m."""
+        x, y = reversed(scan_m) if self.swap_xy else scan_m
+        return np.array((-x if self.flip_x else x, -y if self.flip_y else y))
+
+
+SYMMETRIES = tuple(Symmetry(*flags) for flags in itertools.product((False, True), repeat=3))
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Mounting of a force sensor: the keys ``sign`` and ``pad_from_sensor``."""
+
+    sign: int
+    xyz_m: tuple[float, float, float]
+    quat_xyzw: tuple[float, float, float, float]
+
+
+@dataclass(slots=True)
+class Findings:
+    """What the touches show.
+
+    Attributes:
+        mount: Mounting of the force sensor; None where it does not follow.
+        symmetry: Orientation of the image; None where it does not follow.
+        notes: What was found, for people, with residuals.
+        problems: What does not follow or contradicts, and what to do; a value is None because of one of them.
+    """
+
+    mount: Mount | None = None
+    symmetry: Symmetry | None = None
+    notes: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+def goes_to_end(travel: Array) -> bool:
+    """Return whether a travel from the centre leads to the +X end."""
+    return bool(travel[0] >= LEAST_TRAVEL_M and abs(travel[1]) < 0.5 * travel[0])
+
+
+def goes_to_corner(travel: Array) -> bool:
+    """Return whether a travel from the centre leads to the +X +Y corner."""
+    return bool(travel[0] >= LEAST_TRAVEL_M and travel[1] >= min(LEAST_TRAVEL_M, 0.2 * travel[0]))

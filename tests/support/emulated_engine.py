@@ -1,0 +1,71 @@
+"""An engine on emulated devices whose pads a hand touches, in simulated time."""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+
+from slipd import config
+from slipd.engine.engine import Engine
+from slipd.events import Bytes, LinkUp, Output, Publish, Tick, Write
+from slipd.sim.emulators import Emulator
+from slipd.sim.hand_commands import parse_command
+from slipd.sim.touched_devices import TouchedDevices
+from slipd_client.messages.reader import typed_message
+from slipd_client.messages.schema.topics import Message
+
+STEP_NS = 5_000_000
+T0 = 1_000_000_000_000
+
+
+class EmulatedEngine:
+    """The daemon without its sockets, on devices that are mounted as one config states and read by another.
+
+    Args:
+        true: How the sensors are mounted.
+        read: What the daemon believes; ports as in ``true``.
+        folder: For addresses, which nobody opens.
+    """
+
+    def __init__(self, true: config.Config, read: config.Config, folder: Path) -> None:
+        self.devices = TouchedDevices(true, folder)
+        self._engine = Engine(read, boot="b00t", wall_minus_monotonic_ns=0)
+        ports = list(dict.fromkeys(stream.port for stream in true.streams().values()))
+        by_port = {port: device[1] for port, device in zip(ports, self.devices.devices, strict=True)}
+        streams = read.streams()
+        self._by_link: dict[str, Emulator] = {name: by_port[streams[name].port] for name in self._engine.links}
+        self._t_ns = 0
+        self._messages: deque[Message] = deque()
+        for name, emulator in self._by_link.items():
+            emulator.opened(0)
+            self._handle(self._engine.handle(LinkUp(name, name), T0))
+
+    def touch(self, line: str) -> None:
+        """Carry out commands of the emulation, separated by semicolons."""
+        for part in line.split(";"):
+            command = parse_command(part, self.devices.hand.fingers)
+            assert command is not None
+            self.devices.hand.carry_out(command, self._t_ns * 1e-9)
+
+    def receive(self) -> Message:
+        """Return the next message that the daemon publishes."""
+        while not self._messages:
+            self._step()
+        return self._messages.popleft()
+
+    def _step(self) -> None:
+        self._t_ns += STEP_NS
+        self.devices.advance(self._t_ns)
+        now_ns = T0 + self._t_ns
+        for name, emulator in self._by_link.items():
+            for data in emulator.advance(self._t_ns):
+                self._handle(self._engine.handle(Bytes(name, data), now_ns))
+        self._handle(self._engine.handle(Tick(0), now_ns))
+
+    def _handle(self, outputs: list[Output]) -> None:
+        for output in outputs:
+            if isinstance(output, Publish):
+                self._messages.append(typed_message(output.topic, output.body))
+            elif isinstance(output, Write):
+                for answer in self._by_link[output.link].receive(output.data, self._t_ns):
+                    self._handle(self._engine.handle(Bytes(output.link, answer), T0 + self._t_ns))

@@ -1,0 +1,192 @@
+"""The guide on emulated devices behind the real engine: every wrong mounting of the config, from bytes to the TOML."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commission_person import TOUCHES, touch_for
+from emulated_engine import EmulatedEngine
+from scipy.spatial.transform import Rotation
+
+from slipd import config
+from slipd.commission.commission_guide import CommissionGuide, FingerOutcome
+from slipd.commission.config_update import changed_text, changes
+from slipd.commission.readings import ReadingListener
+from slipd.errors import SlipdError
+from slipd.sim import touched_devices
+
+TILTED = [0.9659258, 0.2588190, 0.0, 0.0]
+AT = [0.004, -0.002, -0.025]
+FINGER = """
+[finger.{name}]
+mu = 0.5
+
+[finger.{name}.wrench]
+device = "bota"
+port = "/dev/{wrench}"
+rate_hz = 100.0
+sign = {sign}
+pad_from_sensor = {{ xyz_m = {xyz}, quat_xyzw = {quat} }}  # from the drawing
+
+[finger.{name}.pad]
+device = "pvdf"
+port = "/dev/{pad}"
+rate_hz = 50.0
+rows = 12
+cols = 12
+pitch_m = 0.0035
+electrode_m = 0.0015
+axis_scale = [0.0005]
+threshold = 0.005
+charge_tau_s = 2.0
+swap_xy = {swap}
+flip_x = {flip_x}
+flip_y = {flip_y}
+"""
+RIGHT: dict[str, Any] = {"sign": 1, "xyz": AT, "quat": TILTED, "swap": "false", "flip_x": "false", "flip_y": "false"}
+
+
+def rig(**fingers: dict[str, Any]) -> config.Config:
+    """Return a config; ``wrench`` and ``pad`` of a finger name its ports, by default its own."""
+    tables = [
+        FINGER.format(**({"name": name, "wrench": f"{name}-wrench", "pad": f"{name}-pad"} | RIGHT | changed))
+        for name, changed in fingers.items()
+    ]
+    return config.parse("# A rig.\n" + "".join(tables), "rig.toml")
+
+
+def commission(
+    true: config.Config, read: config.Config, folder: Path, touches: dict[str, str] = TOUCHES, finger: str = "left"
+) -> tuple[FingerOutcome, list[str]]:
+    """Return what the guide finds, and what it prints."""
+    engine = EmulatedEngine(true, read, folder)
+    printed: list[str] = []
+
+    def say(text: str) -> None:
+        printed.append(text)
+        if (command := touch_for(text, touches)) is not None:
+            engine.touch(command)
+
+    guide = CommissionGuide(read, ReadingListener(engine.receive, read.finger, read.config_id), say, 5.0)
+    return guide.run(finger), printed
+
+
+def corrected(read: config.Config, outcome: FingerOutcome, finger: str = "left") -> config.Config:
+    """Return the config with what was found."""
+    return config.parse(changed_text(read.text, changes(read, {finger: outcome.result})), "corrected")
+
+
+def check_same(found: config.Config, true: config.Config, finger: str = "left") -> None:
+    wrench, wanted = found.finger[finger].wrench, true.finger[finger].wrench
+    assert wrench is not None
+    assert wanted is not None
+    assert wrench.sign == wanted.sign
+    turn = Rotation.from_quat(wrench.pad_from_sensor.quat_xyzw)
+    assert (turn * Rotation.from_quat(wanted.pad_from_sensor.quat_xyzw).inv()).magnitude() < math.radians(3.0)
+    assert wrench.pad_from_sensor.xyz_m == pytest.approx(wanted.pad_from_sensor.xyz_m, abs=0.003)
+    assert wrench.port == wanted.port
+    pad, wanted_pad = found.finger[finger].pad, true.finger[finger].pad
+    assert pad is not None
+    assert wanted_pad is not None
+    assert (pad.swap_xy, pad.flip_x, pad.flip_y, pad.port) == (
+        wanted_pad.swap_xy,
+        wanted_pad.flip_x,
+        wanted_pad.flip_y,
+        wanted_pad.port,
+    )
+
+
+FLAGS = [
+    {"swap": "true", "flip_x": "true"},
+    {"flip_y": "true"},
+    {"swap": "true", "flip_x": "true", "flip_y": "true"},
+]
+"""Of the eight; the search itself is tested with all."""
+ROTATED = Rotation.from_quat(TILTED) * Rotation.from_euler("z", 90, degrees=True)
+WRONG: dict[str, dict[str, Any]] = {
+    "sign": {"sign": -1},
+    "wxyz": {"quat": [0.0, *TILTED[:3]]},
+    "rotated": {"quat": [float(part) for part in ROTATED.as_quat()]},
+    "place": {"xyz": [0.0, 0.0, 0.0]},
+    "all": {"sign": -1, "quat": [0.0, 0.0, 0.0, 1.0], "xyz": [0.0, 0.03, 0.0], "flip_y": "true"},
+}
+
+
+@pytest.fixture(autouse=True)
+def tared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The force sensors have their zero: a charge pad shows nothing before its finger was seen free."""
+    monkeypatch.setattr(touched_devices, "BIAS", np.zeros(6))
+
+
+@pytest.mark.parametrize("flags", FLAGS, ids=str)
+def test_the_orientation_of_the_image_is_found(flags: dict[str, str], tmp_path: Path) -> None:
+    true, read = rig(left={}), rig(left=flags)
+    outcome, _ = commission(true, read, tmp_path)
+    assert outcome.findings.problems == []
+    check_same(corrected(read, outcome), true)
+
+
+@pytest.mark.parametrize("fault", list(WRONG))
+def test_every_wrong_mounting_is_found_and_a_charge_pad_shows_its_image_with_the_right_one(
+    fault: str, tmp_path: Path
+) -> None:
+    true, read = rig(left={}), rig(left=WRONG[fault])
+    first, _ = commission(true, read, tmp_path)
+    assert all("the pad showed no image" in problem for problem in first.findings.problems)
+    found = corrected(read, first)
+    second, _ = commission(true, found, tmp_path)
+    assert second.findings.problems == []
+    check_same(corrected(found, second), true)
+
+
+def test_swapped_fingers_are_found(tmp_path: Path) -> None:
+    true = rig(left={}, right={})
+    read = rig(left={"wrench": "right-wrench", "pad": "right-pad"}, right={"wrench": "left-wrench", "pad": "left-pad"})
+    for finger in ("left", "right"):
+        outcome, _ = commission(true, read, tmp_path, finger=finger)
+        assert outcome.findings.problems == []
+        check_same(corrected(read, outcome, finger), true, finger)
+
+
+def test_a_right_config_needs_no_change(tmp_path: Path) -> None:
+    read = rig(left={"sign": -1}, right={})
+    outcome, _ = commission(read, read, tmp_path)
+    assert outcome.findings.problems == []
+    assert changes(read, {"left": outcome.result}) == {}
+
+
+@pytest.mark.parametrize(
+    ("touches", "words"),
+    [
+        ({"Press the": "press {finger} 6 N at 0 0 mm"}, "all presses were at one place"),
+        ({"Press the corner": "press {finger} 6 N at 16 -7 mm"}, "on the other side"),
+        ({"push along +Y": "press {finger} 6 N at 0 0 mm; push {finger} -y 2.5 N"}, "on the other side"),
+    ],
+)
+def test_a_person_who_presses_the_wrong_place_is_told(touches: dict[str, str], words: str, tmp_path: Path) -> None:
+    pushes = {key: value for key, value in TOUCHES.items() if "push" in key}
+    chosen = TOUCHES | touches if "Press the" not in touches else touches | pushes
+    outcome, _ = commission(rig(left={}), rig(left={}), tmp_path, chosen)
+    assert outcome.findings.problems
+    assert any(words in problem for problem in outcome.findings.problems)
+    assert changes(rig(left={}), {"left": outcome.result}) == {}
+
+
+def test_nothing_is_felt(tmp_path: Path) -> None:
+    with pytest.raises(SlipdError, match="no press was felt within 5 s; nothing is changed"):
+        commission(rig(left={}), rig(left={}), tmp_path, {})
+    with pytest.raises(SlipdError, match="no push was felt within 5 s"):
+        commission(rig(left={}), rig(left={}), tmp_path, TOUCHES | {"push along +X": "press {finger} 6 N at 0 0 mm"})
+
+
+def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
+    engine = EmulatedEngine(rig(left={}), rig(left={}), tmp_path)
+    other = rig(left={"sign": -1})
+    with pytest.raises(SlipdError, match="the daemon runs another config"):
+        CommissionGuide(other, ReadingListener(engine.receive, other.finger, other.config_id), print, 1.0).run("left")
+    with pytest.raises(SlipdError, match="Is slipd running"):
+        ReadingListener(lambda: None, other.finger, other.config_id).collect(0.1)
