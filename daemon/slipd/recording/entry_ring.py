@@ -13,6 +13,7 @@ import zstandard
 from slipd.events import Event, LinkDown, LinkUp
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
+from slipd.recording.tare_events import Entered, TareEvents
 
 BLOCK_BYTES = 256 * 1024
 """Bytes of entries that are compressed at once, which takes a millisecond without the interpreter lock."""
@@ -47,6 +48,7 @@ class EntryRing:
         self._blocks: deque[_Block] = deque()
         self._bytes = 0
         self._open: dict[str, LinkUp] = {}  # the links that were open before the first block
+        self._tares = TareEvents()
         self._packer = msgpack.Packer()
         self._compressor = zstandard.ZstdCompressor(level=1)
         self._begin_block()
@@ -60,6 +62,7 @@ class EntryRing:
         """Keep an event."""
         if isinstance(event, (LinkUp, LinkDown)):
             self._links.append(event)
+        self._tares.update(Entered(self.next_n, t_ns, event))
         self._keep(EVENTS, encode_event(self.next_n, t_ns, event), t_ns)
 
     def published(self, topic: str, payload: bytes, t_ns: int) -> None:
@@ -96,9 +99,19 @@ class EntryRing:
 
     @property
     def first(self) -> int:
-        """Index of the first entry of a file: before the kept entries come the links that were open."""
-        kept = sum(block.entries for block in self._blocks) + len(self._pieces)
-        return self.next_n - kept - len(self._open)
+        """Index of the first entry of a file."""
+        return self._begin_n - len(self._preamble())
+
+    @property
+    def _begin_n(self) -> int:
+        """Index of the first kept entry."""
+        return self.next_n - len(self._pieces) - sum(block.entries for block in self._blocks)
+
+    def _preamble(self) -> list[tuple[int, Event]]:
+        """Return the time and event of what precedes the kept entries: the open links, and the tares in use."""
+        tares = self._tares.before(self._begin_n)
+        begin_ns = tares[0].t_ns if tares else self._blocks[0].begin_ns if self._blocks else self._begin_ns
+        return [(begin_ns, link) for link in self._open.values()] + [(one.t_ns, one.event) for one in tares]
 
     def write(self, file: RecordingFile) -> None:
         """Write all entries to a file that begins at the index `first`, and finish it.
@@ -106,12 +119,10 @@ class EntryRing:
         Raises:
             OSError: The disk failed.
         """
+        for n, (t_ns, event) in enumerate(self._preamble(), start=self.first):
+            file.event(n, t_ns, event)
         if self._pieces:
             self._end_block()
-        begin_n = self.next_n - sum(block.entries for block in self._blocks)
-        begin_ns = self._blocks[0].begin_ns if self._blocks else 0
-        for number, link in enumerate(self._open.values(), start=-len(self._open)):
-            file.event(begin_n + number, begin_ns, link)
         for number, (n, t_ns, topic, payload) in enumerate(self._entries()):
             file.published(n, t_ns, topic, payload)
             if number % _REST_ENTRIES == 0:
