@@ -24,7 +24,7 @@ QUEUE_LIMIT = 65_536
 
 FLUSH_PERIOD_S = 0.07
 """Most recorded time that a killed process loses, s, besides the queue. A sync follows each flush, so a power cut loses
-this and the time of one sync: at most 18 ms on an SSD with ext4 (median 8 ms)."""
+this and the time of one sync: at most 18 ms on a virtual disk with ext4."""
 
 CLOSE_LIMIT_S = 30.0
 """Longest wait for the disk at the end, s: a lost network mount must not delay the exit any longer."""
