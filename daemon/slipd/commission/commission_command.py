@@ -57,6 +57,7 @@ def commission_command(
         for name in fingers or rig.finger:
             _say("Touch nothing: the zero is taken.")
             _tare(client, name)
+            subscriber.newest()  # the readings before the zero was taken
             outcome = guide.run(name)
             for note in outcome.findings.notes:
                 _say(f"  {name}: {note}")
