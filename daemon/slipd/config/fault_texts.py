@@ -10,7 +10,8 @@ from pydantic import BaseModel
 
 from slipd.config.bus_model import Bus, Requests
 from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
-from slipd.config.gripper_model import Grasp, Gripper, PadPlace, Reflex
+from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
+from slipd.config.host_model import Realtime
 from slipd.config.levels_model import Levels, Rates
 from slipd.config.model import Config
 from slipd.config.recording_model import Continuous, Incidents, Recording
@@ -22,6 +23,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "pad_from_sensor": Pose,
     "gripper": Gripper,
     "grasp": Grasp,
+    "object": ObservedObject,
     "reflex": Reflex,
     "levels": Levels,
     "rates": Rates,
@@ -30,6 +32,7 @@ _TABLES: dict[str, type[BaseModel]] = {
     "recording": Recording,
     "continuous": Continuous,
     "incidents": Incidents,
+    "realtime": Realtime,
 }
 """The table that each key opens; the name of a finger stands between ``finger`` and its keys."""
 

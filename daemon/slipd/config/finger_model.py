@@ -163,7 +163,7 @@ class Slip(StrictModel):
 
 
 class Finger(StrictModel):
-    """``[finger.X]``.
+    """``[finger.X]``: what is known of a finger; it has a force/torque sensor, a tactile pad, or both.
 
     Attributes:
         mu: Safe estimate of the coefficient of static friction; None: no level but "slipping" is known before a slip

@@ -44,9 +44,10 @@ class ConfigReload:
             try:
                 read = await asyncio.to_thread(load, self._file)
             except ConfigError as error:
-                text = kept_text(error)
-                _log.error("%s", text)
-                report(HostNotice("config", text))
+                self._keep(kept_text(error), report)
+                continue
+            except Exception as error:  # an error in a check must not end a run that holds something
+                self._keep(kept_text(RuntimeError(f"{self._file}: {type(error).__name__}: {error}")), report)
                 continue
             if read.text == config.text:
                 _log.info("%s: not changed", self._file)
@@ -54,6 +55,10 @@ class ConfigReload:
                 continue
             self.found = read
         stop.set()
+
+    def _keep(self, text: str, report: Callable[[Event], None]) -> None:
+        _log.error("%s", text)
+        report(HostNotice("config", text))
 
 
 def kept_text(error: Exception) -> str:

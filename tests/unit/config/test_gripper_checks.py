@@ -32,6 +32,7 @@ FAULTS = [
     ("force_table = [[0, 3.0], [255, 30.0]]", "force_table = [[0, -3.0], [9, 30.0]]", "gripper.force_table", "or more"),
     ("  [1.0, 0.0]", "  [1.5, 0.0]", "gripper.width_table", "closure must rise within 0…1"),
     ("  [1.0, 0.0]", "  [1.0, 0.1]", "gripper.width_table", "while the width falls"),
+    ("  [1.0, 0.0]", "  [0.0, 0.085]", "gripper.width_table", "closure must rise within 0…1"),
     ("speed_table = [[0, 0.02], [255, 0.15]]", "speed_table = [[9, 0.2], [1, 1]]", "gripper.speed_table", "rise"),
     ("speed_table = [[0, 0.02], [255, 0.15]]", "speed_table = [[0, 0.2], [300, 1]]", "gripper.speed_table", "255"),
 ]

@@ -11,6 +11,7 @@ from pydantic import BaseModel
 
 from slipd.config import Config
 from slipd.config.docstring_parts import attributes_of
+from slipd.config.fault_texts import explain
 from slipd.config.key_types import range_of, type_of, unit_of
 from slipd.config.reference import TABLES, reference
 from slipd.config.stream_model import Stream
@@ -33,6 +34,13 @@ def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 def test_every_table_of_a_config_is_on_the_page() -> None:
     assert set(TABLES.values()) == set(models_in(Config)) - {Config}
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_an_unknown_key_is_answered_with_the_keys_of_its_own_table(table: str) -> None:
+    path, text = explain({"loc": (*table.replace("X", "left").split("."), "zzz"), "type": "extra_forbidden"})
+    assert path[-1] == "zzz"
+    assert text == f"unknown key; known here: {', '.join(sorted(TABLES[table].model_fields))}"
 
 
 @pytest.mark.parametrize("model", [Stream, *TABLES.values()], ids=lambda model: model.__name__)

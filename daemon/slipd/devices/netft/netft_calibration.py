@@ -173,6 +173,6 @@ def _per_count(name: str, units: Mapping[str, float], unit: str, counts: float) 
     return sizes[_plain(unit)] / counts
 
 
-def _plain(unit: str) -> str:
-    """Return a unit in a common spelling: sensors also write "Nm" for "N-m" and "g" for "gf"."""
-    return unit.lower().replace("-", "").replace("f", "", 1)
+def _plain(unit: object) -> str:
+    """Return a unit in a common spelling: sensors also write "Nm" for "N-m" and "g" for "gf"; a config may be wrong."""
+    return str(unit).lower().replace("-", "").replace("f", "", 1)

@@ -70,6 +70,8 @@ def test_an_unknown_unit_is_refused_with_a_list_of_the_known_ones() -> None:
         from_counts(1, 1, "stone", "N-m")
     with pytest.raises(ValueError, match=r"torque_unit must be one of lbf-in.* got 'N'"):
         from_counts(1, 1, "N", "N")
+    with pytest.raises(ValueError, match=r"force_unit must be one of lbf.* got 5"):
+        from_counts(1, 1, 5, "N-m")  # type: ignore[arg-type] # as a config may have it
 
 
 @pytest.mark.parametrize("size", range(24))
