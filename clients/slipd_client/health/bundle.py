@@ -30,19 +30,27 @@ PACKAGES = ("slipd", "slipd-client", "pyzmq", "msgpack", "numpy", "scipy", "numb
 
 REMOVED = "(removed)"
 
+_NAMED = r"secret|password|passwd|passphrase|token|credential|authorization|api[_-]?key"
 _SECRET_VALUES = re.compile(
-    r"(?i)([\w.-]*(?:secret|password|passwd|passphrase|token|credential|api_?key)[\w.-]*[\"']?\s*[=:]\s*)"
-    r"(\"[^\"\n]*\"|'[^'\n]*'|[^\s&,;]+)"
+    rf"(?i)([\w.-]*(?:{_NAMED})[\w.-]*[\"']?\s*[=:]\s*)"
+    r"(?:(\")[^\"\n]*\"|(')[^'\n]*'|(?:basic |bearer )?[^\s&,;}\])]+)"
 )
-_KEYS = re.compile(r"(?<![0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#])[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}(?=[\"'\s]|$)")
+_KEYS = re.compile(
+    r"(?<![0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#])((?:[\w-]+[=:]|\()?)[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}"
+    r"(?=[\"'\s,;)]|$)"
+)
+"""Keys of ZeroMQ as text (Z85), by their length; most punctuation may be part of one."""
+
 _USERS = re.compile(r"(\w+://)[^/\s@]+@")
+_HOMES = re.compile(r"/(?:home|Users)/[\w.-]+")
 
 
 def without_secrets(text: str) -> str:
-    """Return a text without passwords, tokens, keys and the users of addresses."""
-    text = _SECRET_VALUES.sub(rf"\1{REMOVED}", text)
+    """Return a text without passwords, tokens, keys, the users of addresses and the names of home directories."""
+    text = _SECRET_VALUES.sub(rf"\1\2\3{REMOVED}\2\3", text)
     text = _USERS.sub(rf"\1{REMOVED}@", text)
-    return _KEYS.sub(lambda found: found[0] if found[0].startswith(("/", "./")) else REMOVED, text)
+    text = _KEYS.sub(lambda found: found[0] if found[0].startswith(("/", "./")) else found[1] + REMOVED, text)
+    return _HOMES.sub("~", text)
 
 
 class Bundle:

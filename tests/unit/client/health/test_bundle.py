@@ -29,11 +29,15 @@ def contents(path: Path) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("text", "clean"),
     [
-        ('password = "hunter 2" # mine', f"password = {REMOVED} # mine"),
+        ('password = "hunter 2" # mine', f'password = "{REMOVED}" # mine'),
         ("http://127.0.0.1:8000/?token=abc123&x=1", f"http://127.0.0.1:8000/?token={REMOVED}&x=1"),
-        ('"api_key": "abc", "b": 1', f'"api_key": {REMOVED}, "b": 1'),
+        ('"api_key": "abc", "b": 1', f'"api_key": "{REMOVED}", "b": 1'),
+        ('{"token": 123, "b": 1}', f'{{"token": {REMOVED}, "b": 1}}'),
+        ("Authorization: Bearer eyJhbGciOi.J9.x", f"Authorization: {REMOVED}"),
         ("ws://user:word@host:5000/x", f"ws://{REMOVED}@host:5000/x"),
         (f'public = "{KEY}"', f'public = "{REMOVED}"'),
+        (f"--server={KEY}, ({KEY}); {KEY}", f"--server={REMOVED}, ({REMOVED}); {REMOVED}"),
+        ('"path": "/home/anna.b/run.mcap"', '"path": "~/run.mcap"'),
         ("/dev/serial/by-id/usb-FTDI_FT232R_A10KZP-0", "/dev/serial/by-id/usb-FTDI_FT232R_A10KZP-0"),
         ("mu = 0.5\nrows = 4\n", "mu = 0.5\nrows = 4\n"),
     ],
@@ -58,7 +62,7 @@ def test_a_bundle_is_private_and_overwrites_nothing(tmp_path: Path) -> None:
     made.write(path)
     found = contents(path)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert found["config.toml"] == f"token = {REMOVED}\n"
+    assert found["config.toml"] == f'token = "{REMOVED}"\n'
     assert "log.txt: no journal" in found["problems.txt"]
     assert "none.mcap" in found["problems.txt"]
     with pytest.raises(CallError, match="exists, and is not overwritten"):
