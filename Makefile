@@ -108,10 +108,12 @@ $(KERNELS): $(READY)
 
 # For all users as root, or into DESTDIR; else for this user, without root. docs/service.md
 PREFIX ?= /usr/local
+override PREFIX := $(patsubst ~/%,$(HOME)/%,$(PREFIX))
 HOME_OF_PROGRAM := $(DESTDIR)$(PREFIX)/lib/slipd
 UNPRIVILEGED := $(if $(DESTDIR),,$(filter-out 0,$(shell id -u)))
 USER_UNITS := $(or $(XDG_CONFIG_HOME),$(HOME)/.config)/systemd/user
 UNITS := $(if $(UNPRIVILEGED),$(USER_UNITS),$(DESTDIR)/etc/systemd/system)
+RULES := $(DESTDIR)/etc/udev/rules.d/70-slipd.rules
 UNIT := $(if $(UNPRIVILEGED),slipd-user.service,slipd.service)
 
 install:
@@ -119,6 +121,8 @@ ifeq ($(UNPRIVILEGED),)
 	@case "$$($(PYTHON) -c 'import os, sys; print(os.path.realpath(sys.executable))')" in /home/*|/root/*) \
 		echo "The service cannot run a Python of one user's home. Name another: make install PYTHON=/usr/bin/python3"; exit 2;; esac
 endif
+	@[ -e "$(HOME_OF_PROGRAM)/pyvenv.cfg" ] || [ -z "$$(ls -A "$(HOME_OF_PROGRAM)" 2>/dev/null)" ] || { \
+		echo "$(HOME_OF_PROGRAM) holds something else, which make install does not replace. Name another PREFIX."; exit 2; }
 	@echo "== slipd into $(HOME_OF_PROGRAM)"
 	@mkdir -p "$(HOME_OF_PROGRAM)" "$(DESTDIR)$(PREFIX)/bin" || { echo "name a place that you may write to: make install PREFIX=~/.local"; exit 2; }
 	@$(PYTHON) -m venv --clear "$(HOME_OF_PROGRAM)"
@@ -129,21 +133,23 @@ endif
 	@mkdir -p "$(UNITS)" && sed 's|^ExecStart=[^ ]*|ExecStart=$(PREFIX)/bin/slipd|' config/$(UNIT) > "$(UNITS)/slipd.service" \
 		|| echo "== no systemd unit: $(UNITS) cannot be written; slipd run works without"
 ifeq ($(UNPRIVILEGED),)
-	@install -D -m 644 config/70-slipd.rules "$(DESTDIR)/etc/udev/rules.d/70-slipd.rules"
+	@[ ! -e "$(RULES)" ] || cmp -s config/70-slipd.rules "$(RULES)" || echo "== kept: $(RULES); new ones are in config/70-slipd.rules"
+	@[ -e "$(RULES)" ] || install -D -m 644 config/70-slipd.rules "$(RULES)"
 	@install -D -m 644 config/slipd.sysusers "$(DESTDIR)/etc/sysusers.d/slipd.conf"
 	@install -d -m 755 "$(DESTDIR)/etc/slipd"
 endif
 	@echo "== installed; next: docs/service.md"
 
 uninstall:
-	@rm -rf "$(HOME_OF_PROGRAM)"
+	@[ ! -e "$(HOME_OF_PROGRAM)/pyvenv.cfg" ] || rm -rf "$(HOME_OF_PROGRAM)"
 	@for program in slipd slipctl; do \
 		[ "$$(readlink "$(DESTDIR)$(PREFIX)/bin/$$program")" != "$(PREFIX)/lib/slipd/bin/$$program" ] || rm "$(DESTDIR)$(PREFIX)/bin/$$program"; done
-	@rm -f "$(UNITS)/slipd.service"
+	@! grep -qsF "ExecStart=$(PREFIX)/bin/slipd " "$(UNITS)/slipd.service" || rm "$(UNITS)/slipd.service"
 ifeq ($(UNPRIVILEGED),)
-	@rm -f "$(DESTDIR)/etc/udev/rules.d/70-slipd.rules" "$(DESTDIR)/etc/sysusers.d/slipd.conf"
+	@! cmp -s config/70-slipd.rules "$(RULES)" || rm "$(RULES)"
+	@! cmp -s config/slipd.sysusers "$(DESTDIR)/etc/sysusers.d/slipd.conf" || rm "$(DESTDIR)/etc/sysusers.d/slipd.conf"
 endif
-	@echo "== uninstalled; configs, keys and recordings are kept"
+	@echo "== uninstalled; configs, keys, recordings and udev rules that were changed are kept"
 
 clean:
 	rm -rf .venv .venv-* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage*

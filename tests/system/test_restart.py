@@ -1,4 +1,4 @@
-"""After a daemon dies, the grip stays, the lease is gone, and the recording is complete until just before."""
+"""After a daemon dies or reads another config, the grip stays and the lease is gone; a recording lacks only its end."""
 
 from __future__ import annotations
 
@@ -109,6 +109,18 @@ def test_a_daemon_that_aborts_and_is_started_again_finds_the_grip_and_leaves_a_w
             assert wait_for_grip(publish) == pytest.approx(width_m, abs=0.002)
             with GripClient(requests) as client:
                 assert not client.status()["lease"]["held"]
+                boot = client.request("hello")["boot"]
+                client.request("lease.acquire", ttl_ms=200)
+
+            rig.write_text(rig.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
+            daemon.send_signal(signal.SIGHUP)  # P4: a reload is a new run, and moves nothing either
+            publish, requests = endpoints(daemon)
+            assert wait_for_grip(publish) == pytest.approx(width_m, abs=0.002)
+            with GripClient(requests) as client:
+                after = client.status()
+                assert client.request("hello")["boot"] != boot
+            assert not after["lease"]["held"]
+            assert {finger["level"] for finger in after["fingers"].values()} == {"unknown"}, "the tares are gone"
         recording = open_recording(first)
         events = list(recording.events())
         assert "ends without an end record" in (recording.fault or "")
