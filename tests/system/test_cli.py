@@ -394,7 +394,8 @@ def test_configs_and_pages_are_listed_with_what_they_are(
     assert main(["config", "list"]) == 0
     listed = capsys.readouterr().out.splitlines()
     assert listed[0] == f"{CONFIG}: `slipd config show NAME` prints one"
-    assert "    hex_tsf85      An OnRobot HEX behind each fingertip of a Robotiq TSF-85, on a Robotiq 2F-85" in listed
+    described = [line.split(maxsplit=1) for line in listed]
+    assert ["hex_tsf85", "An OnRobot HEX behind each fingertip of a Robotiq TSF-85, on a Robotiq 2F-85"] in described
     assert main(["docs"]) == 0
     listed = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["glossary", "Glossary"] in listed

@@ -20,6 +20,14 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         os.close(ours)
 
 
+def read_until(terminal: int, end: str) -> str:
+    """Return what a terminal shows up to ``end``; one read may return a part of it."""
+    shown = b""
+    while not shown.endswith(end.encode()):
+        shown += os.read(terminal, 4000)
+    return shown.decode()
+
+
 def test_a_terminal_shows_the_share_and_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, 0.05, 2.0, 3.0])
     with terminal(monkeypatch) as shown:
@@ -27,7 +35,7 @@ def test_a_terminal_shows_the_share_and_the_time_that_is_left(monkeypatch: pytes
         for done in (0, 1, 10, 40):
             progress.show(done, 40)
         progress.erase()
-        lines = os.read(shown, 4000).decode().split("\r\x1b[K")[1:]
+        lines = read_until(shown, "40 of 40\r\x1b[K").split("\r\x1b[K")[1:]
     assert lines == [
         "·" * 30 + " 0 of 40",
         "█" * 8 + "·" * 22 + " 10 of 40, about 6 s left",

@@ -41,7 +41,7 @@ def test_a_page_is_found_by_every_way_to_write_it(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["", "../../etc/passwd", "/etc/passwd", "zzzzzz", "\0"])
 def test_an_unknown_name_is_refused_with_the_known_ones(name: str) -> None:
-    with pytest.raises(SlipdError, match=re.escape(f"there is no config {name!r}; known: demo, ")):
+    with pytest.raises(SlipdError, match=re.escape(f"there is no config {name!r}; known: bota_xela, demo, ")):
         config_file(name)
     with pytest.raises(SlipdError, match=re.escape(f"there is no page {name!r}; known: README, ")):
         page_file(name)

@@ -41,7 +41,7 @@ def test_an_export_that_exists_is_refused_unless_it_may_be_overwritten(
     assert export(RUN, out, "--to", to) == 1
     assert capsys.readouterr().err == f"slipd: {out}: exists already; give a new name, or --overwrite\n"
     assert export(RUN, out, "--to", to, "--overwrite") == 0
-    assert capsys.readouterr().out == f"{out}: written, 610 messages of slipd\n"
+    assert capsys.readouterr().out == f"{out}: written, 613 messages of slipd\n"
     assert names(tmp_path) == ["out"]
 
 

@@ -100,7 +100,7 @@ def lead_ms(approach: Sequence[FingerState]) -> int:
 
 def test_after_the_first_slip_with_a_coefficient_a_fifth_too_high_the_next_one_is_warned(make_grasp: MakeGrasp) -> None:
     grasp = make_grasp(1.2 * TRUE_MU)
-    assert lead_ms(grasp.approach_and_slip()) == 0
+    assert lead_ms(grasp.approach_and_slip()) < 60, "warned only at 0.96 of the true limit"
     assert "slipping" in levels(grasp.states)
     friction = grasp.finger.friction_state
     assert friction.source == "learned"
