@@ -12,6 +12,7 @@ from slipd.config import Config
 from slipd.errors import RecordingError
 from slipd.evaluation.level_spans import LevelSpan, level_spans
 from slipd.evaluation.recorded_truth import Truth, outline
+from slipd.recording.event_gaps import EventGaps
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
 from slipd_client.messages import slip_topic
@@ -92,8 +93,10 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
         settings = with_recorded_tares(config.parse(config_text, name), recording)
     begin_s, end_s, truth = outline(recording)
     run = ConfigRun({}, end_s=end_s - begin_s, truth=truth)
+    gaps = EventGaps()
+    messages = replay(recording, settings=settings, on_event=gaps.add)
     try:
-        spans = level_spans(_watched(replay(recording, settings=settings), run, begin_s), end_s)
+        spans = level_spans(_watched(messages, run, begin_s), end_s, gaps.found)
     except RecordingError as error:
         raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
     run.spans = {source: [span.shifted(-begin_s) for span in of_source] for source, of_source in spans.items()}

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from slipd.recording.event_gaps import Gap
 from slipd_client.messages import GRASP_TOPIC, slip_topic
+
+NOT_RECORDED = "not_recorded"
+"""Reason of "unknown" from the begin of a gap to the first message after it."""
 
 _SLIP = slip_topic("")
 
@@ -39,20 +43,27 @@ class LevelSpan:
         return replace(self, begin_s=self.begin_s + by_s, end_s=self.end_s + by_s)
 
 
-def level_spans(messages: Iterable[tuple[str, dict[str, Any]]], end_s: float = 0.0) -> dict[str, list[LevelSpan]]:
+def level_spans(
+    messages: Iterable[tuple[str, dict[str, Any]]], end_s: float = 0.0, gaps: Sequence[Gap] = ()
+) -> dict[str, list[LevelSpan]]:
     """Return what each source reported: every finger by its name, and "grasp" where both are judged together.
 
     Args:
         messages: Topic and body of every message of a run, in order. Only ``slip`` and ``grasp`` matter; both are
             published at once where the level changes, and where only the reasons do, at their rate.
         end_s: End of the run, s, where it lasts longer than to the last message.
+        gaps: Times of which nothing is known, in order; one may be added until the first message after it is read.
 
     Returns:
-        The spans of each source in order, without a gap. Before its first message a source has none.
+        The spans of each source in order, each from the end of the one before. Before its first message a source has
+        none; in a gap it is "unknown".
     """
     found: dict[str, list[LevelSpan]] = {}
-    last_s = end_s
+    last_s, seen = end_s, 0
     for topic, body in messages:
+        for gap in gaps[seen:]:
+            _interrupt(found, gap)
+        seen = len(gaps)
         t_s = body["t_ns"] * 1e-9
         last_s = max(last_s, t_s)
         if topic.startswith(_SLIP):
@@ -62,7 +73,14 @@ def level_spans(messages: Iterable[tuple[str, dict[str, Any]]], end_s: float = 0
         else:
             continue
         _append(found.setdefault(source, []), body, t_s)
+    for gap in gaps[seen:]:
+        _interrupt(found, gap)
     return {source: [*spans[:-1], replace(spans[-1], end_s=last_s)] for source, spans in found.items()}
+
+
+def _interrupt(found: dict[str, list[LevelSpan]], gap: Gap) -> None:
+    for spans in found.values():
+        _append(spans, {"level": "unknown", "reasons": [NOT_RECORDED]}, gap.begin_s)
 
 
 def _append(spans: list[LevelSpan], body: dict[str, Any], t_s: float) -> None:

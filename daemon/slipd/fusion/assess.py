@@ -61,17 +61,21 @@ def assess_readings(readings: Rows, watches: Rows, drops: Rows, ring: Rows) -> N
             if slips:
                 found["level"] = SLIPPING
             continue
-        upper = contact["friction_ratio"] / mu  # R / μ of paper eq. (4)
+        measured = contact["friction_ratio"] / mu  # R / μ of paper eq. (4)
+        upper = measured
         if exact:
-            upper = row["utilisation"]["upper"]
-            upper = math.inf if math.isnan(upper) else upper  # an unknown bound is not a safe one
+            measured = row["utilisation"]["upper"]
+            measured = math.inf if math.isnan(measured) else measured  # an unknown bound is not a safe one
+            upper = measured
             if unknown_n > 0.0:  # the gauge of a sum is at most the sum of the gauges
                 free = normal - unknown_n
                 upper = (
-                    (upper * normal + unknown_n / mu + watch["spin_utilisation_1n"]) / free if free > 0.0 else math.inf
+                    (measured * normal + unknown_n / mu + watch["spin_utilisation_1n"]) / free
+                    if free > 0.0
+                    else math.inf
                 )
         width = max(watch["hysteresis"], NOISE_WIDTH * max(drop["std"], drop["rough"]) / mu)
-        used = settle(row, watch, upper, exact)
+        used = settle(row, watch, upper, measured, exact)
         warning = watch["warning"]
         sooner = warning - watch["hysteresis"]
         if sooner <= used < warning and grows(drop, ring, mu, sooner):

@@ -9,6 +9,8 @@
 
 from __future__ import annotations
 
+import math
+
 from slipd.fusion.compiled import compiled
 from slipd.fusion.load_blocks import LEVEL, mean_q
 from slipd.fusion.load_noise import relative_noise
@@ -34,15 +36,17 @@ GROWTH_STDS = 6.0
 
 
 @compiled
-def settle(row: Row, watch: Row, used: float, exact: bool) -> float:
+def settle(row: Row, watch: Row, used: float, measured: float, exact: bool) -> float:
     """Return the utilisation that counts: that of the reading, or of a mean where the noise is large.
 
-    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE.
+    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE. σ is that by noise
+    alone: no mean makes an unknown load smaller.
 
     Args:
         row: The reading, with its contact and utilisation.
         watch: Its ``settled`` is updated.
-        used: Utilisation of the reading.
+        used: Utilisation of the reading, with what the unknown load may add.
+        measured: Without that.
         exact: It is that of force and spin together.
     """
     contact = row["contact"]
@@ -52,8 +56,9 @@ def settle(row: Row, watch: Row, used: float, exact: bool) -> float:
         stds = watch["force_std_n"], watch["torque_std_nm"]
         noise = relative_noise(force, contact["spin_nm"], about, (vx, vy, omega), stds[0], stds[1])
     else:
-        noise = contact["friction_ratio_std"] / contact["friction_ratio"] if contact["friction_ratio"] > 0.0 else 0.0
-    std = min(used, LARGE) * noise
+        ratio, force_std = contact["friction_ratio"], watch["force_std_n"]
+        noise = force_std * math.hypot(1.0, ratio) / (contact["normal_n"] * ratio) if ratio > 0.0 else 0.0
+    std = min(measured, LARGE) * noise
     before = watch["settled"]
     watch["settled"] = min(used, LARGE)
     if not std > SURE:

@@ -6,6 +6,8 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
+from slipd.recording.event_gaps import Gap
+
 T = TypeVar("T")
 
 BINS = 1600
@@ -36,7 +38,7 @@ class Extent(NamedTuple):
     """
 
     end_s: float
-    gaps: Sequence[Window] = ()
+    gaps: Sequence[Gap] = ()
 
     def limit(self, t_s: float) -> float:
         """Return until when a value of ``t_s`` can hold: the next gap, or the end."""

@@ -10,10 +10,8 @@ from typing import Any, NamedTuple
 from slipd.finger.verdict import SEVERITY
 from slipd.plot.binned_track import NO_VALUE, BinnedTrack, Extent, Range, Window, later, widest
 from slipd.plot.change_log import ChangeLog
+from slipd.recording.event_gaps import EventGaps
 from slipd_client.messages import GRASP_TOPIC, GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
-
-GAP_S = 0.1
-"""Least time without an event that is a gap: ticks enter the engine every 5 ms, and a busy machine delays them."""
 
 Numbers = BinnedTrack[Range]
 
@@ -146,7 +144,7 @@ class RunTracks:
 
     Attributes:
         window: From the begin to the newest message.
-        gaps: Times without events, because entries were lost or the daemon did not run.
+        gaps: Times of which nothing is known.
         fingers: By name.
         streams: By name.
         grip: Grip force that both fingers share, N.
@@ -158,8 +156,7 @@ class RunTracks:
     def __init__(self, begin_ns: int, begin_s: float = 0.0) -> None:
         self._begin_ns = begin_ns
         self.window = Window(begin_s, begin_s)
-        self.gaps: list[Window] = []
-        self._event_s = 0.0
+        self.gaps = EventGaps(begin_ns)
         self.fingers: dict[str, FingerTracks] = {}
         self.streams: dict[str, StreamTracks] = {}
         self.grip, self.grip_needed, self.command = _numbers(), _numbers(), _numbers()
@@ -167,11 +164,8 @@ class RunTracks:
 
     def add_event(self, t_ns: int) -> None:
         """Add the time of an event, before the messages that it causes."""
-        t_s = self._seconds(t_ns)
-        if t_s - self._event_s > GAP_S:
-            self.gaps.append(Window(self._event_s, t_s))
+        if self.gaps.add(t_ns):
             self.changes.forget_images()
-        self._event_s = t_s
 
     def add(self, topic: str, body: Mapping[str, Any]) -> None:
         """Add a message of any topic."""
@@ -202,15 +196,13 @@ class RunTracks:
 
     def time_s(self, body: Mapping[str, Any]) -> float:
         """Return the time of a message, s."""
-        return self._seconds(body["t_ns"])
-
-    def _seconds(self, t_ns: int) -> float:
+        t_ns: int = body["t_ns"]
         return (t_ns - self._begin_ns) * 1e-9
 
     @property
     def extent(self) -> Extent:
         """How long values hold that no newer one replaces."""
-        return Extent(self.window.end_s, self.gaps)
+        return Extent(self.window.end_s, self.gaps.found)
 
     @property
     def finger_names(self) -> Sequence[str]:

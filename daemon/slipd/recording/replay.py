@@ -57,7 +57,7 @@ def replay(
     speed: float | None = None,
     sleep: Callable[[float], None] = time.sleep,
     settings: Config | None = None,
-    on_event: Callable[[int], None] | None = None,
+    on_event: Callable[[int], object] | None = None,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield ``(topic, body)`` of every message that the recorded events cause, in order.
 
@@ -96,7 +96,7 @@ def _engine(recording: Recording, settings: Config | None) -> Engine:
 
 
 def _run(
-    engine: Engine, recording: Recording, pace: Pace | None, on_event: Callable[[int], None] | None = None
+    engine: Engine, recording: Recording, pace: Pace | None, on_event: Callable[[int], object] | None = None
 ) -> Iterator[tuple[int, str, dict[str, Any]]]:
     links = engine.links
     for t_ns, event in recording.events():

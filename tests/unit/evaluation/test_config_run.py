@@ -11,6 +11,10 @@ from replays import RECORDINGS, messages
 
 from slipd.errors import ConfigError, RecordingError
 from slipd.evaluation.config_run import ConfigRun, run_config
+from slipd.evaluation.level_spans import NOT_RECORDED
+from slipd.recording.entry_walk import Entered
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
 Write = Callable[..., Path]
@@ -73,6 +77,27 @@ def test_a_recording_that_was_cut_off_is_used_as_far_as_it_goes(tmp_path: Path) 
     cut.write_bytes(GRIPS.read_bytes()[: GRIPS.stat().st_size * 3 // 4])
     run = run_config(cut, None, "recorded")
     assert run.fault.startswith(f"{cut}: ")
+
+
+def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
+    recording, lossy = open_recording(DEMO), tmp_path / "lossy.mcap"
+    wall_ns = recording.wall_minus_monotonic_ns
+    file = RecordingFile(lossy, config_text=recording.config_text, boot=recording.boot, wall_minus_monotonic_ns=wall_ns)
+    entries = list(recording.entries())
+    for entry in entries:
+        if isinstance(entry, Entered) and not 1.0 <= (entry.t_ns - entries[0].t_ns) * 1e-9 < 2.0:
+            file.event(entry.n, entry.t_ns, entry.event)
+    file.finish(len(entries))
+    run = run_config(lossy, None, "recorded")
+    assert "lost" in run.fault
+    for spans in run.spans.values():
+        (lost,) = [span for span in spans if span.reasons == (NOT_RECORDED,)]
+        assert (lost.level, lost.begin_s, lost.end_s) == (
+            "unknown",
+            pytest.approx(1.0, abs=0.02),
+            pytest.approx(2.0, abs=0.1),
+        )
+        assert not [span for span in spans if span is not lost and span.begin_s < 1.98 and span.end_s > 1.02]
 
 
 def test_a_run_survives_json() -> None:

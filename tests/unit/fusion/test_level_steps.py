@@ -99,8 +99,19 @@ def test_a_load_that_no_friction_holds_is_a_danger_where_its_spin_is_beyond_the_
 
 
 def test_the_friction_ratio_alone_counts_as_its_noise_allows() -> None:
-    for std, step in ((0.5, STABLE), (0.01, WARNING)):
+    for std_n, step in ((0.2, STABLE), (0.005, WARNING)):
         rows = contact_rows(3, 0.9 * MU * LIGHT_N, LIGHT_N, 0.0, np.arange(3) * 1e-3)
-        rows["contact"]["friction_ratio_std"], rows["utilisation"]["kind"] = std, -1
-        watch().assess(rows, MU, Uncertainty(), 0.0)
+        rows["utilisation"]["kind"] = -1
+        watch().assess(rows, MU, Uncertainty(std_n), 0.0)
         assert rows["assessment"]["friction_step"].max() == step
+
+
+@pytest.mark.parametrize("kind", [0, -1])
+def test_an_unknown_load_is_no_noise_and_counts_fully(kind: int) -> None:
+    """A mean over readings makes noise smaller, and not what the unknown weight of the finger may add."""
+    load = 0.02 if kind == 0 else 0.9 * MU * 2.0
+    rows = contact_rows(3, load, 2.0, load / 2.0 / MU, np.arange(3) * 1e-3)
+    rows["utilisation"]["kind"], rows["utilisation"]["twist"][:, 0] = kind, 1.0
+    rows["contact"]["friction_ratio_std"] = 0.5
+    watch().assess(rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.0)
+    assert rows["assessment"]["friction_step"].tolist() == [WARNING] * 3
