@@ -5,6 +5,7 @@ The fall soon slows down, because it ends at μ_d. A load that is let go or set 
 of it is gone. So a fall that slows down early shows slip before it has ended. It counts only if
 
 - q rose steadily until then, to a peak near the largest that this grasp carried and near the coefficient of friction,
+  after the begin of the last slip,
 - the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
   let go slows down as well,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
@@ -69,7 +70,8 @@ def look_for_slow_fall(drop: Row, ring: Rows, t_s: float, mu: float) -> None:
     if k % every:
         return
     level, rise = max(1, min(LEVEL, int(2.0 * EVERY_S / dt + 0.5))), max(2, int(RISE_S / dt + 0.5))
-    quickest, most = max(level + 2, int(QUICKEST_S / dt + 0.5)), min(int(FALL_S / dt + 0.5), count - rise - level - 1)
+    oldest = int(min(FALL_S, t_s - drop["since_s"]) / dt + 0.5)  # an earlier slip explains what came before it
+    quickest, most = max(level + 2, int(QUICKEST_S / dt + 0.5)), min(oldest, count - rise - level - 1)
     back, peak = _find_peak(ring, k, quickest, most, every, level)
     before = ring[(k - back - level) % RING]
     if back == 0 or back + every > most or peak < FROM * mu or peak < CARRIED * before["carried"]:
