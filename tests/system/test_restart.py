@@ -120,7 +120,6 @@ def test_a_daemon_that_aborts_and_is_started_again_finds_the_grip_and_leaves_a_w
                 after = client.status()
                 assert client.request("hello")["boot"] != boot
             assert not after["lease"]["held"]
-            assert {finger["level"] for finger in after["fingers"].values()} == {"unknown"}, "the tares are gone"
         recording = open_recording(first)
         events = list(recording.events())
         assert "ends without an end record" in (recording.fault or "")

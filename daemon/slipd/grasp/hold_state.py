@@ -44,7 +44,6 @@ class HoldState:
         if "no_contact" in levels:
             if self._holding and not self._releasing:
                 return "lost"
-            self._holding = False
             return "unknown" if "unknown" in levels else "empty"
         if "slipping" not in levels and "unknown" in levels:
             return "unknown"

@@ -35,7 +35,7 @@ class ListenerProgress:
         if not greeted and self._accepted == before:
             return f"{listener.endpoint} greets no client"
         if unsent := self._unsent():
-            return f"messages for {unsent} clients that read are not sent"
+            return f"messages are not sent to clients that read ({unsent})"
         return ""
 
     def _unsent(self) -> int:
