@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from lossy_recording import lossy
 from replays import RECORDINGS
 from terminals import PATIENCE_S, PseudoTerminal
 
@@ -16,7 +17,7 @@ from slipd.cli import main
 from slipd.plot.plot_command import is_plot
 from slipd.plot.report_page import GENERATOR
 from slipd.recording.mcap_file import RecordingFile
-from slipd.recording.reader import Entered, open_recording
+from slipd.recording.reader import open_recording
 
 DEMO, REFLEX = str(RECORDINGS / "demo.mcap"), str(RECORDINGS / "reflex.mcap")
 PAGE = f'<!doctype html>\n<meta name="generator" content="{GENERATOR}">'
@@ -94,18 +95,7 @@ def test_a_recording_that_was_cut_off_is_drawn_as_far_as_it_goes(
 def test_nothing_is_drawn_through_lost_entries_and_rare_messages_hold(here: Path) -> None:
     recording = open_recording(Path(REFLEX))
     rare = re.sub(r"(slip|grasp|status)_hz = [\d.]+", r"\1_hz = 0.1", recording.config_text)
-    entries = list(recording.entries())
-    begin_ns = entries[0].t_ns
-    file = RecordingFile(
-        Path("lossy.mcap"),
-        config_text=rare,
-        boot=recording.boot,
-        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
-    )
-    for entry in entries:
-        if isinstance(entry, Entered) and not 1.0 <= (entry.t_ns - begin_ns) * 1e-9 < 2.0:
-            file.event(entry.n, entry.t_ns, entry.event)
-    file.finish(len(entries))
+    lossy(Path(REFLEX), here, rare)
     assert main(["plot", "lossy.mcap"]) == 1
     text = (here / "lossy.html").read_text(encoding="utf-8")
     spans = [(float(begin), float(end)) for begin, end in re.findall(r"<title>([\d.]+) to ([\d.]+) s: ", text)]

@@ -58,7 +58,7 @@ class Wrench(Stream):
             the finger counts as load, and changes with its orientation.
         com_m: Centre of mass of that part in the pad frame, m. Wrong: the torque of that weight counts as load.
         force_std_n: Noise of each force component, standard deviation, N. Wrong: too low, and noise causes false
-            reports of slips; too high, and small slips are missed.
+            reports of slips; too high, and small slips are missed, and light grips are warned of late.
         torque_std_nm: Noise of each torque component, standard deviation, N·m. Wrong: the same for rotation.
         range_n: Largest force that the sensor can report, as the length of the vector, N. Readings beyond it, and jumps
             back and forth by a quarter of it, are treated as damaged. None: unknown; only readings above 1e6 N, which

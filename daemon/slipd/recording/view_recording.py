@@ -11,8 +11,9 @@ from websockets.http11 import Response
 
 from slipd.compile_kernels import compile_kernels
 from slipd.errors import SlipdError
+from slipd.recording.event_gaps import EventGaps
 from slipd.recording.reader import Recording, open_recording
-from slipd.recording.recorded_blocks import Messages, RecordedBlocks
+from slipd.recording.recorded_blocks import RecordedBlocks
 from slipd.recording.replay import replay
 from slipd_client.errors import CallError
 from slipd_client.listen_address import ListenAddress
@@ -31,7 +32,7 @@ def view_recording(path: Path, address: ListenAddress) -> None:
         SlipdError: The port cannot be opened.
     """
     recording = open_recording(path)
-    view = RecordingView(recording, replay(recording))
+    view = RecordingView(recording)
     compile_kernels()
     site = Site({"live": False, "source": str(path), "buttons": False})
     try:
@@ -50,10 +51,11 @@ async def _serve(server: PageServer, view: RecordingView) -> None:
 class RecordingView:
     """Replays a recording in a thread, and answers the page's requests for it."""
 
-    def __init__(self, recording: Recording, messages: Messages) -> None:
+    def __init__(self, recording: Recording) -> None:
         self.blocks = RecordedBlocks()
         self._recording = recording
-        self._messages = messages
+        self._gaps = EventGaps()
+        self._messages = replay(recording, on_event=self._gaps.add)
         self._failure = ""
 
     def start(self) -> None:
@@ -72,7 +74,8 @@ class RecordingView:
     def answer(self, path: str) -> Response | None:
         """Answer ``/data/recording/N``, what there is and the changes of level from the N-th, or ``/data/block/N``.
 
-        A block without messages, or that is not replayed yet, is null.
+        Gaps are begin and end of each time of which nothing is known, CLOCK_MONOTONIC, ns. A block without messages, or
+        that is not replayed yet, is null.
         """
         _, _, kind, number = path.split("/") if path.count("/") == 3 else ("", "", "", "")
         if not number.isdecimal():
@@ -92,6 +95,7 @@ class RecordingView:
             "seconds": blocks.seconds,
             "ended": ended,
             "changes": blocks.changes[known:],
+            "gaps": [[round(gap.begin_s * 1e9), round(gap.end_s * 1e9)] for gap in self._gaps.found],
             "fault": self._fault() if ended else "",
         }
 

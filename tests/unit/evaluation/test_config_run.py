@@ -7,14 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lossy_recording import lossy
 from replays import RECORDINGS, messages
 
 from slipd.errors import ConfigError, RecordingError
 from slipd.evaluation.config_run import ConfigRun, run_config
 from slipd.evaluation.level_spans import NOT_RECORDED
-from slipd.recording.entry_walk import Entered
-from slipd.recording.mcap_file import RecordingFile
-from slipd.recording.reader import open_recording
 
 DEMO, GRIPS = RECORDINGS / "demo.mcap", RECORDINGS / "import_grips.mcap"
 Write = Callable[..., Path]
@@ -80,15 +78,7 @@ def test_a_recording_that_was_cut_off_is_used_as_far_as_it_goes(tmp_path: Path) 
 
 
 def test_a_level_does_not_hold_where_entries_are_lost(tmp_path: Path) -> None:
-    recording, lossy = open_recording(DEMO), tmp_path / "lossy.mcap"
-    wall_ns = recording.wall_minus_monotonic_ns
-    file = RecordingFile(lossy, config_text=recording.config_text, boot=recording.boot, wall_minus_monotonic_ns=wall_ns)
-    entries = list(recording.entries())
-    for entry in entries:
-        if isinstance(entry, Entered) and not 1.0 <= (entry.t_ns - entries[0].t_ns) * 1e-9 < 2.0:
-            file.event(entry.n, entry.t_ns, entry.event)
-    file.finish(len(entries))
-    run = run_config(lossy, None, "recorded")
+    run = run_config(lossy(DEMO, tmp_path), None, "recorded")
     assert "lost" in run.fault
     for spans in run.spans.values():
         (lost,) = [span for span in spans if span.reasons == (NOT_RECORDED,)]

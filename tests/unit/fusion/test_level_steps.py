@@ -9,8 +9,9 @@ import pytest
 from load_course import MU, contact_rows
 
 from slipd.arrays import Array
+from slipd.fusion.level_steps import GROWTH_S, GROWTH_STDS, grows
 from slipd.fusion.levels import ContactWatch, SlipSettings, Thresholds, Uncertainty
-from slipd.fusion.rows import CAUTION, STABLE, WARNING, Rows
+from slipd.fusion.rows import CAUTION, FREE, STABLE, WARNING, Rows
 
 LIGHT_N = 0.5
 LEVER_M = 5e-4
@@ -115,3 +116,25 @@ def test_an_unknown_load_is_no_noise_and_counts_fully(kind: int) -> None:
     rows["contact"]["friction_ratio_std"] = 0.5
     watch().assess(rows, MU, Uncertainty(0.02, 0.0, force_n=1.0), 0.0)
     assert rows["assessment"]["friction_step"].tolist() == [WARNING] * 3
+
+
+def test_a_growth_within_its_noise_does_not_count() -> None:
+    growing = watch()
+    load = np.arange(0.3, 0.81, 0.3e-3) * MU * 10.0
+    growing.assess(contact_rows(len(load), load, 10.0, load / 10.0 / MU, np.arange(len(load)) * 1e-3), MU, NOISE, 0.0)
+    growth = 0.3 * GROWTH_S * MU
+    for stds, found in ((1.1 * GROWTH_STDS, True), (0.9 * GROWTH_STDS, False)):
+        growing._drop["rough"] = growth / stds
+        assert grows(growing._drop[0], growing._ring, MU, 0.75) is found
+    growing._drop["rough"] = 0.0
+    assert not grows(growing._drop[0], growing._ring, MU, 0.85), "its mean has not reached that"
+
+
+def test_a_new_contact_begins_without_the_mean_of_the_one_before() -> None:
+    watched = watch()
+    used = np.array([0.9, 0.0, 0.9])
+    rows = contact_rows(3, used * LIGHT_N * MU, LIGHT_N, used, np.arange(3) * 1e-3)
+    rows["phase"][1], rows["utilisation"]["twist"][:, 0] = FREE, 1.0
+    for k, std_n in enumerate((0.005, 0.005, 0.2)):
+        watched.assess(rows[k : k + 1], MU, Uncertainty(std_n), 0.0)
+    assert rows["assessment"]["friction_step"].tolist() == [WARNING, STABLE, STABLE]

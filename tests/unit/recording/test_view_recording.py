@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from lossy_recording import lossy
 from project import DATA
 
 from slipd import cli
@@ -31,7 +32,7 @@ def shown() -> Iterator[Show]:
 
     def show(path: Path) -> RecordingView:
         recording = open_recording(path)
-        views.append(RecordingView(recording, replay(recording)))
+        views.append(RecordingView(recording))
         views[-1].replay()
         return views[-1]
 
@@ -53,6 +54,7 @@ def test_the_page_gets_the_messages_of_the_replay(shown: Show) -> None:
     state = data_of(view, "/data/recording/0")
     assert (state["ended"], state["fault"]) == (True, "")
     assert state["changes"] == [body for topic, body in published if topic == "warning"]
+    assert state["gaps"] == []
     frames = [frame for number in range(4) for frame in data_of(view, f"/data/block/{number}")]
     known = {(topic, body["seq"]): body for topic, body in published}
     for frame in frames:
@@ -60,6 +62,13 @@ def test_the_page_gets_the_messages_of_the_replay(shown: Show) -> None:
     assert {"slip.left", "tactile.right", "grasp", "gripper", "status"} <= {
         topic for frame in frames for topic in frame["topics"]
     }
+
+
+def test_the_page_learns_where_nothing_was_recorded(shown: Show, tmp_path: Path) -> None:
+    begin_ns = next(open_recording(DEMO).events())[0]
+    ((gap_begin_ns, gap_end_ns),) = data_of(shown(lossy(DEMO, tmp_path)), "/data/recording/0")["gaps"]
+    assert gap_begin_ns - begin_ns == pytest.approx(1e9, abs=2e7)
+    assert gap_end_ns - begin_ns == pytest.approx(2e9, abs=2e7)
 
 
 def test_changes_that_the_page_knows_are_not_sent_again(shown: Show) -> None:

@@ -25,6 +25,7 @@ export class Player {
     this.handlers = handlers;
     this.blocks = new Map();
     this.changes = [];
+    this.gaps = [];
     this.begin_ns = null;
     this.seconds = 0;
     this.position = 0;
@@ -86,6 +87,7 @@ export class Player {
         this.begin_ns = recording.begin_ns;
         this.seconds = recording.seconds;
         this.changes.push(...recording.changes);
+        this.gaps = recording.gaps;
         this.ended = recording.ended;
         this.elements.position.max = this.seconds.toFixed(2);
         const fault = recording.fault ? `incomplete: ${recording.fault}` : "";
@@ -196,6 +198,12 @@ export class Player {
         context.fillStyle = colour(COLOURS[level] ?? `--${level}`);
         context.fillRect(at(change.t_ns), bottom - high, Math.max(end - at(change.t_ns), 1), high);
       });
+      for (const [begin_ns, end_ns] of this.gaps) { // no level holds where nothing was recorded
+        const [x, wide] = [at(begin_ns), Math.max(at(end_ns) - at(begin_ns), 1)];
+        context.clearRect(x, bottom - tall, wide, tall);
+        context.fillStyle = colour("--unknown");
+        context.fillRect(x, bottom - HEIGHTS.unknown * tall, wide, HEIGHTS.unknown * tall);
+      }
     });
     context.fillStyle = colour("--ink");
     context.fillRect(at(this.begin_ns + this.position * 1e9) - 1, 0, 2, height);

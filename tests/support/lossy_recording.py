@@ -1,0 +1,30 @@
+"""A recording that lost its entries of one second, as on a disk that was too slow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from slipd.recording.entry_walk import Entered
+from slipd.recording.mcap_file import RecordingFile
+from slipd.recording.reader import open_recording
+
+LOST_S = (1.0, 2.0)
+"""From the first entry."""
+
+
+def lossy(path: Path, folder: Path, config_text: str | None = None) -> Path:
+    """Write the events of a recording without those of `LOST_S`, with another config where one is given."""
+    recording, out = open_recording(path), folder / "lossy.mcap"
+    file = RecordingFile(
+        out,
+        config_text=config_text or recording.config_text,
+        boot=recording.boot,
+        wall_minus_monotonic_ns=recording.wall_minus_monotonic_ns,
+    )
+    entries = list(recording.entries())
+    for entry in entries:
+        t_s = (entry.t_ns - entries[0].t_ns) * 1e-9
+        if isinstance(entry, Entered) and not LOST_S[0] <= t_s < LOST_S[1]:
+            file.event(entry.n, entry.t_ns, entry.event)
+    file.finish(len(entries))
+    return out
