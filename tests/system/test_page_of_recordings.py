@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from browser import MISSING, Browser
+from lossy_recording import lossy
 from project import DATA
 
 from slipd.recording.reader import open_recording
@@ -46,6 +47,28 @@ def levels(browser: Browser) -> dict[str, str]:
             (card) => [card.dataset.finger, card.querySelector(".level").textContent]))"""
     )
     return found
+
+
+def test_no_level_is_shown_through_lost_entries(browser: Browser, tmp_path: Path) -> None:
+    """Before them nothing touched the pads, which is a low bar in the time line; "unknown" is higher."""
+
+    def drawn(t_s: float) -> bool:
+        pixel = f"""(() => {{
+            const canvas = document.getElementById("levels");
+            const at = [canvas.width * {t_s} / slipd.source.seconds, canvas.height * (0.5 - 0.3 / 2)].map(Math.round);
+            return canvas.getContext("2d").getImageData(...at, 1, 1).data[3];
+        }})()"""
+        return bool(browser.value(pixel))
+
+    with page_of(lossy(REPLAYS / "demo.mcap", tmp_path)) as url:
+        browser.open(url)
+        browser.until(ENDED)
+        browser.click("#play")  # a pause
+        browser.do(lambda page: page.fill("#position", "1.9"))
+        browser.until("slipd.source.position === 1.9 && slipd.source.seeking === null")
+        browser.until("[...document.querySelectorAll('.level')].every((level) => level.textContent === 'UNKNOWN')")
+        assert [drawn(t_s) for t_s in (0.9, 1.1, 1.5, 1.85)] == [False, True, True, True]
+    assert browser.problems == []
 
 
 def test_the_time_line_leads_from_warning_to_warning(browser: Browser) -> None:
