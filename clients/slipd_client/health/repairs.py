@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
-from slipd_client.messages.names import REASONS, Health
+from slipd_client.messages.names import DAEMON_LATE, REASONS, Health
 
 Severity = Literal["error", "warning"]
 
@@ -28,7 +28,7 @@ FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
 
 
 LATE_S = 0.1
-"""Shorter stalls pass unnoticed: the readings are only judged a little later, and the status shows them anyway."""
+"""Shorter stalls need no repair: the readings are only judged a little later, and the status shows them anyway."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,28 +89,33 @@ def _host(status: Mapping[str, Any]) -> Iterator[Repair]:
         yield Repair("realtime-refused", "warning", "realtime", text, "systemctl show slipd -p LimitRTPRIO")
     late_s = status.get("late_s") or 0.0
     if late_s > LATE_S:
-        yield Repair("daemon-late", "warning", "daemon", f"the daemon was late by {late_s:.2f} s", "top")
+        yield Repair("daemon-late", "warning", "daemon", f"{DAEMON_LATE} {late_s:.2f} s", "top")
 
 
 def _streams(status: Mapping[str, Any]) -> Iterator[Repair]:
-    for name, stream in _maps(status, "streams").items():
+    for name, stream in _unwell(status).items():
         health, problem = stream.get("health", Health.OK), stream.get("message") or "no reason is given"
         where = _look_at(stream.get("address") or "")
         if health == Health.WARN:
             yield Repair("stream-degraded", "warning", name, problem, "slipctl watch")
         elif health == Health.STALE:
             yield Repair("stream-silent", "error", name, problem, where)
-        elif health != Health.OK:
+        else:
             missing = stream.get("age_s") is None
             yield Repair("stream-missing" if missing else "stream-fault", "error", name, problem, where)
 
 
-def _fingers(status: Mapping[str, Any]) -> Iterator[Repair]:
-    unwell = {
-        name.partition(".")[0]
+def _unwell(status: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the streams that are not well; one that only waited for the daemon is."""
+    return {
+        name: stream
         for name, stream in _maps(status, "streams").items()
-        if stream.get("health", Health.OK) != Health.OK
+        if stream.get("health", Health.OK) != Health.OK and not (stream.get("message") or "").startswith(DAEMON_LATE)
     }
+
+
+def _fingers(status: Mapping[str, Any]) -> Iterator[Repair]:
+    unwell = {name.partition(".")[0] for name in _unwell(status)}
     for finger, state in _maps(status, "fingers").items():
         reasons = list(state.get("reasons") or ())
         known = [reason for reason in reasons if reason in FINGER_REPAIRS]

@@ -122,6 +122,10 @@ class Health(IntEnum):
 
 
 HEALTH = tuple(Health.__members__)
+
+DAEMON_LATE = "the daemon was late by"
+"""Begin of the message of a stream that waited for the daemon, and is well itself."""
+
 """Names of the health codes, in code order."""
 
 ErrorCode = Literal[

@@ -14,6 +14,7 @@ from slipd.finger.freshness import PROMPT, Arrival, Freshness
 from slipd.samples import GripperSample, ObjectSample, Sample, TactileSample, WrenchSample
 from slipd.signals.clock import DeviceClock, host_time
 from slipd_client.messages import Health
+from slipd_client.messages.names import DAEMON_LATE
 
 RATE_TOLERANCE = 0.2
 """Relative deviation from the expected rate that is reported."""
@@ -146,7 +147,7 @@ class StreamMeter:
         if self.freshness.is_stale(t_ns, unread_ns):
             return Health.STALE, f"no reading for {self.freshness.silent_ns(t_ns, unread_ns) * 1e-9:.2f} s"
         if late_ns > self.freshness.stale_ns:
-            return Health.WARN, f"the daemon was late by {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
+            return Health.WARN, f"{DAEMON_LATE} {late_ns * 1e-9:.2f} s: readings waited, the sensor went on"
         if self.damage > 0:
             return Health.WARN, f"{self.damage} recent bytes belong to no frame"
         if self._bad_time_ns is not None and t_ns - self._bad_time_ns < BAD_TIME_SHOWN_NS:

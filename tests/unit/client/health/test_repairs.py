@@ -11,7 +11,7 @@ from project import DOCS
 
 from slipd.events import HostNotice, RecordingChanged
 from slipd_client.health.repairs import FINGER_REPAIRS, Repair, repairs, summary
-from slipd_client.messages.names import REASONS
+from slipd_client.messages.names import DAEMON_LATE, REASONS
 from slipd_client.slipctl_parser import parser
 
 WELL: dict[str, Any] = {
@@ -36,6 +36,13 @@ def stream(**changes: Any) -> dict[str, Any]:
 def test_a_daemon_that_is_well_needs_no_repair() -> None:
     assert repairs(WELL) == []
     assert summary(WELL) == "1 of 1 streams are read"
+
+
+def test_a_stream_that_waited_for_the_daemon_needs_no_repair_and_excuses_no_finger() -> None:
+    late = stream(health=1, message=f"{DAEMON_LATE} 0.04 s: readings waited, the sensor went on")
+    assert repairs(late) == []
+    assert ids(repairs(late | {"fingers": {"left": {"level": "unknown", "reasons": ["stuck"]}}})) == ["finger-unknown"]
+    assert ids(repairs(late | {"late_s": 0.3})) == ["daemon-late"]
 
 
 def test_an_empty_status_of_an_older_daemon_is_no_fault() -> None:
