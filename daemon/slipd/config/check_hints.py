@@ -28,7 +28,7 @@ USUAL_PAD_M = 0.12
 """The longer side of the largest pads of fingers."""
 
 LEAST_WRENCH_HZ = 100.0
-"""A contact breaks loose within some 10 ms."""
+"""A slip shows as a fall of the load only in readings at most 12 ms apart."""
 
 MOST_WARNING = 0.95
 """Above this level, the error of the friction coefficient is larger than what is left."""
@@ -106,8 +106,8 @@ def _wrench_hints(path: str, wrench: Wrench) -> Iterator[tuple[str, str]]:
     if wrench.mass_kg > USUAL_MASS_KG:
         yield f"{path}.mass_kg", f"{wrench.mass_kg:g} kg beyond the sensor is much for a finger: is it in kg?"
     if wrench.rate_hz < LEAST_WRENCH_HZ:
-        late = f"{wrench.rate_hz:g} Hz shows a slip only after some {3e3 / wrench.rate_hz:.0f} ms"
-        yield f"{path}.rate_hz", f"{late}: choose the fastest rate of the sensor"
+        late = f"at {wrench.rate_hz:g} Hz the force shows slips late or not at all"
+        yield f"{path}.rate_hz", f"{late}, as readings must be at most 12 ms apart: choose the sensor's fastest rate"
 
 
 def _port_hints(stream_name: str, stream: Stream) -> Iterator[tuple[str, str]]:

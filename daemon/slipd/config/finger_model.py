@@ -149,8 +149,8 @@ class Slip(StrictModel):
     Attributes:
         drop: Least relative fall of the required friction; noise may ask for more. Wrong: too low, and more
             disturbances count as slips; too high, and short slips are missed.
-        window_s: Longest fall, s. Wrong: too short, and slow slips are missed; too long, and changes of the load count
-            as slips.
+        window_s: Longest fall, s; falls of 0.02 to 0.16 s that slow down are found too, whatever this is. Wrong: too
+            short, and slips are missed or reported late; too long, and changes of the load count as slips.
         armed_at: No longer in use; `slipd check` says so. Wrong: without effect.
         hold_s: Longest time for which a slip is reported without new evidence, s. Motion that ends earlier ends it.
             Wrong: too long, and a slip is reported after it ended unseen; too short, and the report ends too early.
@@ -176,8 +176,9 @@ class Finger(StrictModel):
             none is learned. Wrong: too low, and a wrong μ is corrected slowly; too high, and a good one is given up
             quickly.
         mu_rotation: Coefficient of friction that limits a rotation, for taxels whose gains for shear and pressure are
-            not calibrated against each other; None: ``mu``. It weighs images that change. Once the object turned, the
-            coefficient that this took limits rotation in λ too, until the grasp ends. Wrong: as for `mu`, for rotation.
+            not calibrated against each other; None: ``mu``. It only judges whether a change of the image is a turn.
+            Once the object turned, the coefficient at which it did so limits rotation in λ, until the grasp ends.
+            Wrong: too high, and turns are seen late; too low, and changes of the load count as turns.
         min_normal_n: Below this normal force there is no contact, N. With a force sensor at most 50, and below
             ``range_n``. Wrong: too high, and a light grip is `no_contact`; too low, and noise is contact.
         load_rule: How the normal force is distributed over the taxels. Wrong: the resistance to rotation is misjudged.

@@ -17,7 +17,8 @@ class Levels(StrictModel):
         warning: Utilisation at which the level becomes "warning". Wrong: too high, and the warning comes too late to
             act; too low, and it is ignored.
         hysteresis: How far the utilisation must fall below a threshold before the level is left; below ``caution``.
-            Wrong: too small, and the level flickers; too large, and it stays after the danger.
+            A load that grows steadily is warned of by as much before its threshold. Wrong: too small, and the level
+            flickers; too large, and it stays after the danger.
         false_alarms_per_hour: How often noise alone may be reported as a slip, on each finger, 1/h. Wrong: too high,
             and noise is reported; too low, and slips are reported later.
     """

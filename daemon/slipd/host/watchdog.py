@@ -11,8 +11,8 @@ import logging
 from collections.abc import Awaitable, Callable, Mapping
 
 FEEDS_PER_TIMEOUT = 4
-"""Feeds within the timeout of the watchdog: three in a row may fail, as for a stage that was looked at between two of
-its steps."""
+"""Feeds within the timeout of the watchdog: one may fail, as for a stage that was looked at between two of its steps,
+even if every endpoint is waited for."""
 
 Check = Callable[[], Awaitable[str]]
 """Returns why a stage made no progress since the last call; "" if it did."""
