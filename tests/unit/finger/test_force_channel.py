@@ -126,6 +126,14 @@ def test_uncertain_weight_reduces_the_margin(heavy: str, left: str, parse: Parse
     assert reported["heavy", False][1][-1] == "weight_unknown"
 
 
+def test_uncertain_weight_is_not_taken_for_noise(heavy: str, parse: Parse) -> None:
+    """The noise of a light load is large beside it; what the weight may add is larger, and no noise."""
+    finger = make_finger(heavy.replace("force_std_n = 0.0", "force_std_n = 0.02"), parse)
+    finger.update_image(TactileSample(T0, None, np.full(16, 100.0)))
+    state = read_force(finger, WrenchSample(T0, None, np.array((0.02, 0.0, -2.0)), np.zeros(3)))
+    assert (state.verdict.level, state.verdict.reasons[-1]) == ("warning", "weight_unknown")
+
+
 DRIFTS = 'port = "/dev/left-wrench"\ndrift_tau_s = 1.0'
 
 
