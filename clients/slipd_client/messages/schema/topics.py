@@ -203,10 +203,10 @@ class Grasp(Message):
         'names of both fingers in the order of the config: "first" and "second" below', default=()
     )
     state: str | None = wire(
-        '"empty" (a pad is free, and nothing was held or slipd was asked to open), "held" (both pads press), '
-        '"slipping", "lost" (a pad is free that pressed, although slipd was not asked to open), or "unknown" (not '
-        'known of both pads). It stays "lost" until both pads press again, or until slipd is asked to open. Where the '
-        'config has no gripper, slipd sees no opening, and every grasp ends as "lost"',
+        '"empty" (a pad is free, and nothing was held or slipd was asked to open), "held" (both pads press, on an '
+        'object or on each other), "slipping", "lost" (a pad is free that pressed, although slipd was not asked to '
+        'open), or "unknown" (not known of both pads). It stays "lost" until both pads press again, or until slipd is '
+        'asked to open. Where the config has no gripper, slipd sees no opening, and every grasp ends as "lost"',
         default=None,
     )
     state_t_ns: int | None = wire("when that state began", default=None)
