@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from project import CONFIG
+from project import CONFIG, ROOT
 
 from slipd.host.stage_checks import ANSWER_S
 from slipd.host.watchdog import FEEDS_PER_TIMEOUT
@@ -85,3 +85,37 @@ def test_recordings_on_request_go_where_the_unit_lets_them_be_written() -> None:
     [variables] = re.findall(r"^Environment=(.*)$", text, re.MULTILINE)
     [name] = re.findall(r"^StateDirectory=(.*)$", text, re.MULTILINE)
     assert f"SLIPD_STATE_DIR=/var/lib/{name}" in variables.split()
+
+
+def make(target: str, root: Path) -> int:
+    """Return the exit code of a target below another root."""
+    return subprocess.run(["make", "-s", target, f"DESTDIR={root}"], cwd=ROOT, capture_output=True).returncode
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+def test_uninstall_removes_what_install_put_there_and_nothing_else(tmp_path: Path) -> None:
+    home, program = tmp_path / "usr/local/lib/slipd", tmp_path / "usr/local/bin/slipd"
+    unit, rules = tmp_path / "etc/systemd/system/slipd.service", tmp_path / "etc/udev/rules.d/70-slipd.rules"
+    for path in (home / "notes", program, unit, rules):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    (home / "notes").touch()
+    program.symlink_to("/opt/own/slipd")
+    unit.write_text(UNIT.read_text(encoding="utf-8"), encoding="utf-8")  # of a place of its own
+    rules.write_text(RULES.read_text(encoding="utf-8") + "# mine\n", encoding="utf-8")
+    assert make("install", tmp_path) != 0, "the folder holds something else"
+    assert make("uninstall", tmp_path) == 0
+    assert (home / "notes").exists()
+    assert program.is_symlink()
+    assert unit.exists()
+    assert rules.exists()
+
+    (home / "pyvenv.cfg").touch()
+    program.unlink()
+    program.symlink_to("/usr/local/lib/slipd/bin/slipd")
+    unit.write_text(
+        re.sub(r"(?<=ExecStart=)\S+", "/usr/local/bin/slipd", UNIT.read_text(encoding="utf-8")), encoding="utf-8"
+    )
+    shutil.copy(RULES, rules)
+    assert make("uninstall", tmp_path) == 0
+    assert not any(path.exists() or path.is_symlink() for path in (home, program, unit, rules))
+    assert make("uninstall", tmp_path) == 0, "again"
