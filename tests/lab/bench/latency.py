@@ -75,7 +75,8 @@ def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool)
         if "reflex" in parts:
             yield from reflex.run(folder, rounds=rounds, trials=QUICK_TRIALS if quick else TRIALS)
         if "priority" in parts:
-            yield priority.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)
+            hogs = priority.QUICK_HOGS if quick else priority.HOGS
+            yield priority.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s, hogs=hogs)
         if "ratios" in parts:
             yield from ratios.run(folder, quick=quick)
     if "first" in parts:

@@ -19,29 +19,29 @@ from numpy.typing import NDArray
 
 STREAM, TOPIC = "left.wrench", "wrench.left"
 
-HOGS = 3
+HOGS, QUICK_HOGS = 3, 1
 OURS, PEERS = 10, 20
 """Priorities of the daemon, and of the writer and the subscriber."""
 
-KINDS = ("nothing beside, without", f"{HOGS} hogs, without", f"{HOGS} hogs, priority {OURS}")
 HEAD = ("machine, daemon", "p50", "p99", "p99.9", "largest", "readings", "of these without a message")
 
 
-def run(folder: Path, *, rounds: int, seconds: float, warm_up_s: float) -> Table:
+def run(folder: Path, *, rounds: int, seconds: float, warm_up_s: float, hogs: int = HOGS) -> Table:
     """Measure ``rounds`` rounds of each kind, ``seconds`` each."""
-    title = f"Real-time priority: last byte to message beside {HOGS} programs that compute, µs"
+    title = f"Real-time priority: last byte to message beside {hogs} programs that compute, µs"
+    kinds = ("nothing beside, without", f"{hogs} hogs, without", f"{hogs} hogs, priority {OURS}")
     if refused := _refused():
-        rows: list[list[Cell]] = [[kind, *["not measured"] * (len(HEAD) - 1)] for kind in KINDS]
+        rows: list[list[Cell]] = [[kind, *["not measured"] * (len(HEAD) - 1)] for kind in kinds]
         return Table(title, HEAD, list(rows), [f"The priority is not measured: {refused}."])
     stream = traffic.Stream(
         STREAM,
         traffic.wrench_frames(traffic.steady(round((seconds + warm_up_s) * traffic.WRENCH_HZ)), traffic.PATCH, 0),
         traffic.WRENCH_HZ,
     )
-    latencies_us: dict[str, list[NDArray[np.float64]]] = {kind: [] for kind in KINDS}
+    latencies_us: dict[str, list[NDArray[np.float64]]] = {kind: [] for kind in kinds}
     for _ in range(rounds):
-        for number, kind in enumerate(KINDS):
-            measured = _round(folder, stream, warm_up_s, hogs=HOGS if number else 0, priority=OURS * (number == 2))
+        for number, kind in enumerate(kinds):
+            measured = _round(folder, stream, warm_up_s, hogs=hogs if number else 0, priority=OURS * (number == 2))
             latencies_us[kind].append(measured.latency_us[TOPIC])
     rows = [_row(kind, np.concatenate(found)) for kind, found in latencies_us.items()]
     notes = [

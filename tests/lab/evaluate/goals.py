@@ -107,7 +107,7 @@ def _false(c: Campaign) -> Iterator[Row]:
             f"false warnings (λ < 0.7), factors 0.9 to 1.1, {what}",
             "≤ 1/h" if asked else "",
             f"{s.false_warnings} in {s.safe_h:.2f} h (≤ {s.false_warnings_upper:.1f}/h)",
-            s.false_warnings <= s.safe_h if asked else None,
+            s.false_warnings_upper <= 1.0 if asked else None,
         )
 
 

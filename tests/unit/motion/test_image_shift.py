@@ -90,6 +90,7 @@ def watch(
     return found
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("torque", [True, False])
 @pytest.mark.parametrize(("kind", "speed_mps"), [("rectangle", 0.0003), ("ring", 0.001), ("rectangle", 0.003)])
 def test_a_patch_that_creeps_over_the_pad_is_found_within_a_millimetre(
@@ -108,6 +109,7 @@ def test_a_patch_that_stays_on_the_pad_shows_nothing() -> None:
     assert watch(trace) == []
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("growth", [0.0, 0.33])
 def test_a_changing_load_is_no_motion(growth: float, moves: bool) -> None:
@@ -122,6 +124,7 @@ def test_a_changing_load_is_no_motion(growth: float, moves: bool) -> None:
             assert watch(trace, torque=False) == []
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("drifts", ["white", "seconds", "walk"])
 def test_noise_of_any_colour_is_no_motion(drifts: str) -> None:
     rng = np.random.default_rng(7)
@@ -140,6 +143,7 @@ def test_noise_of_any_colour_is_no_motion(drifts: str) -> None:
     assert surprises == []
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("walks", [0.0, 0.1, 1.0])
 def test_the_surprise_of_a_path_is_as_rare_as_it_says(walks: float) -> None:
     """1600 paths of noise, white or walking or both."""

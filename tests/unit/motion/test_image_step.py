@@ -23,6 +23,7 @@ def pad(shift: float = 0.0, total: float = 20_000.0) -> Array:
     return np.asarray(pressure / pressure.sum() * total)
 
 
+@pytest.mark.no_cover
 def test_a_hold_with_the_background_of_real_holds_alarms_about_once_an_hour() -> None:
     rng = np.random.default_rng(7)
     step, alarms, hours = ImageStep(), 0, 4

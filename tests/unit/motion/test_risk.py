@@ -23,6 +23,7 @@ def alarms(risk: MotionRisk, surprises: dict[str, np.ndarray]) -> int:
     return found
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize(
     "kinds", [("vibration",), ("image_change", "vibration"), ("image_change", "width", "external")]
 )
