@@ -22,7 +22,7 @@ class ConfigReload:
         requested: Set by each request.
 
     Attributes:
-        found: A changed config without faults, with which the daemon is to start again; None: there is none.
+        found: The changed config to start with, free of faults; None while nothing changed or the new one is faulty.
     """
 
     def __init__(self, file: Path, requested: asyncio.Event) -> None:

@@ -160,7 +160,7 @@ async def _commands(desk: _Desk, script: list[str]) -> None:
 
 
 async def _standard_input() -> AsyncIterator[str]:
-    """Yield the lines of standard input; never end where there is none, as in the background."""
+    """Yield the lines of standard input; wait forever without standard input, as in the background."""
     try:
         mode = os.fstat(sys.stdin.fileno()).st_mode
     except (OSError, ValueError, AttributeError):
