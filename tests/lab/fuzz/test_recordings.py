@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from fuzz.recordings import SMALL_BYTES, Judge, write_recording
+from fuzz.recordings import SMALL_BYTES, Judge, unchanged_bytes_decoded_once, write_recording
 
 SEED = 20261122  # the same every time; `python -m fuzz --only recordings` draws others
 
@@ -28,6 +28,13 @@ def test_K4_a_recording_with_a_changed_byte_is_never_misread(judge: Judge) -> No
     found = judge.flip(range(50, len(judge.data), 151), SEED)
     assert found.misread == []
     assert found.ended > 100
+
+
+def test_decoding_unchanged_bytes_once_finds_the_same(judge: Judge) -> None:
+    places = range(70, len(judge.data), 499)
+    with unchanged_bytes_decoded_once():
+        once = judge.cut(places), judge.flip(places, SEED)
+    assert once == (judge.cut(places), judge.flip(places, SEED))
 
 
 @pytest.mark.parametrize("place", [0, 100, -1])
