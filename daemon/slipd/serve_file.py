@@ -14,7 +14,7 @@ from pathlib import Path
 from slipd.config import Config, load
 from slipd.errors import SlipdError
 from slipd.host.config_reload import ConfigReload, kept_text
-from slipd.host.run_signals import handled_signals
+from slipd.host.run_signals import EndSignals, handled_signals
 from slipd.host.systemd_notify import SystemdNotifier
 from slipd.service import serve
 from slipd.service_run import Endpoints
@@ -23,7 +23,7 @@ _log = logging.getLogger(__name__)
 
 
 async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoints], None]) -> None:
-    """Run the daemon until SIGINT or SIGTERM.
+    """Run the daemon until SIGINT or SIGTERM; a run that has begun always closes its recordings.
 
     SIGHUP reads the file again. A changed config starts a new run in this process, with a boot id of its own: as after
     any start, the lease, the tares and the learned friction are gone, and a gripper keeps its force. A file with
@@ -39,33 +39,49 @@ async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoi
         on_ready: Called with the endpoints of each run.
 
     Raises:
-        SlipdError: The first run cannot start, or the recording of a run failed.
+        SlipdError: The first run cannot start, neither the changed config nor the one before can, or the recording of a
+            run failed.
     """
     notifier = SystemdNotifier()
-    config, kept = load(file), ""
+    config = load(file)
     before: Config | None = None
-    with _requests_to_reload() as requested:
-        while True:
+    refused: SlipdError | None = None
+    with _requests_to_reload() as requested, EndSignals(*_ending(requested)) as ends:
+        while not ends.received:
             reload = None if requested is None else ConfigReload(file, requested)
             ready = _Ready(on_ready)
             try:
                 await serve(
                     config,
-                    record=None if record is None else _free_name(record, first=before is None and not kept),
+                    record=None if record is None else _free_name(record, first=before is None and refused is None),
                     on_ready=ready,
+                    ends=ends,
                     reload=reload,
-                    notices={"config": kept},
+                    notices={"config": "" if refused is None else kept_text(refused)},
                     notifier=notifier,
                 )
             except SlipdError as error:
-                if ready.reached or before is None:
+                if ready.reached:
                     raise
-                config, before, kept = before, None, kept_text(error)
-                _log.error("%s", kept)
+                if refused is not None:
+                    raise SlipdError(
+                        f"{file}: neither the changed config nor the one before can start\n"
+                        f"  changed: {refused}\n  before: {error}"
+                    ) from error
+                if before is None:
+                    raise
+                config, before, refused = before, None, error
+                _log.error("%s", kept_text(refused))
                 continue
             if reload is None or reload.found is None:
                 return
-            config, before, kept = reload.found, config, ""
+            config, before, refused = reload.found, config, None
+        notifier.stopping()
+
+
+def _ending(requested: asyncio.Event | None) -> tuple[signal.Signals, ...]:
+    """Return the signals that end the daemon: SIGHUP too where it does not reload."""
+    return (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if requested is None else ()))
 
 
 class _Ready:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
-import signal
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,7 +15,7 @@ from slipd.config import Config
 from slipd.events import HostNotice
 from slipd.host.config_reload import ConfigReload
 from slipd.host.realtime import realtime_priority
-from slipd.host.run_signals import handled_signals
+from slipd.host.run_signals import EndSignals
 from slipd.host.stage_checks import stage_checks
 from slipd.host.systemd_notify import SystemdNotifier
 from slipd.host.watchdog import Watchdog
@@ -40,11 +39,12 @@ async def serve(
     record: Path | None = None,
     on_ready: Callable[[Endpoints], None] = lambda _: None,
     stop: asyncio.Event | None = None,
+    ends: EndSignals | None = None,
     reload: ConfigReload | None = None,
     notices: Mapping[str, str] = {},
     notifier: SystemdNotifier = NO_SYSTEMD,
 ) -> None:
-    """Run the daemon until SIGINT, SIGTERM, ``stop``, or a config that ``reload`` finds.
+    """Run the daemon until ``stop``, a signal of ``ends``, or a config that ``reload`` finds.
 
     Resources that only one daemon may hold are claimed first, so that a second daemon is refused before it compiles its
     kernels.
@@ -54,7 +54,8 @@ async def serve(
         record: New file for every event and message; None: nothing is recorded.
         on_ready: Called once the endpoints are served and the kernels are compiled.
         stop: Setting it ends the run.
-        reload: Waits for another config; None: SIGHUP ends the run too.
+        ends: Signals that end the run; handled from here on once the kernels are compiled.
+        reload: Waits for another config.
         notices: Notices that ``status`` shows from the start, by topic.
         notifier: Reports to systemd.
 
@@ -67,8 +68,8 @@ async def serve(
         run = stack.enter_context(ServiceRun(config, record, stop, notifier.status))
         compile_kernels()
         raise_descriptor_limit()
-        ends = (signal.SIGINT, signal.SIGTERM, *((signal.SIGHUP,) if reload is None else ()))
-        stack.enter_context(handled_signals(dict.fromkeys(ends, stop.set)))
+        if ends is not None:
+            ends.handle(stop)
         run.open()
         refused = stack.enter_context(realtime_priority(config.realtime.priority))
         asyncio.get_running_loop().set_exception_handler(run.on_loop_fault)

@@ -93,11 +93,13 @@ async def asked(client: Client, op: str) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def start(rig: Path, *arguments: str, before: Sequence[str] = (), **options: Any) -> Iterator[subprocess.Popen[str]]:
+def start(
+    rig: Path, *arguments: str, command: Sequence[str] = (SLIPD,), **options: Any
+) -> Iterator[subprocess.Popen[str]]:
     """Start a daemon process, which ends even if the test fails."""
-    command = [*before, SLIPD, "run", "--config", str(rig), *arguments]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, text=True, **(pipes | options)) as process:
+    run = [*command, "run", "--config", str(rig), *arguments]
+    with subprocess.Popen(run, text=True, **(pipes | options)) as process:
         try:
             yield process
         finally:

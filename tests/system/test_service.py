@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import signal
 import time
 from pathlib import Path
 from typing import Any
@@ -229,10 +228,3 @@ async def test_what_was_lost_on_this_host_is_logged_when_it_grows_and_at_the_end
         links.write("absent", b"x")
         reporter.cancel()
     assert told() == [*once, "absent: 2 writes dropped, 0 datagrams lost before they were read so far"]
-
-
-async def test_the_end_of_a_run_gives_the_signals_back(rig: Rig) -> None:
-    async with serving(rig.config):
-        assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

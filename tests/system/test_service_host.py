@@ -7,6 +7,7 @@ import re
 import signal
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +15,9 @@ from pathlib import Path
 
 import pytest
 from daemon_peers import PATIENCE_S, Client, until
-from service_rig import Rig, client_of, start
+from service_rig import Rig, client_of, left_in, start
+
+from slipd.recording.reader import open_recording
 
 pytestmark = pytest.mark.process
 
@@ -120,3 +123,76 @@ async def test_G2_a_config_with_which_no_run_can_start_is_left_for_the_one_befor
         assert status["config_id"] == config_id
         process.terminate()
         assert process.wait(PATIENCE_S) == 0
+
+
+async def test_G2_without_any_config_that_starts_the_daemon_ends_and_names_both_reasons(
+    rig: Rig, tmp_path: Path
+) -> None:
+    def endpoint(folder: str) -> str:
+        return f'\n[bus]\npublish = "ipc://{tmp_path}/{folder}/publish"\n'
+
+    text, record = rig.file.read_text(encoding="utf-8"), tmp_path / "run.mcap"
+    (tmp_path / "first").mkdir()
+    rig.file.write_text(text + endpoint("first"), encoding="utf-8")
+    with start(rig.file, "--record", str(record), stdin=subprocess.DEVNULL) as process:
+        client = client_of(process)
+        await until(lambda: client.hear("wrench.left"), rig.send)
+        client.close()
+        (tmp_path / "first").rename(tmp_path / "moved")
+        rig.file.write_text(text + endpoint("nowhere"), encoding="utf-8")
+        process.send_signal(signal.SIGHUP)
+        _, errors = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert re.search(
+        rf"\nslipd: {rig.file}: neither the changed config nor the one before can start"
+        r"\n  changed: .*nowhere/publish: cannot be bound.*\n  before: .*first/publish: cannot be bound.*\n$",
+        errors,
+    ), errors
+    assert "Traceback" not in errors
+    assert "run-2.mcap" not in (left_in(tmp_path) or [])
+    recorded = open_recording(record)
+    assert sum(1 for _ in recorded.entries()) > 0
+    assert recorded.complete
+
+
+SLOW_DISK = """
+import sys, time
+from pathlib import Path
+from slipd.cli import main
+from slipd.recording.mcap_file import RecordingFile
+
+finish, begun, done = RecordingFile.finish, *map(Path, sys.argv[1:3])
+
+def slowly(*arguments):
+    begun.touch()
+    while not done.exists():
+        time.sleep(0.01)
+    finish(*arguments)
+
+RecordingFile.finish = slowly
+del sys.argv[1:3]
+main()
+"""
+
+
+async def test_P4_a_signal_during_a_reload_ends_the_daemon_once_its_recording_is_closed(
+    rig: Rig, tmp_path: Path
+) -> None:
+    begun, done, record = tmp_path / "begun", tmp_path / "done", tmp_path / "run.mcap"
+    before = [sys.executable, "-c", SLOW_DISK, str(begun), str(done)]
+    with start(rig.file, "--record", str(record), command=before, stdin=subprocess.DEVNULL) as process:
+        client = client_of(process)
+        await until(lambda: client.hear("wrench.left"), rig.send)
+        client.close()
+        rig.file.write_text(rig.file.read_text(encoding="utf-8").replace("mu = 0.5", "mu = 0.4"), encoding="utf-8")
+        process.send_signal(signal.SIGHUP)
+        await until(begun.exists)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            process.send_signal(number)
+        done.touch()
+        out, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out, "Traceback" in errors) == (0, "", False), errors
+    recorded = open_recording(record)
+    assert sum(1 for _ in recorded.entries()) > 0
+    assert recorded.complete
+    assert "run-2.mcap" not in (left_in(tmp_path) or []), "no second run"

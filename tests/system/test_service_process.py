@@ -80,7 +80,7 @@ async def test_K2_a_killed_daemon_leaves_all_but_the_last_moment(rig: Rig, tmp_p
 
 @pytest.mark.process
 async def test_a_daemon_under_nohup_outlives_its_terminal(rig: Rig) -> None:
-    with start(rig.file, before=["nohup"]) as process:
+    with start(rig.file, command=["nohup", SLIPD]) as process:
         client = client_of(process)
         process.send_signal(signal.SIGHUP)
         heard = len(client.hear("status"))
