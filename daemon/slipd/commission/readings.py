@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from slipd.arrays import Array
+from slipd.commission.dialogue import SKIP, Choice, Skipped, Steps
 from slipd.errors import SlipdError
 from slipd_client.messages.schema.topics import Message, Tactile, Wrench
 
@@ -42,61 +43,96 @@ class FingerReadings:
 
 
 class ReadingListener:
-    """Collects the readings of a daemon that runs one config, in the time of its readings.
+    """Collects the readings of a daemon that runs one config, in the time of its readings; its methods are steps.
 
     Args:
-        receive: Returns the next message; None if none came for a while.
         fingers: Names of the fingers.
         config_id: Of the config that the daemon must run.
     """
 
-    def __init__(self, receive: Callable[[], Message | None], fingers: Collection[str], config_id: str) -> None:
-        self._receive, self._fingers, self._config_id = receive, fingers, config_id
+    def __init__(self, fingers: Collection[str], config_id: str) -> None:
+        self._fingers, self._config_id = fingers, config_id
 
-    def collect(self, seconds: float) -> dict[str, FingerReadings]:
+    def collect(self, seconds: float) -> Steps[dict[str, FingerReadings]]:
         """Return the readings of ``seconds``, or longer until every finger has some.
 
         Raises:
-            SlipdError: The daemon runs another config, or a force is not known.
+            Skipped: The person chose it.
+            SlipdError: The daemon runs another config or is silent, or a force is not known.
         """
         found = {name: FingerReadings() for name in self._fingers}
-        begin_ns: int | None = None
-        for message in self._readings(seconds + SILENCE_S):
-            begin_ns = message.t_ns if begin_ns is None else begin_ns
-            self._add(message, found)
-            enough = all(len(each.wrenches) >= LEAST_READINGS for each in found.values())
-            if enough and message.t_ns - begin_ns >= seconds * 1e9:
-                return found
+
+        def enough(message: Wrench | Tactile, passed_s: float) -> bool:
+            _add(message, found)
+            return passed_s >= seconds and all(len(each.wrenches) >= LEAST_READINGS for each in found.values())
+
+        if (yield from self._readings(enough, seconds + SILENCE_S)):
+            return found
         silent = [name for name, each in found.items() if len(each.wrenches) < LEAST_READINGS]
         raise SlipdError(f"finger {', '.join(silent)} has no force readings; see: slipctl status")
 
-    def wait(self, condition: Callable[[dict[str, Array]], bool], seconds: float) -> bool:
-        """Wait until the newest wrenches fulfil a condition; return False if they do not within ``seconds``."""
-        newest: dict[str, Array] = {}
-        for message in self._readings(seconds):
-            if isinstance(message, Wrench) and message.force_n is not None and message.torque_nm is not None:
-                newest[message.finger] = np.array((*message.force_n, *message.torque_nm))
-                if len(newest) == len(self._fingers) and condition(newest):
-                    return True
-        return False
+    def wait(self, condition: Callable[[dict[str, Array]], bool], seconds: float) -> Steps[bool]:
+        """Wait until the newest wrenches fulfil a condition; return False if they do not within ``seconds``.
 
-    def _readings(self, seconds: float) -> Iterator[Wrench | Tactile]:
-        """Yield the readings of some time, by their own times."""
+        Raises:
+            Skipped: The person chose it.
+            SlipdError: The daemon runs another config, or is silent.
+        """
+        newest: dict[str, Array] = {}
+
+        def met(message: Wrench | Tactile, _passed_s: float) -> bool:
+            if not isinstance(message, Wrench) or message.force_n is None or message.torque_nm is None:
+                return False
+            newest[message.finger] = np.array((*message.force_n, *message.torque_nm))
+            return len(newest) == len(self._fingers) and condition(newest)
+
+        return (yield from self._readings(met, seconds))
+
+    def _readings(self, done: Callable[[Wrench | Tactile, float], bool], seconds: float) -> Steps[bool]:
+        """Pass on readings, with the time since the first, until it is done; return False after ``seconds``."""
         begin_ns: int | None = None
-        while (message := self._receive()) is not None:
+        while (message := (yield None)) is not None:
+            if isinstance(message, Choice) and message.word == SKIP:
+                raise Skipped
+            if not isinstance(message, Message):
+                continue
             if message.config_id not in (None, self._config_id):
                 raise SlipdError("the daemon runs another config than this file; start it with this file")
             begin_ns = message.t_ns if begin_ns is None else begin_ns
-            if message.t_ns - begin_ns > seconds * 1e9:
-                return
-            if isinstance(message, (Wrench, Tactile)) and message.finger in self._fingers:
-                yield message
-        raise SlipdError(f"no message from the daemon for {SILENCE_S:g} s. Is slipd running?")
+            passed_s = (message.t_ns - begin_ns) * 1e-9
+            if passed_s > seconds:
+                return False
+            if isinstance(message, (Wrench, Tactile)) and message.finger in self._fingers and done(message, passed_s):
+                return True
+        raise silence()
 
-    @staticmethod
-    def _add(message: Wrench | Tactile, found: dict[str, FingerReadings]) -> None:
-        if isinstance(message, Tactile):
-            if message.loads_n is not None:
-                found[message.finger].images.append(np.array(message.loads_n))
-        elif message.force_n is not None and message.torque_nm is not None:
-            found[message.finger].wrenches.append(np.array((*message.force_n, *message.torque_nm)))
+
+def pause(seconds: float) -> Steps[None]:
+    """Let time pass, by the times of the messages.
+
+    Raises:
+        Skipped: The person chose it.
+        SlipdError: The daemon is silent.
+    """
+    begin_ns: int | None = None
+    while (event := (yield None)) is not None:
+        if isinstance(event, Choice) and event.word == SKIP:
+            raise Skipped
+        if isinstance(event, Message):
+            begin_ns = event.t_ns if begin_ns is None else begin_ns
+            if event.t_ns - begin_ns >= seconds * 1e9:
+                return
+    raise silence()
+
+
+def silence() -> SlipdError:
+    """Return the error of a daemon that says nothing."""
+    return SlipdError(f"no message from the daemon for {SILENCE_S:g} s. Is slipd running?")
+
+
+def _add(message: Wrench | Tactile, found: dict[str, FingerReadings]) -> None:
+    if isinstance(message, Tactile):
+        if message.loads_n is not None:
+            found[message.finger].images.append(np.array(message.loads_n))
+    elif message.force_n is not None and message.torque_nm is not None:
+        found[message.finger].wrenches.append(np.array((*message.force_n, *message.torque_nm)))

@@ -13,9 +13,10 @@ from emulated_engine import EmulatedEngine
 from scipy.spatial.transform import Rotation
 
 from slipd import config
-from slipd.commission.commission_guide import CommissionGuide, FingerOutcome
 from slipd.commission.config_update import changed_text, changes
+from slipd.commission.dialogue import Event, Output, Prompt, Say, follow
 from slipd.commission.readings import ReadingListener
+from slipd.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.errors import SlipdError
 from slipd.sim import touched_devices
 
@@ -66,13 +67,16 @@ def commission(
     engine = EmulatedEngine(true, read, folder)
     printed: list[str] = []
 
-    def say(text: str) -> None:
-        printed.append(text)
-        if (command := touch_for(text, touches)) is not None:
+    def respond(output: Output) -> Event:
+        if not isinstance(output, (Say, Prompt)):
+            return engine.receive()
+        printed.append(output.text)
+        if (command := touch_for(output.text, touches)) is not None:
             engine.touch(command)
+        return None
 
-    guide = CommissionGuide(read, ReadingListener(engine.receive, read.finger, read.config_id), say, 5.0)
-    return guide.run(finger), printed
+    guide = TouchGuide(read, ReadingListener(read.finger, read.config_id), 5.0)
+    return follow(guide.run(finger), respond), printed
 
 
 def corrected(read: config.Config, outcome: FingerOutcome, finger: str = "left") -> config.Config:
@@ -186,7 +190,8 @@ def test_nothing_is_felt(tmp_path: Path) -> None:
 def test_another_config_of_the_daemon_is_refused(tmp_path: Path) -> None:
     engine = EmulatedEngine(rig(left={}), rig(left={}), tmp_path)
     other = rig(left={"sign": -1})
+    listener = ReadingListener(other.finger, other.config_id)
     with pytest.raises(SlipdError, match="the daemon runs another config"):
-        CommissionGuide(other, ReadingListener(engine.receive, other.finger, other.config_id), print, 1.0).run("left")
+        follow(TouchGuide(other, listener, 1.0).run("left"), lambda output: None if output else engine.receive())
     with pytest.raises(SlipdError, match="Is slipd running"):
-        ReadingListener(lambda: None, other.finger, other.config_id).collect(0.1)
+        follow(listener.collect(0.1), lambda output: None)

@@ -1,0 +1,132 @@
+"""Runs the guide in a terminal: prints what it says, reads lines, sends its requests, and writes the config."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import time
+from pathlib import Path
+
+from slipd.commission.config_update import changed_text, fragment, replace_config
+from slipd.commission.dialogue import SKIP, Ask, Change, Choice, Event, Output, Prompt, Refusal, Reply, Say, Written
+from slipd.commission.readings import SILENCE_S
+from slipd.errors import SlipdError
+from slipd_client.errors import ClientError
+from slipd_client.grip import GripClient
+from slipd_client.keys import Keys
+from slipd_client.messages.schema.topics import Message
+from slipd_client.subscriber import Subscriber
+
+TOPICS = ("wrench", "tactile")
+LISTEN_S = 0.1
+
+
+class TerminalHost:
+    """Answers the guide. Use it in a ``with`` statement.
+
+    Args:
+        file: The config.
+        text: Its text, as the daemon runs it.
+        publish: Where the daemon publishes.
+        requests: Where it accepts requests.
+        keys: Keys of this client, for a daemon across a network.
+        write: Write the config; else only print what would change.
+    """
+
+    def __init__(
+        self, file: Path, text: str, publish: str | None, requests: str | None, keys: Keys | None, *, write: bool
+    ) -> None:
+        self._file, self._text, self._requests, self._keys, self._write = file, text, requests, keys, write
+        self._subscriber = Subscriber(publish, TOPICS, keys=keys)
+        self._choices: tuple[str, ...] = ()
+        self._typed = b""
+        self._ended = False
+
+    def respond(self, output: Output) -> Event:
+        """Carry out one output of the guide, and return what happened."""
+        if isinstance(output, Say):
+            _print(output.text)
+        elif isinstance(output, Prompt):
+            self._choices = output.choices
+            _print(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output.choices)}")
+        elif isinstance(output, Ask):
+            return self._ask(output)
+        elif isinstance(output, Change):
+            return self._change(output)
+        else:
+            return self._next()
+        return None
+
+    def __enter__(self) -> TerminalHost:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._subscriber.close()
+
+    def _next(self) -> Message | Choice | None:
+        """Return the next line that was typed, or the next message; None after a while without both."""
+        until_s = time.monotonic() + SILENCE_S
+        while time.monotonic() < until_s:
+            if (line := self._line()) is not None:
+                return Choice(_word(line, self._choices))
+            if (message := self._subscriber.receive(LISTEN_S)) is not None:
+                return message
+        return None
+
+    def _line(self) -> str | None:
+        """Return a line that was typed, without waiting."""
+        while not self._ended and b"\n" not in self._typed and select.select([sys.stdin], [], [], 0.0)[0]:
+            data = os.read(sys.stdin.fileno(), 4096)
+            self._typed += data
+            self._ended = not data
+        if b"\n" not in self._typed:
+            return None
+        line, _, self._typed = self._typed.partition(b"\n")
+        return line.decode(errors="replace").strip()
+
+    def _ask(self, ask: Ask) -> Reply | Refusal:
+        try:
+            with GripClient(self._requests, keys=self._keys) as client:
+                call = getattr(client, ask.method)
+                if not ask.lease:
+                    return Reply(call(**ask.fields))
+                with client.lease():
+                    return Reply(call(**ask.fields))
+        except ClientError as error:
+            return Refusal(str(error))
+        finally:
+            self._subscriber.newest()
+
+    def _change(self, change: Change) -> Written:
+        _print(f"\n{fragment(change.values)}\n")
+        file = self._file
+        try:
+            text = changed_text(self._text, change.values)
+            if not self._write:
+                _print(f"{file}: not changed, as asked")
+                return Written(None)
+            if file.read_text(encoding="utf-8") != self._text:
+                raise SlipdError(f"{file}: it was changed meanwhile and is left as it is; put the lines above into it")
+            previous = replace_config(file, text)
+        except (OSError, ValueError) as error:
+            raise SlipdError(f"{file} is left as it was: {error}; put the lines above into it") from error
+        _print(f"{file}: changed; the config before is {previous}.")
+        self._text = text
+        return Written(text)
+
+
+def _keys_of(choices: tuple[str, ...]) -> str:
+    """Return how the person chooses: Enter for the first word, else the first letter."""
+    return f"[Enter: {choices[0]}{''.join(f', {word[0]}: {word}' for word in choices[1:])}]"
+
+
+def _word(line: str, choices: tuple[str, ...]) -> str:
+    """Return the word that a line stands for; a line that stands for none is returned as it is."""
+    if not line:
+        return choices[0] if choices and choices[0] != SKIP else ""
+    return next((word for word in choices if line.lower() in (word, word[0])), line)
+
+
+def _print(text: str) -> None:
+    print(text, flush=True)

@@ -1,0 +1,195 @@
+"""Step 1 of the guide: leads a person through presses and pushes, from which the mounting of the sensors follows.
+
+It only reads what the daemon publishes: nothing is set, and nothing moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slipd.arrays import Array
+from slipd.commission.config_update import FingerResult
+from slipd.commission.dialogue import Prompt, Say, Steps
+from slipd.commission.mounting_search import find_mounting
+from slipd.commission.readings import FingerReadings, ReadingListener
+from slipd.commission.three_axis_search import find_three_axis
+from slipd.commission.touches import CENTRE, CORNER, END, PUSH_X, PUSH_Y, Findings, Mount, Touch
+from slipd.config import Config, Pad
+from slipd.errors import SlipdError
+from slipd.signals.mounting import Mounting
+
+TOUCH_N = 1.5
+"""Force that counts as a touch, N; a person presses with some newtons."""
+
+RELEASE_SHARE = 0.5
+REST_S, SETTLE_S, HOLD_S = 0.5, 0.3, 0.6
+STEADY = 0.3
+"""Largest relative change of the force within HOLD_S."""
+
+PUSH_SHARE = 0.2
+"""Least tangential force of a push, as a share of the force of the press at the centre."""
+
+OTHER_SHARE = 0.2
+"""A finger that feels less than this share of the other one was not the one that was pressed."""
+
+TEXTS = {
+    CENTRE: "Press the centre of the {finger} pad with a fingertip, at right angles, with about 5 N, and hold still.",
+    END: "Press the middle of the +X end of the {finger} pad (the end towards the fingertip).",
+    CORNER: "Press the corner of the {finger} pad at +X and +Y.",
+    PUSH_X: "Press the centre of the {finger} pad again, and push along +X (towards the fingertip) without sliding.",
+    PUSH_Y: "Press the centre of the {finger} pad again, and push along +Y without sliding.",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FingerOutcome:
+    """What the touches of one finger show.
+
+    Attributes:
+        result: What is to change.
+        findings: Notes and problems, for people.
+    """
+
+    result: FingerResult
+    findings: Findings
+
+
+class TouchGuide:
+    """Asks for touches, and reports what they show.
+
+    Args:
+        rig: The config that the daemon runs.
+        listener: Its readings.
+        patience_s: How long to wait for each touch, s.
+    """
+
+    def __init__(self, rig: Config, listener: ReadingListener, patience_s: float) -> None:
+        self._rig, self._listener, self._patience_s = rig, listener, patience_s
+        self._rest: dict[str, FingerReadings] = {}
+
+    def run(self, finger: str) -> Steps[FingerOutcome]:
+        """Lead through all touches of one finger.
+
+        Raises:
+            Skipped: The person left the finger out.
+            SlipdError: Nothing was touched in time, or the daemon fell silent.
+        """
+        yield Say("Touch nothing.")
+        self._rest = yield from self._listener.collect(REST_S)
+        streams: dict[str, str] = {}
+        touches: dict[str, Touch] = {}
+        for step, text in TEXTS.items():
+            yield Prompt(step, text.format(finger=finger), finger)
+            held = yield from self._hold(step, touches.get(CENTRE), streams.get("wrench", ""))
+            if not streams:
+                streams = self._streams(finger, held)
+            touches[step] = self._touch(held, streams)
+            yield Say(f"  {np.linalg.norm(touches[step].force):.1f} N. Let go.")
+            if not (yield from self._listener.wait(self._released, self._patience_s)):
+                raise SlipdError(f"the pads were not released within {self._patience_s:g} s; nothing is changed")
+        return self._outcome(finger, streams, touches)
+
+    def _outcome(self, finger: str, streams: dict[str, str], touches: dict[str, Touch]) -> FingerOutcome:
+        settings = self._rig.finger[finger]
+        swapped = {kind: other for kind, other in streams.items() if other != finger}
+        if settings.wrench is None:
+            findings, axes = find_three_axis(touches)
+            result = FingerResult(None, findings.symmetry, axes, swapped)
+        else:
+            pose = settings.wrench.pad_from_sensor
+            x, y, z = pose.xyz_m
+            qx, qy, qz, qw = pose.quat_xyzw
+            present = Mount(settings.wrench.sign, (x, y, z), (qx, qy, qz, qw))
+            findings = find_mounting(touches, present, has_pad=settings.pad is not None)
+            result = FingerResult(findings.mount, findings.symmetry, None, swapped)
+        findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
+        return FingerOutcome(result, findings)
+
+    def _hold(self, step: str, centre: Touch | None, stream: str) -> Steps[dict[str, FingerReadings]]:
+        """Wait for a touch that is held still, and return the readings while it is."""
+
+        def touched(newest: dict[str, Array]) -> bool:
+            if self._most(newest) < TOUCH_N:
+                return False
+            if step not in (PUSH_X, PUSH_Y) or centre is None:
+                return True
+            force = self._raw(stream, newest[stream])[:3] - self._raw(stream, self._rest[stream].wrench)[:3]
+            into = centre.force / np.linalg.norm(centre.force)
+            along = force - into * (into @ force)
+            return bool(np.linalg.norm(along) > PUSH_SHARE * np.linalg.norm(force))
+
+        while True:
+            if not (yield from self._listener.wait(touched, self._patience_s)):
+                what = "push" if step in (PUSH_X, PUSH_Y) else "press"
+                raise SlipdError(f"no {what} was felt within {self._patience_s:g} s; nothing is changed")
+            yield from self._listener.collect(SETTLE_S)
+            held = yield from self._listener.collect(HOLD_S)
+            if self._is_still(held):
+                return held
+            yield Say("  hold it still")
+
+    def _is_still(self, held: dict[str, FingerReadings]) -> bool:
+        pressed = max(held, key=lambda name: self._felt(name, held))
+        forces = np.array(held[pressed].wrenches)[:, :3] - self._rest[pressed].wrench[:3]
+        sizes = np.linalg.norm(forces, axis=1)
+        return bool(sizes.min() > TOUCH_N / 2 and np.ptp(sizes) < max(STEADY * sizes.mean(), TOUCH_N / 2))
+
+    def _released(self, newest: dict[str, Array]) -> bool:
+        return self._most(newest) < RELEASE_SHARE * TOUCH_N
+
+    def _most(self, newest: dict[str, Array]) -> float:
+        """Return the largest force on a finger, N."""
+        rest = self._rest
+        return max(float(np.linalg.norm(each[:3] - rest[name].wrench[:3])) for name, each in newest.items())
+
+    def _felt(self, name: str, held: dict[str, FingerReadings]) -> float:
+        return float(np.linalg.norm(held[name].wrench[:3] - self._rest[name].wrench[:3]))
+
+    def _streams(self, finger: str, held: dict[str, FingerReadings]) -> dict[str, str]:
+        """Return the fingers in whose tables the sensors of the pressed finger are."""
+        by_force = max(held, key=lambda name: self._felt(name, held))
+        if self._felt(finger, held) > OTHER_SHARE * self._felt(by_force, held):
+            by_force = finger
+        images = {name: change.sum() for name in held if (change := self._image(name, held)) is not None}
+        by_image = max(images, key=lambda name: images[name]) if images and max(images.values()) > 0.0 else by_force
+        if images.get(finger, 0.0) > OTHER_SHARE * images.get(by_image, 0.0):
+            by_image = finger
+        return {"wrench": by_force, "pad": by_image}
+
+    def _image(self, name: str, held: dict[str, FingerReadings]) -> Array | None:
+        """Return the change of the image of a finger, at least 0; None without an image."""
+        image, rest = held[name].image, self._rest[name].image
+        return None if image is None else np.clip(image - (0.0 if rest is None else rest), 0.0, None)
+
+    def _touch(self, held: dict[str, FingerReadings], streams: dict[str, str]) -> Touch:
+        name, pad_name = streams["wrench"], streams["pad"]
+        raw = self._raw(name, held[name].wrench) - self._raw(name, self._rest[name].wrench)
+        pad, image = self._rig.finger[pad_name].pad, self._image(pad_name, held)
+        scan_m = None if pad is None or image is None else scan_centroid(pad, image)
+        return Touch(raw[:3], raw[3:], scan_m)
+
+    def _raw(self, name: str, wrench: Array) -> Array:
+        """Return what the sensor read for a published wrench: its own frame, without sign."""
+        settings = self._rig.finger[name]
+        if settings.wrench is not None:
+            pose = settings.wrench.pad_from_sensor
+            matrix = Mounting(pose.xyz_m, pose.quat_xyzw, settings.wrench.sign).matrix
+            return np.asarray(np.linalg.solve(matrix, wrench))
+        pad = settings.pad
+        if pad is None:
+            return wrench
+        force = wrench[:3] * np.sign(pad.axis_scale)
+        return np.concatenate((force[[1, 0, 2]] if pad.swap_xy else force, wrench[3:]))
+
+
+def scan_centroid(pad: Pad, image: Array) -> tuple[float, float] | None:
+    """Return the centre of pressure along the columns and the rows of the scan, from its middle, m."""
+    total = float(image.sum())
+    if total <= 0.0:
+        return None
+    row, col = np.divmod(np.arange(image.size), pad.cols)
+    along_cols = float(image @ (col - 0.5 * (pad.cols - 1))) * pad.pitch_m / total
+    along_rows = float(image @ (row - 0.5 * (pad.rows - 1))) * pad.pitch_m / total
+    return along_cols, along_rows
