@@ -13,8 +13,9 @@ import sys
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from slipd.cli_parser import parser
+from slipd.device_text import printable, printable_lines
 from slipd.errors import ConfigError, SlipdError
-from slipd.log_lines import open_log
+from slipd.log_lines import log_uncaught, open_log
 
 if TYPE_CHECKING:
     from slipd.config import Config
@@ -27,6 +28,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command and return its exit code: 0 done, 1 fault at run time, 2 wrong arguments or config."""
     arguments = parser().parse_args(argv)
     open_log()
+    if argv is None:
+        log_uncaught()
     code = _exit_code(arguments)
     if argv is None and arguments.command == "run":
         _end_process(code)
@@ -40,7 +43,7 @@ def _exit_code(arguments: argparse.Namespace) -> int:
         print(error, file=sys.stderr)
         return WRONG
     except SlipdError as error:
-        print(f"slipd: {error}", file=sys.stderr)
+        print(f"slipd: {printable_lines(str(error))}", file=sys.stderr)
         return FAULT
     except KeyboardInterrupt:
         return DONE
@@ -107,7 +110,7 @@ def _check(arguments: argparse.Namespace) -> int:
     for name, stream in rig.streams().items():
         print(f"{name}: {stream.device} on {stream.port}, {stream.rate_hz:g} Hz")
     for hint in config.hints(rig, str(arguments.config)):
-        print(hint)
+        print(printable(hint))
     if rig.reflex.enabled:
         print(_reflex_text(rig))
     print(f"{arguments.config}: valid, config_id {rig.config_id}")

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from slipd.device_text import printable
+
 
 class SlipdError(Exception):
     """Base of all; the text states where the fault is, what was found, and the rule."""
@@ -34,7 +36,7 @@ class ConfigFault:
 
 
 class ConfigError(SlipdError):
-    """A config that cannot be run.
+    """A config that cannot be run; its text has a line for each fault, with control characters escaped.
 
     Args:
         file: Name of the file.
@@ -48,7 +50,7 @@ class ConfigError(SlipdError):
 
     def _line(self, fault: ConfigFault) -> str:
         place = self.file if fault.line is None else f"{self.file}:{fault.line}"
-        return f"{place}: {fault.path}: {fault.message}" if fault.path else f"{place}: {fault.message}"
+        return printable(f"{place}: {fault.path}: {fault.message}" if fault.path else f"{place}: {fault.message}")
 
 
 class LinkError(SlipdError):

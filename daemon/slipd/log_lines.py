@@ -1,16 +1,19 @@
-"""The filter of the log: lines are escaped, cut, and limited in number, because devices and peers can cause them."""
+"""The log: lines are escaped, cut, and limited in number, because devices and peers can cause them."""
 
 from __future__ import annotations
 
 import logging
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TextIO
+from types import TracebackType
+from typing import Any
 
 from slipd.device_text import one_line
+from slipd.host.journal import JOURNAL, JournalHandler, PriorityFormatter, is_journal
 
 BURST = 10
 """Lines of one kind that pass at once."""
@@ -21,9 +24,7 @@ EVERY_S = 5.0
 KINDS = 256
 """Kinds of lines that are counted separately; beyond this number all counts are reset."""
 
-
-_PRIORITIES = (logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6)
-_DEBUG = 7
+_log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
@@ -78,33 +79,45 @@ class LogGate(logging.Filter):
         return kind
 
 
-class JournalFormatter(logging.Formatter):
-    """Begin every line with its priority, as the journal of systemd reads it: ``<4>slipd.transport.link: …``."""
+class LogFormatter(logging.Formatter):
+    """Escape and indent tracebacks: no text of an exception can look like a line of the log."""
 
-    def format(self, record: logging.LogRecord) -> str:
-        """Return the lines of a record; those of a traceback are lines of their own."""
-        mark = f"<{_priority(record.levelno)}>"
-        return "\n".join(mark + line for line in super().format(record).splitlines())
+    def formatException(self, ei: Any) -> str:  # noqa: N802 - named by logging
+        """Return the traceback of an exception."""
+        return _indented(super().formatException(ei))
 
-
-def _priority(level: int) -> int:
-    """Return the priority of syslog for a level."""
-    return next((priority for least, priority in _PRIORITIES if level >= least), _DEBUG)
+    def formatStack(self, stack_info: str) -> str:  # noqa: N802
+        """Return the stack of a call."""
+        return _indented(super().formatStack(stack_info))
 
 
-def is_journal(stream: TextIO, environment: Mapping[str, str]) -> bool:
-    """Return whether a stream is read by the journal: ``JOURNAL_STREAM`` has its device and inode."""
-    try:
-        found = os.fstat(stream.fileno())
-    except (OSError, ValueError):  # no file, as in tests
-        return False
-    return environment.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+def _indented(text: str) -> str:
+    return "\n".join(f"  {one_line(line)}" for line in text.split("\n"))
 
 
-def open_log() -> None:
-    """Send the log to standard error, through the filter; with priorities where the journal reads it."""
-    handler = logging.StreamHandler()
-    plain = logging.Formatter("%(levelname)s %(name)s: %(message)s")
-    handler.setFormatter(JournalFormatter("%(name)s: %(message)s") if is_journal(sys.stderr, os.environ) else plain)
+def log_uncaught() -> None:
+    """Send the traceback of an exception that ends the process, or a thread, to the log."""
+    sys.excepthook = _log_uncaught
+    threading.excepthook = lambda fault: _log_uncaught(fault.exc_type, fault.exc_value, fault.exc_traceback)
+
+
+def _log_uncaught(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
+    _log.critical("ended by an unexpected exception", exc_info=(kind, error or kind(), trace))
+
+
+def open_log(environment: Mapping[str, str] = os.environ, journal: str = JOURNAL) -> None:
+    """Send the log to standard error, through the filter; to the journal, with fields, where it reads standard error.
+
+    Args:
+        environment: Has ``JOURNAL_STREAM`` where systemd started this process.
+        journal: Socket of the journal.
+    """
+    handler: logging.Handler = logging.StreamHandler()
+    if is_journal(sys.stderr, environment):
+        handler.setFormatter(PriorityFormatter(LogFormatter("%(name)s: %(message)s")))
+        handler = JournalHandler(journal, handler)
+        handler.setFormatter(LogFormatter("%(name)s: %(message)s"))
+    else:
+        handler.setFormatter(LogFormatter("%(levelname)s %(name)s: %(message)s"))
     handler.addFilter(LogGate())
     logging.basicConfig(level=logging.INFO, handlers=[handler])

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from slipd.config import Config, load
+from slipd.config import Config, hints, load
 from slipd.errors import SlipdError
 from slipd.host.config_reload import ConfigReload, kept_text
 from slipd.host.run_signals import EndSignals, handled_signals
@@ -50,6 +50,8 @@ async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoi
         while not ends.received:
             reload = None if requested is None else ConfigReload(file, requested)
             ready = _Ready(on_ready)
+            for hint in hints(config, str(file)) if refused is None else ():
+                _log.warning("%s", hint)
             try:
                 await serve(
                     config,
@@ -71,7 +73,7 @@ async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoi
                 if before is None:
                     raise
                 config, before, refused = before, None, error
-                _log.error("%s", kept_text(refused))
+                _log.error("%s", kept_text(refused), extra={"fault": "config-kept"})
                 continue
             if reload is None or reload.found is None:
                 return

@@ -28,6 +28,9 @@ LOSS_REPORT_S = 10.0
 """Period of the log lines about data lost on this host, s: often enough to find the cause, too rare to flood the
 log."""
 
+NOTICE_FAULTS = {"config": "config-kept", "realtime": "realtime-refused"}
+"""Topic of a notice → id of its repair (docs/health.md)."""
+
 NO_SYSTEMD = SystemdNotifier({})
 
 _log = logging.getLogger(__name__)
@@ -119,7 +122,7 @@ def _helpers(
 def _report_notices(run: ServiceRun, notices: Mapping[str, str]) -> None:
     for topic, text in notices.items():
         if text:
-            _log.warning("%s: %s", topic, text)
+            _log.warning("%s: %s", topic, text, extra={"fault": NOTICE_FAULTS[topic]})
             run.handle(HostNotice(topic, text))
 
 
@@ -133,5 +136,10 @@ async def _report_losses(links: Links) -> None:
             for name, refused in links.refused_writes.items():
                 lost = refused, links.overruns[name]
                 if lost != reported.get(name, (0, 0)):
-                    _log.warning("%s: %d writes dropped, %d datagrams lost before they were read so far", name, *lost)
+                    _log.warning(
+                        "%s: %d writes dropped, %d datagrams lost before they were read so far",
+                        name,
+                        *lost,
+                        extra={"stream": name},
+                    )
                 reported[name] = lost

@@ -18,6 +18,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader
 from service_rig import SLIPD, Rig, client_of, serving, start
 
+from slipd import config
 from slipd.recording.reader import open_recording
 from slipd.recording.replay import replay
 from slipd.service_run import Endpoints
@@ -29,6 +30,9 @@ from slipd_client.messages import decode, encode
 async def test_P4_a_signal_ends_the_process_well(
     rig: Rig, runtime: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
+    text = rig.file.read_text(encoding="utf-8").replace("mu = 0.5", "mu = 0.5  # MEASURE")
+    rig.file.write_text(text, encoding="utf-8")
+    (hint,) = config.hints(rig.config, str(rig.file))
     with start(rig.file, "--record", str(tmp_path / "run.mcap")) as process:
         assert process.stdout is not None
         assert process.stderr is not None
@@ -40,7 +44,9 @@ async def test_P4_a_signal_ends_the_process_well(
         process.send_signal(number)
         assert process.wait(PATIENCE_S) == 0
         assert process.stdout.read() == ""
-        assert "Traceback" not in process.stderr.read()
+        errors = process.stderr.read()
+        assert "Traceback" not in errors
+        assert f"WARNING slipd.serve_file: {hint}\n" in errors, "as slipd check prints it"
     recorded = open_recording(tmp_path / "run.mcap")
     assert recorded.closed
     assert sum(1 for _ in recorded.entries()) > 0

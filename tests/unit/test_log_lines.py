@@ -1,15 +1,15 @@
-"""The filter of the log: lines are escaped, cut and limited, and dropped lines are counted."""
+"""The log: lines are escaped, cut and limited, and dropped lines are counted."""
 
 from __future__ import annotations
 
 import logging
-import os
-from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 
 from slipd.device_text import LONGEST, one_line
-from slipd.log_lines import BURST, EVERY_S, KINDS, JournalFormatter, LogGate, is_journal
+from slipd.log_lines import BURST, EVERY_S, KINDS, LogFormatter, LogGate
 
 
 def line(message: str, *args: object, name: str = "slipd.transport.link") -> logging.LogRecord:
@@ -64,26 +64,38 @@ def test_lines_without_positional_arguments_pass(args: tuple[object, ...]) -> No
     assert LogGate(lambda: 0.0).filter(line("ready" if not args else "%(name)s", *args))
 
 
-def test_in_the_journal_every_line_has_its_priority() -> None:
-    formatter = JournalFormatter("%(name)s: %(message)s")
-    assert formatter.format(line("gone", name="link")) == "<4>link: gone"
-    levels = {logging.DEBUG: 7, logging.INFO: 6, logging.ERROR: 3, logging.CRITICAL: 2}
-    for level, priority in levels.items():
-        record = line("gone", name="link")
-        record.levelno = level
-        assert formatter.format(record) == f"<{priority}>link: gone"
-    error = ValueError("why\nnot")
-    record = line("gone", name="link")
+FORGED = "why\nERROR slipd: \x1b[31mall is lost\x9b\u2028"
+
+
+def test_no_text_of_an_exception_can_look_like_a_line_of_the_log() -> None:
+    error = ValueError(FORGED)
+    record = line("%s: failed", "left.pad")
     record.exc_info = type(error), error, None
-    lines = formatter.format(record).splitlines()
-    assert len(lines) == 3
-    assert all(each.startswith("<4>") for each in lines)
+    record.stack_info = "Stack:\n\x07"
+    assert LogGate(lambda: 0.0).filter(record)
+    first, *more = LogFormatter("%(name)s: %(message)s").format(record).split("\n")
+    assert first == "slipd.transport.link: left.pad: failed"
+    assert more == ["  ValueError: why", r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028", "  Stack:", r"  \x07"]
 
 
-def test_the_journal_is_known_by_the_file_behind_the_stream(tmp_path: Path) -> None:
-    with (tmp_path / "stream").open("w", encoding="utf-8") as stream:
-        found = os.fstat(stream.fileno())
-        assert is_journal(stream, {"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"})
-        assert not is_journal(stream, {"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino + 1}"})
-        assert not is_journal(stream, {})
-    assert not is_journal(stream, {"JOURNAL_STREAM": "1:2"})
+UNEXPECTED = f"""
+import sys, threading
+from slipd.log_lines import log_uncaught, open_log
+open_log()
+log_uncaught()
+def fail():
+    raise ZeroDivisionError({FORGED!r})
+thread = threading.Thread(target=fail)
+thread.start()
+thread.join()
+fail()
+"""
+
+
+def test_an_exception_that_ends_a_thread_or_the_process_is_logged_with_its_text_escaped() -> None:
+    done = subprocess.run([sys.executable, "-c", UNEXPECTED], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    told = done.stderr.split("\n")
+    assert told.count("CRITICAL slipd.log_lines: ended by an unexpected exception") == 2
+    assert told.count("  ZeroDivisionError: why") == 2
+    assert told.count(r"  ERROR slipd: \x1b[31mall is lost\x9b\u2028") == 2

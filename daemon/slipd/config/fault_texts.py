@@ -78,6 +78,9 @@ def _rule(kind: str, context: Mapping[str, Any]) -> str:
     if kind in _BOUND_RULES:
         relation, key, what = _BOUND_RULES[kind]
         return f"must {relation} {context[key]:.15g}{what}"
+    if kind == "string_pattern_mismatch":
+        what = "an absolute path" if context["pattern"].startswith("^/") else "a text"
+        return f"must be {what} without control characters"
     return _TYPE_RULES.get(kind, "")
 
 

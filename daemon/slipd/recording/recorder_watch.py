@@ -63,8 +63,10 @@ class RecorderWatch:
             RecordingError: The disk failed, now or before.
         """
         self.recorder.close(within_s)
-        if self.recorder.lost:
-            _log.warning("%s: %d entries are missing: the disk was too slow", self.recorder.path, self.recorder.lost)
+        recorder = self.recorder
+        if recorder.lost:
+            line = "%s: %d entries are missing: the disk was too slow"
+            _log.warning(line, recorder.path, recorder.lost, extra={"recording": recorder.path})
 
     def _state(self, t_ns: int) -> RecordingChanged | None:
         recorder, name, path = self.recorder, self._name, str(self.recorder.path)
@@ -82,11 +84,12 @@ class RecorderWatch:
 
 
 def _log_change(change: RecordingChanged) -> None:
+    fields = {"recording": change.path}
     if change.state == "failed":
-        _log.error("%s", change.reason)
+        _log.error("%s", change.reason, extra=fields | {"fault": "recording-failed"})
     elif change.state == "limited":
-        _log.warning("%s", change.reason)
+        _log.warning("%s", change.reason, extra=fields | {"fault": "recording-limited"})
     elif change.lost:
-        _log.warning("%s: %d entries lost so far: the disk is too slow", change.path, change.lost)
+        _log.warning("%s: %d entries lost so far: the disk is too slow", change.path, change.lost, extra=fields)
     else:
-        _log.info("%s: recording", change.path)
+        _log.info("%s: recording", change.path, extra=fields)

@@ -163,7 +163,8 @@ class Link:
         if not sent:
             self.refused_writes += 1
             if self._device_reads:
-                _log.warning("%s (%s) does not read: a command was dropped", self._spec.name, self._spec.address)
+                line = "%s (%s) does not read: a command was dropped"
+                _log.warning(line, self._spec.name, self._spec.address, extra={"stream": self._spec.name})
         self._device_reads = sent
         return sent
 
@@ -213,7 +214,7 @@ class Link:
         try:
             await connection.close()
         except Exception as error:
-            _log.warning("%s: closing failed: %s: %s", self._spec.name, type(error).__name__, error)
+            self._log(logging.WARNING, f"closing failed: {type(error).__name__}: {error}")
 
     def _deliver(self, data: bytes) -> None:
         self._received = True
@@ -223,10 +224,13 @@ class Link:
     def _report_down(self, reason: str) -> None:
         if reason != self._reported:
             self._reported = reason
-            self._log_once(logging.WARNING, reason)
+            self._log_once(logging.WARNING, reason, fault="stream-fault" if self._received else "stream-missing")
             self._on_event(LinkDown(self._spec.name, reason))
 
-    def _log_once(self, level: int, line: str) -> None:
+    def _log_once(self, level: int, line: str, **fields: str) -> None:
         if line not in self._logged:
             self._logged.append(line)
-            _log.log(level, "%s: %s", self._spec.name, line)
+            self._log(level, line, **fields)
+
+    def _log(self, level: int, line: str, **fields: str) -> None:
+        _log.log(level, "%s: %s", self._spec.name, line, extra={"stream": self._spec.name} | fields)

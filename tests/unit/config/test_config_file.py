@@ -73,6 +73,15 @@ def test_G1_a_wrong_value_is_reported_with_its_line(old: str, new: str, path: st
     assert any(expected in message for found_path, _, message in found if found_path == path), found
 
 
+def test_control_characters_of_a_config_are_escaped_in_its_faults() -> None:
+    text = broken("caution = 0.6", r'"\u001b[31mcaution\n" = 0.6').replace("/dev/left-wrench", r"/dev/\u0007")
+    with pytest.raises(ConfigError) as raised:
+        config.parse(text, "rig\x1b.toml")
+    assert all(told.isprintable() for told in str(raised.value).split("\n"))
+    assert r"levels.\x1b[31mcaution\n: unknown key; did you mean 'caution'" in str(raised.value)
+    assert r"must be a text without control characters, got '/dev/\x07'" in str(raised.value)
+
+
 @pytest.mark.parametrize(
     ("key", "table"),
     [("mu", "[finger.left]"), ("sign", "[finger.left.wrench]")],
