@@ -73,7 +73,7 @@ async def serve_file(file: Path, record: Path | None, on_ready: Callable[[Endpoi
                 if before is None:
                     raise
                 config, before, refused = before, None, error
-                _log.error("%s", kept_text(refused), extra={"fault": "config-kept"})
+                _log.error("%s", kept_text(refused), extra={"slipd_fault": "config-kept"})
                 continue
             if reload is None or reload.found is None:
                 return

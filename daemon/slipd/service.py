@@ -122,7 +122,7 @@ def _helpers(
 def _report_notices(run: ServiceRun, notices: Mapping[str, str]) -> None:
     for topic, text in notices.items():
         if text:
-            _log.warning("%s: %s", topic, text, extra={"fault": NOTICE_FAULTS[topic]})
+            _log.warning("%s: %s", topic, text, extra={"slipd_fault": NOTICE_FAULTS[topic]})
             run.handle(HostNotice(topic, text))
 
 
@@ -140,6 +140,6 @@ async def _report_losses(links: Links) -> None:
                         "%s: %d writes dropped, %d datagrams lost before they were read so far",
                         name,
                         *lost,
-                        extra={"stream": name},
+                        extra={"slipd_stream": name},
                     )
                 reported[name] = lost

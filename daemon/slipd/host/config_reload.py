@@ -57,7 +57,7 @@ class ConfigReload:
         stop.set()
 
     def _keep(self, text: str, report: Callable[[Event], None]) -> None:
-        _log.error("%s", text, extra={"fault": "config-kept"})
+        _log.error("%s", text, extra={"slipd_fault": "config-kept"})
         report(HostNotice("config", text))
 
 

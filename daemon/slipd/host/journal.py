@@ -1,8 +1,8 @@
 """The journal of systemd: entries with fields over its socket, or lines with priorities on standard error.
 
 The protocol is one datagram of fields for each entry (https://systemd.io/JOURNAL_NATIVE_PROTOCOL). A binding of
-libsystemd would be a dependency for twenty lines. Log calls give the fields in ``extra``: ``fault`` is an id of
-``docs/health.md``; ``stream``, such as "left.wrench", also gives the finger.
+libsystemd would be a dependency for twenty lines. Log calls give the fields in ``extra``: ``slipd_fault`` is an id of
+``docs/health.md``; ``slipd_stream``, such as "left.wrench", also gives the finger.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from slipd.device_text import one_line
 
 JOURNAL = "/run/systemd/journal/socket"
 
-_FIELDS = ("fault", "finger", "stream", "recording")
-"""Keys of ``extra``; the fields are ``SLIPD_FAULT`` and so on."""
+_FIELDS = ("slipd_fault", "slipd_stream", "slipd_recording")
+"""Keys of ``extra``; the fields have the same names in upper case."""
 
 _PRIORITIES = (logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6)
 _DEBUG = 7
@@ -67,9 +67,11 @@ def _fields(record: logging.LogRecord, text: str) -> Iterator[tuple[str, str]]:
     yield "CODE_LINE", str(record.lineno)
     yield "CODE_FUNC", record.funcName or ""
     given = {key: str(getattr(record, key)) for key in _FIELDS if hasattr(record, key)}
-    finger, dot, _ = given.get("stream", "").partition(".")
-    for key, value in ({"finger": finger} if dot else {}).items() | given.items():
-        yield f"SLIPD_{key.upper()}", one_line(value)
+    finger, dot, _ = given.get("slipd_stream", "").partition(".")
+    if dot:
+        given["slipd_finger"] = finger
+    for key, value in given.items():
+        yield key.upper(), one_line(value)
 
 
 def _field(name: str, value: str) -> bytes:

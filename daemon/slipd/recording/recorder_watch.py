@@ -66,7 +66,7 @@ class RecorderWatch:
         recorder = self.recorder
         if recorder.lost:
             line = "%s: %d entries are missing: the disk was too slow"
-            _log.warning(line, recorder.path, recorder.lost, extra={"recording": recorder.path})
+            _log.warning(line, recorder.path, recorder.lost, extra={"slipd_recording": recorder.path})
 
     def _state(self, t_ns: int) -> RecordingChanged | None:
         recorder, name, path = self.recorder, self._name, str(self.recorder.path)
@@ -84,11 +84,11 @@ class RecorderWatch:
 
 
 def _log_change(change: RecordingChanged) -> None:
-    fields = {"recording": change.path}
+    fields = {"slipd_recording": change.path}
     if change.state == "failed":
-        _log.error("%s", change.reason, extra=fields | {"fault": "recording-failed"})
+        _log.error("%s", change.reason, extra=fields | {"slipd_fault": "recording-failed"})
     elif change.state == "limited":
-        _log.warning("%s", change.reason, extra=fields | {"fault": "recording-limited"})
+        _log.warning("%s", change.reason, extra=fields | {"slipd_fault": "recording-limited"})
     elif change.lost:
         _log.warning("%s: %d entries lost so far: the disk is too slow", change.path, change.lost, extra=fields)
     else:

@@ -108,7 +108,7 @@ class RequestedRecordings:
             try:
                 recorder = self._start(path)
             except (RecordingError, RuntimeError) as error:  # RuntimeError: the system starts no more threads
-                _log.warning("%s: %s", path, error, extra={"recording": path, "fault": "recording-failed"})
+                _log.warning("%s: %s", path, error, extra={"slipd_recording": path, "slipd_fault": "recording-failed"})
                 self._refused = RecordingChanged(record.name, str(path), "failed", f"{path}: {error}")
                 return
             self._running = RecorderWatch(record.name, recorder, t_ns)

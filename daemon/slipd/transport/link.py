@@ -164,7 +164,7 @@ class Link:
             self.refused_writes += 1
             if self._device_reads:
                 line = "%s (%s) does not read: a command was dropped"
-                _log.warning(line, self._spec.name, self._spec.address, extra={"stream": self._spec.name})
+                _log.warning(line, self._spec.name, self._spec.address, extra={"slipd_stream": self._spec.name})
         self._device_reads = sent
         return sent
 
@@ -224,7 +224,7 @@ class Link:
     def _report_down(self, reason: str) -> None:
         if reason != self._reported:
             self._reported = reason
-            self._log_once(logging.WARNING, reason, fault="stream-fault" if self._received else "stream-missing")
+            self._log_once(logging.WARNING, reason, slipd_fault="stream-fault" if self._received else "stream-missing")
             self._on_event(LinkDown(self._spec.name, reason))
 
     def _log_once(self, level: int, line: str, **fields: str) -> None:
@@ -233,4 +233,4 @@ class Link:
             self._log(level, line, **fields)
 
     def _log(self, level: int, line: str, **fields: str) -> None:
-        _log.log(level, "%s: %s", self._spec.name, line, extra={"stream": self._spec.name} | fields)
+        _log.log(level, "%s: %s", self._spec.name, line, extra={"slipd_stream": self._spec.name} | fields)

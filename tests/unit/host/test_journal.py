@@ -63,7 +63,7 @@ def read(entry: bytes) -> dict[str, str]:
 
 
 def test_an_entry_has_fields(journal: socket.socket, handler: JournalHandler, lines: io.StringIO) -> None:
-    handler.handle(record(stream="left.wrench", fault="stream-missing"))
+    handler.handle(record(slipd_stream="left.wrench", slipd_fault="stream-missing"))
     assert read(journal.recv(65536)) == {
         "MESSAGE": "gone",
         "PRIORITY": "4",
@@ -80,13 +80,13 @@ def test_an_entry_has_fields(journal: socket.socket, handler: JournalHandler, li
 
 
 def test_a_stream_without_a_finger_has_none(journal: socket.socket, handler: JournalHandler) -> None:
-    handler.handle(record(stream="gripper"))
+    handler.handle(record(slipd_stream="gripper"))
     assert "SLIPD_FINGER" not in read(journal.recv(65536))
 
 
 def test_no_value_can_add_a_field(journal: socket.socket, handler: JournalHandler) -> None:
     text = "one\nPRIORITY=0\nSLIPD_FAULT=none\n"
-    handler.handle(record(message=text, recording=f"/tmp/{text}"))
+    handler.handle(record(message=text, slipd_recording=f"/tmp/{text}"))
     entry = read(journal.recv(65536))
     assert (entry["MESSAGE"], entry["PRIORITY"]) == (text, "4")
     assert entry["SLIPD_RECORDING"] == "/tmp/" + text.replace("\n", "\\n")
@@ -130,7 +130,7 @@ open_log({"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"}, sys.argv[1])
 try:
     raise OSError("a\\x1b")
 except OSError:
-    logging.getLogger("slipd").exception("%s: failed\\n", "left.pad", extra={"stream": "left.pad"})
+    logging.getLogger("slipd").exception("%s: failed\\n", "left.pad", extra={"slipd_stream": "left.pad"})
 """
 
 
@@ -148,6 +148,6 @@ def test_a_process_whose_errors_the_journal_reads_sends_entries(tmp_path: Path, 
 def test_every_fault_of_the_log_is_explained() -> None:
     known = set(re.findall("^## (.+)$", (DOCS / "health.md").read_text(encoding="utf-8"), re.MULTILINE))
     sources = "".join(path.read_text(encoding="utf-8") for path in sorted(DAEMON.rglob("*.py")))
-    logged = set(re.findall(r'"fault": "([^"]+)"', sources)) | set(re.findall(r'fault="(stream-[^"]+)"', sources))
+    logged = set(re.findall(r'slipd_fault(?:": |=)"([^"]+)"', sources))
     assert logged
     assert logged <= known
