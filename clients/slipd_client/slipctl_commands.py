@@ -80,7 +80,8 @@ def _view(chosen: argparse.Namespace) -> None:
         from slipd_client.page.view_command import view
     except ModuleNotFoundError as error:
         raise CallError("slipctl view needs the package websockets: pip install 'slipd-client[view]'") from error
-    asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, keys=_keys(chosen), buttons=chosen.buttons))
+    options = {"keys": _keys(chosen), "buttons": chosen.buttons, "emulation": chosen.emulation}
+    asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, **options))
 
 
 def _commission(chosen: argparse.Namespace) -> None:

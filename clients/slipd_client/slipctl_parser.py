@@ -56,6 +56,12 @@ def parser() -> argparse.ArgumentParser:
         help="the page may take tares and change the grip force by 1 N "
         "(default: only if no other machine can open the page)",
     )
+    view.add_argument(
+        "--emulation",
+        type=Path,
+        metavar="DIR",
+        help="the folder of a running slipd emulate: its pads can be pressed with the mouse",
+    )
     add_viewers(add)
     status = add("status", "show what needs a repair, and the state of the daemon and its streams")
     status.add_argument("--json", action="store_true", help="print the whole reply, and the repairs")

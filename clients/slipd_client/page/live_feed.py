@@ -22,6 +22,7 @@ from slipd_client.page.requests_of_page import PageRequests, Reply, refused
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
+    from slipd_client.page.emulated_hand import EmulatedHand
 
 TOPICS = (b"slip", b"tactile", b"warning", b"grasp", b"gripper", b"status")
 
@@ -32,7 +33,10 @@ IDLE_S = 0.25
 """A frame is sent at least so often, even where nothing is new: so a browser notices a server that is gone."""
 
 NEXT = "next"
-"""What a browser sends when it can draw another frame; all else that it sends is a request, as JSON."""
+"""What a browser sends when it can draw another frame."""
+
+TOUCH = "touch "
+"""Before the JSON of a touch of an emulated pad; all else that a browser sends is a request, as JSON."""
 
 VIEWERS = 32
 """Browsers at once."""
@@ -45,6 +49,7 @@ class LiveFeed:
         endpoint: Where the daemon publishes.
         requests: Carries out what people request on the page; None: the page has no buttons.
         keys: Keys of this client, for a daemon across a network; None on this machine.
+        hand: Touches the pads of an emulation; None: nothing on the page does.
 
     Attributes:
         viewers: Number of browsers that look.
@@ -53,10 +58,13 @@ class LiveFeed:
         CallError: ``endpoint`` is not a ZeroMQ endpoint.
     """
 
-    def __init__(self, endpoint: str, requests: PageRequests | None, keys: Keys | None = None) -> None:
+    def __init__(
+        self, endpoint: str, requests: PageRequests | None, keys: Keys | None = None, hand: EmulatedHand | None = None
+    ) -> None:
         self.viewers = 0
         self._link = Link(zmq.SUB, endpoint, keys)
         self._requests = requests
+        self._hand = hand
         self._newest = Newest()
         self._looked_at = asyncio.Event()
         self._arrived = asyncio.Condition()
@@ -102,17 +110,21 @@ class LiveFeed:
             return
         ready = asyncio.Event()
         asked: asyncio.Queue[str] = asyncio.Queue(1)
+        touches: asyncio.Queue[str] = asyncio.Queue(1)
+        jobs = [self._send(connection, ready), self._carry_out(connection, asked)]
+        if self._hand is not None:
+            jobs += [self._hand.tell(connection), _touch(connection, self._hand, touches)]
         with self._looking(), contextlib.suppress(ConnectionClosed):
-            await _first_of(
-                self._listen(connection, ready, asked),
-                self._send(connection, ready),
-                self._carry_out(connection, asked),
-            )
+            await _first_of(self._listen(connection, ready, asked, touches), *jobs)
 
-    async def _listen(self, connection: ServerConnection, ready: asyncio.Event, asked: asyncio.Queue[str]) -> None:
+    async def _listen(
+        self, connection: ServerConnection, ready: asyncio.Event, asked: asyncio.Queue[str], touches: asyncio.Queue[str]
+    ) -> None:
         async for text in connection:
             if text == NEXT:
                 ready.set()
+            elif isinstance(text, str) and self._hand is not None and text.startswith(TOUCH):
+                await touches.put(text.removeprefix(TOUCH))
             elif isinstance(text, str):
                 await self._accept(connection, asked, text)
 
@@ -163,6 +175,12 @@ class LiveFeed:
             self.viewers -= 1
             if not self.viewers:
                 self._looked_at.clear()
+
+
+async def _touch(connection: ServerConnection, hand: EmulatedHand, touches: asyncio.Queue[str]) -> None:
+    """Carry out the touches of one browser, one after another."""
+    while True:
+        await connection.send(json.dumps({"touched": await hand.touch(await touches.get())}))
 
 
 async def _reply(connection: ServerConnection, reply: Reply) -> None:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from slipd_client.errors import CallError
 from slipd_client.listen_address import ListenAddress
+from slipd_client.page.emulated_hand import EmulatedHand
 from slipd_client.page.live_feed import LiveFeed
 from slipd_client.page.page_server import PageServer
 from slipd_client.page.requests_of_page import ADJUST_N, PageRequests
@@ -16,7 +21,13 @@ if TYPE_CHECKING:
 
 
 async def view(
-    publish: str | None, requests: str | None, address: ListenAddress, *, keys: Keys | None = None, buttons: bool | None
+    publish: str | None,
+    requests: str | None,
+    address: ListenAddress,
+    *,
+    keys: Keys | None = None,
+    buttons: bool | None = None,
+    emulation: Path | None = None,
 ) -> None:
     """Serve the page of a running slipd until the task is cancelled, and print its address.
 
@@ -26,14 +37,23 @@ async def view(
         address: Where to serve the page.
         keys: Keys of this client, for a daemon across a network; None on this machine.
         buttons: The page may request; None: only where no other machine can open it.
+        emulation: Folder of a running ``slipd emulate``, whose pads can be pressed on the page; None: no pad can.
 
     Raises:
-        CallError: An endpoint is wrong, or the port cannot be opened.
+        CallError: An endpoint is wrong, the port cannot be opened, or a page that only shows is to press pads.
     """
     allowed = address.loopback if buttons is None else buttons
+    if emulation is not None and not allowed:
+        raise CallError("--emulation needs a page with buttons: add --buttons, or serve it on this machine only")
     where = publish_endpoint() if publish is None else publish
-    feed = LiveFeed(where, PageRequests(requests, keys) if allowed else None, keys)
+    hand = None if emulation is None else EmulatedHand(emulation)
+    feed = LiveFeed(where, PageRequests(requests, keys) if allowed else None, keys, hand)
     site = Site({"live": True, "source": where, "buttons": allowed, "adjust_n": ADJUST_N})
     async with PageServer(address, site, feed.view).serving() as url:
         print(f"view: {url}", flush=True)
-        await feed.run()
+        if hand is None:
+            await feed.run()
+        else:
+            if not hand.path.exists():
+                print(f"no emulation runs in {emulation} yet: slipd emulate CONFIG --dir {emulation}", file=sys.stderr)
+            await asyncio.gather(feed.run(), hand.run())

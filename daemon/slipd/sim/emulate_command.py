@@ -134,7 +134,8 @@ async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> N
         place.chmod(0o600)
         for name, _, address in devices.devices:
             print(f"{name}: {address}")
-        print(f"commands: slipd touch {place.parent} help\nconfig: {written}", flush=True)
+        print(f"commands: slipd touch {place.parent} help\nby mouse: slipctl view --emulation {place.parent}")
+        print(f"config: {written}", flush=True)
         tasks = [asyncio.create_task(emulation.run(), name="emulation")]
         tasks += [asyncio.create_task(_commands(desk, script), name="commands")]
         for task in tasks:
@@ -205,7 +206,7 @@ class _Desk:
         def answer(text: str) -> None:
             writer.write(f"{text}\n".encode())
 
-        with contextlib.suppress(ConnectionError):
+        with contextlib.suppress(ConnectionError, asyncio.CancelledError):  # cancelled: the emulation ends
             async for line in _lines(reader):
                 if await self.carry_out(line, answer):
                     answer(END if self._stop.is_set() else OK)

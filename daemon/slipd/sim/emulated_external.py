@@ -29,6 +29,7 @@ class Pusher:
         seed: Seed of the noise.
         wrenches: Names of the streams of force/torque sensors.
         pads: Names of the streams of pads, each with the shape of its image, (taxels,) or (taxels, 3).
+        rates_hz: Rate of a stream by its name, Hz; by default 500 for a sensor and 100 for a pad.
 
     Attributes:
         began_ns: CLOCK_MONOTONIC of the start; the times of its readings count from it.
@@ -39,13 +40,14 @@ class Pusher:
         seed: int,
         wrenches: Sequence[str] = (WRENCH,),
         pads: Mapping[str, tuple[int, ...]] = {PAD: (TAXELS,)},
+        rates_hz: Mapping[str, float] = {},
     ) -> None:
         self.options: dict[str, Any] = {}
         self.rate_hz = RATE_HZ
         self.began_ns = 0
-        self._wrenches = {name: WrenchStream(seed + k, RATE_HZ) for k, name in enumerate(wrenches)}
+        self._wrenches = {name: WrenchStream(seed + k, rates_hz.get(name, RATE_HZ)) for k, name in enumerate(wrenches)}
         self._images = {
-            name: TactileStream(seed + k, RATE_HZ / PAD_EVERY, shape, NOISE)
+            name: TactileStream(seed + k, rates_hz.get(name, RATE_HZ / PAD_EVERY), shape, NOISE)
             for k, (name, shape) in enumerate(pads.items())
         }
         for wrench in self._wrenches.values():

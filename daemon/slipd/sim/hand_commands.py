@@ -10,6 +10,7 @@ from dataclasses import dataclass
 HELP = """\
 press FINGER FORCE N [at X Y mm] [in S s]    press the pad; default: where it was pressed, or at its centre
 push FINGER +x|-x|+y|-y FORCE N [in S s]     push along the pad; it needs a press, or a held object, to act by friction
+push FINGER FX FY N [in S s]                 the same by components along X and Y
 twist FINGER TORQUE mNm [in S s]             turn about the normal of the pad, likewise
 release [FINGER]                             let go of one finger, or of all
 pull +x|-x|+y|-y FORCE N [in S s]            pull at the object that the gripper holds; half of it acts on each pad
@@ -157,7 +158,12 @@ def _press(words: _Words) -> Command:
 
 def _push(words: _Words) -> Command:
     finger = words.finger() if words.verb == "push" else ""
-    direction, force_n = words.direction(), words.number("FORCE", 0.0, 1000.0)
+    if words.verb == "push" and re.fullmatch(_NUMBER, words.next):
+        along_x_n, along_y_n = words.number("FX", -1000.0, 1000.0), words.number("FY", -1000.0, 1000.0)
+        force_n = math.hypot(along_x_n, along_y_n)
+        direction = (along_x_n / force_n, along_y_n / force_n) if force_n else (0.0, 0.0)
+    else:
+        direction, force_n = words.direction(), words.number("FORCE", 0.0, 1000.0)
     words.unit("N")
     return Command(words.verb, finger, (force_n,), direction=direction, seconds=words.seconds())
 

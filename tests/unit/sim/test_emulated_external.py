@@ -37,3 +37,10 @@ def test_it_pushes_without_a_listener() -> None:
     emulator.opened(S // 10)
     assert emulator.receive(b"hello", S // 10) == []
     assert len(emulator.advance(S // 5)) == len(first) == pytest.approx(60)
+
+
+def test_a_stream_has_the_rate_that_is_asked_for() -> None:
+    decoder = Decoder()
+    emulator = make(1, rates_hz={WRENCH: 50.0, PAD: 20.0})
+    sources = [sample.source for data in emulator.advance(S) for sample in decoder.receive(data, 0)]
+    assert (sources.count(WRENCH), sources.count(PAD)) == (50, 20)

@@ -11,7 +11,8 @@ const WRONG_TOKEN_CODE = 4403;
 export class Connection {
   /**
    * @param token the token in the page's address
-   * @param handlers onFrame(frame), onPermission(text), onReply(reply), onState(word, text)
+   * @param handlers onFrame(frame), onPermission(text), onReply(reply), onState(word, text), onHand(fingers),
+   *   onTouched(reply)
    */
   constructor(token, handlers) {
     this.token = token;
@@ -63,13 +64,26 @@ export class Connection {
       this.handlers.onPermission(message.permission);
     } else if (message.reply) {
       this.handlers.onReply(message.reply);
+    } else if (message.hand) {
+      this.handlers.onHand(message.hand);
+    } else if (message.touched) {
+      this.handlers.onTouched(message.touched);
     }
   }
 
   /** Send a request; return whether there was a connection for it. */
   request(body) {
+    return this.#send(JSON.stringify(body));
+  }
+
+  /** Send a touch of an emulated pad, likewise. */
+  touch(body) {
+    return this.#send(`touch ${JSON.stringify(body)}`);
+  }
+
+  #send(text) {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
-    this.socket.send(JSON.stringify(body));
+    this.socket.send(text);
     return true;
   }
 }

@@ -4,6 +4,7 @@ import { Connection, RETRY_MS, WRONG_TOKEN } from "./connection.js";
 import { FingerCard } from "./finger.js";
 import { UNKNOWN, quantity, setText } from "./format.js";
 import { GraspCard } from "./grasp.js";
+import { Hand } from "./hand.js";
 import { ChangeList, StreamTable } from "./lists.js";
 import { Player } from "./player.js";
 import { State } from "./state.js";
@@ -25,6 +26,8 @@ const fingers = document.getElementById("fingers");
 const changes = new ChangeList(words);
 const streams = new StreamTable(words);
 const grasp = new GraspCard(settings.adjust_n ?? 1, (delta_n) => request({ do: "adjust", delta_n }));
+
+const hand = new Hand((touch) => source.touch(touch), showReply);
 
 let link = "waiting";
 let linkText = "";
@@ -55,7 +58,7 @@ function showReply(ok, text) {
   const reply = document.getElementById("reply");
   setText(reply, text);
   reply.dataset.ok = String(ok);
-  document.getElementById("replies").hidden = false;
+  document.getElementById("replies").hidden = !text && !permission;
 }
 
 function request(body) {
@@ -101,6 +104,7 @@ function drawAll() {
     card.buttons.firstElementChild.disabled = permission !== "";
     card.draw(state);
   }
+  hand.draw(cards);
   grasp.buttons.hidden = !settings.buttons || !state.last("gripper");
   for (const button of grasp.buttons.children) button.disabled = permission !== "";
   grasp.draw(state);
@@ -146,9 +150,15 @@ const handlers = {
     wantDraw();
   },
   onReply: (reply) => showReply(reply.ok, reply.text),
+  onHand(fingers) {
+    hand.setFingers(fingers);
+    wantDraw();
+  },
+  onTouched: (reply) => hand.touched(reply),
   onState(word, text) {
     link = word;
     linkText = text;
+    if (word !== "open") hand.reset();
     wantDraw();
   },
   onTime(now_ns) {
@@ -165,4 +175,4 @@ const source = settings.live ? new Connection(token, handlers) : new Player(toke
 setInterval(wantDraw, LOOK_MS);
 
 // What tests read: the numbers behind the pictures.
-window.slipd = { state, cards, grasp, source, get frames() { return frames; }, UNKNOWN };
+window.slipd = { state, cards, grasp, hand, source, get frames() { return frames; }, UNKNOWN };

@@ -21,7 +21,8 @@ const LEAST_TAXEL_PX = 6;
 export function drawPad(canvas, tactile, slip, masked) {
   const { context, width, height } = begin(canvas);
   const geometry = padGeometry(tactile, slip, width, height);
-  const drawn = { scale: geometry.scale, origin: geometry.origin, taxels: [], circles: [], centroid: null, pole: null };
+  const { scale, origin, half } = geometry;
+  const drawn = { scale, origin, half, taxels: [], circles: [], centroid: null, pole: null };
   drawGround(context, geometry);
   if (geometry.centres.length) {
     drawn.taxels = drawLoads(context, geometry, tactile, masked);

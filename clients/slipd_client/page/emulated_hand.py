@@ -1,0 +1,156 @@
+"""Touches of the page on the pads of ``slipd emulate``, by the local socket that ``slipd touch`` uses too.
+
+The emulation checks every value. Nothing else than a press, a push, a twist and a release is passed on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from websockets.asyncio.server import ServerConnection
+
+from slipd_client.page.requests_of_page import Reply, refused
+
+SOCKET = "hand"
+"""Name of the socket in the folder of an emulation."""
+
+OK, ERROR = "ok", "error: "
+"""Beginnings of the last line of an answer."""
+
+RAMP_S = 0.1
+"""Time in which a press reaches its force: a fingertip is no hammer."""
+
+LOOK_S, ANSWER_S = 0.2, 2.0
+"""How often to look whether the emulation runs, and how long it may take to answer."""
+
+
+class EmulatedHand:
+    """The hand of one emulation, which may end and begin again.
+
+    Args:
+        folder: Folder of the emulation, as for ``slipd touch``.
+
+    Attributes:
+        fingers: Fingers that can be touched; empty while no emulation runs.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.fingers: tuple[str, ...] = ()
+        self.path = folder / SOCKET
+        self._changed = asyncio.Condition()
+        self._turn = asyncio.Lock()
+        self._reader: asyncio.StreamReader | None = None
+        self._writer: asyncio.StreamWriter | None = None
+
+    async def run(self) -> None:
+        """Follow the emulation for as long as the task runs."""
+        while True:
+            with contextlib.suppress(OSError):
+                self._reader, self._writer = await asyncio.open_unix_connection(self.path)
+                try:
+                    await self._follow(self._reader)
+                finally:
+                    self._writer.close()
+                    self._reader = self._writer = None
+                    await self._set_fingers(())
+            await asyncio.sleep(LOOK_S)
+
+    async def _follow(self, reader: asyncio.StreamReader) -> None:
+        """Find the fingers of the emulation, and wait for its end."""
+        shown = await self._ask("show")
+        await self._set_fingers(tuple(line.partition(":")[0] for line in shown[:-1]))
+        while not reader.at_eof():  # noqa: ASYNC110 - a stream reader has no event for its end
+            await asyncio.sleep(LOOK_S)
+
+    async def tell(self, connection: ServerConnection) -> None:
+        """Send a browser the names of the fingers that can be touched, now and whenever they change."""
+        while True:
+            told = self.fingers
+            await connection.send(json.dumps({"hand": told}))
+            await self._differ_from(told)
+
+    async def touch(self, text: str) -> Reply:
+        """Set what the hand does to one finger; force 0 lets go.
+
+        Args:
+            text: JSON with ``finger``, ``force_n``, ``place_mm`` and ``push_n`` (each X and Y of the pad frame), and
+                ``twist_mnm``.
+        """
+        try:
+            line = _command(json.loads(text), self.fingers)
+        except (ValueError, TypeError, KeyError, OverflowError):
+            return refused("the page sent no touch that is understood")
+        try:
+            last = (await self._ask(line))[-1]
+        except OSError as error:
+            return refused(f"{error}; start it: slipd emulate CONFIG")
+        return {"ok": True, "text": ""} if last == OK else refused(last.removeprefix(ERROR))
+
+    async def _ask(self, line: str) -> list[str]:
+        """Return the lines of the answer to a command.
+
+        Raises:
+            ConnectionError: No emulation runs, or it does not answer; then the connection is given up.
+        """
+        async with self._turn:
+            if self._reader is None or self._writer is None:
+                raise ConnectionError("no emulation runs there")
+            self._writer.write(f"{line}\n".encode())
+            try:
+                return await asyncio.wait_for(_answer(self._reader), ANSWER_S)
+            except (OSError, ValueError, asyncio.TimeoutError) as error:
+                self._writer.transport.abort()
+                raise ConnectionError("the emulation has ended, or does not answer") from error
+
+    async def _differ_from(self, fingers: tuple[str, ...]) -> None:
+        async with self._changed:
+            await self._changed.wait_for(lambda: self.fingers != fingers)
+
+    async def _set_fingers(self, fingers: tuple[str, ...]) -> None:
+        self.fingers = fingers
+        async with self._changed:
+            self._changed.notify_all()
+
+
+async def _answer(reader: asyncio.StreamReader) -> list[str]:
+    """Return the lines up to the one that ends an answer.
+
+    Raises:
+        ConnectionError: The connection ended before.
+        ValueError: A line is too long.
+    """
+    lines: list[str] = []
+    while data := await reader.readline():
+        lines.append(data.decode(errors="replace").rstrip("\n"))
+        if lines[-1] == OK or lines[-1].startswith(ERROR):
+            return lines
+    raise ConnectionError("the emulation has ended")
+
+
+def _command(touch: dict[str, Any], fingers: tuple[str, ...]) -> str:
+    """Return the commands of the emulation for a touch.
+
+    Raises:
+        ValueError: The finger is unknown, or a value is not finite.
+        OverflowError: A value is too large.
+        TypeError: The touch is no map, or a value is of another kind.
+        KeyError: A value is missing.
+    """
+    finger = touch["finger"]
+    if finger not in fingers:
+        raise ValueError(f"no finger {finger!r}")
+    (x_mm, y_mm), (push_x_n, push_y_n) = touch["place_mm"], touch["push_n"]
+    force_n, twist_mnm = touch["force_n"], touch["twist_mnm"]
+    if not all(math.isfinite(value) for value in (x_mm, y_mm, push_x_n, push_y_n, force_n, twist_mnm)):
+        raise ValueError("a value is not finite")
+    if force_n == 0.0:
+        return f"release {finger}"
+    return (
+        f"press {finger} {force_n:.3f} N at {x_mm:.2f} {y_mm:.2f} mm in {RAMP_S} s; "
+        f"push {finger} {push_x_n:.3f} {push_y_n:.3f} N; twist {finger} {twist_mnm:.2f} mNm"
+    )
