@@ -1,7 +1,7 @@
-"""Run the daemon for long on this machine: unplugging, floods, two fingers for ten minutes, idle and hostile peers.
+"""Run the daemon for long on this machine: unplugging, floods, long loads, faults, idle and hostile peers.
 
-    make soak    (about an hour with the simulation; writes docs/soak.md)
-    PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|subscribers|peers]
+    make soak    (about two hours with the simulation; writes docs/soak.md)
+    PYTHONPATH=tests/support:tests/lab python -m soak [--quick] [--only unplug|flood|backlog|endure|subscribers|peers]
         [--minutes M] [--report FILE]
 
 The daemon is the real one, with real pseudo-terminals, sockets and processes. Measured are lost readings and messages,
@@ -21,9 +21,11 @@ from pathlib import Path
 from bench.child import BenchError
 from bench.commit import measured_on
 from bench.tables import Table
-from soak import backlog, flood, peers, subscribers, unplug
+from soak import backlog, endure, flood, peers, subscribers, unplug
 
-PARTS = ("unplug", "flood", "backlog", "subscribers", "peers")
+PARTS = ("unplug", "flood", "backlog", "endure", "subscribers", "peers")
+ENDURANCE = 3.0
+"""The virtual gripper with faults runs for so many times the minutes of the other long parts."""
 
 
 def main() -> int:
@@ -37,7 +39,7 @@ def main() -> int:
         type=float,
         default=10.0,
         metavar="M",
-        help="of the backlog, and of stalled subscribers (default 10)",
+        help=f"of the backlog and of stalled subscribers (default 10), and {ENDURANCE:g} times as many of the faults",
     )
     parser.add_argument(
         "--quick", action="store_true", help="a short run, at most a minute, to check the program itself"
@@ -69,6 +71,8 @@ def _sections(parts: tuple[str, ...], long_s: float, *, quick: bool) -> Iterator
             yield flood.run(folder, quick=quick)
         if "backlog" in parts:
             yield from backlog.run(folder, long_s, quick=quick)
+        if "endure" in parts:
+            yield from endure.run(folder, ENDURANCE * long_s, quick=quick)
         if "subscribers" in parts:
             yield subscribers.run(folder, long_s, quick=quick)
         if "peers" in parts:

@@ -1,0 +1,136 @@
+"""The virtual gripper as a process, with lines that fail: seeded faults, one after another.
+
+    python -m soak.faulty_gripper FOLDER SEED
+
+Prints ``ready``; on SIGTERM it ends and prints how many faults of each kind there were.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from random import Random
+
+from slipd.sim.pseudo_terminal import PseudoTerminal
+from slipd.sim.scene import Scene
+from slipd.sim.virtual_gripper import HARDWARE_NICENESS, TICK_NS
+from slipd.sim.virtual_rig import LINES, VirtualRig
+
+KINDS = ("unplugged", "silent", "damaged", "noisy", "in bursts", "all stalled")
+WEIGHTS = (6, 6, 6, 6, 1)
+"""Of the lines: a gripper that fails ends the story."""
+
+SHORTEST_S, LONGEST_S = 0.02, 0.8
+PAUSES_S = (0.5, 2.5)
+"""From the end of a fault to the next."""
+
+QUIET_NS = 15_000_000_000
+"""After this time the faults begin even if nobody activated the gripper, ns."""
+
+HELD_BYTES = 65_536
+"""A line that is held up keeps no more."""
+
+
+class FaultyLines:
+    """The lines between the devices and the daemon.
+
+    Args:
+        folder: Folder of the pseudo-terminals.
+        rng: Chooses the faults.
+
+    Attributes:
+        faults: Number of faults by kind.
+    """
+
+    def __init__(self, folder: Path, rng: Random) -> None:
+        self.faults: Counter[str] = Counter()
+        self._folder, self._rng = folder, rng
+        self._ports = {line: PseudoTerminal(folder / line) for line in LINES}
+        self._held = dict.fromkeys(LINES, b"")
+        self._kind, self._struck = "", ""
+        self._next_s = 0.0
+
+    def step(self, now_s: float) -> None:
+        """End a fault, or begin one, when it is time."""
+        if now_s < self._next_s:
+            return
+        if self._kind:
+            if self._kind == "unplugged":
+                self._ports[self._struck] = PseudoTerminal(self._folder / self._struck)
+            self._kind = ""
+            self._next_s = now_s + self._rng.uniform(*PAUSES_S)
+            return
+        self._kind, (self._struck,) = self._rng.choice(KINDS), self._rng.choices(LINES, WEIGHTS)
+        self.faults[self._kind] += 1
+        self._next_s = now_s + self._rng.uniform(SHORTEST_S, LONGEST_S)
+        if self._kind == "unplugged":
+            self._ports.pop(self._struck).close()
+
+    def read(self) -> tuple[list[str], dict[str, bytes]]:
+        """Return the lines that have just been opened, and what the daemon wrote to each."""
+        poll = select.poll()
+        by_fd = {port.fd: line for line, port in self._ports.items()}
+        for fd in by_fd:
+            poll.register(fd, select.POLLIN)
+        events = dict(poll.poll(0))
+        opened = [line for fd, line in by_fd.items() if self._ports[line].update(events.get(fd, 0))]
+        readable = [line for fd, line in by_fd.items() if events.get(fd, 0) & select.POLLIN]
+        return opened, {line: self._ports[line].read() for line in readable}
+
+    def write(self, output: dict[str, bytes]) -> None:
+        """Pass on what the devices send, as far as the fault lets it through."""
+        for line, data in output.items():
+            if line in self._ports:
+                self._ports[line].write(self._passed(line, data))
+
+    def _passed(self, line: str, data: bytes) -> bytes:
+        struck = line == self._struck
+        if self._kind == "all stalled" or (struck and self._kind == "in bursts"):
+            self._held[line] = (self._held[line] + data)[-HELD_BYTES:]
+            return b""
+        held, self._held[line] = self._held[line], b""
+        data = held + data
+        if not (data and struck and self._kind):
+            return data
+        if self._kind == "silent":
+            return b""
+        if self._kind == "noisy":
+            return data + self._rng.randbytes(64)
+        place = self._rng.randrange(len(data))
+        return data[:place] + self._rng.randbytes(1) + data[place + 1 :]
+
+
+def main() -> None:
+    """Run until SIGTERM."""
+    folder, seed = Path(sys.argv[1]), int(sys.argv[2])
+    ended: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: ended.append(number))
+    if os.geteuid() == 0:
+        os.setpriority(os.PRIO_PROCESS, 0, HARDWARE_NICENESS)
+    rig, lines = VirtualRig(Scene(), seed), FaultyLines(folder, Random(seed))
+    print("ready", flush=True)
+    begin_ns, t_ns = time.monotonic_ns(), 0
+    while not ended:
+        time.sleep(max(begin_ns + t_ns + TICK_NS - time.monotonic_ns(), 0) * 1e-9)
+        opened, received = lines.read()
+        for line in opened:
+            rig.opened(line, t_ns)
+        output = {line: rig.receive(line, data, t_ns) for line, data in received.items()}
+        while t_ns + TICK_NS <= time.monotonic_ns() - begin_ns:
+            t_ns += TICK_NS
+            for line, data in rig.advance(t_ns).items():
+                output[line] = output.get(line, b"") + data
+        if rig.began_ns is not None or t_ns > QUIET_NS:
+            lines.step(t_ns * 1e-9)
+        lines.write(output)
+    print(f"faults {json.dumps(lines.faults)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
