@@ -57,7 +57,7 @@ portable: $(KERNELS)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m portable --report docs/portability.md $(PORTABLE)
 
 bench: $(MEASURES)
-	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 16 minutes)"
+	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 18 minutes)"
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m bench.latency --report docs/bench.md $(BENCH)
 
 chart: $(MEASURES)

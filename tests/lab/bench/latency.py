@@ -1,12 +1,13 @@
 """Measure the latency and the cost of the daemon, and the speed and accuracy of the friction limit.
 
-    make bench    (about 16 minutes; writes docs/bench.md)
+    make bench    (about 18 minutes; writes docs/bench.md)
+    make bench BENCH='--only replay --only recording'    (these parts; the others of docs/bench.md stay)
     PYTHONPATH=tests/support:tests/lab python -m bench.latency [--quick] [--only PART] [--report FILE]
 
 The daemon is measured from the last byte of a reading to the message, the reply or the gripper command that follows.
 Absolute times hold for this machine and its present load. Ratios carry over to other machines: beside the daemon and
 the solver, programs in C and other solvers do the same work in the same minutes. The report is printed, and
-``--report`` also writes it as Markdown.
+``--report`` also writes it as Markdown, part by part as they are measured.
 """
 
 from __future__ import annotations
@@ -15,12 +16,27 @@ import argparse
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import zmq
-from bench import chain, child, first_call, full_load, million, priority, processes, ratios, reflex, requests, units
+from bench import (
+    chain,
+    child,
+    first_call,
+    full_load,
+    million,
+    priority,
+    processes,
+    ratios,
+    recorded,
+    reflex,
+    replaying,
+    requests,
+    units,
+)
 from bench.commit import measured_on
+from bench.report import Report
 from bench.tables import Table
 
 SECONDS, ROUNDS, WARM_UP_S = 5.0, 4, 1.0
@@ -28,13 +44,28 @@ QUICK_SECONDS, QUICK_ROUNDS, QUICK_WARM_UP_S = 0.5, 1, 0.5
 SHORTEST_S, LONGEST_S = 0.1, 20.0
 """Less has no percentiles; the readings carry their number as a pull, which grows too large for the grip in more."""
 
-PARTS = ("chain", "load", "requests", "reflex", "priority", "ratios", "first", "units", "million")
+PARTS = (
+    "chain",
+    "load",
+    "recording",
+    "replay",
+    "requests",
+    "reflex",
+    "priority",
+    "ratios",
+    "first",
+    "units",
+    "million",
+)
 
 TRIALS, QUICK_TRIALS = 30, 3
 """Of the reflex in a round, of each kind; a third of a second each."""
 
 FULL_LOAD_TIMES = 6
 """The full load takes as many times as long as a round, to show what builds up."""
+
+REPLAY_TIMES = 4
+"""The replayed recording is as many times as long as a round."""
 
 
 def main() -> int:
@@ -44,47 +75,57 @@ def main() -> int:
     rounds = options.rounds or (QUICK_ROUNDS if options.quick else ROUNDS)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))  # what is open is closed on the way out
-    header = measured_on(f"libzmq {zmq.zmq_version()}")
-    print(f"slipd bench: {header}", flush=True)
-    pages = [f"# Measurements\n\n{header}."]
+    version = f"libzmq {zmq.zmq_version()}"
+    print(f"slipd bench: {measured_on(version)}", flush=True)
     try:
-        for table in _sections(options.only or PARTS, seconds, rounds, quick=options.quick):
-            print(table.text(), flush=True)
-            pages.append(table.markdown())
-    except child.BenchError as error:
+        report = None if options.report is None else Report(options.report, PARTS)
+        for part in [name for name in PARTS if name in (options.only or PARTS)]:
+            measured, tables = measured_on(version), []
+            for table in _measure(part, seconds, rounds, quick=options.quick):
+                print(table.text(), flush=True)
+                tables.append(table)
+            if report is not None:
+                report.put(part, measured, tables)
+    except (child.BenchError, ValueError) as error:
         print(f"bench: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
-    if options.report:
-        options.report.write_text("\n".join(pages) + "\n", encoding="utf-8")
     return 0
 
 
-def _sections(parts: Sequence[str], seconds: float, rounds: int, *, quick: bool) -> Iterator[Table]:
-    warm_up_s = QUICK_WARM_UP_S if quick else WARM_UP_S
+def _measure(part: str, seconds: float, rounds: int, *, quick: bool) -> Iterable[Table]:
+    """The tables of one part."""
+    if part == "first":
+        return [first_call.run(quick=quick)]
+    if part == "units":
+        return [units.run(quick=quick)]
+    if part == "million":
+        return million.run(*((million.QUICK_SCENES, million.QUICK_CHECKED) if quick else ()))
     with tempfile.TemporaryDirectory(prefix="slipd-bench-") as name:
-        folder = Path(name)
-        if "chain" in parts:
-            built = processes.build_floor(folder)
-            yield chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)
-        if "load" in parts:
-            yield from full_load.run(folder, seconds=FULL_LOAD_TIMES * seconds, warm_up_s=warm_up_s)
-        if "requests" in parts:
-            yield requests.run(folder, rounds=rounds, seconds=seconds)
-        if "reflex" in parts:
-            yield from reflex.run(folder, rounds=rounds, trials=QUICK_TRIALS if quick else TRIALS)
-        if "priority" in parts:
-            hogs = priority.QUICK_HOGS if quick else priority.HOGS
-            yield priority.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s, hogs=hogs)
-        if "ratios" in parts:
-            yield from ratios.run(folder, quick=quick)
-    if "first" in parts:
-        yield first_call.run(quick=quick)
-    if "units" in parts:
-        yield units.run(quick=quick)
-    if "million" in parts:
-        yield from million.run(*((million.QUICK_SCENES, million.QUICK_CHECKED) if quick else ()))
+        return list(_in_folder(part, Path(name), seconds, rounds, quick=quick))
+
+
+def _in_folder(part: str, folder: Path, seconds: float, rounds: int, *, quick: bool) -> Iterable[Table]:
+    """The tables of a part that needs a folder for sockets, programs and recordings."""
+    warm_up_s = QUICK_WARM_UP_S if quick else WARM_UP_S
+    if part == "chain":
+        built = processes.build_floor(folder)
+        return [chain.run(folder, built, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)]
+    if part == "load":
+        return full_load.run(folder, seconds=FULL_LOAD_TIMES * seconds, warm_up_s=warm_up_s)
+    if part == "recording":
+        return [recorded.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s)]
+    if part == "replay":
+        return [replaying.run(folder, seconds=REPLAY_TIMES * seconds, quick=quick)]
+    if part == "requests":
+        return [requests.run(folder, rounds=rounds, seconds=seconds)]
+    if part == "reflex":
+        return reflex.run(folder, rounds=rounds, trials=QUICK_TRIALS if quick else TRIALS)
+    if part == "priority":
+        hogs = priority.QUICK_HOGS if quick else priority.HOGS
+        return [priority.run(folder, rounds=rounds, seconds=seconds, warm_up_s=warm_up_s, hogs=hogs)]
+    return ratios.run(folder, quick=quick)
 
 
 def _parser() -> argparse.ArgumentParser:

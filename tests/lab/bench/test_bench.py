@@ -25,6 +25,8 @@ SECTIONS = (
     "Full load: two fingers",
     "Full load: the first",
     "Full load: messages",
+    "Recording",
+    "Replay",
     "Requests over ipc",
     "Reflex, bus idle",
     "Reflex, a poll outstanding",
@@ -82,6 +84,7 @@ def test_every_section_prints_finite_numbers(folder: Path) -> None:
         for row in found[title]:
             cells = [cell for name, cell in list(row.items())[1:] if name not in IN_WORDS]
             assert all(cell == "not measured" or math.isfinite(float(cell)) for cell in cells), row
+    assert "NOT byte for byte" not in text
     chain, streams = list(found.values())[:2]
     assert "The C program is not measured" in text or ("C p50" in chain[0] and "the same keys" in text)
     assert "NOT THE SAME KEYS" not in text
