@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from io import BytesIO
+from typing import NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -28,8 +28,7 @@ _UNPACKED_BYTES, _UNPACKED_RATIO = 64 * 1024 * 1024, 4000
 of an idle daemon compress to a tenth, datagrams of 64 kB of zeros to a 630th, messages of 1 MiB to a 3300th."""
 
 
-@dataclass(frozen=True, slots=True)
-class Entered:
+class Entered(NamedTuple):
     """An event that entered the engine at ``t_ns`` (CLOCK_MONOTONIC of the recorded run)."""
 
     n: int
@@ -37,8 +36,7 @@ class Entered:
     event: Event
 
 
-@dataclass(frozen=True, slots=True)
-class Published:
+class Published(NamedTuple):
     """The bytes that were published under ``topic`` because of the event before."""
 
     n: int

@@ -17,6 +17,7 @@ from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkUp, RecordingCh
 from slipd_client import messages
 
 _CRC_BYTES = 4
+_NO_CRC = bytes(_CRC_BYTES)
 _INTEGERS = range(2**63)  # what fits in int64, with which the engine computes
 _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "bytes": (Bytes, {"link": str, "data": bytes}),
@@ -30,7 +31,12 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
 }
 _OPTIONAL: dict[str, dict[str, type]] = {"tick": {"unread": bool}}  # omitted if false, as in older recordings
 _KINDS = {event_type: kind for kind, (event_type, _) in reversed(_FIELDS.items())}
+_EXPECTED = {
+    kind: {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes} for kind, (_, types) in _FIELDS.items()
+}
 _UNICODE_ERRORS = "surrogatepass"  # an error text of the system may contain undecodable bytes of a file name
+_PACKER = msgpack.Packer(unicode_errors=_UNICODE_ERRORS)
+"""Shared by all threads: making one takes longer than packing, and packing plain values keeps the interpreter lock."""
 
 
 def encode_event(n: int, t_ns: int, event: Event) -> bytes:
@@ -42,10 +48,13 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
         event: The event; the body of a request must be one that ``slipd_client.messages`` can encode.
     """
     kind = _KINDS[type(event)]
-    fields = {name: getattr(event, name) for name in _FIELDS[kind][1]}
-    fields |= {name: True for name in _OPTIONAL.get(kind, ()) if getattr(event, name)}
-    whole = {"n": n, "t_ns": t_ns, "kind": kind, **fields, "crc32": bytes(_CRC_BYTES)}
-    body: bytes = msgpack.packb(whole, unicode_errors=_UNICODE_ERRORS)[:-_CRC_BYTES]
+    whole: dict[str, Any] = {"n": n, "t_ns": t_ns, "kind": kind}
+    for name in _FIELDS[kind][1]:
+        whole[name] = getattr(event, name)
+    if kind in _OPTIONAL:
+        whole |= {name: True for name in _OPTIONAL[kind] if getattr(event, name)}
+    whole["crc32"] = _NO_CRC
+    body: bytes = _PACKER.pack(whole)[:-_CRC_BYTES]
     return body + _crc(body)
 
 
@@ -59,21 +68,22 @@ def decode_event(payload: bytes) -> tuple[int, int, Event]:
         raise RecordingError("an event's checksum does not match its bytes")
     whole = _unpack(payload)
     kind = whole.get("kind")
-    if not isinstance(kind, str) or kind not in _FIELDS:
+    if not isinstance(kind, str) or kind not in _EXPECTED:
         raise RecordingError(f"the kind of an event must be one of {', '.join(_FIELDS)}, got {kind!r:.40}")
-    event_type, types = _FIELDS[kind]
-    types = types | {name: held for name, held in _OPTIONAL.get(kind, {}).items() if name in whole}
-    expected = {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes}
-    found = {name: type(value) for name, value in whole.items()}
-    if found != expected:
+    (event_type, types), expected = _FIELDS[kind], _EXPECTED[kind]
+    if kind in _OPTIONAL:
+        optional = {name: held for name, held in _OPTIONAL[kind].items() if name in whole}
+        types, expected = types | optional, expected | optional
+    if {name: type(value) for name, value in whole.items()} != expected:
         raise RecordingError(f"an event of kind {kind!r} must have the fields {', '.join(expected)}")
-    if any(value not in _INTEGERS for value in whole.values() if isinstance(value, int)):
-        raise RecordingError(f"the numbers of an event of kind {kind!r} must be from 0 to 2**63 - 1")
+    for name, held in expected.items():
+        if held is int and whole[name] not in _INTEGERS:
+            raise RecordingError(f"the numbers of an event of kind {kind!r} must be from 0 to 2**63 - 1")
     if event_type is Request:
         whole["body"] = _checked_request(whole["body"])
     if kind == "recording_failed":
         return whole["n"], whole["t_ns"], RecordingChanged(whole["name"], "", "failed", whole["reason"])
-    return whole["n"], whole["t_ns"], event_type(**{name: whole[name] for name in types})
+    return whole["n"], whole["t_ns"], event_type(*[whole[name] for name in types])
 
 
 def _crc(body: bytes) -> bytes:

@@ -139,15 +139,15 @@ def inner_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
     Raises:
         DamageError: A record is cut off, or not of a kind that slipd writes.
     """
-    rest = memoryview(data)
-    while rest:
-        if len(rest) < _HEAD.size:
+    whole, size, at = memoryview(data), len(data), 0
+    while at < size:
+        if size - at < _HEAD.size:
             raise DamageError("has a chunk that ends within a record")
-        opcode, length = _HEAD.unpack_from(rest)
+        opcode, length = _HEAD.unpack_from(data, at)
         if opcode not in _INNER:
             raise DamageError(f"has a chunk with a record of kind {opcode}, which slipd cannot have written")
-        end = _HEAD.size + length
-        if end > len(rest):
+        begin = at + _HEAD.size
+        at = begin + length
+        if at > size:
             raise DamageError("has a chunk that ends within a record")
-        yield opcode, rest[_HEAD.size : end]
-        rest = rest[end:]
+        yield opcode, whole[begin:at]
