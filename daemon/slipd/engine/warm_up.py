@@ -22,7 +22,9 @@ from slipd.motion.image_fit import ImageFitter
 from slipd.motion.vibration import BLOCK, LEAST_HZ, SETTLED_NS, Vibration
 from slipd.samples import TactileSample, WrenchSample
 from slipd.signals.charge_reconstruction import ChargeReconstruction
+from slipd.signals.force_image_agreement import Agreement
 from slipd.signals.pad import PadGeometry
+from slipd.signals.taxel_blocks import BLOCK_NS, Blocks
 
 
 def warm_up() -> None:
@@ -35,13 +37,17 @@ def warm_up() -> None:
     grip_needed_n(x, y, loads, 0.5, force, 0.001, centre, growth=0.3)
     relative_noise((0.1, 0.0), 0.001, (0.0, 0.0), (1.0, 0.0, 0.0), 0.02, 0.001)
     tipping_margin(x, y, centre)
-    contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
+    contact = contact_from_wrench((0.1, 0.0, -1.0), (0.0, 0.0, 0.001))
     spin_utilisation_1n(x, y, loads, 0.5, 0.001)
     move_to_pad(new_readings([(0.0,) * 6], [0.0]), IDENTITY)
     contact_shape(x.reshape(2, 2), y.reshape(2, 2), np.ones((2, 2)), 0.01)
     charge = ChargeReconstruction(4, 1.0)
     charge.update(np.zeros(4), 0.0, True)
     charge.update(np.ones(4), 0.01, False)
+    Agreement(2, 2, 0.01, 0.5).update(0, contact, 0.02, x, y, np.ones(4))
+    blocks = Blocks(4)
+    for t_ns in (0, BLOCK_NS):
+        blocks.update(np.ones(4), t_ns, free=False, steady=False)
     _judge_contact()
     _look_for_motion()
 

@@ -93,7 +93,7 @@ class ContactEstimator:
         self,
         readings: WrenchBatch,
         uncertainty: Uncertainty,
-        distribution_of: Callable[[Contact], LoadDistribution | None] | None,
+        distribution_of: Callable[[Callable[[], Contact]], LoadDistribution | None] | None,
         disagreement: tuple[str, ...],
         image_fault: str,
         pulled_n: float,
@@ -104,8 +104,8 @@ class ContactEstimator:
         Args:
             readings: The conditioned readings.
             uncertainty: Of the readings, by noise and by the unknown weight of the finger.
-            distribution_of: Returns the shares of a contact's normal force on the taxels, None where the image cannot
-                give them. None without a fresh image.
+            distribution_of: Returns the shares of the normal force on the taxels of the contact that the given function
+                returns, None where the image cannot give them. None without a fresh image.
             disagreement: What force sensor and image contradict each other about.
             image_fault: Reason why no image can be used: "stuck", "not_tared", or "".
             pulled_n: The normal force is clearly negative below minus this, N.
@@ -126,7 +126,7 @@ class ContactEstimator:
         phases = rows["phase"].tolist()
         distribution = None
         if distribution_of is not None and TOUCHING in phases:
-            distribution = distribution_of(contact_at(rows, phases.index(TOUCHING)))
+            distribution = distribution_of(lambda: contact_at(rows, phases.index(TOUCHING)))
         if distribution is not None:
             distribution.outline.fill_margins(rows)
         ends_at = _contact_end(phases, self.in_contact)
@@ -163,12 +163,12 @@ class ContactEstimator:
         if distribution is not None:
             x, y, loads = distribution.x, distribution.y, distribution.loads.loads
             solved_mu = mu or 1.0  # λ at μ = 1 is the required friction
-            spins, scale = rows["contact"]["spin_nm"], self.friction.state.spin_scale
+            scale = self.friction.state.spin_scale
             if scale != 1.0:
-                spins *= scale
+                rows["contact"]["spin_nm"] *= scale
             solve_readings(rows, x, y, loads, solved_mu, self._twist, DECISION_GAP)
             if scale != 1.0:
-                spins /= scale
+                rows["contact"]["spin_nm"] /= scale
             if self.friction.rotation.stated is not None:
                 self._carry_spin(rows, phases, distribution)
             if uncertainty.force_n > 0.0:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from slipd.finger.load_distribution import LoadDistribution
 from slipd.finger.verdict import Verdict
 from slipd.friction.friction_state import FrictionState
-from slipd.fusion import Contact, Loads, Utilisation
+from slipd.fusion import Contact, Utilisation
 from slipd.fusion.levels import Assessment
 from slipd.motion.evidence import evidence_names
 
@@ -75,11 +75,3 @@ class FingerState:
     def force_reading(self) -> ForceReading:
         """The force alone."""
         return ForceReading(self.wrench, self.status, self.age_s)
-
-    @property
-    def loads(self) -> Loads | None:
-        """Normal forces on the active taxels, N."""
-        if self.load_distribution is None or self.contact is None:
-            return None
-        unit = self.load_distribution.loads
-        return Loads(unit.loads * self.contact.normal_n, unit.centroid_residual_m, unit.status)

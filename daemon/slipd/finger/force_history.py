@@ -81,7 +81,7 @@ class ForceHistory:
         if not found:
             return self.wrench_at(until_ns)
         share = 1.0 / len(found)
-        return tuple(share * sum(component) for component in zip(*found, strict=True))
+        return tuple([share * sum(component) for component in zip(*found, strict=True)])
 
     def wrench_at(self, t_ns: int) -> tuple[float, ...]:
         """Return the wrench of the kept reading nearest to ``t_ns``, in the pad frame: N and N·m, six numbers.

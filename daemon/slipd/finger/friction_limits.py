@@ -19,13 +19,13 @@ def needed_normal_n(finger: Finger, state: FingerState) -> float | None:
     It holds the load with the noise of the reading too, at a one-sided confidence of 95 %. None where it is not known,
     and where no force would hold the load.
     """
-    contact, distribution, loads, mu = state.contact, state.load_distribution, state.loads, _mu(state)
-    if contact is None or loads is None or distribution is None or state.utilisation is None or mu is None:
+    contact, distribution, mu = state.contact, state.load_distribution, _mu(state)
+    if contact is None or distribution is None or state.utilisation is None or mu is None:
         return None
     found = grip_needed_n(
         distribution.x,
         distribution.y,
-        loads.loads,
+        distribution.loads.loads * contact.normal_n,
         mu,
         (contact.fx_n, contact.fy_n),
         contact.spin_nm * _spin_scale(state),
@@ -50,12 +50,13 @@ def torque_limit_nm(finger: Finger, state: FingerState) -> float | None:
 
     None where it is not known.
     """
-    contact, distribution, loads, mu = state.contact, state.load_distribution, state.loads, _mu(state)
-    if contact is None or loads is None or distribution is None or state.utilisation is None or mu is None:
+    contact, distribution, mu = state.contact, state.load_distribution, _mu(state)
+    if contact is None or distribution is None or state.utilisation is None or mu is None:
         return None
     sense = 1 if contact.spin_nm >= 0.0 else -1
     force, about = (contact.fx_n, contact.fy_n), (contact.cx_m, contact.cy_m)
-    limit = torque_limit(distribution.x, distribution.y, loads.loads, mu, force, about, sense)
+    loads_n = distribution.loads.loads * contact.normal_n
+    limit = torque_limit(distribution.x, distribution.y, loads_n, mu, force, about, sense)
     return finite_or_none(limit.torque_nm / _spin_scale(state))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from slipd.arrays import Array
@@ -275,15 +277,15 @@ class ImageChannel:
         """Return whether a taxel is active; None where the image does not show that by itself."""
         return bool(self.pressure.any()) if self.is_independent else None
 
-    def load_distribution(self, contact: Contact) -> LoadDistribution | None:
+    def load_distribution(self, contact_of: Callable[[], Contact]) -> LoadDistribution | None:
         """Return the shares of the normal force on the taxels; None without a usable image.
 
-        They are computed once for each image, with the first valid contact.
+        They are computed once for each image, with the contact that ``contact_of`` then returns.
         """
         if not self._usable or self.t_ns is None:
             return None
         if not self._distributed:
-            self._distribution = distribute(self._rule, self.x, self.y, self.pressure, contact)
+            self._distribution = distribute(self._rule, self.x, self.y, self.pressure, contact_of())
             self._distributed = True
         return self._distribution
 

@@ -75,7 +75,7 @@ class VerdictPath:
         self.negative_force = NegativeForceDetector(config)
         self.motion = None if config.wrench is None else ContactMotion(config.wrench, image)
         self.tares = TareGuard(tare, image, freshness, self.presence)
-        self._tares = self.tares.current
+        self._force_zero, self._image_zero = self.tares.current
 
     @property
     def state(self) -> FingerState:
@@ -156,9 +156,9 @@ class VerdictPath:
 
     def _learning(self, arrival: Arrival) -> Learning:
         """Return what readings that arrived so may teach of friction; a new tare forgets what was taught before."""
-        image, tares = self._image, self.tares.current
-        if any(now is not before for now, before in zip(tares, self._tares, strict=True)):
-            self._tares = tares
+        image, force_zero, image_zero = self._image, *self.tares.current
+        if force_zero is not self._force_zero or image_zero is not self._image_zero:
+            self._force_zero, self._image_zero = force_zero, image_zero
             self.estimator.friction.forget()
         if image is None or self.tares.busy or arrival.waited_ns:
             return Learning.NOTHING

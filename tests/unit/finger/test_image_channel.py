@@ -113,7 +113,7 @@ def press(normal_n: float = 8.0, centroid_m: tuple[float, float] = (0.0, 0.0)) -
 
 def test_nothing_is_known_before_the_first_image(make: Callable[..., ImageChannel]) -> None:
     pad = make()
-    assert pad.load_distribution(press()) is None
+    assert pad.load_distribution(press) is None
     assert pad.shape() is None
     assert pad.shows_contact() is None
     assert pad.wrench() is None
@@ -137,7 +137,7 @@ def test_image_below_the_threshold_shows_no_contact_and_has_no_loads(
     pad = make()
     pad.update(image(T0, np.full(16, 5.0)))
     assert pad.shows_contact() is False
-    assert pad.load_distribution(press()) is None
+    assert pad.load_distribution(press) is None
     shape = pad.shape()
     assert shape is not None
     assert shape.active == 0
@@ -150,11 +150,11 @@ def test_image_with_a_value_that_is_not_finite_is_unknown(make: Callable[..., Im
     spoilt[2, 2] = np.nan
     pad.update(image(T0 + 1, spoilt))
     assert pad.shows_contact() is None
-    assert pad.load_distribution(press()) is None
+    assert pad.load_distribution(press) is None
     assert pad.shape() is None
     assert not pad.pressure.any()
     pad.update(image(T0 + 2, RAMP))
-    assert pad.load_distribution(press()) is not None
+    assert pad.load_distribution(press) is not None
 
 
 def test_image_states_why_it_cannot_be_used(make: Callable[..., ImageChannel], image: Image) -> None:
@@ -184,7 +184,7 @@ def test_forgotten_image_is_unknown(make: Callable[..., ImageChannel], image: Im
     pad = make()
     pad.update(image(T0, RAMP))
     pad.forget()
-    assert (pad.t_ns, pad.shows_contact(), pad.load_distribution(press())) == (None, None, None)
+    assert (pad.t_ns, pad.shows_contact(), pad.load_distribution(press)) == (None, None, None)
 
 
 def test_three_axis_taxels_give_a_wrench(right: str, parse: Parse) -> None:

@@ -10,7 +10,9 @@ import pytest
 from pad_wrenches import pad_wrench
 
 from slipd.fusion import Contact, contact_from_wrench, tipping_margin
+from slipd.signals import force_image_agreement
 from slipd.signals.force_image_agreement import Agreement
+from slipd.signals.pad import STEPS, neighbours
 from slipd.sim.true_contact import Pad, Patch
 
 MS = 1_000_000
@@ -217,3 +219,13 @@ def test_F3_a_force_that_rises_fast_is_skew_and_no_disagreement() -> None:
     for k in range(8):
         assert agreement.update(33 * MS * k, quiet(1.5 * normal_n), 0.02, X, Y, block(normal_n)) == ()
         normal_n *= 1.5
+
+
+def test_a_taxel_is_inner_where_its_four_sides_are_active() -> None:
+    compiled = force_image_agreement._moments
+    sides = np.ascontiguousarray(neighbours(3, 4)[:, [k for k, step in enumerate(STEPS) if 0 in step]])
+    image = np.array(((0.0, 1.0, 1.0, 1.0), (1.0, 2.0, 3.0, 0.0), (0.0, 1.0, 1.0, 0.0)))
+    x, y = np.arange(12.0), np.ones(12)
+    for moments in (compiled, getattr(compiled, "py_func", compiled)):
+        assert moments(x, y, image.ravel(), sides) == (11.0, 57.0, 11.0, 1)
+        assert moments(x, y, np.zeros(12), sides) == (0.0, 0.0, 0.0, 0)

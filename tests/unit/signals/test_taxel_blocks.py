@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from taxel_images import END_S, LOST_S, NOISE, WIDE, counts, feed, swing, watch
 
+from slipd.signals import taxel_blocks
 from slipd.signals.taxel_blocks import BLOCK_IMAGES, BLOCK_NS, GAP_NS, WINDOW, Blocks
+
+
+@pytest.fixture(params=["compiled", "plain"])
+def kernels(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernels as they run, and without the compiler."""
+    if request.param == "plain":
+        for name in ("summarise", "_new_images"):
+            kernel = getattr(taxel_blocks, name)
+            monkeypatch.setattr(taxel_blocks, name, getattr(kernel, "py_func", kernel))
 
 
 def fill(blocks: Blocks, images: np.ndarray, *, begin_ns: int = 0, period_ns: int = BLOCK_NS // 3) -> list[int]:
@@ -18,6 +29,7 @@ def fill(blocks: Blocks, images: np.ndarray, *, begin_ns: int = 0, period_ns: in
     ]
 
 
+@pytest.mark.usefixtures("kernels")
 def test_a_block_keeps_how_each_taxel_moved_alone_and_with_the_others() -> None:
     images = np.array([[0, 0, 1], [1, 0, 1], [1, 0, 1], [4, 0, 3], [4, 0, 3], [5, 0, 3], [5, 1, 2]], dtype=float)
     blocks = Blocks(3)
@@ -40,6 +52,7 @@ def test_a_block_keeps_how_each_taxel_moved_alone_and_with_the_others() -> None:
     assert_allclose(blocks.change_rate(), [0.75, 0.25, 0.5])
 
 
+@pytest.mark.usefixtures("kernels")
 def test_images_that_are_sent_several_times_move_no_more_roughly() -> None:
     """A pad renews its images 10 times a second; its server sends 10, or 40."""
     rng = np.random.default_rng(19)

@@ -26,6 +26,15 @@ def x25_matches(data: bytes) -> bool:
     return crc_hqx(data.translate(_REVERSED), 0xFFFF) == _X25_RESIDUE
 
 
+def x25_all_match(data: bytes, starts: range, length: int) -> bool:
+    """Return whether `x25_matches` each of the pieces of one length that begin at ``starts``."""
+    mirrored = data.translate(_REVERSED)
+    for at in starts:  # noqa: SIM110 - a generator takes longer
+        if crc_hqx(mirrored[at : at + length], 0xFFFF) != _X25_RESIDUE:
+            return False
+    return True
+
+
 def _modbus_entry(value: int) -> int:
     for _ in range(8):
         value = value >> 1 ^ 0xA001 if value & 1 else value >> 1

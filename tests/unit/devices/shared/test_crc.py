@@ -34,3 +34,12 @@ def test_both_equal_the_bitwise_definition(data: bytes) -> None:
 def test_x25_matches_only_the_right_checksum(data: bytes, sent: int) -> None:
     assert crc.x25_matches(data + sent.to_bytes(2, "little")) == (sent == crc.x25(data))
     assert crc.x25_matches(data + crc.x25(data).to_bytes(2, "little"))
+
+
+def test_x25_all_match_finds_one_wrong_piece_among_several() -> None:
+    piece = CHECK + crc.x25(CHECK).to_bytes(2, "little")
+    starts = range(1, 1 + 3 * (len(piece) + 1), len(piece) + 1)
+    data = b"".join(b"-" + piece for _ in starts)
+    assert crc.x25_all_match(data, starts, len(piece))
+    for at in starts:
+        assert not crc.x25_all_match(data[:at] + b"?" + data[at + 1 :], starts, len(piece))
