@@ -77,10 +77,14 @@ def _view(chosen: argparse.Namespace) -> None:
     import asyncio
 
     try:
+        from slipd_client.page.commission_page import CommissionPage
         from slipd_client.page.view_command import view
     except ModuleNotFoundError as error:
         raise CallError("slipctl view needs the package websockets: pip install 'slipd-client[view]'") from error
-    options = {"keys": _keys(chosen), "buttons": chosen.buttons, "emulation": chosen.emulation}
+    named = {"--publish": chosen.publish, "--requests": chosen.requests}
+    named |= {"--key": chosen.key, "--server-key": chosen.server_key}
+    guide = CommissionPage(chosen.config, [part for each in named.items() if each[1] is not None for part in each])
+    options = {"keys": _keys(chosen), "buttons": chosen.buttons, "emulation": chosen.emulation, "commission": guide}
     asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, **options))
 
 

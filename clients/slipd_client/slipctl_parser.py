@@ -57,6 +57,12 @@ def parser() -> argparse.ArgumentParser:
         "(default: only if no other machine can open the page)",
     )
     view.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="config that the daemon runs: the page /commission finds how its sensors are mounted, and writes it",
+    )
+    view.add_argument(
         "--emulation",
         type=Path,
         metavar="DIR",

@@ -224,6 +224,7 @@ def _commission(arguments: argparse.Namespace) -> int:
         arguments.requests,
         arguments.patience,
         write=not arguments.dry_run,
+        page=arguments.page,
     )
     return DONE if whole else FAULT
 

@@ -225,6 +225,7 @@ def _add_commission(commands: Any) -> None:
         "--patience", type=_positive, default=60.0, metavar="S", help="how long to wait for each touch (default 60)"
     )
     commission.add_argument("--dry-run", action="store_true", help="print what would change, and change nothing")
+    commission.add_argument("--page", action="store_true", help=argparse.SUPPRESS)  # slipctl view --config FILE
     commission.set_defaults(command="commission")
 
 

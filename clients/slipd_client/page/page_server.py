@@ -25,7 +25,7 @@ from slipd_client.errors import CallError
 from slipd_client.listen_address import ListenAddress
 from slipd_client.page.site import Site, refusal
 
-LIVE_PATH, SETTINGS_PATH = "/live", "/settings.json"
+LIVE_PATH, COMMISSION_PATH, SETTINGS_PATH = "/live", "/commission-guide", "/settings.json"
 
 TOKEN_S = 5.0
 """How long a WebSocket may take to send the token."""
@@ -58,6 +58,7 @@ class PageServer:
         address: Where to listen.
         site: The files of the page.
         on_viewer: Serves the WebSocket of a browser; None if the page opens no WebSocket.
+        on_commission: Serves the WebSocket of the page ``/commission``; None if there is none.
         on_data: Answers requests for data below ``/data/``; None if the page requests no data.
 
     Attributes:
@@ -65,12 +66,17 @@ class PageServer:
     """
 
     def __init__(
-        self, address: ListenAddress, site: Site, on_viewer: OnViewer | None = None, on_data: OnData | None = None
+        self,
+        address: ListenAddress,
+        site: Site,
+        on_viewer: OnViewer | None = None,
+        on_data: OnData | None = None,
+        on_commission: OnViewer | None = None,
     ) -> None:
         self.token = secrets.token_urlsafe(16)
         self._address = address
         self._site = site
-        self._on_viewer = on_viewer
+        self._on_viewer = {LIVE_PATH: on_viewer, COMMISSION_PATH: on_commission}
         self._on_data = on_data
 
     @contextlib.asynccontextmanager
@@ -109,7 +115,7 @@ class PageServer:
         if origins and [urlsplit(origin).netloc for origin in origins] != hosts:
             return refusal(HTTPStatus.FORBIDDEN, "Origin must be the page itself")
         path = request.path.partition("?")[0]
-        if path == LIVE_PATH and self._on_viewer is not None:
+        if self._on_viewer.get(path) is not None:
             return None if origins else refusal(HTTPStatus.FORBIDDEN, "a WebSocket must state its Origin")
         found = self._site.answer(path) or self._private(path, request.headers.get("Authorization", ""))
         return found or refusal(HTTPStatus.NOT_FOUND, "there is no such page")
@@ -128,14 +134,15 @@ class PageServer:
 
     async def _view(self, connection: ServerConnection) -> None:
         """Serve one browser, once it has sent the token."""
-        if self._on_viewer is None:
+        path = "" if connection.request is None else connection.request.path.partition("?")[0]
+        if (on_viewer := self._on_viewer.get(path)) is None:
             return
         try:
             first = await asyncio.wait_for(connection.recv(), TOKEN_S)
         except asyncio.TimeoutError:
             first = ""
         if isinstance(first, str) and self._knows(first):
-            await self._on_viewer(connection)
+            await on_viewer(connection)
         else:
             await connection.close(WRONG_TOKEN, "the token must be that of the address that was printed")
 

@@ -70,6 +70,7 @@ class Site:
             if path.suffix in _TYPES
         }
         self._answers["/"] = self._answers["/index.html"]
+        self._answers["/commission"] = self._answers["/commission.html"]
         self._settings = settings | {"words": _words()}
 
     def settings(self) -> Response:

@@ -18,6 +18,7 @@ from slipd_client.paths import publish_endpoint
 
 if TYPE_CHECKING:
     from slipd_client.keys import Keys
+    from slipd_client.page.commission_page import CommissionPage
 
 
 async def view(
@@ -28,6 +29,7 @@ async def view(
     keys: Keys | None = None,
     buttons: bool | None = None,
     emulation: Path | None = None,
+    commission: CommissionPage | None = None,
 ) -> None:
     """Serve the page of a running slipd until the task is cancelled, and print its address.
 
@@ -38,6 +40,7 @@ async def view(
         keys: Keys of this client, for a daemon across a network; None on this machine.
         buttons: The page may request; None: only where no other machine can open it.
         emulation: Folder of a running ``slipd emulate``, whose pads can be pressed on the page; None: no pad can.
+        commission: Serves the page ``/commission``; None: there is none.
 
     Raises:
         CallError: An endpoint is wrong, the port cannot be opened, or a page that only shows is to press pads.
@@ -48,8 +51,9 @@ async def view(
     where = publish_endpoint() if publish is None else publish
     hand = None if emulation is None else EmulatedHand(emulation)
     feed = LiveFeed(where, PageRequests(requests, keys) if allowed else None, keys, hand)
+    guide = commission.view if commission is not None and allowed else None
     site = Site({"live": True, "source": where, "buttons": allowed, "adjust_n": ADJUST_N})
-    async with PageServer(address, site, feed.view).serving() as url:
+    async with PageServer(address, site, feed.view, on_commission=guide).serving() as url:
         print(f"view: {url}", flush=True)
         if hand is None:
             await feed.run()

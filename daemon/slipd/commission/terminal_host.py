@@ -46,10 +46,10 @@ class TerminalHost:
     def respond(self, output: Output) -> Event:
         """Carry out one output of the guide, and return what happened."""
         if isinstance(output, Say):
-            _print(output.text)
+            self.say(output.text)
         elif isinstance(output, Prompt):
             self._choices = output.choices
-            _print(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output.choices)}")
+            self.say(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output.choices)}")
         elif isinstance(output, Ask):
             return self._ask(output)
         elif isinstance(output, Change):
@@ -57,6 +57,10 @@ class TerminalHost:
         else:
             return self._next()
         return None
+
+    def say(self, text: str) -> None:
+        """Show a line."""
+        print(text, flush=True)
 
     def __enter__(self) -> TerminalHost:
         return self
@@ -99,19 +103,22 @@ class TerminalHost:
             self._subscriber.newest()
 
     def _change(self, change: Change) -> Written:
-        _print(f"\n{fragment(change.values)}\n")
+        self.say(f"\n{fragment(change.values)}\n")
+        return self._write_change(change)
+
+    def _write_change(self, change: Change) -> Written:
         file = self._file
         try:
             text = changed_text(self._text, change.values)
             if not self._write:
-                _print(f"{file}: not changed, as asked")
+                self.say(f"{file}: not changed, as asked")
                 return Written(None)
             if file.read_text(encoding="utf-8") != self._text:
                 raise SlipdError(f"{file}: it was changed meanwhile and is left as it is; put the lines above into it")
             previous = replace_config(file, text)
         except (OSError, ValueError) as error:
             raise SlipdError(f"{file} is left as it was: {error}; put the lines above into it") from error
-        _print(f"{file}: changed; the config before is {previous}.")
+        self.say(f"{file}: changed; the config before is {previous}.")
         self._text = text
         return Written(text)
 
@@ -126,7 +133,3 @@ def _word(line: str, choices: tuple[str, ...]) -> str:
     if not line:
         return choices[0] if choices and choices[0] != SKIP else ""
     return next((word for word in choices if line.lower() in (word, word[0])), line)
-
-
-def _print(text: str) -> None:
-    print(text, flush=True)

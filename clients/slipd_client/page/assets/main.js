@@ -27,6 +27,9 @@ const changes = new ChangeList(words);
 const streams = new StreamTable(words);
 const grasp = new GraspCard(settings.adjust_n ?? 1, (delta_n) => request({ do: "adjust", delta_n }));
 
+const commission = document.getElementById("commission");
+commission.hash = token;
+commission.hidden = !settings.live || !settings.buttons;
 const hand = new Hand((touch) => source.touch(touch), showReply);
 
 let link = "waiting";

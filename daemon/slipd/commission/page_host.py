@@ -1,0 +1,70 @@
+"""Runs the guide for the page ``/commission`` of the live view: one JSON object a line out, one word a line in.
+
+Each object has one key: ``say`` a line for the person, ``prompt`` what to do now, ``change`` the TOML to be written,
+which waits for the word "write", and ``live`` the newest force, N, and torque, N·m, of each finger.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict
+from typing import Any
+
+from slipd.commission.config_update import fragment
+from slipd.commission.dialogue import SKIP, Change, Choice, Event, Output, Prompt, Written
+from slipd.commission.terminal_host import TerminalHost
+from slipd_client.messages.schema.topics import Wrench
+
+WRITE = "write"
+
+LIVE_S = 0.1
+"""Least time between two objects of live readings."""
+
+
+class PageHost(TerminalHost):
+    """Answers the guide, and tells the page; for its arguments see `TerminalHost`."""
+
+    _live: dict[str, tuple[Any, Any]]
+    _shown_s = 0.0
+
+    def respond(self, output: Output) -> Event:
+        """Carry out one output of the guide, and return what happened."""
+        if isinstance(output, Prompt):
+            self._prompt(output)
+            return None
+        event = super().respond(output)
+        if isinstance(event, Wrench):
+            self._show(event)
+        return event
+
+    def say(self, text: str) -> None:
+        """Show a line."""
+        _emit("say", text)
+
+    def _prompt(self, prompt: Prompt) -> None:
+        self._choices = prompt.choices
+        _emit("prompt", asdict(prompt))
+
+    def _change(self, change: Change) -> Written:
+        """Write a change once the person agrees."""
+        _emit("change", fragment(change.values))
+        self._prompt(Prompt("write", f"Write these lines into {self._file}?", choices=(WRITE, SKIP)))
+        while not isinstance(event := self._next(), Choice) or event.word not in (WRITE, SKIP):
+            pass
+        if event.word == SKIP:
+            self.say("Not written, as you chose.")
+            return Written(None)
+        return self._write_change(change)
+
+    def _show(self, message: Wrench) -> None:
+        self._live = getattr(self, "_live", {})
+        self._live[message.finger] = message.force_n, message.torque_nm
+        now_s = time.monotonic()
+        if now_s - self._shown_s >= LIVE_S:
+            self._shown_s = now_s
+            _emit("live", self._live)
+
+
+def _emit(kind: str, value: Any) -> None:
+    print(json.dumps({kind: value}), flush=True)

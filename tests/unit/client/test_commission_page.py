@@ -1,0 +1,67 @@
+"""The page /commission: what a browser hears where the guide cannot run, and from a guide that ends."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+
+from slipd_client.listen_address import ListenAddress
+from slipd_client.page import commission_page
+from slipd_client.page.commission_page import CommissionPage
+from slipd_client.page.page_server import COMMISSION_PATH, PageServer
+from slipd_client.page.site import Site
+
+PATIENCE_S = 60.0
+
+
+@asynccontextmanager
+async def served(page: CommissionPage) -> AsyncIterator[str]:
+    server = PageServer(ListenAddress("127.0.0.1", 0), Site({}), on_commission=page.view)
+    async with server.serving() as url:
+        yield url
+
+
+@asynccontextmanager
+async def browser(url: str) -> AsyncIterator[ClientConnection]:
+    where = urlsplit(url)
+    async with connect(f"ws://{where.netloc}{COMMISSION_PATH}", origin=f"http://{where.netloc}") as socket:  # type: ignore[arg-type]
+        await socket.send(where.fragment)
+        yield socket
+
+
+async def heard(socket: ClientConnection) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(await asyncio.wait_for(socket.recv(), PATIENCE_S))
+    return found
+
+
+async def test_a_machine_without_slipd_says_what_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(commission_page.importlib.util, "find_spec", lambda _: None)
+    async with served(CommissionPage(Path("rig.toml"))) as url, browser(url) as socket:
+        assert await heard(socket) == {"unavailable": commission_page.NO_SLIPD}
+
+
+async def test_a_view_without_a_config_says_how_to_start_it() -> None:
+    async with served(CommissionPage(None)) as url, browser(url) as socket:
+        assert await heard(socket) == {"unavailable": commission_page.NO_CONFIG}
+
+
+async def test_a_config_with_faults_ends_the_guide_with_the_reason_and_one_window_runs_it(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text("[finger.left]\nmu = -1\n", encoding="utf-8")
+    async with served(CommissionPage(file)) as url, browser(url) as socket:
+        assert await heard(socket) == {"config": str(file)}
+        async with browser(url) as second:
+            assert await heard(second) == {"unavailable": commission_page.BUSY}
+        for text in ("skip", "[]", "{}", '{"choose": 1}', '{"choose": "a\\nb"}', '{"choose": "skip"}'):
+            await socket.send(text)
+        ended = (await heard(socket))["ended"]
+        assert ended["code"] != 0
+        assert "finger.left.mu" in ended["error"]
