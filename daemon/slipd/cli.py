@@ -181,10 +181,20 @@ def _view(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> int:
-    from slipd.evaluation.evaluate_command import evaluate_command
+    from slipd.evaluation.evaluate_command import EvaluateCommand
+    from slipd.evaluation.executors import on_dask
+    from slipd.evaluation.recording_choice import chosen
+    from slipd.evaluation.result_cache import ResultCache, cache_folder
 
-    whole = evaluate_command(arguments.recordings, arguments.config, arguments.out, as_json=arguments.json)
-    return DONE if whole else FAULT
+    results = arguments.results
+    cache = ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False)
+    executor = None if arguments.dask is None else on_dask(arguments.dask)
+    command = EvaluateCommand(chosen(arguments.recordings, arguments.shard), arguments.config, cache, executor)
+    if arguments.table is not None and arguments.json:
+        raise SlipdError("--table writes a file and --json prints: give one of them")
+    if arguments.table is not None:
+        return DONE if command.write(arguments.table) else FAULT
+    return DONE if command.show(arguments.out, as_json=arguments.json) else FAULT
 
 
 def _plot(arguments: argparse.Namespace) -> int:

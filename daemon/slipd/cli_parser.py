@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slipd import __version__
+from slipd.evaluation.evaluate_arguments import add_evaluate_arguments
 from slipd_client.listen_address import add_listen
 
 
@@ -66,22 +67,7 @@ def parser() -> argparse.ArgumentParser:
     view.set_defaults(command="view")
 
     evaluate = _add_command(commands, "evaluate", "compare what configs would have reported on recordings")
-    evaluate.epilog = (
-        "The recorded motion stays as it was: a config changes what is reported on it, not what the robot would have "
-        "done about that. The zero of a pad stays that of the recording too. Exit code 1: a recording is damaged, or "
-        "does not fit a config; the others are evaluated."
-    )
-    evaluate.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="recordings, MCAP")
-    evaluate.add_argument(
-        "--config",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="replay with this config too, beside the recorded one; may be given several times",
-    )
-    evaluate.add_argument("--out", type=Path, metavar="FOLDER", help="draw the levels over time into levels.svg there")
-    evaluate.add_argument("--json", action="store_true", help="print all figures as one JSON list")
+    add_evaluate_arguments(evaluate)
     evaluate.set_defaults(command="evaluate")
 
     export = _add_command(commands, "export", "write the messages of a recording as files for other programs")

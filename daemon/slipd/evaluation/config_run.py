@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ from slipd.config import Config
 from slipd.errors import RecordingError
 from slipd.evaluation.level_spans import LevelSpan, level_spans
 from slipd.evaluation.recorded_truth import Truth, outline
+from slipd.evaluation.streams_of_run import StreamHealth, with_status
 from slipd.recording.event_gaps import EventGaps
 from slipd.recording.reader import Recording, open_recording
 from slipd.recording.replay import replay
-from slipd_client.messages import slip_topic
+from slipd_client.messages import STATUS_TOPIC, slip_topic
 
 RECORDED = "recorded"
 """What the config of the recording itself is called."""
@@ -42,6 +44,9 @@ class ConfigRun:
         end_s: Time of the last event.
         fault: Why events are missing, for people; "" where none are.
         truth: What truly happened; None where the recording does not say so.
+        streams: Health of every stream, of recordings that are long enough for a `status` message.
+        gaps: Times without events: entries are missing, or the daemon stood still.
+        compute_s: Processor time of the replay.
     """
 
     spans: dict[str, list[LevelSpan]]
@@ -49,6 +54,9 @@ class ConfigRun:
     end_s: float = 0.0
     fault: str = ""
     truth: Truth | None = None
+    streams: list[StreamHealth] = field(default_factory=list)
+    gaps: int = 0
+    compute_s: float = field(default=0.0, compare=False)
 
     def as_map(self) -> dict[str, Any]:
         """Return all of it as maps and lists."""
@@ -69,7 +77,9 @@ class ConfigRun:
         }
         largest = None if found["largest"] is None else Largest(**found["largest"])
         truth = None if found["truth"] is None else Truth.from_map(found["truth"])
-        return cls(spans, largest, found["end_s"], found["fault"], truth)
+        streams = [StreamHealth(**stream) for stream in found["streams"]]
+        rest = (found[key] for key in ("gaps", "compute_s"))
+        return cls(spans, largest, found["end_s"], found["fault"], truth, streams, *rest)
 
 
 def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
@@ -87,6 +97,7 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
         ConfigError: The config has faults.
         RecordingError: The file cannot be read, its truth is malformed, or an event does not fit the config.
     """
+    began_s = time.process_time()
     recording = open_recording(path)
     settings = None
     if config_text is not None:
@@ -101,14 +112,20 @@ def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
         raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
     run.spans = {source: [span.shifted(-begin_s) for span in of_source] for source, of_source in spans.items()}
     run.fault = recording.gap
+    run.gaps = len(gaps.found)
+    run.compute_s = time.process_time() - began_s
     return run
 
 
 def _watched(
     messages: Iterator[tuple[str, dict[str, Any]]], run: ConfigRun, begin_s: float
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the messages, and note the largest utilisation."""
+    """Yield the messages, and note the largest utilisation and the health of the streams."""
+    streams: dict[str, StreamHealth] = {}
     for topic, body in messages:
+        if topic == STATUS_TOPIC:
+            streams = with_status(streams, body)
+            run.streams = list(streams.values())
         used = body["utilisation"] if topic.startswith(_SLIP) else None
         if used is not None and (run.largest is None or used > run.largest.utilisation):
             run.largest = Largest(used, body["finger"], body["t_ns"] * 1e-9 - begin_s)

@@ -1,4 +1,4 @@
-"""Replay recordings with several configs, on all cores, and collect what differs.
+"""Replay recordings with several configs, and collect what differs.
 
 The recorded motion stays as it was: a config changes what slipd reports on it, not what the robot or the reflex would
 have done about that.
@@ -6,31 +6,19 @@ have done about that.
 
 from __future__ import annotations
 
-import math
-import multiprocessing
 import os
-import signal
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
-from slipd.errors import SlipdError
-from slipd.evaluation.config_run import RECORDED, ConfigRun, run_config
+from slipd.evaluation.config_run import RECORDED, ConfigRun
+from slipd.evaluation.executors import Executor, here, in_processes
+from slipd.evaluation.jobs import Finished, Job, NamedConfig
 from slipd.evaluation.recorded_truth import Truth
 from slipd.evaluation.result_cache import ResultCache
 
 FEW_BYTES = 2_000_000
-"""Up to this size of all that is to be replayed, starting further processes takes longer than they save."""
-
-
-class NamedConfig(NamedTuple):
-    """A config: its name for people, and its text, TOML; None: that of each recording."""
-
-    name: str
-    text: str | None
+"""Up to this size of all recordings, starting further processes takes longer than they save."""
 
 
 @dataclass(slots=True)
@@ -59,48 +47,43 @@ class Evaluation:
         return list(dict.fromkeys(filter(None, found)))
 
 
-class _Job(NamedTuple):
-    evaluation: Evaluation
-    config: NamedConfig
-    key: str
-
-
-def evaluate(
-    paths: Sequence[Path],
-    configs: Sequence[NamedConfig],
-    cache: ResultCache,
-    progress: Callable[[int, int], None] = lambda done, of: None,
-) -> list[Evaluation]:
-    """Replay every recording with its own config and with every other.
+def finished_runs(
+    paths: Sequence[Path], configs: Sequence[NamedConfig], cache: ResultCache, executor: Executor | None = None
+) -> Generator[Finished]:
+    """Replay every recording with its own config and with every other; yield each run as soon as it is there.
 
     Args:
-        paths: The recordings; one that is named twice counts once.
+        paths: The recordings, each once.
         configs: The other configs.
-        cache: Results of earlier evaluations.
-        progress: Called with the number of runs that are done, and of all.
+        cache: Results of earlier evaluations; gets the new ones.
+        executor: Where the replays run; None: on all cores of this machine, or here where they are short.
 
-    Returns:
-        One evaluation for each recording, in order; faults are in it.
+    Yields:
+        Runs in any order. Whatever goes wrong with a recording is in its runs.
     """
     every = [NamedConfig(RECORDED, None), *configs]
-    paths = list(dict.fromkeys(paths))
-    found = [Evaluation(name, path, {}) for name, path in zip(short_names(paths), paths, strict=True)]
-    jobs: list[_Job] = []
-    for one in found:
-        jobs += _begin(one, every, cache)
-    total = len(found) * len(every)
-    done = total - len(jobs)
-    progress(done, total)
-    for job, run in _runs(jobs):
-        job.evaluation.runs[job.config.name] = run
-        if isinstance(run, ConfigRun):
-            cache.put(job.key, run)
-        done += 1
-        progress(done, total)
-    cache.prune()
-    for one in found:
-        one.runs = {config.name: one.runs[config.name] for config in every}
-    return found
+    sizes = {path: _size(path) for path in paths}
+    if executor is None:
+        short = sum(sizes.values()) <= FEW_BYTES or len(os.sched_getaffinity(0)) < 2
+        executor = here if short else in_processes
+    longest_first = sorted(paths, key=lambda path: -sizes[path])
+    for found in executor(_work(longest_first, every, cache)):
+        if isinstance(found.run, ConfigRun) and not found.kept:
+            cache.put(found.job.key, found.run)
+        yield found
+    cache.prune(len(paths) * len(every))
+
+
+def evaluations(
+    finished: Iterable[Finished], paths: Sequence[Path], configs: Sequence[NamedConfig]
+) -> list[Evaluation]:
+    """Return all runs by recording, in the order of the recordings and of the configs."""
+    runs = {(found.job.path, found.job.config.name): found.run for found in finished}
+    names = [RECORDED, *(config.name for config in configs)]
+    return [
+        Evaluation(short, path, {name: runs[path, name] for name in names})
+        for short, path in zip(short_names(paths), paths, strict=True)
+    ]
 
 
 def short_names(paths: Sequence[Path]) -> list[str]:
@@ -113,48 +96,23 @@ def short_names(paths: Sequence[Path]) -> list[str]:
     return [str(Path(*path.parts[-depth:])) for path in paths]
 
 
-def _begin(one: Evaluation, every: list[NamedConfig], cache: ResultCache) -> Iterator[_Job]:
-    """Take what the cache has; yield what is to be replayed, unless the recording cannot be read at all."""
+def _work(paths: Sequence[Path], every: Sequence[NamedConfig], cache: ResultCache) -> Iterator[Job | Finished]:
+    """Yield what is to be replayed, and what the cache has already."""
+    for path in paths:
+        try:
+            keys = [cache.key(path, config.text) for config in every]
+        except OSError as error:
+            why = f"{path}: cannot be opened: {error.strerror}"
+            yield from (Finished(Job(path, config, ""), why) for config in every)
+            continue
+        for config, key in zip(every, keys, strict=True):
+            job = Job(path, config, key)
+            kept = cache.get(key)
+            yield job if kept is None else Finished(job, kept, kept=True)
+
+
+def _size(path: Path) -> int:
     try:
-        keys = [cache.key(one.path, config.text) for config in every]
-    except OSError as error:
-        one.runs = dict.fromkeys((config.name for config in every), f"{one.path}: cannot be opened: {error.strerror}")
-        return
-    for config, key in zip(every, keys, strict=True):
-        kept = cache.get(key)
-        if kept is None:
-            yield _Job(one, config, key)
-        else:
-            one.runs[config.name] = kept
-
-
-def _runs(jobs: list[_Job]) -> Iterator[tuple[_Job, ConfigRun | str]]:
-    """Replay; yield each run when it is done."""
-    sizes = {job.evaluation.path: job.evaluation.path.stat().st_size for job in jobs}
-    cores = min(len(os.sched_getaffinity(0)), len(jobs))
-    if cores < 2 or math.fsum(sizes[job.evaluation.path] for job in jobs) <= FEW_BYTES:
-        for job in jobs:
-            yield job, _run(job.evaluation.path, job.config)
-        return
-    silent_end = (signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the processes at once, without a traceback of each
-    pool = ProcessPoolExecutor(cores, multiprocessing.get_context("spawn"), signal.signal, silent_end)
-    try:
-        longest_first = sorted(jobs, key=lambda job: -sizes[job.evaluation.path])
-        running: dict[Future[ConfigRun | str], _Job] = {
-            pool.submit(_run, job.evaluation.path, job.config): job for job in longest_first
-        }
-        for future in as_completed(running):
-            job = running[future]
-            try:
-                yield job, future.result()
-            except BrokenProcessPool:
-                yield job, f"{job.evaluation.path}: the process that replayed it ended; is there enough memory?"
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _run(path: Path, config: NamedConfig) -> ConfigRun | str:
-    try:
-        return run_config(path, config.text, config.name)
-    except SlipdError as error:
-        return str(error)
+        return path.stat().st_size
+    except OSError:
+        return 0

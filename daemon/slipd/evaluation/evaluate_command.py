@@ -1,59 +1,122 @@
-"""The command ``slipd evaluate``: a table on the standard output, and a picture in a folder."""
+"""The command ``slipd evaluate``: a table and a picture for a person, or a Parquet file of many recordings."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from slipd import config
 from slipd.errors import SlipdError
 from slipd.evaluation.config_run import RECORDED
-from slipd.evaluation.evaluate import Evaluation, NamedConfig, evaluate, short_names
+from slipd.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
 from slipd.evaluation.evaluation_table import as_map, comparisons, table
+from slipd.evaluation.executors import Executor
+from slipd.evaluation.jobs import Finished, NamedConfig
 from slipd.evaluation.level_picture import picture
-from slipd.evaluation.result_cache import ResultCache, cache_folder
+from slipd.evaluation.result_cache import ResultCache
+from slipd.evaluation.run_table import write_table
 from slipd.progress import Progress
 
 PICTURE = "levels.svg"
 
+SHOWN_FAULTS = 20
+"""Most faults that are printed beside a Parquet file, which has all of them."""
 
-def evaluate_command(recordings: Sequence[Path], configs: Sequence[Path], out: Path | None, *, as_json: bool) -> bool:
-    """Evaluate, print the table and write the picture.
+
+class EvaluateCommand:
+    """Replays recordings with several configs.
 
     Args:
-        recordings: The recordings.
+        recordings: The recordings, each once.
         configs: Configs to replay them with, beside that of each recording.
-        out: Folder for the picture, made where it is missing; None: no picture.
-        as_json: Print one JSON list instead of the table.
-
-    Returns:
-        Whether every recording is complete and was replayed with every config.
+        cache: Results of earlier evaluations.
+        executor: Where the replays run; None: on all cores of this machine.
 
     Raises:
         ConfigError: A config cannot be read or has faults.
-        SlipdError: The picture cannot be written.
     """
-    named = _named(list(dict.fromkeys(configs)))
-    if out is not None:
-        _make(out)
-    progress = Progress(lambda done, of: f"{done} of {of} runs")
-    try:
-        found = evaluate(recordings, named, ResultCache(cache_folder()), progress.show)
-    finally:
-        progress.erase()
-    if as_json:
-        print(json.dumps(as_map(found), ensure_ascii=False, allow_nan=False))
-    else:
-        _print(found)
-    if out is not None:
-        _write(out / PICTURE, picture(found))
-        print(f"{out / PICTURE}: written", file=sys.stderr if as_json else sys.stdout)
-    faults = list(dict.fromkeys(fault for one in found for fault in one.faults))
+
+    def __init__(
+        self, recordings: Sequence[Path], configs: Sequence[Path], cache: ResultCache, executor: Executor | None = None
+    ) -> None:
+        self._recordings = recordings
+        self._configs = _named(list(dict.fromkeys(configs)))
+        self._cache = cache
+        self._executor = executor
+
+    def show(self, out: Path | None, *, as_json: bool) -> bool:
+        """Print the table, and write the picture.
+
+        Args:
+            out: Folder for the picture, made where it is missing; None: no picture.
+            as_json: Print one JSON list instead of the table.
+
+        Returns:
+            Whether every recording is complete and was replayed with every config.
+
+        Raises:
+            SlipdError: The picture cannot be written.
+        """
+        if out is not None:
+            _make(out)
+        with self._finished() as finished:
+            found = evaluations(finished, self._recordings, self._configs)
+        if as_json:
+            print(json.dumps(as_map(found), ensure_ascii=False, allow_nan=False))
+        else:
+            _print(found)
+        if out is not None:
+            _write(out / PICTURE, picture(found))
+            print(f"{out / PICTURE}: written", file=sys.stderr if as_json else sys.stdout)
+        return _told(dict.fromkeys(fault for one in found for fault in one.faults))
+
+    def write(self, path: Path) -> bool:
+        """Write a Parquet file with one row for each recording and config.
+
+        Returns:
+            Whether every recording is complete and was replayed with every config.
+
+        Raises:
+            SlipdError: pyarrow is not installed, or the file cannot be written.
+        """
+        with self._finished() as finished:
+            totals = write_table(path, finished, SHOWN_FAULTS)
+        print(
+            f"{path}: {totals.runs} runs of {len(self._recordings)} recordings, {totals.kept} of them known before, "
+            f"{totals.without_run} failed, {totals.warned} with an alarm; {totals.compute_s:.1f} s of computing"
+        )
+        return _told(totals.faults)
+
+    @contextmanager
+    def _finished(self) -> Iterator[Iterator[Finished]]:
+        """Give the finished runs, and show how far they are."""
+        of = len(self._recordings) * (1 + len(self._configs))
+        progress = Progress(lambda done, of: f"{done} of {of} runs")
+        progress.show(0, of)
+        runs = finished_runs(self._recordings, self._configs, self._cache, self._executor)
+        try:
+            yield _counted(runs, progress, of)
+        finally:
+            runs.close()
+            progress.erase()
+
+
+def _counted(runs: Iterable[Finished], progress: Progress, of: int) -> Iterator[Finished]:
+    for done, run in enumerate(runs, 1):
+        progress.show(done, of)
+        yield run
+
+
+def _told(faults: Iterable[str]) -> bool:
+    """Print faults; return whether there are none."""
+    none = True
     for fault in faults:
+        none = False
         print(f"slipd: {fault}", file=sys.stderr)
-    return not faults
+    return none
 
 
 def _named(paths: list[Path]) -> list[NamedConfig]:

@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 from slipd.evaluation.config_run import ConfigRun
-from slipd.fusion.compiled import source_stamp
+from slipd.evaluation.jobs import own_stamp
 
 MOST_RESULTS = 2000
 """Results that are kept, the newest; each has some kilobytes."""
@@ -30,10 +30,12 @@ class ResultCache:
 
     Args:
         folder: Where they are; created when needed.
+        pruned: Only the newest are kept. A folder that several machines fill at the same time keeps all.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, pruned: bool = True) -> None:
         self._folder = folder
+        self._pruned = pruned
 
     def key(self, recording: Path, config_text: str | None) -> str:
         """Return the key of a result; None is the recorded config.
@@ -41,7 +43,7 @@ class ResultCache:
         Raises:
             OSError: The recording cannot be read.
         """
-        digest = hashlib.sha256(source_stamp(Path(__file__).parents[1]).encode())
+        digest = hashlib.sha256(own_stamp().encode())
         with recording.open("rb") as file:
             digest.update(hashlib.file_digest(file, "sha256").digest())
         if config_text is not None:
@@ -49,12 +51,14 @@ class ResultCache:
         return digest.hexdigest()
 
     def get(self, key: str) -> ConfigRun | None:
-        """Return a result, or None if it is not there."""
+        """Return a result, or None if it is not there. Then it counts as new."""
+        path = self._folder / f"{key}.json"
         try:
-            found = json.loads((self._folder / f"{key}.json").read_text(encoding="utf-8"))
-            return ConfigRun.from_map(found)
+            run = ConfigRun.from_map(json.loads(path.read_text(encoding="utf-8")))
+            os.utime(path)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
+        return run
 
     def put(self, key: str, run: ConfigRun) -> None:
         """Keep a result."""
@@ -64,9 +68,12 @@ class ResultCache:
                 json.dump(run.as_map(), file)
             Path(file.name).replace(self._folder / f"{key}.json")
 
-    def prune(self) -> None:
-        """Remove the oldest results beyond `MOST_RESULTS`, and what an interrupted run left."""
+    def prune(self, needed: int = 0) -> None:
+        """Remove the oldest results beyond `MOST_RESULTS`, or beyond those needed, and what an interrupted run left."""
+        if not self._pruned:
+            return
+        most = max(MOST_RESULTS, needed)
         with contextlib.suppress(OSError):
             files = sorted(self._folder.glob("*.json"), key=lambda file: file.stat().st_mtime, reverse=True)
-            for file in [*files[MOST_RESULTS:], *self._folder.glob("*.part")]:
+            for file in [*files[most:], *self._folder.glob("*.part")]:
                 file.unlink(missing_ok=True)

@@ -1,8 +1,8 @@
-"""Recordings with several configs: cached, in processes, and one bad recording does not harm the others."""
+"""Recordings with several configs: cached, and one bad recording does not harm the others."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -10,7 +10,9 @@ from replays import RECORDINGS
 
 from slipd.evaluation import evaluate as module
 from slipd.evaluation.config_run import RECORDED, ConfigRun, run_config
-from slipd.evaluation.evaluate import NamedConfig, evaluate, short_names
+from slipd.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
+from slipd.evaluation.executors import Work
+from slipd.evaluation.jobs import Finished, NamedConfig
 from slipd.evaluation.result_cache import ResultCache
 
 Write = Callable[..., Path]
@@ -22,48 +24,67 @@ def cache(tmp_path: Path) -> ResultCache:
     return ResultCache(tmp_path / "results")
 
 
+def evaluate(paths: Sequence[Path], configs: Sequence[NamedConfig], cache: ResultCache) -> list[Evaluation]:
+    return evaluations(finished_runs(paths, configs, cache), paths, configs)
+
+
+def only_known(work: Work) -> Iterator[Finished]:
+    """An executor that has nothing to replay."""
+    for found in work:
+        assert isinstance(found, Finished)
+        yield found
+
+
 def test_every_recording_is_replayed_with_its_own_config_first(cache: ResultCache, config_file: Write) -> None:
     other = NamedConfig("a.toml", config_file("xela", "a.toml").read_text())
-    seen: list[tuple[int, int]] = []
-    found = evaluate([XELA, XELA], [other], cache, lambda done, of: seen.append((done, of)))
-    assert [one.name for one in found] == ["xela.mcap"]
-    assert list(found[0].runs) == [RECORDED, "a.toml"]
-    assert found[0].runs[RECORDED] == found[0].runs["a.toml"] == run_config(XELA, None, RECORDED)
-    assert (found[0].truth, found[0].faults) == (None, [])
-    assert seen == [(0, 2), (1, 2), (2, 2)]
+    (found,) = evaluate([XELA], [other], cache)
+    assert found.name == "xela.mcap"
+    assert list(found.runs) == [RECORDED, "a.toml"]
+    assert found.runs[RECORDED] == found.runs["a.toml"] == run_config(XELA, None, RECORDED)
+    assert (found.truth, found.faults) == (None, [])
 
 
-def test_a_second_evaluation_replays_nothing(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = evaluate([XELA], [], cache)
-
-    def replayed(*arguments: object) -> None:
-        raise AssertionError(arguments)
-
-    monkeypatch.setattr(module, "run_config", replayed)
-    assert evaluate([XELA], [], cache) == first
+def test_a_second_evaluation_replays_nothing(cache: ResultCache, config_file: Write) -> None:
+    other = NamedConfig("a.toml", config_file("xela", "a.toml").read_text())
+    first = {found.job.config.name: found.run for found in finished_runs([XELA], [other], cache)}
+    again = list(finished_runs([XELA], [other], cache, only_known))
+    assert {found.job.config.name: found.run for found in again} == first
+    assert [found.kept for found in again] == [True, True]
 
 
-def test_processes_give_the_same(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_evaluation_goes_on(cache: ResultCache) -> None:
+    runs = finished_runs([XELA, GAUGES], [], cache)
+    done = next(runs).job
+    runs.close()
+    assert [found.job for found in finished_runs([done.path], [], cache, only_known)] == [done]
+
+
+def test_the_longest_recording_comes_first(cache: ResultCache) -> None:
+    assert [found.job.path for found in finished_runs([XELA, GAUGES], [], cache)] == sorted(
+        [XELA, GAUGES], key=lambda path: -path.stat().st_size
+    )
+
+
+def test_long_recordings_are_replayed_in_processes(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "FEW_BYTES", 0)
     monkeypatch.setattr(module.os, "sched_getaffinity", lambda pid: {0, 1})
-    found = evaluate([XELA, GAUGES], [], cache)
-    assert [one.runs[RECORDED] for one in found] == [run_config(path, None, RECORDED) for path in (XELA, GAUGES)]
+    monkeypatch.setattr(module, "in_processes", lambda work: (Finished(job, "elsewhere") for job in work))
+    assert [found.run for found in finished_runs([XELA, GAUGES], [], cache)] == ["elsewhere", "elsewhere"]
 
 
 def test_a_bad_recording_does_not_lose_the_others(cache: ResultCache, tmp_path: Path) -> None:
     foreign, cut, gone = tmp_path / "foreign.mcap", tmp_path / "cut.mcap", tmp_path / "gone.mcap"
     foreign.write_bytes(b"no recording")
     cut.write_bytes(XELA.read_bytes()[:-2000])
-    found = evaluate([foreign, gone, tmp_path, cut, GAUGES], [], cache)
-    assert [one.faults for one in found[:3]] == [
+    found = evaluate([foreign, gone, cut, GAUGES], [], cache)
+    assert [one.faults for one in found[:2]] == [
         [f"{foreign}: not an MCAP file, and so not a recording of slipd"],
         [f"{gone}: cannot be opened: No such file or directory"],
-        [f"{tmp_path}: cannot be opened: Is a directory"],
     ]
+    assert isinstance(found[2].runs[RECORDED], ConfigRun)
+    assert len(found[2].faults) == 1
+    assert found[3].faults == []
     assert isinstance(found[3].runs[RECORDED], ConfigRun)
-    assert len(found[3].faults) == 1
-    assert found[4].faults == []
-    assert isinstance(found[4].runs[RECORDED], ConfigRun)
 
 
 def test_a_config_that_fits_one_recording_may_not_fit_another(cache: ResultCache, config_file: Write) -> None:

@@ -45,7 +45,7 @@ def test_a_key_changes_with_recording_config_and_code(
     keys = {cache.key(one, None), cache.key(other, None), cache.key(one, "mu = 1"), cache.key(one, "mu = 2")}
     assert len(keys) == 4
     assert cache.key(one, "mu = 1") in keys
-    monkeypatch.setattr(result_cache, "source_stamp", lambda folder: "newer")
+    monkeypatch.setattr(result_cache, "own_stamp", lambda: "newer")
     assert cache.key(one, None) not in keys
 
 
@@ -72,3 +72,22 @@ def test_the_oldest_results_make_room(cache: ResultCache, monkeypatch: pytest.Mo
     (cache_folder() / "left.part").write_text("of a run that was killed")
     cache.prune()
     assert sorted(path.name for path in cache_folder().iterdir()) == ["a.json", "b.json"]
+
+
+def test_results_that_are_needed_now_stay(cache: ResultCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(result_cache, "MOST_RESULTS", 1)
+    for age, name in enumerate("abc"):
+        cache.put(name, RUN)
+        os.utime(cache_folder() / f"{name}.json", (1000.0 - age, 1000.0 - age))
+    cache.get("c")
+    cache.prune(needed=2)
+    assert sorted(path.name for path in cache_folder().iterdir()) == ["a.json", "c.json"], "the oldest use goes first"
+
+
+def test_a_folder_of_its_own_keeps_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(result_cache, "MOST_RESULTS", 1)
+    kept = ResultCache(tmp_path / "results", pruned=False)
+    for name in "abc":
+        kept.put(name, RUN)
+    kept.prune()
+    assert len(list((tmp_path / "results").iterdir())) == 3
