@@ -42,6 +42,8 @@ def run(chosen: argparse.Namespace) -> None:
         from slipd_client.viewers import viewers_command
 
         viewers_command.run(chosen, _keys(chosen))
+    elif command == "ros2":
+        _ros2(chosen)
     elif command == "relay":
         from slipd_client.viewers.relay import relay
 
@@ -86,6 +88,16 @@ def _view(chosen: argparse.Namespace) -> None:
     guide = CommissionPage(chosen.config, [part for each in named.items() if each[1] is not None for part in each])
     options = {"keys": _keys(chosen), "buttons": chosen.buttons, "emulation": chosen.emulation, "commission": guide}
     asyncio.run(view(chosen.publish, chosen.requests, chosen.listen, **options))
+
+
+def _ros2(chosen: argparse.Namespace) -> None:
+    try:
+        from slipd_client.ros2 import ros2_command  # here: only this command needs the extra `ros2`
+    except ModuleNotFoundError as error:
+        raise CallError(
+            "slipctl ros2 needs the package cyclonedds: pip install cyclonedds (the extra ros2 of both wheels)"
+        ) from error
+    ros2_command.run(chosen, _keys(chosen))
 
 
 def _commission(chosen: argparse.Namespace) -> None:

@@ -16,6 +16,7 @@ from slipd_client.messages.schema.fields import Field
 from slipd_client.messages.schema.kinds import FLAG, NUMBER
 from slipd_client.messages.schema.ops import OPS
 from slipd_client.paths import publish_endpoint, requests_endpoint
+from slipd_client.ros2.ros2_arguments import add_ros2
 from slipd_client.viewers.viewers_arguments import add_viewers
 
 Add = Callable[[str, str], argparse.ArgumentParser]
@@ -69,6 +70,7 @@ def parser() -> argparse.ArgumentParser:
         help="the folder of a running slipd emulate: its pads can be pressed with the mouse",
     )
     add_viewers(add)
+    add_ros2(add)
     status = add("status", "show what needs a repair, and the state of the daemon and its streams")
     status.add_argument("--json", action="store_true", help="print the whole reply, and the repairs")
     diagnose = add("diagnose", "collect status, messages, log and recordings in one file for those who help")

@@ -25,12 +25,11 @@ from slipd_client.ros.pad_frames import PadFrames
 from slipd_client.ros.ros_types import schema_text
 from slipd_client.ros.slipd_types import CONVERTERS, NAMES, PACKAGE, SLIPD_TYPES, time_of
 from slipd_client.ros.stock_types import STOCK_TYPES
+from slipd_client.ros.topic_names import DIAGNOSTICS_TOPIC, NAMESPACE, TRANSFORMS_TOPIC
 
 TYPES = STOCK_TYPES | SLIPD_TYPES
 """Every type in use by its name, "package/Name"."""
 
-NAMESPACE = "/slipd"
-DIAGNOSTICS_TOPIC, TRANSFORMS_TOPIC = "/diagnostics", "/tf"
 IMAGE_ENCODING = "32FC1"
 """One float for each taxel."""
 

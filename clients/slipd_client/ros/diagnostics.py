@@ -21,7 +21,7 @@ def diagnostics(header: Mapping[str, Any], body: Mapping[str, Any]) -> dict[str,
 
 def stale_diagnostics(last: Mapping[str, Any], header: Mapping[str, Any], why: str) -> dict[str, Any]:
     """Return a ``DiagnosticArray`` in which every entry of an earlier one is stale, because of ``why``."""
-    entries = [{**entry, "level": int(Health.STALE), "message": why} for entry in last["status"]]
+    entries = [{**each, "level": int(Health.STALE), "message": why} for each in last["status"]]
     return {"header": header, "status": entries}
 
 
@@ -33,7 +33,7 @@ def _entries(body: Mapping[str, Any]) -> Iterator[Entry]:
         yield _gripper(body["gripper"])
     for stream, state in body.get("streams", {}).items():
         values = {key: value for key, value in state.items() if key not in _IN_STATUS}
-        yield _entry(stream, state["health"], state.get("message") or "", state.get("hardware_id") or "", values)
+        yield entry(stream, state["health"], state.get("message") or "", state.get("hardware_id") or "", values)
 
 
 def _daemon(body: Mapping[str, Any]) -> Entry:
@@ -41,14 +41,14 @@ def _daemon(body: Mapping[str, Any]) -> Entry:
     failed = [name for name in ("recording", "run_recording") if (body.get(name) or {}).get("state") == "failed"]
     faults = [f"stalled for {late_s:.3f} s"] * (late_s > 0.0) + [f"{name} failed" for name in failed]
     values = {key: body.get(key) for key in ("version", "uptime_s", "late_s", "object_name", "lease", "publisher")}
-    return _entry("daemon", Health.WARN if faults else Health.OK, "; ".join(faults), "", values)
+    return entry("daemon", Health.WARN if faults else Health.OK, "; ".join(faults), "", values)
 
 
 def _finger(finger: str, state: Mapping[str, Any]) -> Entry:
     """Return a finger: a verdict that is unknown is a warning, every other is in order; it is no fault to slip."""
     level = Health.WARN if state["level"] == "unknown" else Health.OK
     message = " ".join(filter(None, (state["level"], ", ".join(state.get("reasons") or ()))))
-    return _entry(f"finger {finger}", level, message, "", state)
+    return entry(f"finger {finger}", level, message, "", state)
 
 
 def _gripper(state: Mapping[str, Any]) -> Entry:
@@ -58,10 +58,11 @@ def _gripper(state: Mapping[str, Any]) -> Entry:
         level, message = Health.ERROR, fault
     else:
         level, message = Health.OK, ""
-    return _entry("gripper", level, message, "", state)
+    return entry("gripper", level, message, "", state)
 
 
-def _entry(name: str, level: Health, message: str, hardware_id: str, values: Mapping[str, Any]) -> Entry:
+def entry(name: str, level: Health, message: str, hardware_id: str, values: Mapping[str, Any]) -> Entry:
+    """Return a ``DiagnosticStatus``; without a message it is the name of the level."""
     return {
         "level": int(level),
         "name": f"slipd: {name}",

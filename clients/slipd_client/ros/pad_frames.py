@@ -27,6 +27,11 @@ class PadFrames:
             for finger, pad in pads.items()
         }
 
+    @property
+    def orientations(self) -> dict[str, tuple[float, ...]]:
+        """Orientation of each pad in the gripper's frame, unit quaternion x, y, z, w."""
+        return {finger: quaternion for finger, (_, quaternion) in self._pads.items()}
+
     def transforms(self, header: Mapping[str, Any], width_m: float | None) -> list[dict[str, Any]]:
         """Return a ``geometry_msgs/TransformStamped`` for each pad whose position at this width is known."""
         found = []

@@ -113,12 +113,12 @@ def schema_text(name: str, types: Mapping[str, RosType]) -> str:
         name: "package/Name".
         types: Every type by its name.
     """
-    first, *others = _with_parts(name, types)
+    first, *others = with_parts(name, types)
     parts = [f"{_SEPARATOR}\nMSG: {each}\n{types[each].text()}" for each in others]
     return types[first].text() + "".join(parts)
 
 
-def _with_parts(name: str, types: Mapping[str, RosType]) -> list[str]:
+def with_parts(name: str, types: Mapping[str, RosType]) -> list[str]:
     """Return a type and the types within it, each once, in the order of their first use."""
     return list(dict.fromkeys(_walk(name, types)))
 

@@ -62,6 +62,15 @@ _TEXTS = {
         uint32 step
         uint8[] data
     """,
+    "sensor_msgs/Imu": """
+        std_msgs/Header header
+        geometry_msgs/Quaternion orientation
+        float64[9] orientation_covariance
+        geometry_msgs/Vector3 angular_velocity
+        float64[9] angular_velocity_covariance
+        geometry_msgs/Vector3 linear_acceleration
+        float64[9] linear_acceleration_covariance
+    """,
     "diagnostic_msgs/KeyValue": """
         string key
         string value

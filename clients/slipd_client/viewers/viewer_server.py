@@ -12,10 +12,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from slipd_client.errors import CallError
-from slipd_client.ros.conversion import DIAGNOSTICS_TOPIC, TYPES, RosMessage, encode, ros_messages, schema
+from slipd_client.ros.conversion import TYPES, RosMessage, encode, ros_messages, schema
 from slipd_client.ros.diagnostics import stale_diagnostics
 from slipd_client.ros.pad_frames import PadFrames
 from slipd_client.ros.slipd_types import time_of
+from slipd_client.ros.topic_names import DIAGNOSTICS_TOPIC
 
 NAME = "slipd"
 _SILENCE = "silence"

@@ -30,7 +30,7 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
     [
         (
             [],
-            "slipctl: error: COMMAND must be one of watch, view, viewers, relay, status, diagnose, grip, tare, "
+            "slipctl: error: COMMAND must be one of watch, view, viewers, relay, ros2, status, diagnose, grip, tare, "
             "friction, gravity, commission, object, record, keys\n",
         ),
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),

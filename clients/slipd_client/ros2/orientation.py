@@ -1,0 +1,173 @@
+"""The arm's orientation from ROS messages, as gravity in the frames of the pads. Pure: no ROS, no DDS, no clock.
+
+Messages are objects with the attributes of their ROS types, of whichever library. A quaternion x, y, z, w is the
+orientation of a frame in another one: it takes coordinates of the first to the second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from slipd_client.gravity_feed import UNIT_TOLERANCE, gravity_of
+
+STALE_S = 0.3
+"""Age at which an orientation is no longer used, s: three periods of a publisher at 10 Hz."""
+
+Quaternion = tuple[float, float, float, float]
+IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+class OrientationUnknown(Exception):  # noqa: N818 - it is a state, not a fault
+    """The orientation is not known; the text says why."""
+
+
+class _Link(NamedTuple):
+    parent: str
+    rotation: Quaternion
+    stamp: tuple[int, int]
+    since_s: float
+
+
+class TransformTree:
+    """The frames of ``/tf`` and ``/tf_static``, as far as rotations go."""
+
+    def __init__(self) -> None:
+        self._links: dict[str, _Link] = {}
+
+    def add(self, transform: Any, now_s: float, *, static: bool) -> None:
+        """Note a ``geometry_msgs/TransformStamped``.
+
+        A transform that is sent again with the same stamp is no newer for that.
+
+        Args:
+            transform: The message.
+            now_s: Time of its arrival, s of any clock.
+            static: It is of ``/tf_static``, and never stale.
+
+        Raises:
+            OrientationUnknown: Its rotation is no unit quaternion; the transform before it stays.
+        """
+        child, parent = transform.child_frame_id, transform.header.frame_id
+        rotation = unit(transform.transform.rotation, f"the transform from {parent!r} to {child!r}")
+        stamp = (transform.header.stamp.sec, transform.header.stamp.nanosec)
+        before = self._links.get(child)
+        if static:
+            self._links[child] = _Link(parent, rotation, stamp, math.inf)
+        elif before is None or before.parent != parent or before.stamp != stamp:
+            self._links[child] = _Link(parent, rotation, stamp, now_s)
+
+    def orientation(self, base: str, frame: str, now_s: float) -> Quaternion:
+        """Return the orientation of a frame in ``base``, which is above it in the tree.
+
+        Raises:
+            OrientationUnknown: No transforms lead from one to the other, or one of them is stale.
+        """
+        rotation, at = IDENTITY, frame
+        for _ in range(len(self._links) + 1):
+            if at == base:
+                return rotation
+            link = self._links.get(at)
+            if link is None:
+                raise OrientationUnknown(
+                    f"no transforms lead from {frame!r} up to {base!r}: "
+                    + (f"the topmost frame is {at!r}" if at != frame else f"none has the child {frame!r}")
+                )
+            if now_s - link.since_s > STALE_S:
+                raise OrientationUnknown(
+                    f"the transform from {link.parent!r} to {at!r} is older than {STALE_S:g} s, "
+                    "or repeats with the same stamp"
+                )
+            rotation, at = product(link.rotation, rotation), link.parent
+        raise OrientationUnknown(f"the transforms from {frame!r} upwards form a ring")
+
+
+class ImuOrientation:
+    """The orientation of the gripper's frame by a ``sensor_msgs/Imu``.
+
+    Args:
+        topic: Its topic, for error texts.
+        mount: Orientation of the IMU in the gripper's frame.
+    """
+
+    def __init__(self, topic: str, mount: Quaternion = IDENTITY) -> None:
+        self._topic = topic
+        self._mount = mount
+        self._gripper = IDENTITY
+        self._stamp: tuple[int, int] | None = None
+        self._since_s = -math.inf
+
+    def add(self, imu: Any, now_s: float) -> None:
+        """Note a message.
+
+        Args:
+            imu: The message: the orientation of the IMU in a frame whose Z points up (REP 145).
+            now_s: Time of its arrival, s of any clock.
+
+        Raises:
+            OrientationUnknown: It has no orientation, or one that is no unit quaternion.
+        """
+        if imu.orientation_covariance[0] == -1.0:
+            raise OrientationUnknown(
+                f"{self._topic} has no orientation (orientation_covariance[0] is -1): use the topic of a filter that "
+                "estimates it"
+            )
+        orientation = unit(imu.orientation, f"the orientation of {self._topic}")
+        stamp = (imu.header.stamp.sec, imu.header.stamp.nanosec)
+        if stamp != self._stamp:
+            self._stamp, self._since_s = stamp, now_s
+            self._gripper = product(orientation, conjugate(self._mount))
+
+    def orientation(self, now_s: float) -> Quaternion:
+        """Return the orientation of the gripper's frame in one whose Z points up.
+
+        Raises:
+            OrientationUnknown: There is none, or it is stale.
+        """
+        if self._stamp is None:
+            raise OrientationUnknown(f"no message has come on {self._topic}")
+        if now_s - self._since_s > STALE_S:
+            raise OrientationUnknown(f"{self._topic} is silent for more than {STALE_S:g} s, or repeats one stamp")
+        return self._gripper
+
+
+def pad_gravities(gripper: Quaternion, pads: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
+    """Return gravity in the frame of each pad, m/s².
+
+    Args:
+        gripper: Orientation of the gripper's frame in a frame whose Z points up.
+        pads: Orientation of each pad in the gripper's frame, unit quaternion.
+    """
+    return {finger: gravity_of(product(gripper, pad)) for finger, pad in pads.items()}
+
+
+def unit(rotation: Any, what: str) -> Quaternion:
+    """Return a ``geometry_msgs/Quaternion`` with length 1.
+
+    Raises:
+        OrientationUnknown: Its length is not near 1; the text begins with ``what``.
+    """
+    numbers = (rotation.x, rotation.y, rotation.z, rotation.w)
+    length = math.hypot(*numbers)
+    if not abs(length - 1.0) <= UNIT_TOLERANCE:
+        raise OrientationUnknown(f"{what} must be a unit quaternion, got one of length {length:.4g}")
+    x, y, z, w = (number / length for number in numbers)
+    return x, y, z, w
+
+
+def product(one: Sequence[float], other: Sequence[float]) -> Quaternion:
+    """Return the rotation that first does ``other``, then ``one``."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = one, other
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def conjugate(rotation: Quaternion) -> Quaternion:
+    """Return the inverse of a rotation."""
+    x, y, z, w = rotation
+    return -x, -y, -z, w

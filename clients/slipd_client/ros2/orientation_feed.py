@@ -1,0 +1,170 @@
+"""Sends the daemon the arm's orientation that ROS nodes publish: ``gravity.set`` at 10 Hz for each finger."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from slipd_client.errors import ClientError
+from slipd_client.gravity_feed import OBSTACLE_S, PERIOD_S
+from slipd_client.grip import GripClient
+from slipd_client.messages.names import Health
+from slipd_client.ros.conversion import TYPES
+from slipd_client.ros.diagnostics import Entry, entry
+from slipd_client.ros.type_hash import type_hash
+from slipd_client.ros2.dds_types import dds_topic_name, decoded_type
+from slipd_client.ros2.orientation import (
+    ImuOrientation,
+    OrientationUnknown,
+    Quaternion,
+    TransformTree,
+    pad_gravities,
+)
+
+DEPTH = 100
+"""Messages that may wait until they are looked at."""
+
+
+class OrientationSource(Protocol):
+    """Where the orientation comes from."""
+
+    def orientation(self, now_s: float) -> Quaternion:
+        """Return the orientation of the gripper's frame in a frame whose Z points up.
+
+        Raises:
+            OrientationUnknown: It is not known.
+        """
+
+
+class TransformSource:
+    """The orientation by ``/tf`` and ``/tf_static``.
+
+    Args:
+        participant: Of the domain.
+        topic: Topic of the transforms; that of the static ones has ``_static`` appended.
+        base: Frame whose Z points up.
+        hand: Frame of the robot that is the gripper's frame.
+    """
+
+    def __init__(self, participant: DomainParticipant, topic: str, base: str, hand: str) -> None:
+        self._base, self._hand = base, hand
+        self._tree = TransformTree()
+        static = f"{topic}_static"
+        self._readers = (
+            (_reader(participant, static, "tf2_msgs/TFMessage", latched=True), True),
+            (_reader(participant, topic, "tf2_msgs/TFMessage"), False),
+        )
+
+    def orientation(self, now_s: float) -> Quaternion:
+        """Return it, by the transforms that have arrived."""
+        refused: OrientationUnknown | None = None
+        for reader, static in self._readers:
+            for message in reader.take(DEPTH):
+                for transform in message.transforms:
+                    try:
+                        self._tree.add(transform, now_s, static=static)
+                    except OrientationUnknown as error:
+                        refused = error
+        try:
+            return self._tree.orientation(self._base, self._hand, now_s)
+        except OrientationUnknown as error:
+            raise refused or error from None
+
+
+class ImuSource:
+    """The orientation by an IMU on the gripper.
+
+    Args:
+        participant: Of the domain.
+        topic: Topic of the IMU.
+        mount: Orientation of the IMU in the gripper's frame.
+    """
+
+    def __init__(self, participant: DomainParticipant, topic: str, mount: Quaternion) -> None:
+        self._imu = ImuOrientation(topic, mount)
+        self._reader = _reader(participant, topic, "sensor_msgs/Imu")
+
+    def orientation(self, now_s: float) -> Quaternion:
+        """Return it, by the last message that has arrived."""
+        for message in self._reader.take(DEPTH)[-1:]:
+            self._imu.add(message, now_s)
+        return self._imu.orientation(now_s)
+
+
+class OrientationFeed(threading.Thread):
+    """Sends the orientation while it is known; the daemon forgets it 0.25 s after the last one.
+
+    Args:
+        client: Sends the requests, from this thread alone.
+        source: Where the orientation comes from.
+        pads: Orientation of each pad in the gripper's frame.
+    """
+
+    def __init__(self, client: GripClient, source: OrientationSource, pads: Mapping[str, Sequence[float]]) -> None:
+        super().__init__(name="orientation", daemon=True)
+        self._client, self._source, self._pads = client, source, pads
+        self._ended = threading.Event()
+        self._state = (Health.STALE, "no orientation yet")
+        self._well_s = time.monotonic()
+        self._told = ""
+
+    @property
+    def entry(self) -> Entry:
+        """How it goes, as an entry of ``/diagnostics``."""
+        level, why = self._state
+        return entry("orientation from ROS", level, why, "", {})
+
+    def run(self) -> None:
+        """Send until `stop`."""
+        while not self._ended.wait(PERIOD_S):
+            self._state = self._send()
+            self._tell(*self._state)
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self.join()
+
+    def _send(self) -> tuple[Health, str]:
+        try:
+            gripper = self._source.orientation(time.monotonic())
+        except OrientationUnknown as error:
+            return Health.STALE, str(error)
+        refused: ClientError | None = None
+        for finger, gravity_mps2 in pad_gravities(gripper, self._pads).items():
+            try:
+                self._client.gravity_set(finger, gravity_mps2)
+            except ClientError as error:
+                refused = error
+        return (Health.OK, "") if refused is None else (Health.ERROR, str(refused))
+
+    def _tell(self, level: Health, why: str) -> None:
+        """Tell the person about a state that lasts."""
+        now_s = time.monotonic()
+        if level is Health.OK:
+            self._well_s = now_s
+            if self._told:
+                print("slipctl: the orientation is sent again", file=sys.stderr, flush=True)
+            self._told = ""
+        elif why != self._told and now_s - self._well_s > OBSTACLE_S:
+            print(f"slipctl: no orientation is sent: {why}", file=sys.stderr, flush=True)
+            self._told = why
+
+
+def _reader(participant: DomainParticipant, topic: str, kind: str, *, latched: bool = False) -> DataReader[Any]:
+    latching = (Policy.Reliability.Reliable(max_blocking_time=0), Policy.Durability.TransientLocal)
+    qos = Qos(
+        *(latching if latched else (Policy.Reliability.BestEffort, Policy.Durability.Volatile)),
+        Policy.History.KeepLast(DEPTH),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.Userdata(f"typehash={type_hash(kind, TYPES)};".encode()),
+    )
+    return DataReader(participant, Topic(participant, dds_topic_name(topic), decoded_type(kind)), qos)

@@ -1,0 +1,125 @@
+"""``slipctl ros2``: the daemon's messages as ROS 2 topics, and the arm's orientation for it, until interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import os
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from cyclonedds.core import DDSException
+from cyclonedds.domain import Domain, DomainParticipant
+
+from slipd_client.errors import CallError, hint_for
+from slipd_client.gravity_feed import UNIT_TOLERANCE
+from slipd_client.grip import GripClient
+from slipd_client.message_tracker import SILENCE_S
+from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros.pad_frames import PARENT
+from slipd_client.ros2.orientation import IDENTITY
+from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed, OrientationSource, TransformSource
+from slipd_client.ros2.ros_environment import RosEnvironment, ros_environment
+from slipd_client.ros2.ros_forwarder import RosForwarder, hand_transform
+from slipd_client.ros2.ros_publisher import RosPublisher
+from slipd_client.subscriber import Subscriber
+from slipd_client.viewers.viewers_command import pads_of
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
+
+LATCHED_WARNINGS = 10
+"""So many of the last warnings a subscriber gets when it comes."""
+
+
+def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Carry out the command.
+
+    Raises:
+        CallError: An argument or an environment variable is wrong, a file cannot be read, or DDS cannot start.
+    """
+    _check(chosen)
+    environment = ros_environment(os.environ, chosen.domain)
+    pads = None if chosen.config is None else pads_of(chosen.config)
+    with contextlib.ExitStack() as stack:
+        subscriber = stack.enter_context(Subscriber(chosen.publish, ("",), keys=keys, silence_s=None))
+        participant = stack.enter_context(_joined(environment))
+        feed = None
+        if pads is not None and (chosen.imu or chosen.orientation_from):
+            client = stack.enter_context(GripClient(chosen.requests, keys=keys))
+            feed = OrientationFeed(client, _source(participant, chosen), pads.orientations)
+            feed.start()
+            stack.callback(feed.stop)
+        static_transforms = f"{chosen.tf_topic}_static"
+        publisher = RosPublisher(participant, {static_transforms: 1, f"{chosen.prefix}/warning": LATCHED_WARNINGS})
+        forwarder = RosForwarder(
+            publisher.publish,
+            prefix=chosen.prefix,
+            transforms_topic=chosen.tf_topic,
+            pads=pads,
+            wrench_rate_hz=chosen.wrench_rate,
+            own_entry=lambda: None if feed is None else feed.entry,
+        )
+        if chosen.hand not in (None, PARENT):
+            publisher.publish(RosMessage(static_transforms, "tf2_msgs/TFMessage", hand_transform(chosen.hand)))
+        print(f"ros2: domain {environment.domain}, topics {chosen.prefix}/…", flush=True)
+        if environment.warning:
+            print(f"slipctl: {environment.warning}", file=sys.stderr, flush=True)
+        _serve(subscriber, forwarder)
+
+
+def _serve(subscriber: Subscriber, forwarder: RosForwarder) -> None:
+    silent = False
+    while True:
+        message = subscriber.receive(SILENCE_S)
+        if message is not None:
+            silent = False
+            forwarder.forward(message.topic, message.raw)
+            continue
+        why = f"no message from {subscriber.endpoint} for {SILENCE_S:g} s. {hint_for(subscriber.endpoint)}"
+        if not silent:
+            print(f"slipctl: {why}", file=sys.stderr, flush=True)
+        silent = True
+        forwarder.silent(why)
+
+
+def _check(chosen: argparse.Namespace) -> None:
+    """Check that the arguments go together.
+
+    Raises:
+        CallError: They do not.
+    """
+    if chosen.orientation_from is not None and None in (chosen.hand, chosen.config):
+        raise CallError(
+            "--orientation-from needs --hand FRAME, whose orientation is sent, and --config FILE, which has the "
+            "orientation of the pads in it"
+        )
+    if chosen.imu is not None and chosen.config is None:
+        raise CallError("--imu needs --config FILE, which has the orientation of the pads in the gripper's frame")
+    if chosen.imu_mount is not None:
+        if chosen.imu is None:
+            raise CallError("--imu-mount belongs to --imu")
+        if abs((length := math.hypot(*chosen.imu_mount)) - 1.0) > UNIT_TOLERANCE:
+            raise CallError(f"--imu-mount must be a unit quaternion x y z w, got one of length {length:.4g}")
+
+
+@contextlib.contextmanager
+def _joined(environment: RosEnvironment) -> Iterator[DomainParticipant]:
+    """Join the domain while the block runs."""
+    try:
+        domain = Domain(environment.domain, environment.configuration) if environment.configuration else None
+        participant = DomainParticipant(environment.domain)
+    except DDSException as error:
+        raise CallError(
+            f"DDS cannot start in domain {environment.domain}: {error}; check CYCLONEDDS_URI and the network"
+        ) from error
+    yield participant
+    del participant, domain  # the participant first: Cyclone DDS ends a domain with all that is in it
+
+
+def _source(participant: DomainParticipant, chosen: argparse.Namespace) -> OrientationSource:
+    if chosen.imu:
+        return ImuSource(participant, chosen.imu, tuple(chosen.imu_mount or IDENTITY))
+    return TransformSource(participant, chosen.tf_topic, chosen.orientation_from, chosen.hand)
