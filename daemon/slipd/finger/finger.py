@@ -17,7 +17,7 @@ from slipd.finger.friction import Friction
 from slipd.finger.image_channel import ImageChannel
 from slipd.finger.stream_health import Condition, force_conditions, image_conditions
 from slipd.finger.trust import RaiseTrust, is_trusted
-from slipd.finger.verdict import PAD_PULLED, STREAM_STALE
+from slipd.finger.verdict import PAD_PULLED
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.finger.verdict_path import VerdictPath
 from slipd.friction.friction_state import FrictionState
@@ -124,12 +124,12 @@ class Finger:
             The new state; None where nothing changed.
         """
         self._path.tares.check_silence(t_ns, unread_ns)
-        state, image = self.state, self.image
-        if state.verdict is STREAM_STALE:
+        newest, image = self._path.newest, self.image
+        if newest.is_stale:
             return None
         if self._freshness.is_stale(t_ns, unread_ns):
             return self._path.lose_force(t_ns)
-        rests_on_image = state.load_distribution is not None and state.verdict.level in LEVELS_BY_IMAGE
+        rests_on_image = newest.load_distribution is not None and newest.level in LEVELS_BY_IMAGE
         if rests_on_image and image is not None and not image.is_fresh(t_ns, unread_ns):
             return self._path.lose_image()
         return None
@@ -167,6 +167,11 @@ class Finger:
         return self._path.state
 
     @property
+    def level(self) -> str:
+        """Level after the newest force reading, without the work of a whole state."""
+        return self._path.newest.level
+
+    @property
     def main_stream(self) -> str:
         """The stream that measures the force: "wrench" or "pad"."""
         return "pad" if self.force is None else "wrench"
@@ -182,7 +187,7 @@ class Finger:
     def is_fresh(self, stream: str, t_ns: int) -> bool:
         """Return whether readings of the stream "wrench" or "pad" came lately."""
         if stream == "wrench" or self.force is None:
-            return self.state.verdict is not STREAM_STALE
+            return not self._path.newest.is_stale
         return self.image is not None and self.image.is_fresh(t_ns, None)
 
     def conditions(self, stream: str, t_ns: int) -> list[Condition]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from slipd.finger.load_distribution import LoadDistribution
-from slipd.finger.verdict import Verdict
+from slipd.finger.verdict import STREAM_STALE, Verdict
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Contact, Utilisation
 from slipd.fusion.levels import Assessment
@@ -60,6 +60,21 @@ class FingerState:
     status: tuple[str, ...] = ()
     age_s: float | None = None
     friction: FrictionState | None = None
+
+    @property
+    def level(self) -> str:
+        """Name of the level."""
+        return self.verdict.level
+
+    @property
+    def is_stale(self) -> bool:
+        """Nothing is known: the reading is too old, or the stream ended."""
+        return self.verdict is STREAM_STALE
+
+    @property
+    def normal_n(self) -> float | None:
+        """Normal force by the force sensor, N; None where it is not known, or clearly negative."""
+        return None if self.contact is None else self.contact.normal_n
 
     @property
     def evidence(self) -> tuple[str, ...]:

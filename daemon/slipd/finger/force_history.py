@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from slipd.finger.finger_state import FingerState
 from slipd.finger.force_summary import NO_SUMMARY, ForceSummary
-from slipd.finger.verdict import PAD_FREE, STREAM_STALE
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion.rows import FREE, TOUCHING
 from slipd.fusion.streaming import wrench_at
@@ -46,19 +44,19 @@ class ForceHistory:
             if normal_n > self._high_n:
                 self._high_n = normal_n
 
-    def take_summary(self, state: FingerState, *, agrees: bool) -> ForceSummary:
+    def take_summary(self, normal_n: float | None, *, free: bool, agrees: bool) -> ForceSummary:
         """Return what the force sensor measured since the image before, and begin the next interval.
 
         Args:
-            state: After the newest force reading.
+            normal_n: Normal force now, N; None: it is not known.
+            free: Nothing touches the pad by it.
             agrees: Force and images did not contradict each other so far.
         """
-        contact = state.contact
-        if contact is None or state.verdict is STREAM_STALE:
+        if normal_n is None:
             return NO_SUMMARY
         moving = self._high_n - self._low_n > self._moving_n
-        self._low_n = self._high_n = contact.normal_n
-        return ForceSummary(state.verdict is PAD_FREE, contact.normal_n, moving, agrees)
+        self._low_n = self._high_n = normal_n
+        return ForceSummary(free, normal_n, moving, agrees)
 
     def mean_wrench(self, since_ns: int, until_ns: int) -> tuple[float, ...]:
         """Return the mean wrench of the kept readings between two times.

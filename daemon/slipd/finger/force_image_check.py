@@ -6,7 +6,6 @@ import math
 
 from slipd.config import Finger as FingerConfig
 from slipd.config import Pad
-from slipd.finger.finger_state import FingerState
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.force_history import ForceHistory
 from slipd.finger.force_summary import ForceSummary
@@ -51,20 +50,20 @@ class ForceImageCheck:
         """Return the mean wrench between two times; see `ForceHistory.mean_wrench`."""
         return self._history.mean_wrench(since_ns, until_ns)
 
-    def take_summary(self, state: FingerState) -> ForceSummary:
-        """Return what the force sensor measured since the image before; ``state`` is that of the newest reading."""
-        return self._history.take_summary(state, agrees=not self.disagreement)
+    def take_summary(self, normal_n: float | None, *, free: bool) -> ForceSummary:
+        """Return what the force sensor measured since the image before; see `ForceHistory.take_summary`."""
+        return self._history.take_summary(normal_n, free=free, agrees=not self.disagreement)
 
-    def update_image(self, t_ns: int, state: FingerState, least_normal_n: float) -> None:
+    def update_image(self, t_ns: int, least_normal_n: float, *, known: bool) -> None:
         """Compare the newest image with the force at its time.
 
         Args:
             t_ns: When the image was acquired.
-            state: After the newest force reading.
             least_normal_n: Least normal force that counts as contact, N.
+            known: The newest force is known.
         """
         image = self._image
-        if state.contact is None or not image.is_independent:
+        if not (known and image.is_independent):
             self.reset()
             return
         if t_ns - self._compared_ns < COMPARE_NS:

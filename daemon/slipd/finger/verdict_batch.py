@@ -22,7 +22,7 @@ from slipd.finger.verdict import (
 )
 from slipd.friction.friction_state import FrictionState
 from slipd.fusion import Utilisation
-from slipd.fusion.rows import FREE, LATE, PULLED, UNKNOWN, UNTRUSTED
+from slipd.fusion.rows import FREE, LATE, PULLED, TOUCHING, UNKNOWN, UNTRUSTED
 from slipd.fusion.streaming import Reading, contact_at, reading_at, wrench_at
 from slipd_client.messages import LEVELS
 
@@ -67,6 +67,23 @@ class VerdictBatch:
         if state is None:
             state = self._states[k] = self._make_state(k)
         return state
+
+    @property
+    def level(self) -> str:
+        """Level after the newest reading; like the next two, without the work of a whole state."""
+        return LEVELS[self.levels[-1]]
+
+    @property
+    def is_stale(self) -> bool:
+        """The newest reading is too old."""
+        return self.phases[-1] == LATE
+
+    @property
+    def normal_n(self) -> float | None:
+        """Normal force of the newest reading, N; None where it is not known, or clearly negative."""
+        if self.phases[-1] not in (FREE, TOUCHING):
+            return None
+        return float(self.readings.rows["contact"]["normal_n"][-1])
 
     def force_reading(self, k: int) -> ForceReading:
         """Return the force of reading k, without the work of a whole state."""

@@ -29,7 +29,7 @@ from slipd.finger.negative_force import NegativeForceDetector
 from slipd.finger.tare_guard import TareGuard
 from slipd.finger.three_axis import wrench_by_taxels
 from slipd.finger.trust import is_trusted
-from slipd.finger.verdict import ROTATION_UNOBSERVED, STREAM_STALE, Verdict
+from slipd.finger.verdict import PAD_FREE, ROTATION_UNOBSERVED, STREAM_STALE, Verdict
 from slipd.finger.verdict_batch import VerdictBatch
 from slipd.fusion.rows import LATE
 from slipd.motion.evidence import evidence_mask
@@ -49,6 +49,7 @@ class VerdictPath:
         freshness: Of the force readings.
 
     Attributes:
+        newest: The newest verdicts; their end is that on the newest force reading.
         estimator: The contact, read by read.
         presence: Whether something presses on the pad.
         negative_force: Limit of a negative normal force.
@@ -66,7 +67,7 @@ class VerdictPath:
         freshness: Freshness,
     ) -> None:
         self._force, self._image, self._freshness = force, image, freshness
-        self._newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
+        self.newest: FingerState | VerdictBatch = FingerState(0, STREAM_STALE)
         self._check: ForceImageCheck | None = None
         if config.pad is not None and force is not None and image is not None:
             self._check = ForceImageCheck(config, config.pad, force, image)
@@ -80,7 +81,7 @@ class VerdictPath:
     @property
     def state(self) -> FingerState:
         """State after the newest force reading."""
-        newest = self._newest
+        newest = self.newest
         return newest if isinstance(newest, FingerState) else newest[-1]
 
     def decide(
@@ -110,11 +111,13 @@ class VerdictPath:
         self, image: ImageChannel, sample: TactileSample, acquired_ns: int | None, arrival: Arrival
     ) -> VerdictBatch | None:
         """Update with an image; return the verdict where its three-axis taxels are what measures the force."""
-        check, t_ns = self._check, sample.t_ns if acquired_ns is None else acquired_ns
+        check, t_ns, newest = self._check, sample.t_ns if acquired_ns is None else acquired_ns, self.newest
         before_ns = t_ns if image.t_ns is None else image.t_ns
-        image.update(sample, t_ns, NO_SUMMARY if check is None else check.take_summary(self.state), arrival)
+        normal_n = newest.normal_n
+        summary = NO_SUMMARY if check is None else check.take_summary(normal_n, free=newest.level == PAD_FREE.level)
+        image.update(sample, t_ns, summary, arrival)
         if check is not None:
-            check.update_image(t_ns, self.state, self.estimator.least_normal_n)
+            check.update_image(t_ns, self.estimator.least_normal_n, known=normal_n is not None)
         if check is not None and self.motion is not None:
             self._look_for_motion(self.motion, image, check, before_ns, t_ns)
         if self._force is not None or not image.three_axis:
@@ -145,7 +148,7 @@ class VerdictPath:
             self.negative_force.least_n(uncertainty, tared=self.tares.main.current.id > 0),
             self._learning(arrival),
         )
-        self._newest = batch
+        self.newest = batch
         if self.motion is not None:
             self.motion.update_force(batch)
         if check is not None:
@@ -174,7 +177,7 @@ class VerdictPath:
         Time in which they waited for the daemon does not count, unless the stream was stale before them.
         """
         received_ns, times_ns, usable_ns = readings.received_ns, readings.times_ns, self._freshness.stale_ns
-        if arrival.waited_ns and not (arrival.dated and self.state.verdict is STREAM_STALE):
+        if arrival.waited_ns and not (arrival.dated and self.newest.is_stale):
             usable_ns += arrival.waited_ns
         if received_ns - min(times_ns) > usable_ns:
             readings.rows["phase"][received_ns - np.array(times_ns) > usable_ns] = LATE
@@ -186,7 +189,7 @@ class VerdictPath:
 
     def lose_image(self) -> FingerState:
         """Return the state without the image: rotation is not observed any more."""
-        self._newest = replace(
+        self.newest = replace(
             self.state,
             verdict=ROTATION_UNOBSERVED,
             load_distribution=None,
@@ -195,7 +198,7 @@ class VerdictPath:
             assessment=None,
             model="none",
         )
-        return self._newest
+        return self.newest
 
     def note_motion(self, until_ns: int, kinds: tuple[str, ...]) -> FingerState | None:
         """Report slip until a time, because evidence of these kinds shows that the object moves.
@@ -211,8 +214,8 @@ class VerdictPath:
         self.estimator.note_motion(until_ns, mask)
         reasons = state.verdict.reasons
         slips = Verdict("slipping", reasons if "slip_detected" in reasons else ("slip_detected", *reasons))
-        self._newest = replace(state, verdict=slips, assessment=found._replace(slips=True, evidence=mask))
-        return self._newest
+        self.newest = replace(state, verdict=slips, assessment=found._replace(slips=True, evidence=mask))
+        return self.newest
 
     def lose_force(self, t_ns: int) -> FingerState:
         """Return the state without the force, at ``t_ns``: the contact is forgotten, and nothing is known."""
@@ -221,8 +224,8 @@ class VerdictPath:
         self.estimator.end_contact()
         if self.motion is not None:
             self.motion.forget()
-        self._newest = FingerState(t_ns, STREAM_STALE, age_s=self._freshness.age_s(t_ns))
-        return self._newest
+        self.newest = FingerState(t_ns, STREAM_STALE, age_s=self._freshness.age_s(t_ns))
+        return self.newest
 
     def forget_comparison(self) -> None:
         """Forget what force sensor and image contradict each other about."""

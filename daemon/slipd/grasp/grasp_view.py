@@ -101,7 +101,7 @@ class GraspView:
     def levels(self) -> tuple[str, str]:
         """Return the levels of the first and the second finger."""
         first, second = self._fingers
-        return first.state.verdict.level, second.state.verdict.level
+        return first.level, second.level
 
     def level(self) -> str:
         """Return the level of the worse finger."""

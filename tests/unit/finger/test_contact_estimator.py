@@ -73,7 +73,8 @@ class Split:
 
 def plain(batch: VerdictBatch) -> list[str]:
     """Return all that is known after each reading, to the last bit."""
-    known = []
+    known, newest = [], batch[-1]
+    assert (batch.level, batch.is_stale, batch.normal_n) == (newest.level, newest.is_stale, newest.normal_n)
     for state, level in zip(batch, batch.levels, strict=True):
         assert level == level_code(state.verdict.level)
         used, shares = state.utilisation, state.load_distribution

@@ -45,8 +45,8 @@ def test_even_pressure_with_little_tangential_force_is_stable(press: Press) -> N
     assert state.model == "exact"
     assert state.utilisation is not None
     assert state.utilisation.value == pytest.approx(math.hypot(1.0, 0.5) / (0.5 * 10.0), rel=1e-6)
-    assert state.loads is not None
-    assert state.loads.loads.sum() == pytest.approx(10.0)
+    assert state.load_distribution is not None
+    assert state.contact.normal_n * state.load_distribution.loads.loads.sum() == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize(
