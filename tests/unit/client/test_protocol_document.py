@@ -1,4 +1,4 @@
-"""What docs/protocol.md says is what the client and its words do."""
+"""What docs/protocol.md and docs/clients.md say is what the client and its words do."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import re
 from typing import get_args
 
 import pytest
-from project import DAEMON, DOCS
+from project import DAEMON, DOCS, ROOT
 
 from slipd.motion.evidence import EVIDENCE as KINDS
 from slipd.samples import WrenchSample
@@ -86,3 +86,10 @@ def test_its_limits_are_those_of_the_decoder(field: str) -> None:
 def test_its_bytes_are_what_it_says_they_are(octets: str, body: str) -> None:
     assert decode(bytes.fromhex(octets)) == json.loads(body)
     assert encode(json.loads(body)) == bytes.fromhex(octets)
+
+
+def test_the_javascript_for_64_bit_integers_is_that_of_the_programs_in_node() -> None:
+    page = (DOCS / "clients.md").read_text(encoding="utf-8")
+    (lines,) = re.findall(r"```js\n(.*?)```", page, re.DOTALL)
+    wire = (ROOT / "tests" / "unit" / "client" / "node" / "wire.mjs").read_text(encoding="utf-8")
+    assert lines in wire
