@@ -14,8 +14,9 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
-# Whole daemons as processes, and the programs that measure them: two files at a time, each file in order.
-DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
+# The other tests begin with the longest files and with whole daemons, which wait more than they compute.
+FIRST := $(addprefix tests/lab/,simulation/test_campaign.py chart/test_methods.py motions simulation/test_stalls.py) \
+	$(addprefix tests/unit/fusion/,test_load_drop.py test_compiled.py test_many_scenes.py) tests/system $(addprefix tests/lab/,bench soak)
 
 .PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
 
@@ -34,10 +35,8 @@ test: $(READY)
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
-	@echo "== the other tests that can share the machine"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS))
-	@echo "== tests of whole daemons"
-	@$(BIN)/pytest --numprocesses=2 --dist loadfile $(DAEMONS)
+	@echo "== the other tests, three files at a time: many wait"
+	@$(BIN)/pytest --numprocesses=3 --dist loadfile --no-loadscope-reorder $(addprefix --ignore=,$(ROOMS)) $(FIRST) tests
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
 endif
 

@@ -134,89 +134,6 @@ def test_an_incomplete_recording_is_shown_and_reported(recording: Path, capsys: 
     assert captured.err.startswith("slipd: the recording is incomplete: ")
 
 
-@pytest.mark.parametrize("path", sorted(CONFIG.glob("*.toml")), ids=lambda path: path.name)
-def test_check_lists_the_streams_of_a_shipped_config(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(path)]) == 0
-    rig = config.load(path)
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.partition(":")[0] for line in lines[: len(rig.streams())]] == list(rig.streams())
-    assert lines[-1] == f"{path}: valid, config_id {rig.config_id}"
-
-
-def test_check_warns_of_weak_but_valid_configs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = tmp_path / "rig.toml"
-    rig.write_text(
-        '[finger.left.wrench]\ndevice = "bota"\nport = "/dev/a"\nrate_hz = 800\n'
-        '[gripper]\ndevice = "robotiq_2f"\nport = "/dev/b"\nrate_hz = 50\n'
-        "force_table = [[0, 1.0], [255, 9.0]]\nwidth_table = [[0.0, 0.1], [1.0, 0.0]]\n",
-        encoding="utf-8",
-    )
-    assert main(["check", str(rig)]) == 0
-    out = capsys.readouterr().out
-    assert f"{rig}: warning: finger.left: no mu: it warns of nothing before a slip has shown the friction" in out
-    assert f"{rig}: warning: finger.left: no pad: rotation is not observed" in out
-    assert f"{rig}:5: warning: gripper: no max_force_n: no request can move the gripper" in out
-
-
-def test_check_asks_about_a_quaternion_that_looks_like_another_order(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (CONFIG / "external.toml").read_text(encoding="utf-8")
-    rig = tmp_path / "rig.toml"
-    for quaternion, asks in (("[1.0, 0.0, 0.0, 0.0]", True), ("[0.0, 0.0, 0.0, 1.0]", False)):
-        rig.write_text(text.replace("[0.0, 0.0, 0.0, 1.0]", quaternion), encoding="utf-8")
-        assert main(["check", str(rig)]) == 0
-        told = "finger.left.wrench.pad_from_sensor: quat_xyzw turns the sensor by 180 degrees about X"
-        assert (told in capsys.readouterr().out) == asks
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("command", [["check"], ["run"]])
-def test_check_and_run_refuse_a_rig_that_cannot_be(command: list[str], tmp_path: Path) -> None:
-    rig = tmp_path / "rig.toml"
-    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
-    rig.write_text(
-        text.replace("pitch_m = 0.0032", "pitch_m = 3.2", 1)
-        .replace("xyz_m = [0.004, -0.002, -0.025]", "xyz_m = [4, -2, -25]", 1)
-        .replace("mu = 0.55", "mu = 5.5", 1)
-        .replace("rate_hz = 800.0", "rate_hz = 8000.0", 1),
-        encoding="utf-8",
-    )
-    done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 2, done.stderr
-    rows = text.splitlines()
-    assert done.stdout == ""
-    assert done.stderr.splitlines() == [
-        f"{rig}:{rows.index(row) + 1}: finger.left.{fault}"
-        for row, fault in (
-            (next(row for row in rows if row.startswith("mu = 0.55")), "mu: must be from 0.01 to 2, got 5.5"),
-            (
-                next(row for row in rows if row.startswith("pad_from_sensor")),
-                "wrench.pad_from_sensor.xyz_m: must be from -1 to 1 m, got 4: did you mean 4 mm? write 0.004",
-            ),
-            (
-                "pitch_m = 0.0032",
-                "pad.pitch_m: must be from 0.0001 to 0.05 m, got 3.2: did you mean 3.2 mm? write 0.0032",
-            ),
-        )
-    ], "a fault of form hides none of its own kind"
-    rig.write_text(text.replace("rate_hz = 800.0", "rate_hz = 8000.0", 1), encoding="utf-8")
-    done = subprocess.run([SLIPD, *command, str(rig)], capture_output=True, text=True, check=False, timeout=60)
-    told = f"{rig}:{rows.index('rate_hz = 800.0') + 1}: finger.left.wrench.rate_hz: must be from 50 to 800 Hz"
-    assert done.stderr.startswith(told)
-
-
-@pytest.mark.parametrize(("budget", "gain_n"), [("", 16), ("budget_n = 10.0", 10), ("budget_n = 20.0", 16)])
-def test_check_prints_the_reach_of_the_reflex_within_the_budget(
-    budget: str, gain_n: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rig = tmp_path / "rig.toml"
-    text = (CONFIG / "demo.toml").read_text(encoding="utf-8").replace("enabled = false", "enabled = true")
-    rig.write_text(text.replace("budget_n = 25.0", budget), encoding="utf-8")
-    assert main(["check", str(rig)]) == 0
-    assert f"adds up to {gain_n}.0 N within the lead time of 0.3 s" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     "command", [["replay", "--speed", "max"], ["identify", "--finger", "left"]], ids=lambda c: c[0]
 )
@@ -235,19 +152,6 @@ def test_a_few_bytes_that_unpack_to_a_mass_of_empty_records_are_called_damaged(
     assert (
         "bomb.mcap: has a chunk with a record of kind 119, which slipd cannot have written" in capsys.readouterr().err
     )
-
-
-def test_check_reports_every_fault_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = tmp_path / "rig.toml"
-    text = (CONFIG / "grips.toml").read_text(encoding="utf-8")
-    rig.write_text(text.replace("pitch_m", "pich_m").replace("mu = 0.32", "mu = -1"), encoding="utf-8")
-    assert main(["check", str(rig)]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    faults = captured.err.splitlines()
-    assert len(faults) == 5, "one μ, and in two pads an unknown key and a missing one"
-    assert all(line.startswith(f"{rig}:") and line.split(":")[1].isdecimal() for line in faults)
-    assert sum("did you mean 'pitch_m'?" in line for line in faults) == 2
 
 
 def test_an_import_never_overwrites(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:

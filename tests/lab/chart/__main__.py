@@ -19,7 +19,7 @@ import numpy as np
 from bench.commit import measured_on
 from project import DOCS
 
-SCENES, QUICK_SCENES = 1500, 45
+SCENES, QUICK_SCENES = 1500, 15
 SOLVER_SCENES = 200
 """On which the cone solver is timed without its set-up."""
 

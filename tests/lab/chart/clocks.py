@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 
-SECONDS, QUICK_SECONDS = 120.0, 12.0
+SECONDS, QUICK_SECONDS = 120.0, 3.0
 SEEDS = 8
 POLL_S = 0.016  # of a USB serial adapter as it comes
 CASES = {

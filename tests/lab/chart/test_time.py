@@ -55,7 +55,6 @@ def test_a_few_contacts_fill_tables_and_picture(tmp_path, monkeypatch: pytest.Mo
     from chart import skew_picture
 
     monkeypatch.setattr(skew, "QUICK_CONTACTS", 2)
-    monkeypatch.setattr(clocks, "QUICK_SECONDS", 3.0)
     runs, skewed = clocks.run(quick=True), skew.run(quick=True)
     for table in (*clocks.tables(runs), *skewed.tables()):
         assert table.rows

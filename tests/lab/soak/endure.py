@@ -115,8 +115,8 @@ def _lags(watched: Watched, alone: Watched, stories: Counter[str], seconds: floa
     counts = ", ".join(f"{kind} {count}" for kind, count in sorted(stories.items()) if kind not in _TOLD)
     table.notes += [
         "Lag: how late a task runs that is due every 5 ms; the idle loop runs at the same time in another process.",
-        f"{stories['stories']} virtual grippers one after another, seeds from {FIRST_SEED} on. Robot programs:"
-        f" {stories['programs']}, of which {stories['ended early']} were refused or ended by a fault. Faults: {counts}.",
+        f"{stories['stories']} virtual grippers one after another, seeds from {FIRST_SEED} on. Robot programs: "
+        f"{stories['programs']}, of which {stories['ended early']} were refused or ended by a fault. Faults: {counts}.",
     ]
     return table
 

@@ -11,7 +11,7 @@ from slipd.sim.robot_program import Plan, RobotProgram
 from slipd_client.messages import LEVELS, decode, encode
 
 BOOT = "run1"
-QUICK = Plan(patience_s=5.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=0.7, limit_n=20.0, step_n=50.0, step_s=0.0)
+QUICK = Plan(patience_s=5.0, tare_s=0.01, close_s=0.1, open_s=0.6, end_s=60.0, limit_n=20.0, step_n=50.0, step_s=0.0)
 WELL = {"left.wrench": {"health": 0, "message": ""}, "gripper": {"health": 0, "message": ""}}
 ILL = {"left.wrench": {"health": 3, "message": "open, but no reading yet"}, "gripper": {"health": 0, "message": ""}}
 
@@ -93,9 +93,14 @@ def warning(level="warning", reasons=("rotation",), rising=True, finger="left"):
     return "warning", body | {"reasons": list(reasons), "utilisation": 0.86}
 
 
-def work(daemon, plan=QUICK):
+def work(daemon, plan=QUICK, done=lambda report: report.opened_ns is not None):
+    """Run the program until ``done`` of its report, by default until it has opened the gripper, or until it ends."""
     program = RobotProgram(*daemon.endpoints, plan)
     program.start()
+    until_s = time.monotonic() + 30.0
+    while program.is_alive() and not done(program.report) and time.monotonic() < until_s:
+        program.join(0.005)
+    program.end()
     program.join(30.0)
     assert not program.is_alive()
     return program.report
@@ -202,7 +207,8 @@ def test_the_force_after_a_raise_is_read_once_it_has_settled(daemon):
     daemon.on["gripper.close"] = [slip("left", 9.5), warning()]
     daemon.on["grip.set"] = [slip("left", 9.5, 7.5)]
     daemon.on["gripper.open"] = [slip("left", 9.5, 9.4)]
-    report = work(daemon, replace(QUICK, close_s=0.0, open_s=0.8, end_s=1.2))
+    settled = lambda report: report.raises and report.raises[0].after_n  # noqa: E731
+    report = work(daemon, replace(QUICK, close_s=0.0, open_s=0.8), settled)
     assert report.raises[0].after_n == 9.4
 
 

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
-import socket
-import threading
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import msgpack
 import pytest
-from permits import activate, forget, halt, move, set_force
+from external_gripper_bench import Bench
+from permits import activate, halt, move, set_force
 from project import DOCS
 
 from slipd.devices.external_gripper import Decoder, Session
@@ -27,74 +22,12 @@ from slipd.devices.external_gripper.external_gripper_message import (
 )
 from slipd.devices.external_gripper.external_gripper_session import ANSWER_MS, SILENCE_NS
 from slipd.devices.shared.command_queue import ATTEMPTS
-from slipd.samples import GripperSample
-from slipd.sim.emulated_external_gripper import DRIVER, Driver
+from slipd.sim.emulated_external_gripper import DRIVER
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
 MS = 1_000_000
 PATIENCE_S = 30.0
 DOCUMENT = DOCS / "devices.md"
-
-
-@dataclass
-class Bench:
-    """A session and a driver, with a delay of a millisecond."""
-
-    session: Session = field(default_factory=Session)
-    driver: Driver = field(default_factory=Driver)
-    now_ns: int = 0
-    samples: list[GripperSample] = field(default_factory=list)
-    sent: list[dict[str, Any]] = field(default_factory=list)
-    deaf: bool = False
-
-    def start(self) -> Bench:
-        self.driver.opened(self.now_ns)
-        assert self.session.start(self.now_ns) == b""
-        return self.run(0.1)
-
-    def deliver(self, pieces: list[bytes]) -> None:
-        for piece in pieces:
-            self.samples += self.session.receive(piece, self.now_ns)
-
-    def run(self, seconds: float) -> Bench:
-        for _ in range(round(seconds * 1000)):
-            self.now_ns += MS
-            pieces = self.driver.advance(self.now_ns)
-            self.deliver([] if self.deaf else pieces)
-            while (due := self.session.next_deadline()) is not None and due <= self.now_ns:
-                self.write(self.session.on_time(self.now_ns))
-        return self
-
-    def write(self, data: bytes) -> None:
-        unpacker = msgpack.Unpacker()
-        unpacker.feed(data)
-        self.sent += unpacker
-        self.deliver(self.driver.receive(data, self.now_ns))
-
-    @property
-    def last(self) -> GripperSample:
-        return self.samples[-1]
-
-    def operations(self) -> list[str]:
-        return [body["op"] for body in self.sent if "op" in body]
-
-
-@pytest.fixture
-def bench() -> Bench:
-    made = Bench().start()
-    assert made.session.state == "active"
-    assert made.driver.notices == [{"v": 1, "registered": "emulated driver"}]
-    made.sent.clear()
-    return made
-
-
-@pytest.fixture
-def holding(bench: Bench) -> Bench:
-    assert move(bench.session, 0.0, 0.2, 10.0) == 10.0
-    bench.run(0.4)
-    assert (bench.last.object, bench.last.width_m) == ("contact_closing", 0.04)
-    bench.sent.clear()
-    return bench
 
 
 def test_a_driver_registers_and_reports_and_nothing_is_asked_of_it() -> None:
@@ -327,45 +260,6 @@ def test_another_driver_on_the_same_connection_receives_nothing_until_the_first_
     assert set_force(session, 5.0) == 5.0
 
 
-@pytest.mark.parametrize("how", ["halt", "drop"])
-def test_the_force_sent_is_the_one_in_effect_once_waiting_commands_are_dropped(holding: Bench, how: str) -> None:
-    holding.driver.mute = True
-    set_force(holding.session, 12.0)
-    holding.run(0.01)
-    set_force(holding.session, 15.0)
-    assert (holding.session.force_sent_n, forget(holding.session, how)) == (15.0, True)
-    assert holding.session.force_sent_n == 12.0
-    assert holding.session.drop() is False
-
-
-def test_dropped_commands_are_not_sent_and_sent_ones_are_not_repeated(bench: Bench) -> None:
-    bench.driver.mute = True
-    set_force(bench.session, 10.0)
-    bench.run(0.01)
-    move(bench.session, 0.0, None, 10.0)
-    assert bench.session.drop()
-    bench.run(1.0)
-    assert (bench.operations(), bench.session.state) == (["force"], "command lost: no answer to force")
-
-
-def test_a_stop_is_not_dropped(bench: Bench) -> None:
-    halt(bench.session)
-    assert bench.session.drop() is False
-    bench.run(0.1)
-    assert bench.operations() == ["stop"]
-
-
-@pytest.mark.parametrize("active", [False, True])
-@pytest.mark.parametrize("how", ["halt", "drop"])
-def test_an_unsent_activation_is_cancelled(bench: Bench, how: str, active: bool) -> None:
-    bench.driver.report = Report(0.08, active=active)
-    bench.run(0.1)
-    activate(bench.session, bench.now_ns)
-    assert forget(bench.session, how)
-    bench.run(0.1)
-    assert bench.operations() == ["stop"] * (active and how == "halt")
-
-
 def test_a_gripper_that_is_not_active_any_more_or_is_activated_has_no_force(holding: Bench) -> None:
     activate(holding.session, holding.now_ns)
     assert (holding.session.force_sent_n, holding.session.drop()) == (None, True)
@@ -374,11 +268,6 @@ def test_a_gripper_that_is_not_active_any_more_or_is_activated_has_no_force(hold
     holding.driver._goal_m = None
     holding.run(0.1)
     assert holding.session.force_sent_n is None
-
-
-def test_stopping_with_an_unanswered_set_point_sends_nothing(holding: Bench) -> None:
-    set_force(holding.session, 12.0)
-    assert (holding.session.stop(), holding.session.next_deadline()) == (b"", None)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -430,95 +319,5 @@ def test_the_bytes_kept_are_bounded_by_the_longest_message() -> None:
         assert len(decoder._scanner._tail) < wire.MAX_MESSAGE
 
 
-def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> None:
-    pattern = r"<!-- external gripper driver -->\n+```python\n(.*?)```"
-    (program,) = re.findall(pattern, DOCUMENT.read_text("utf-8"), re.DOTALL)
-    path = str(tmp_path / "gripper")
-    assert program.count("/run/slipd/gripper") == 1
-    setpoints: list[dict[str, Any]] = []
-
-    def obey(setpoint: dict[str, Any]) -> float | None:
-        setpoints.append(setpoint)
-        return setpoint.get("force_n")
-
-    scope = {"obey": obey, "state_of_my_gripper": lambda: {"width_m": 0.05, "moving": False}}
-    driver = threading.Thread(target=exec, args=(program.replace("/run/slipd/gripper", path), scope))
-    session, until_s = Session(), time.monotonic() + PATIENCE_S
-    with socket.socket(socket.AF_UNIX) as server:
-        server.bind(path)
-        server.listen()
-        driver.start()
-        line, _ = server.accept()
-        with line:
-            line.settimeout(0.005)
-            session.start(time.monotonic_ns())
-
-            def go_on(reached: Callable[[], bool]) -> None:
-                while not reached():
-                    assert time.monotonic() < until_s, session.state
-                    line.sendall(session.on_time(time.monotonic_ns()))
-                    try:
-                        session.receive(line.recv(4096), time.monotonic_ns())
-                    except TimeoutError:
-                        continue
-
-            go_on(lambda: session.state == "active")
-            assert move(session, 0.0, None, 100.0) == 60.0
-            go_on(lambda: session._queue.due_ns is None)
-            assert set_force(session, 7.0) == 7.0
-            go_on(lambda: session._queue.due_ns is None)
-            assert halt(session)
-            go_on(lambda: session._queue.due_ns is None)
-    driver.join(PATIENCE_S)
-    assert not driver.is_alive()
-    assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in setpoints] == [
-        ("move", 60.0),
-        ("force", 7.0),
-        ("stop", None),
-    ]
-    assert (session.identity, session.command_lost, session._queue.echo_ok) == ("my gripper", False, True)
-    assert (session.health.bad, session.health.lost) == (0, 0)
-
-
 def test_a_force_is_sent_as_requested() -> None:
     assert Session().applied_n(12.34) == 12.34
-
-
-def test_no_motion_is_taken_until_the_driver_has_answered_the_activation(bench: Bench) -> None:
-    activate(bench.session)
-    for _ in range(2):  # queued, and sent
-        assert (bench.session.activating, bench.session.state) == (True, "activating")
-        assert (move(bench.session, 0.02, None, 5.0), set_force(bench.session, 5.0)) == (None, None)
-        bench.driver.mute = True
-        bench.run(0.03)
-    bench.driver.mute = False
-    bench.run(0.2)
-    assert (bench.session.activating, bench.operations()[-1]) == (False, "activate")
-    assert move(bench.session, 0.02, None, 5.0) == 5.0
-
-
-@pytest.mark.parametrize("active", [False, True])
-def test_an_activation_that_was_sent_is_stopped(bench: Bench, active: bool) -> None:
-    bench.driver.report = Report(0.08, active=active)
-    bench.driver.mute = True
-    bench.run(0.1)
-    activate(bench.session)
-    bench.run(0.01)
-    assert halt(bench.session)
-    bench.run(0.05)
-    assert (bench.operations(), bench.session.activating) == (["activate", "stop"], False)
-    assert bench.session.state == ("active" if active else "inactive")
-
-
-def test_an_activation_that_is_never_answered_ends_when_it_is_lost(bench: Bench) -> None:
-    bench.driver.mute = True
-    activate(bench.session)
-    bench.run(ANSWER_MS * ATTEMPTS / 1000 + 0.1)
-    assert bench.operations() == ["activate"] * ATTEMPTS
-    assert (bench.session.activating, bench.session.state) == (False, "command lost: no answer to activate")
-    assert set_force(bench.session, 5.0) == 5.0
-
-
-def test_a_closed_session_sends_nothing(bench: Bench) -> None:
-    bench.session.stop()
-    assert bench.session.on_time(bench.now_ns + SILENCE_NS) == b""

@@ -1,0 +1,68 @@
+"""The driver program of docs/devices.md, run as printed against a session."""
+
+from __future__ import annotations
+
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from permits import halt, move, set_force
+from project import DOCS
+
+from slipd.devices.external_gripper import Session
+
+PATIENCE_S = 30.0
+
+
+def test_the_documented_driver_registers_reports_and_obeys(tmp_path: Path) -> None:
+    pattern = r"<!-- external gripper driver -->\n+```python\n(.*?)```"
+    (program,) = re.findall(pattern, (DOCS / "devices.md").read_text("utf-8"), re.DOTALL)
+    path = str(tmp_path / "gripper")
+    assert program.count("/run/slipd/gripper") == 1
+    setpoints: list[dict[str, Any]] = []
+
+    def obey(setpoint: dict[str, Any]) -> float | None:
+        setpoints.append(setpoint)
+        return setpoint.get("force_n")
+
+    scope = {"obey": obey, "state_of_my_gripper": lambda: {"width_m": 0.05, "moving": False}}
+    driver = threading.Thread(target=exec, args=(program.replace("/run/slipd/gripper", path), scope))
+    session, until_s = Session(), time.monotonic() + PATIENCE_S
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(path)
+        server.listen()
+        driver.start()
+        line, _ = server.accept()
+        with line:
+            line.settimeout(0.005)
+            session.start(time.monotonic_ns())
+
+            def go_on(reached: Callable[[], bool]) -> None:
+                while not reached():
+                    assert time.monotonic() < until_s, session.state
+                    line.sendall(session.on_time(time.monotonic_ns()))
+                    try:
+                        session.receive(line.recv(4096), time.monotonic_ns())
+                    except TimeoutError:
+                        continue
+
+            go_on(lambda: session.state == "active")
+            assert move(session, 0.0, None, 100.0) == 60.0
+            go_on(lambda: session._queue.due_ns is None)
+            assert set_force(session, 7.0) == 7.0
+            go_on(lambda: session._queue.due_ns is None)
+            assert halt(session)
+            go_on(lambda: session._queue.due_ns is None)
+    driver.join(PATIENCE_S)
+    assert not driver.is_alive()
+    assert [(setpoint["op"], setpoint.get("force_n")) for setpoint in setpoints] == [
+        ("move", 60.0),
+        ("force", 7.0),
+        ("stop", None),
+    ]
+    assert (session.identity, session.command_lost, session._queue.echo_ok) == ("my gripper", False, True)
+    assert (session.health.bad, session.health.lost) == (0, 0)
