@@ -14,10 +14,6 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
-# The other tests begin with the longest files and with whole daemons, which wait more than they compute.
-FIRST := $(addprefix tests/lab/,simulation/test_campaign.py chart/test_methods.py motions simulation/test_stalls.py) \
-	$(addprefix tests/unit/fusion/,test_load_drop.py test_compiled.py test_many_scenes.py) tests/system $(addprefix tests/lab/,bench soak)
-
 .PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
 
 demo: $(KERNELS)
@@ -35,8 +31,8 @@ test: $(READY)
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
-	@echo "== the other tests, three files at a time: many wait"
-	@$(BIN)/pytest --numprocesses=3 --dist loadfile --no-loadscope-reorder $(addprefix --ignore=,$(ROOMS)) $(FIRST) tests
+	@echo "== the other tests: three files at a time, because many wait; in their order, because the longest are in tests/lab"
+	@$(BIN)/pytest --numprocesses=3 --dist loadfile --no-loadscope-reorder $(addprefix --ignore=,$(ROOMS))
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
 endif
 
