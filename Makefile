@@ -14,6 +14,7 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
+
 .PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
 
 demo: $(KERNELS)

@@ -6,35 +6,8 @@ import difflib
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import BaseModel
-
-from slipd.config.bus_model import Bus, Requests
-from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
-from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
-from slipd.config.host_model import Realtime
-from slipd.config.levels_model import Levels, Rates
+from slipd.config.config_tables import table_model
 from slipd.config.model import Config
-from slipd.config.recording_model import Continuous, Incidents, Recording
-
-_TABLES: dict[str, type[BaseModel]] = {
-    "wrench": Wrench,
-    "pad": Pad,
-    "slip": Slip,
-    "pad_from_sensor": Pose,
-    "gripper": Gripper,
-    "grasp": Grasp,
-    "object": ObservedObject,
-    "reflex": Reflex,
-    "levels": Levels,
-    "rates": Rates,
-    "bus": Bus,
-    "requests": Requests,
-    "recording": Recording,
-    "continuous": Continuous,
-    "incidents": Incidents,
-    "realtime": Realtime,
-}
-"""The table that each key opens; the name of a finger stands between ``finger`` and its keys."""
 
 _TYPE_RULES = {
     "finite_number": "must be a finite number",
@@ -86,12 +59,4 @@ def _rule(kind: str, context: Mapping[str, Any]) -> str:
 
 def _keys_beside(path: tuple[str, ...]) -> list[str]:
     """Return the keys that the table of ``path`` may hold."""
-    tables = path[:-1]
-    if not tables:
-        return sorted(Config.model_fields)
-    model = _TABLES.get(tables[-1], Config)
-    if tables[0] == "finger" and len(tables) == 2:
-        model = Finger
-    elif tables[:2] == ("grasp", "pads") and len(tables) == 3:
-        model = PadPlace
-    return sorted(model.model_fields)
+    return sorted((table_model(path[:-1]) or Config).model_fields)

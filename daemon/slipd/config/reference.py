@@ -14,38 +14,12 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from slipd.config.bus_model import Bus, Requests
+from slipd.config.config_tables import TABLES
 from slipd.config.docstring_parts import attributes_of, sentence, summary_of
-from slipd.config.finger_model import Finger, Pad, Pose, Slip, Wrench
-from slipd.config.gripper_model import Grasp, Gripper, ObservedObject, PadPlace, Reflex
-from slipd.config.host_model import Realtime
+from slipd.config.finger_model import Finger
 from slipd.config.key_types import range_of, type_of, unit_of
-from slipd.config.levels_model import Levels, Rates
 from slipd.config.option_tables import option_rows
-from slipd.config.recording_model import Continuous, Incidents, Recording
 from slipd.config.stream_model import Stream
-
-TABLES: dict[str, type[BaseModel]] = {
-    "finger.X": Finger,
-    "finger.X.wrench": Wrench,
-    "finger.X.wrench.pad_from_sensor": Pose,
-    "finger.X.pad": Pad,
-    "finger.X.slip": Slip,
-    "gripper": Gripper,
-    "grasp": Grasp,
-    "grasp.pads.X": PadPlace,
-    "grasp.object": ObservedObject,
-    "reflex": Reflex,
-    "levels": Levels,
-    "rates": Rates,
-    "bus": Bus,
-    "requests": Requests,
-    "recording": Recording,
-    "recording.continuous": Continuous,
-    "recording.incidents": Incidents,
-    "realtime": Realtime,
-}
-"""Every table of a config file, in the order of the page."""
 
 HEAD = """\
 # Config

@@ -10,10 +10,11 @@ from project import DOCS
 from pydantic import BaseModel
 
 from slipd.config import Config
+from slipd.config.config_tables import TABLES
 from slipd.config.docstring_parts import attributes_of
 from slipd.config.fault_texts import explain
 from slipd.config.key_types import range_of, type_of, unit_of
-from slipd.config.reference import TABLES, reference
+from slipd.config.reference import reference
 from slipd.config.stream_model import Stream
 from slipd.devices import DEVICES
 

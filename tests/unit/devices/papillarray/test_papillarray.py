@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pillar_frames import decode, entries, forces, frame, make, ready, resum
 
 from slipd.devices import papillarray
 from slipd.devices.papillarray import papillarray_frames as frames
-from slipd.devices.papillarray import papillarray_layout
-from slipd.devices.papillarray.papillarray_layout import DISPLACEMENT_FIRST, FORCE_FIRST, FRAMES
+from slipd.devices.papillarray.papillarray_layout import FRAMES
 from slipd.devices.shared.startup_sequence import SILENCE_NS
 
 SplitCheck = Callable[[Callable[[], Any], bytes], list[tuple[Any, ...]]]
@@ -29,73 +29,6 @@ WORKED = bytes.fromhex(
 
 Its sums match neither layout.
 """
-
-DISPLACED_MM = 0.125
-"""Displacement of every pillar along each axis; the sum cannot be mistaken for a force."""
-LAYOUTS = [DISPLACEMENT_FIRST, FORCE_FIRST]
-
-
-def forces(number: int, pillars: int = 9) -> np.ndarray:
-    """Return forces whose sum is a load."""
-    drawn = 3.0 + np.random.default_rng(number % 1000).normal(size=(pillars, 3))
-    return drawn.astype(np.float32).astype(np.float64)
-
-
-def entries(forces_n: np.ndarray, layout: int = DISPLACEMENT_FIRST) -> np.ndarray:
-    displaced = np.full_like(forces_n, DISPLACED_MM)
-    return np.column_stack((forces_n, displaced) if layout == FORCE_FIRST else (displaced, forces_n))
-
-
-def make(
-    number: int,
-    pads: list[np.ndarray],
-    *,
-    width: int = 2,
-    layout: int = DISPLACEMENT_FIRST,
-    slip: bool = False,
-    index_end: bool = True,
-    type_bytes: int = 1,
-    totals: list[np.ndarray] | None = None,
-) -> bytes:
-    blocks = [
-        frames.encode_hub(number, 1000 * (number % 100_000)),
-        frames.encode_pillars([entries(pad, layout) for pad in pads], width),
-    ]
-    blocks.append(frames.encode_totals([pad.sum(axis=0) for pad in pads] if totals is None else totals, width))
-    if slip:
-        blocks += frames.encode_slip([len(pad) for pad in pads], width, type_bytes=type_bytes)
-    return frames.encode_blocks(blocks, width, index_end=index_end)
-
-
-def frame(number: int, *, sensors: int = 1, **others: Any) -> bytes:
-    return make(number, [forces(number + sensor) for sensor in range(sensors)], **others)
-
-
-def ready(first: int = 0, layout: int = DISPLACEMENT_FIRST) -> papillarray.Decoder:
-    """Return a decoder that knows the layout and has counted no readings; the next frame is ``first``."""
-    decoder = papillarray.Decoder()
-    for number in range(first - FRAMES, first):
-        decoder.receive(make(number, [forces(1, 1)], layout=layout), 0)
-    assert decoder.health.good == 1
-    decoder.health.good = 0
-    return decoder
-
-
-def resum(body: bytes) -> bytes:
-    """Return a frame with the body and its sum."""
-    return frames.START + body + (sum(body) & 0xFFFF).to_bytes(2, "little") + frames.END
-
-
-def decode(stream: bytes, first: int = 0) -> tuple[list[int], papillarray.Decoder]:
-    """Return the numbers of the decoded frames, after checking their forces, and the decoder."""
-    decoder = ready(first)
-    numbers = []
-    for sample in decoder.receive(stream, 0):
-        assert sample.device_time_ns is not None
-        number = sample.device_time_ns // 1_000_000
-        np.testing.assert_array_equal(sample.values, forces(number + int(sample.source)))
-        numbers.append(number)
-    return numbers, decoder
 
 
 def test_the_worked_frame_is_read() -> None:
@@ -117,99 +50,6 @@ def test_the_worked_frame_is_written() -> None:
         (frames.TOTALS, total),
     ]
     assert frames.encode_blocks(blocks, index_end=False) == WORKED
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("index_end", [True, False])
-@pytest.mark.parametrize("type_bytes", [1, 2])
-@pytest.mark.parametrize("sensors", [1, 2])
-def test_the_stream_shows_its_layout(layout: int, index_end: bool, type_bytes: int, sensors: int) -> None:
-    decoder = papillarray.Decoder()
-    kind: dict[str, Any] = {"slip": True, "layout": layout, "index_end": index_end, "type_bytes": type_bytes}
-    for number in range(FRAMES - 1):
-        assert decoder.receive(frame(number, **kind), 0) == []
-        assert decoder.health.note == papillarray_layout.UNDECIDED
-    samples = decoder.receive(frame(FRAMES, sensors=sensors, **kind), 77)
-    assert [sample.source for sample in samples] == ["0", "1"][:sensors]
-    for sensor, sample in enumerate(samples):
-        np.testing.assert_array_equal(sample.values, forces(FRAMES + sensor))
-        assert (sample.t_ns, sample.device_time_ns, sample.status) == (77, 1_000_000 * FRAMES, ())
-    assert decoder.health.note == f"pillars hold {papillarray_layout.NAMES[layout]}"
-    assert (decoder.health.bad, decoder.health.bad_bytes) == (0, 0)
-
-
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_the_layout_is_undecided_without_a_load_and_kept_after_one(layout: int) -> None:
-    rng = np.random.default_rng(3)
-
-    def unloaded(number: int) -> bytes:
-        return make(number, [rng.normal(scale=0.005, size=(9, 3))] * 2, layout=layout)
-
-    decoder = papillarray.Decoder()
-    for number in range(1000):
-        assert decoder.receive(unloaded(number), 0) == []
-    assert decoder.health.note == papillarray_layout.UNDECIDED
-    for number in range(1000, 1000 + FRAMES):  # the other sensor stays free
-        samples = decoder.receive(make(number, [np.zeros((9, 3)), forces(number)], layout=layout), 0)
-    assert len(samples) == 2
-    np.testing.assert_array_equal(samples[1].values, forces(number))
-    assert len(decoder.receive(unloaded(number + 1), 0)) == 2
-
-
-def test_inconclusive_frames_do_not_interrupt_conclusive_ones() -> None:
-    decoder = papillarray.Decoder()
-    for number in range(2 * FRAMES):
-        samples = decoder.receive(make(number, [forces(number) if number % 2 else np.zeros((9, 3))]), 0)
-    assert len(samples) == 1
-
-
-def test_if_neither_layout_matches_every_reading_is_rejected() -> None:
-    decoder = papillarray.Decoder()
-    for number in range(20):
-        assert decoder.receive(frame(number, totals=[np.array((4.0, 5.0, 6.0))]), 0) == []
-    assert decoder.health.note == papillarray_layout.NEITHER
-    assert decoder.receive(frame(30), 0) == []  # one frame that matches is chance
-    for number in range(31, 31 + FRAMES):
-        samples = decoder.receive(frame(number), 0)
-    assert len(samples) == 1
-
-
-def test_a_frame_that_contradicts_the_layout_is_dropped_and_many_change_the_layout() -> None:
-    decoder = ready(100)
-    assert decoder.receive(frame(100, layout=FORCE_FIRST), 0) == []
-    assert (decoder.health.bad, len(decoder.receive(frame(101), 0))) == (1, 1)
-    for number in range(102, 102 + FRAMES):
-        assert decoder.receive(frame(number, totals=[np.zeros(3)]), 0) == []
-    assert decoder.health.note == papillarray_layout.NEITHER
-    assert decoder.receive(frame(110), 0) == []
-
-
-def test_displacements_that_add_up_as_the_forces_do_decide_nothing() -> None:
-    decoder = papillarray.Decoder()
-    both = np.column_stack((forces(1), forces(1)))
-    for number in range(20):
-        blocks = [frames.encode_hub(number, number), frames.encode_pillars([both])]
-        blocks.append(frames.encode_totals([forces(1).sum(axis=0)]))
-        assert decoder.receive(frames.encode_blocks(blocks), 0) == []
-    assert decoder.health.note == papillarray_layout.UNDECIDED
-
-
-def test_frames_without_the_whole_force_decide_nothing() -> None:
-    decoder = papillarray.Decoder()
-    for number in range(20):
-        blocks = [frames.encode_hub(number, number), frames.encode_pillars([entries(forces(1))] * 2)]
-        if number % 2:
-            blocks.append(frames.encode_totals([forces(1).sum(axis=0)]))  # from one sensor: it may belong to either
-        assert decoder.receive(frames.encode_blocks(blocks), 0) == []
-    assert decoder.health.note == papillarray_layout.UNDECIDED
-
-
-def test_a_reconnected_controller_must_show_its_layout_again() -> None:
-    decoder = ready()
-    decoder.forget()
-    assert decoder.health.note == ""
-    assert decoder.receive(frame(1), 0) == []
-    assert decoder.health.note == papillarray_layout.UNDECIDED
 
 
 @pytest.mark.parametrize("width", [2, 4])

@@ -3,72 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from weiss_bench import MS, Bench, S, both, dsacon_bench, wts_bench
 
 from slipd.devices import dsacon32, wts
 from slipd.devices.dsacon32 import dsacon32_messages as messages
 from slipd.devices.dsacon32.dsacon32_decoder import BOOT_TEXT
 from slipd.devices.shared import weiss_packets as weiss
 from slipd.devices.shared.startup_sequence import ANSWER_NS
-from slipd.devices.shared.weiss_tactile import TactileSession
-from slipd.samples import TactileSample
 from slipd.sim.emulated_dsacon32 import Dsacon32
-from slipd.sim.emulated_wts import WtsModule
-from slipd.sim.weiss_controller import WeissController
-
-MS = 1_000_000
-S = 1_000_000_000
-
-
-@dataclass
-class Bench:
-    """Run session and controller in steps of 10 ms.
-
-    The session receives ``mend(answer)`` instead of an answer.
-    """
-
-    session: TactileSession
-    device: WeissController
-    now_ns: int = 0
-    written: list[bytes] = field(default_factory=list)
-    states: list[str] = field(default_factory=list)
-    samples: list[TactileSample] = field(default_factory=list)
-    mend: Callable[[bytes], bytes] = bytes
-
-    def start(self) -> None:
-        self.write(self.session.start(self.now_ns))
-
-    def write(self, data: bytes) -> None:
-        self.note()
-        if data:
-            self.written.append(data)
-            for answer in self.device.receive(data, self.now_ns):
-                self.deliver(self.mend(answer))
-
-    def deliver(self, data: bytes) -> None:
-        if data:
-            self.samples += self.session.receive(data, self.now_ns)
-        self.note()
-
-    def note(self) -> None:
-        if not self.states or self.states[-1] != self.session.state:
-            self.states.append(self.session.state)
-
-    def run(self, seconds: float) -> None:
-        for _ in range(round(seconds * 100)):
-            self.now_ns += 10 * MS
-            for data in self.device.advance(self.now_ns):
-                self.deliver(data)
-            for _ in range(20):
-                due = self.session.next_deadline()
-                if due is None or due > self.now_ns:
-                    break
-                self.write(self.session.on_time(self.now_ns))
-            else:
-                pytest.fail("it never stops asking")
 
 
 class BootingDsacon32(Dsacon32):
@@ -83,23 +28,6 @@ class BootingDsacon32(Dsacon32):
         text = [BOOT_TEXT] * self.boot_text_ns.count(t_ns)
         return text + super().advance(t_ns)
 
-
-def dsacon_bench(**device: messages.ControllerInfo) -> Bench:
-    made = Dsacon32([(4, 2), (2, 2)], np.random.default_rng(0), noise_counts=0.0, **device)
-    made.press(np.arange(12))
-    return Bench(dsacon32.Session(), made)
-
-
-def wts_bench() -> Bench:
-    return Bench(wts.Session(), WtsModule(wts.Matrix(), np.random.default_rng(0), noise_counts=0.0))
-
-
-def of(packet_id: int, wrong: bytes) -> Callable[[bytes], bytes]:
-    """Return a function that replaces every answer with the id by ``wrong``."""
-    return lambda answer: wrong if answer[3] == packet_id else answer
-
-
-both = pytest.mark.parametrize("make", [dsacon_bench, wts_bench])
 
 DSACON_ASKED = [
     messages.encode_query(messages.CONTROLLER),
@@ -254,86 +182,6 @@ def test_a_late_second_answer_about_a_matrix_is_not_mistaken_for_the_next_matrix
     assert [len(sample.values) for sample in bench.samples[:2]] == [8, 4]
 
 
-@pytest.mark.parametrize(
-    ("make", "packet_id", "wrong", "state"),
-    [
-        (dsacon_bench, 0x01, messages.encode_error(0x01, 15), "refused controller: access denied"),
-        (dsacon_bench, 0x02, messages.encode_error(0x02, 12), "refused sensor: not enough parameters"),
-        (dsacon_bench, 0x02, messages.encode_sensor(6, 1, error=2), "refused sensor: no sensor"),
-        (dsacon_bench, 0x0B, messages.encode_error(0x0B), "empty answer to matrix 0"),
-        (dsacon_bench, 0x03, messages.encode_error(0x03, 27), "refused start: range error"),
-        (wts_bench, 0x30, wts.encode_status(0x30, 16), "refused matrix information: access denied"),
-        (wts_bench, 0x50, wts.encode_status(0x50), "empty answer to system information"),
-        (wts_bench, 0x21, wts.encode_status(0x21, 12), "refused start: no parameter expected"),
-    ],
-)
-def test_a_refusal_is_reported_in_words_and_the_query_repeated(
-    make: Callable[[], Bench], packet_id: int, wrong: bytes, state: str
-) -> None:
-    bench = make()
-    bench.mend = of(packet_id, wrong)
-    bench.start()
-    bench.run(3)
-    assert bench.session.state == state
-    assert bench.written[-1] == bench.written[-2] == bench.written[-3]
-    bench.mend = bytes
-    bench.run(2)
-    assert bench.session.state == "running"
-
-
-@pytest.mark.parametrize(
-    ("wrong", "state"),
-    [
-        (
-            messages.encode_controller(messages.ControllerInfo(5, kind=0)),
-            "the controller must be a DSACON32, got type DSACON16",
-        ),
-        (
-            messages.encode_controller(messages.ControllerInfo(5, kind=9)),
-            "the controller must be a DSACON32, got type 9",
-        ),
-        (messages.encode_controller(messages.ControllerInfo(5, operable=False)), "controller not operable"),
-        (messages.encode_sensor(0, 1), "a controller must have 1 to 16 matrices, got 0"),
-        (messages.encode_sensor(17, 1), "a controller must have 1 to 16 matrices, got 17"),
-        (messages.encode_matrix(0, 14), "matrix 0 must be columns and rows"),
-        (messages.encode_matrix(100, 100), "the matrices must have at most 2048 cells, got 10000"),
-    ],
-)
-def test_D2_a_controller_that_cannot_be_read_is_reported_and_not_started(wrong: bytes, state: str) -> None:
-    bench = dsacon_bench()
-    bench.mend = of(wrong[3], wrong)
-    bench.start()
-    bench.run(2.5)
-    assert bench.session.state.startswith(state)
-    assert bench.samples == []
-    assert messages.acquire(30, rle=True) not in bench.written
-    bench.mend = bytes
-    bench.run(2)
-    assert bench.session.state == "running"
-
-
-@pytest.mark.parametrize("matrix", [wts.Matrix(0, 8), wts.Matrix(100, 100), wts.Matrix(4, 8, 0)])
-def test_D2_a_module_whose_matrix_makes_no_sense_is_reported_and_not_started(matrix: wts.Matrix) -> None:
-    bench = wts_bench()
-    bench.mend = of(wts.MATRIX, wts.encode_matrix(matrix))
-    bench.start()
-    bench.run(1)
-    assert bench.session.state.startswith(f"matrix of {matrix.cols} x {matrix.rows} cells of {matrix.full_scale}")
-    assert wts.encode_start(10) not in bench.written
-
-
-@pytest.mark.parametrize(
-    ("make", "wrong"),
-    [(dsacon_bench, messages.encode_error(messages.ACQUIRE, 4)), (wts_bench, wts.encode_status(wts.START, 4))],
-)
-def test_a_device_that_already_runs_is_accepted(make: Callable[[], Bench], wrong: bytes) -> None:
-    bench = make()
-    bench.mend = of(wrong[3], wrong)
-    bench.start()
-    bench.run(1)
-    assert bench.session.state == "running"
-
-
 @both
 def test_images_of_a_device_that_already_runs_are_returned_during_the_queries(make: Callable[[], Bench]) -> None:
     before = make()
@@ -405,19 +253,6 @@ def test_a_long_interval_is_not_silence() -> None:
     bench.run(7)
     assert len(bench.written) == 4
     assert len(bench.samples) == 3
-
-
-@pytest.mark.parametrize(
-    ("make", "wrong"),
-    [(dsacon_bench, messages.encode_error(messages.ACQUIRE, 17)), (wts_bench, wts.encode_status(wts.STOP, 18))],
-)
-def test_a_device_that_has_nothing_to_stop_is_started_nevertheless(make: Callable[[], Bench], wrong: bytes) -> None:
-    bench = make()
-    stop = bench.session.stop()
-    bench.mend = lambda answer: wrong if bench.written[-1] == stop else answer
-    bench.start()
-    bench.run(1)
-    assert bench.session.state == "running"
 
 
 @both
