@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from slipd.config import Config, transport_of
-from slipd.devices import DEVICES, bota, pvdf, xela
+from slipd.config import Config
+from slipd.devices import bota, pvdf, xela
 from slipd.devices.bota import bota_text
 from slipd.devices.shared.decoder_health import DecoderHealth
 from slipd.engine.device_link import DeviceLink, make_links
-from slipd.engine.silence import LinkActivity, why_silent
 from slipd.events import LinkSpec
 from slipd.publish.status_publisher import StreamStatus
 from slipd.samples import TactileSample
@@ -287,68 +285,6 @@ def test_silence_right_after_opening_is_not_explained_yet(links: dict[str, Devic
     link = links["left.wrench"]
     link.open("port", T0)
     assert silent(link, T0 + S) == "open, but no reading yet"
-
-
-@pytest.mark.parametrize(
-    ("name", "source", "junk", "message"),
-    [
-        (
-            "left.wrench",
-            "",
-            b"\xaa" * 500,
-            "bytes arrive, none is a Bota frame: is the baud rate 460800? is it another device?",
-        ),
-        (
-            "left.pad",
-            "",
-            b"\xaa" * 500,
-            "bytes arrive, none is a frame of a PVDF pad: is the baud rate 57600 (the default is 921600)?"
-            " is it another device?",
-        ),
-        (
-            "right.pad",
-            "2",
-            b"hello",
-            "bytes arrive, none is a message of a XELA server: is ws://127.0.0.1:5000 its address?"
-            " is it another device?",
-        ),
-        ("left.wrench", "", b"r,0,C,1\r\n", "bytes arrive, but no reading (waiting)"),
-        ("left.wrench", "", b"", "open, but no bytes arrive: is it powered? is it connected to this port?"),
-        ("right.pad", "2", b"", "open, but no bytes arrive: is it powered? is it connected to ws://127.0.0.1:5000?"),
-        ("right.pad", "2", b'{"message":1}', "bytes arrive, but no reading"),
-        (
-            "right.pad",
-            "2",
-            skin(1, sensors="1"),
-            "readings arrive, none of sensor '2': is it plugged in? is `sensor` right?",
-        ),
-    ],
-)
-def test_a_silent_link_reports_what_arrives_and_what_to_check(
-    name: str, source: str, junk: bytes, message: str, left: str, right: str, parse: Parse
-) -> None:
-    twin = right.replace("finger.right", "finger.third").replace('"2"', '"1"')
-    links = make_links(parse(left.replace("rate_hz = 100.0", "rate_hz = 100.0\nbaud = 57600") + right + twin))
-    link = links[name]
-    link.open("port", T0)
-    if junk:
-        link.receive(junk, LATER)
-    assert silent(link, source=source) == message
-
-
-@pytest.mark.parametrize(
-    ("device", "port", "words"),
-    [
-        ("external", "ipc:///run/slipd/push", "does it push to ipc:///run/slipd/push?"),
-        ("external_gripper", "unix:///run/slipd/gripper", "does it register the gripper?"),
-    ],
-)
-def test_silence_of_a_program_is_explained_as_such(device: str, port: str, words: str) -> None:
-    spec = LinkSpec("left.wrench", transport_of(port), port)
-    activity = LinkActivity(bytes_come=False, garbled=False, others=False, state="")
-    assert words in why_silent(DEVICES[device], spec, "", activity)
-    garbled = why_silent(DEVICES[device], spec, "", replace(activity, bytes_come=True, garbled=True))
-    assert garbled.endswith("does the driver pack them as docs/devices.md says?")
 
 
 def test_a_stream_that_falls_silent_reports_why_by_recent_bytes_alone(links: dict[str, DeviceLink]) -> None:
