@@ -17,6 +17,7 @@ from slipd_client.ros2.orientation import (
     conjugate,
     pad_gravities,
     product,
+    unit_of,
 )
 
 PADS = {"left": (0.5, -0.5, 0.5, 0.5), "right": (-0.5, -0.5, -0.5, 0.5)}
@@ -102,13 +103,19 @@ def test_a_rotation_that_is_no_unit_quaternion_is_refused_and_the_one_before_sta
     tree.add(transform("base", "hand", Rotation.identity(), 1), 1.0, static=False)
     wrong = transform("base", "hand", Rotation.identity(), 2)
     wrong.transform.rotation = SimpleNamespace(**dict(zip("xyzw", bad, strict=True)))
-    with pytest.raises(OrientationUnknown, match="the transform from 'base' to 'hand' must be a unit quaternion, got"):
+    with pytest.raises(OrientationUnknown, match="the transform from 'base' to 'hand' must be a unit quaternion"):
         tree.add(wrong, 1.1, static=False)
     assert same(tree.orientation("base", "hand", 1.2), Rotation.identity())
     reading = imu(Rotation.identity())
     reading.orientation = wrong.transform.rotation
     with pytest.raises(OrientationUnknown, match="the orientation of /imu must be a unit quaternion"):
         ImuOrientation("/imu").add(reading, 0.0)
+
+
+def test_a_quaternion_has_four_numbers() -> None:
+    assert unit_of([0.0, 0.0, 0.0, 0.999], "it") == (0.0, 0.0, 0.0, 1.0)
+    with pytest.raises(OrientationUnknown, match="it must be a unit quaternion x y z w, got 3 numbers of length 1"):
+        unit_of([0.0, 0.0, 1.0], "it")
 
 
 def test_an_imu_gives_the_orientation_of_the_gripper_it_is_mounted_on() -> None:

@@ -1,0 +1,101 @@
+"""Goals of the gripper action beside a real daemon and an emulated gripper; only ROS itself is missing.
+
+The sensors are silent, so that no force may be raised, and nothing opened.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from grip_goals import GoalError, Joint, Outcome
+from grip_motion import carry_out
+from service_rig import Rig, client_of, start
+
+from slipd_client.errors import ClientError
+from slipd_client.grip import GripClient
+from slipd_client.subscriber import Subscriber
+
+pytestmark = pytest.mark.process
+
+PATIENCE_S = 60.0
+JOINT = Joint("jaw")
+PART_M = 0.04
+"""Width of the part between the jaws of the emulated gripper."""
+
+GRIPPER = """
+[gripper]
+device = "external_gripper"
+port = "unix://{folder}/gripper"
+rate_hz = 50.0
+min_force_n = 2.0
+max_force_n = 40.0
+step_n = 5.0
+"""
+
+
+class Hand:
+    """The gripper, for goals."""
+
+    def __init__(self, client: GripClient, messages: Subscriber) -> None:
+        self._client, self._messages = client, messages
+
+    def activate(self) -> None:
+        with self._client.lease():
+            self._client.gripper_activate(drop=True)
+        assert self._client.status()["gripper"]["active"]
+
+    def move(self, position: float, effort: float, *, cancelled: bool = False) -> Any:
+        """Return the outcome, and the state of the gripper at its end."""
+        shown: list[Any] = []
+        goal = SimpleNamespace(name=["jaw"], position=[position], effort=[effort], velocity=[])
+        return carry_out(self._client, self._messages, goal, JOINT, cancelled=lambda: cancelled, feedback=shown.append)
+
+
+@pytest.fixture
+def hand(rig: Rig, tmp_path: Path) -> Iterator[Hand]:
+    rig.file.write_text(rig.file.read_text(encoding="utf-8") + GRIPPER.format(folder=tmp_path), encoding="utf-8")
+    emulate = [sys.executable, "-m", "slipd.sim.emulate", "external_gripper", "--at", f"unix://{tmp_path}/gripper"]
+    with start(rig.file) as daemon, subprocess.Popen(emulate, stdout=subprocess.DEVNULL) as emulator:
+        peer = client_of(daemon)
+        peer.close()
+        with (
+            GripClient(peer.endpoints.requests, timeout_s=PATIENCE_S) as client,
+            Subscriber(peer.endpoints.publish, ("gripper",)) as messages,
+        ):
+            try:
+                yield Hand(client, messages)
+            finally:
+                emulator.terminate()
+
+
+def tried(work: Callable[[], Any], refusal: str = "nothing") -> Any:
+    """Do it until it succeeds, or is refused as expected: on a busy machine requests come too late, and leases end."""
+    until_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return work()
+        except (GoalError, ClientError, AssertionError) as error:
+            if refusal in str(error):
+                return str(error)
+            if time.monotonic() > until_s:
+                raise
+
+
+def test_a_goal_grips_keeps_its_force_and_is_refused_by_the_rules_of_slipd(hand: Hand) -> None:
+    tried(hand.activate)
+    assert tried(lambda: hand.move(0.0, 8.0, cancelled=True))[0] is None
+    outcome, state = tried(lambda: hand.move(0.0, 8.0))
+    assert outcome == Outcome(stalled=True, reached_goal=False)
+    assert (state["width_m"], state["force_command_n"]) == (pytest.approx(PART_M), 8.0)
+    outcome, state = tried(lambda: hand.move(0.0, 6.0))
+    assert (outcome.stalled, state["force_command_n"]) == (True, 6.0)
+    stale = "force_n must not be raised while sensors are stale"
+    assert stale in tried(lambda: hand.move(0.0, 8.0), stale)
+    assert "in_contact" in tried(lambda: hand.move(0.06, 0.0), "in_contact")
