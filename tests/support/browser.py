@@ -31,7 +31,7 @@ PATIENCE_S = 60.0
 
 
 class Browser:
-    """One page in one browser; ``with`` starts and ends it.
+    """One page in one browser; ``with`` starts it beside what follows, and ends it.
 
     Attributes:
         problems: Errors and warnings of the page's console, and exceptions of its scripts.
@@ -49,16 +49,24 @@ class Browser:
         self._thread = ThreadPoolExecutor(1, "browser")
 
     def __enter__(self) -> Browser:
-        self._thread.submit(self._start).result()
+        self._started = self._thread.submit(self._start)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._thread.submit(self._end).result()
+        if self._started.exception() is None:
+            self._thread.submit(self._end).result()
         self._thread.shutdown()
 
     def do(self, work: Callable[[Page], T]) -> T:
         """Let the thread of the browser do something with the page, and return its result."""
+        self._started.result()
         return self._thread.submit(lambda: work(self._page)).result()
+
+    def forget(self) -> None:
+        """Leave the page, and forget what was noted of it."""
+        self.do(lambda page: page.goto("about:blank"))
+        self.problems.clear()
+        self.hosts.clear()
 
     def open(self, url: str) -> None:
         """Open the page, and wait until it has started."""

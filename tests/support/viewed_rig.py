@@ -6,9 +6,7 @@ The sensors push their readings, at rates that a busy machine keeps up with.
 from __future__ import annotations
 
 import contextlib
-import os
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import zmq
+from rig_parts import first_line, part
 
 from slipd.devices.external import encode_reading
 from slipd.signals.pad import PadGeometry
@@ -193,7 +192,6 @@ class ViewedRig:
         self.messages: dict[tuple[str, int], dict[str, Any]] = {}
         self.url = ""
         self._folder = folder
-        self._environment = os.environ | {"SLIPD_RUNTIME_DIR": str(folder / "run")}
         self._publish, self._requests = f"ipc://{folder}/run/publish", f"ipc://{folder}/run/requests"
         self._without_mu = without_mu
         self._bus = _make_keys(folder) if keyed else ""
@@ -203,8 +201,10 @@ class ViewedRig:
     def __enter__(self) -> ViewedRig:
         with contextlib.ExitStack() as stack:
             gripper = f"unix://{self._folder}/gripper"
+            emulated = ("slipd.sim.emulate", "external_gripper", "--at", gripper)
+            emulator = stack.enter_context(part(self._folder, *emulated))
             self.daemon = stack.enter_context(self.start_daemon())
-            stack.enter_context(self._part("slipd.sim.emulate", "external_gripper", "--at", gripper)[0])
+            first_line(emulator)
             self.url = stack.enter_context(self.view("requester"))
             listener = threading.Thread(target=self._listen, name="listener")
             listener.start()
@@ -227,9 +227,8 @@ class ViewedRig:
         ]
         config = self._folder / "rig.toml"
         config.write_text("".join(fingers) + GRIPPER.format(folder=self._folder) + self._bus, encoding="utf-8")
-        part, line = self._part("slipd", "run", "--config", str(config))
-        with part as process:
-            self._publish = line.partition(": ")[2]
+        with part(self._folder, "slipd", "run", "--config", str(config)) as process:
+            self._publish = first_line(process).partition(": ")[2]
             self._requests = process.stdout.readline().strip().partition(": ")[2]
             yield process
 
@@ -239,9 +238,9 @@ class ViewedRig:
         endpoints = ("--publish", self._publish, "--requests", self._requests)
         keys = self._folder / "keys"
         secret = ("--key", f"{keys}/{key}.key_secret", "--server-key", f"{keys}/daemon.key") if self._bus else ()
-        part, line = self._part("slipd_client.slipctl", *endpoints, *secret, "view", "--listen", "127.0.0.1:0")
-        with part:
-            yield line.partition(": ")[2]
+        view = ("slipd_client.slipctl", *endpoints, *secret, "view", "--listen", "127.0.0.1:0")
+        with part(self._folder, *view) as process:
+            yield first_line(process).partition(": ")[2]
 
     def client(self) -> GripClient:
         """Return a client for requests."""
@@ -281,20 +280,6 @@ class ViewedRig:
                 if message is not None:
                     self.messages[message.topic, message.seq] = message.raw
 
-    def _part(self, name: str, *arguments: str) -> tuple[contextlib.AbstractContextManager[Any], str]:
-        """Start a part; return it, to be ended, and the first line that it prints."""
-        process = subprocess.Popen(
-            [sys.executable, "-m", name, *arguments],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=self._environment,
-        )
-        assert process.stdout is not None
-        line = process.stdout.readline().strip()
-        assert line, f"{name} ended at its start"
-        return _ending(process), line
-
 
 def _make_keys(folder: Path) -> str:
     """Make the keys of the daemon and of two clients; return the part of the config that names them."""
@@ -310,19 +295,6 @@ def _make_keys(folder: Path) -> str:
 def _layout(pad: PadGeometry) -> dict[str, Any]:
     flags = {"swap_xy": pad.swap_xy, "flip_x": pad.flip_x}
     return {"rows": pad.rows, "cols": pad.cols} | {key: str(flag).lower() for key, flag in flags.items()}
-
-
-@contextlib.contextmanager
-def _ending(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
-    with process:
-        try:
-            yield process
-        finally:
-            process.terminate()
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
 
 
 def _with_lease(client: GripClient, request: Callable[..., Any], *arguments: Any) -> bool:

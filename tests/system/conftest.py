@@ -1,4 +1,4 @@
-"""A daemon's config, its devices and its runtime directory."""
+"""A daemon's config, its devices and its runtime directory; a browser."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from browser import Browser
 from service_rig import Rig
 
 
@@ -21,3 +22,17 @@ def rig(tmp_path: Path, runtime: Path) -> Iterator[Rig]:
     yield rig
     rig.wrench.unplug()
     rig.pad.unplug()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    """One browser for all tests, because its start takes longer than many of them."""
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def browser(chromium: Browser) -> Browser:
+    """The browser with an empty page."""
+    chromium.forget()
+    return chromium

@@ -26,9 +26,9 @@ SLIDING = {"left": held(PADS["left"], (0.4, 4.7), 0.008), "right": HELD["right"]
 
 
 @pytest.fixture(scope="module")
-def parts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Parts]:
+def parts(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[Parts]:
     """A gripped object, and a browser that shows it."""
-    with Browser() as browser, ViewedRig(tmp_path_factory.mktemp("page")) as rig:
+    with ViewedRig(tmp_path_factory.mktemp("page")) as rig:
         browser.open(rig.url)
         rig.grip(10.0, HELD)
         browser.until(f"{CARD}?.drawn.slip?.pole_m && {CARD}.drawn.pad.circles.length > 0")

@@ -35,12 +35,6 @@ def page_of(recording: Path) -> Iterator[str]:
             process.kill()
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser() as browser:
-        yield browser
-
-
 def levels(browser: Browser) -> dict[str, str]:
     found: dict[str, str] = browser.value(
         """Object.fromEntries([...document.querySelectorAll(".finger")].map(

@@ -24,11 +24,43 @@ Parts = tuple[ViewedRig, Browser]
 HOT_TAXEL = 13
 
 
+def test_the_demo_leads_a_browser_to_its_page_and_shows_the_virtual_gripper(tmp_path: Path, browser: Browser) -> None:
+    """The file that the demo opens is followed by a real browser."""
+    copy, opener = tmp_path / "copy.html", tmp_path / "opener"
+    opener.write_text(f'#!/bin/sh\ncp "${{1#file://}}" {copy}.new && mv {copy}.new {copy}\n', encoding="utf-8")
+    opener.chmod(0o700)
+    environment = os.environ | {
+        "SLIPD_RUNTIME_DIR": str(tmp_path / "run"),
+        "DISPLAY": ":99",
+        "BROWSER": f"{opener} %s",
+    }
+    command = [sys.executable, "-m", "slipd", "demo", "--seconds", "120"]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as demo:
+        try:
+            until_s = time.monotonic() + PATIENCE_S
+            while not copy.exists():
+                assert time.monotonic() < until_s
+                time.sleep(0.05)
+            browser.do(lambda page: (page.goto(copy.as_uri()), page.wait_for_url("http://127.0.0.1:*/**")))
+            browser.until("window.slipd?.cards.size === 2")
+            browser.until("[...slipd.cards.values()].every((card) => card.drawn.pad?.taxels.length === 128)")
+            browser.until("slipd.grasp.drawn.now !== null")
+            width = "document.querySelector('[data-field=\"grasp.width_m\"]').textContent"
+            browser.until(f"/^[0-9.]+ mm$/.test({width})")
+            rows = browser.value("[...document.querySelectorAll('#stream-rows tr')].map((row) => row.dataset.stream)")
+            assert sorted(rows) == ["gripper", "left.pad", "left.wrench", "right.pad", "right.wrench"]
+            assert browser.problems == []
+            browser.forget()  # before its server ends
+        finally:
+            demo.send_signal(signal.SIGINT)
+            demo.wait(PATIENCE_S)
+
+
 @pytest.fixture(scope="module")
-def parts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Parts]:
+def parts(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[Parts]:
     """Open fingers of a daemon across TCP: the left pad has a faulty taxel, the right finger lacks a coefficient."""
     folder = tmp_path_factory.mktemp("rigs")
-    with Browser() as browser, ViewedRig(folder, without_mu="right", keyed=True) as rig:
+    with ViewedRig(folder, without_mu="right", keyed=True) as rig:
         rig.sensors.hot = ("left", HOT_TAXEL)
         browser.open(rig.url)
         yield rig, browser
@@ -112,34 +144,3 @@ def test_a_finger_without_a_friction_coefficient_is_unknown_and_shows_what_is_kn
 def test_no_script_failed(parts: Parts) -> None:
     _, browser = parts
     assert browser.problems == []
-
-
-def test_the_demo_leads_a_browser_to_its_page_and_shows_the_virtual_gripper(tmp_path: Path) -> None:
-    """The file that the demo opens is followed by a real browser."""
-    copy, opener = tmp_path / "copy.html", tmp_path / "opener"
-    opener.write_text(f'#!/bin/sh\ncp "${{1#file://}}" {copy}.new && mv {copy}.new {copy}\n', encoding="utf-8")
-    opener.chmod(0o700)
-    environment = os.environ | {
-        "SLIPD_RUNTIME_DIR": str(tmp_path / "run"),
-        "DISPLAY": ":99",
-        "BROWSER": f"{opener} %s",
-    }
-    command = [sys.executable, "-m", "slipd", "demo", "--seconds", "120"]
-    with Browser() as browser, subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as demo:
-        try:
-            until_s = time.monotonic() + PATIENCE_S
-            while not copy.exists():
-                assert time.monotonic() < until_s
-                time.sleep(0.05)
-            browser.do(lambda page: (page.goto(copy.as_uri()), page.wait_for_url("http://127.0.0.1:*/**")))
-            browser.until("window.slipd?.cards.size === 2")
-            browser.until("[...slipd.cards.values()].every((card) => card.drawn.pad?.taxels.length === 128)")
-            browser.until("slipd.grasp.drawn.now !== null")
-            width = "document.querySelector('[data-field=\"grasp.width_m\"]').textContent"
-            browser.until(f"/^[0-9.]+ mm$/.test({width})")
-            rows = browser.value("[...document.querySelectorAll('#stream-rows tr')].map((row) => row.dataset.stream)")
-            assert sorted(rows) == ["gripper", "left.pad", "left.wrench", "right.pad", "right.wrench"]
-            assert browser.problems == []
-        finally:
-            demo.send_signal(signal.SIGINT)
-            demo.wait(PATIENCE_S)

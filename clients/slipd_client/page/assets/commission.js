@@ -5,9 +5,6 @@ import { length, parts, quantity, setText } from "./format.js";
 
 const WRONG_TOKEN_CODE = 4403;
 
-/** Words of the guide on buttons; others are shown as they are. */
-const LABELS = { skip: "Skip", write: "Write", again: "Again", done: "Next", next: "Next", yes: "Yes", no: "No" };
-
 const LOST = "the connection to the view's server was lost; nothing more is written";
 const NO_GUIDE = "no connection to the guide: the view's server is gone, or it was started without buttons";
 
@@ -82,7 +79,7 @@ function showPrompt(text, step, choices) {
   byId("prompt").dataset.kind = "prompt";
   byId("prompt").dataset.step = step;
   for (const touch of document.querySelectorAll(".touch")) touch.classList.toggle("asked", touch.dataset.step === step);
-  const buttons = choices.map((word) => button(LABELS[word] ?? word, word, () => choose(word)));
+  const buttons = choices.map((word) => button(word[0].toUpperCase() + word.slice(1), word, () => choose(word)));
   if (step) buttons.push(button("Begin again", "restart", restart));
   byId("choices").replaceChildren(...buttons);
 }
