@@ -141,7 +141,7 @@ class DeviceLink:
             samples = self._within_rate(samples, t_ns)
         self._allowed -= len(samples)
         runs = []
-        for run in [samples] if len(samples) == 1 else _runs(samples):
+        for run in _runs(samples):
             stream = self.streams.get(run[0].source)
             if stream is not None:
                 kept, times_ns = stream.update(run, late_ns)
@@ -275,8 +275,10 @@ class DeviceLink:
         return max(BURST_S * self._rate_hz, LEAST_BURST)
 
 
-def _runs(samples: Sequence[Sample]) -> list[list[Sample]]:
+def _runs(samples: Sequence[Sample]) -> list[Sequence[Sample]]:
     """Return the readings in runs of one source each."""
+    if len(samples) == 1 or len({sample.source for sample in samples}) == 1:
+        return [samples]
     return [list(run) for _, run in groupby(samples, key=attrgetter("source"))]
 
 

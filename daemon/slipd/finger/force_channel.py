@@ -128,9 +128,9 @@ class ForceChannel:
             move_to_pad(rows, transform)
             self._subtract_drift(self.drift, rows, times_ns, untouched())
             transform = IDENTITY
-        for k, sample in enumerate(samples):
-            if not sample.has_torque:
-                wrenches[k, 3:] = math.nan
+        forces_alone = [k for k, sample in enumerate(samples) if not sample.has_torque]
+        if forces_alone:
+            wrenches[forces_alone, 3:] = math.nan
         return WrenchBatch(times_ns, samples[-1].t_ns, rows, transform, untrusted, statuses)
 
     def begin_read(self, first_ns: int, arrival: Arrival) -> None:
