@@ -7,6 +7,7 @@ import json
 import os
 import random
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -83,6 +84,14 @@ class Listener:
         assert self._process.stdout is not None
         topic, data, kind, user_data = json.loads(self._process.stdout.readline())
         return Heard(topic, bytes.fromhex(data), kind, bytes.fromhex(user_data))
+
+    def stop(self) -> None:
+        """Stop reading, as a process that hangs does."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Read again."""
+        self._process.send_signal(signal.SIGCONT)
 
     def __exit__(self, *_: object) -> None:
         self._process.kill()

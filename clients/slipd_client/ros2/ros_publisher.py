@@ -1,12 +1,11 @@
 """ROS 2 topics of one process, over Cyclone DDS: a writer for each topic, with the quality of service ROS expects.
 
 Every topic is reliable, as REP 2003 wants it of the providers of sensor data: subscribers may be reliable or not. A
-write never waits: a reliable subscriber that is too slow loses messages, and delays nobody.
+write never waits: a reliable subscriber that is too slow gets the last messages, and delays nobody.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -56,7 +55,6 @@ class RosPublisher:
         self._participant = participant
         self._latched = latched
         self._writers: dict[str, DataWriter[Any]] = {}
-        self._too_slow: set[str] = set()
 
     def publish(self, message: RosMessage) -> None:
         """Send a message to the subscribers of its topic; it is not even encoded where there are none."""
@@ -66,12 +64,8 @@ class RosPublisher:
         try:
             writer.write(encoded_type(message.type)(encode(message)))
         except DDSException as error:
-            if error.code != DDSException.DDS_RETCODE_TIMEOUT:
+            if error.code != DDSException.DDS_RETCODE_TIMEOUT:  # slow subscribers have more than 500 kB to take
                 raise
-            if message.topic not in self._too_slow:
-                self._too_slow.add(message.topic)
-                why = f"{message.topic}: a reliable subscriber is too slow, so messages are lost; said once"
-                print(f"slipctl: {why}", file=sys.stderr, flush=True)
 
     def _open(self, message: RosMessage) -> DataWriter[Any]:
         topic: Topic[Any] = Topic(self._participant, dds_topic_name(message.topic), encoded_type(message.type))

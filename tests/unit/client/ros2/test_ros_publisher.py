@@ -81,3 +81,23 @@ def test_who_comes_late_gets_the_last_warnings_and_of_other_topics_what_comes_af
                 ("/slipd/warning", 9),
                 ("/slipd/grasp", 9),
             }
+
+
+def test_a_reliable_subscriber_that_hangs_delays_nobody_and_gets_the_last_message_afterwards() -> None:
+    variables = free_domain()
+    with joined(variables) as participant, Listener(variables, {"/t": "sensor_msgs/Image"}, latched=True) as listener:
+        publisher = RosPublisher(participant, {"/t": 1})
+        image = sample("sensor_msgs/Image") | {"data": bytes(2000)}
+
+        def publish(count: int) -> None:
+            publisher.publish(RosMessage("/t", "sensor_msgs/Image", image | {"width": count}))
+
+        publish(0)
+        listener.hear()
+        listener.stop()
+        for count in range(1, 1001):
+            publish(count)
+        listener.go_on()
+        last = expected(RosMessage("/t", "sensor_msgs/Image", image | {"width": 1000}))
+        while listener.hear().data != last:
+            pass
