@@ -24,6 +24,7 @@ from slipd_client.live_view_lines import (
     add_faults_in_short,
     add_finger,
     add_gripper,
+    add_incidents,
     add_rates_in_short,
     add_recording,
     add_stream,
@@ -170,6 +171,7 @@ class LiveView:
             add_gripper(sheet, gripper)
         for key, what in (("run_recording", "of the whole run  "), ("recording", "")):
             add_recording(sheet, self._status(key), what)
+        add_incidents(sheet, self._status("incidents"))
         without = [f"pad of {plain(finger)}" for finger, pad in pads.items() if pad is None]
         without += ["forces"] if brief else []
         for streams, left_out in self._forms(sheet):

@@ -147,6 +147,21 @@ def add_recording(sheet: Sheet, recording: dict[str, Any], what: str) -> None:
         sheet.remark(f"{quantity(recording, 'lost', '', 0)} entries lost", "33", NAME_CELLS)
 
 
+def add_incidents(sheet: Sheet, incidents: dict[str, Any]) -> None:
+    """Add the incidents of this run, if they are kept: files saved and not, and entries missing from the memory."""
+    if not incidents:
+        return
+    failure = incidents.get("failure")
+    head = [(f"{'incidents':<20}", "1"), ("FAILED ", "1;31") if failure else ("OK     ", "32")]
+    counts = (("saved", "saved"), ("not_saved", "not saved"))
+    sheet.facts(head, [(f"{quantity(incidents, key, '', 0)} {word}", "") for key, word in counts], NAME_CELLS)
+    if text := failure or incidents.get("path"):
+        sheet.remark(plain(text), "1;31" if failure else "", NAME_CELLS)
+    missing = [f"{quantity(incidents, key, '', 0)} entries {key}" for key in ("lost", "dropped") if incidents.get(key)]
+    if missing:
+        sheet.remark(", ".join(missing), "33", NAME_CELLS)
+
+
 def add_stream(sheet: Sheet, name: str, stream: dict[str, Any]) -> None:
     """Add one stream with its health, rate, age and counters."""
     health, colour = _health(stream)

@@ -97,6 +97,27 @@ class RecordingChanged:
 
 
 @dataclass(slots=True, frozen=True)
+class IncidentsChanged:
+    """An incident was saved or not, or entries are missing from the memory of the last seconds.
+
+    Attributes:
+        saved: Number of files saved in this run.
+        failed: Number of files that could not be saved.
+        lost: Number of entries that never reached the memory, because its thread was too slow.
+        dropped: Number of entries that left the memory before their time, because it was full.
+        path: Path of the last file that was saved; "" before the first.
+        reason: Why the last file was not saved, for people; "" if it was.
+    """
+
+    saved: int
+    failed: int
+    lost: int
+    dropped: int
+    path: str
+    reason: str
+
+
+@dataclass(slots=True, frozen=True)
 class HostNotice:
     """What the host knows of the daemon, and people should: shown in ``status`` until the same topic changes.
 
@@ -109,7 +130,7 @@ class HostNotice:
     text: str
 
 
-Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged | HostNotice
+Event = Bytes | LinkUp | LinkDown | Request | Tick | RecordingChanged | IncidentsChanged | HostNotice
 
 
 class Publish(NamedTuple):

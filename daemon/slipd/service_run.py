@@ -35,7 +35,7 @@ from slipd.transport import Links
 from slipd.zmtp.endpoint import check_free
 from slipd.zmtp.listener_progress import ListenerProgress
 from slipd_client.health.repairs import summary
-from slipd_client.messages import STATUS_TOPIC, encode
+from slipd_client.messages import GRASP_TOPIC, STATUS_TOPIC, WARNING_TOPIC, encode
 from slipd_client.paths import publish_endpoint, requests_endpoint, runtime_dir
 
 
@@ -196,6 +196,8 @@ class ServiceRun:
         if self._continuous is not None:
             for change in self._continuous.changes(t_ns, self.engine.open_links):
                 self.handle(change)
+        if self._incidents is not None and (saved := self._incidents.change(t_ns)):
+            self.handle(saved)
 
     def end(self) -> None:
         """Stop the sensors, unless the engine failed; events that arrive while the links close are ignored."""
@@ -245,8 +247,11 @@ class ServiceRun:
                     self._show_status(summary(output.body))
                 for recorder in self._recorders:
                     recorder.published(output.topic, payload, t_ns)
-                if self._incidents is not None and output.topic == "warning":
-                    self._incidents.note_warning(output.body, t_ns)
+                if self._incidents is not None:
+                    if output.topic == WARNING_TOPIC:
+                        self._incidents.note_warning(output.body, t_ns)
+                    elif output.topic == GRASP_TOPIC:
+                        self._incidents.note_grasp(output.body, t_ns)
             elif isinstance(output, Write):
                 if self.links is not None:
                     self.links.write(output.link, output.data)

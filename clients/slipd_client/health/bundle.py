@@ -28,6 +28,8 @@ MOST_RECORDING_BYTES = 200_000_000
 LOG_LINES = 5000
 PACKAGES = ("slipd", "slipd-client", "pyzmq", "msgpack", "numpy", "scipy", "numba", "pyserial", "websockets")
 
+NOT_INSTALLED = "not installed here"
+
 REMOVED = "(removed)"
 
 _NAMED = r"secret|password|passwd|passphrase|token|credential|authorization|api[_-]?key"
@@ -149,7 +151,9 @@ def _versions() -> str:
         try:
             found[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
-            found[package] = "not installed here"
+            found[package] = NOT_INSTALLED
+    if found["slipd-client"] == NOT_INSTALLED != found["slipd"]:
+        found["slipd-client"] = f"{found['slipd']} (in slipd)"  # the wheel of the daemon contains the client
     return json.dumps(found, indent=1)
 
 

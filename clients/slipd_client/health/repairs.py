@@ -149,6 +149,8 @@ def _recordings(status: Mapping[str, Any]) -> Iterator[Repair]:
             yield Repair("recording-failed", "error", about, str(why), "df -h")
         elif state == "limited":
             yield Repair("recording-limited", "warning", about, str(why), "df -h")
+    if failure := _maps(status, "incidents").get("failure"):
+        yield Repair("incident-failed", "error", "incidents", str(failure), "df -h")
 
 
 def _look_at(address: str) -> str:

@@ -39,6 +39,7 @@ def _entries(body: Mapping[str, Any]) -> Iterator[Entry]:
 def _daemon(body: Mapping[str, Any]) -> Entry:
     late_s = body.get("late_s") or 0.0
     failed = [name for name in ("recording", "run_recording") if (body.get(name) or {}).get("state") == "failed"]
+    failed += ["incident"] if (body.get("incidents") or {}).get("failure") else []
     faults = [f"stalled for {late_s:.3f} s"] * (late_s > 0.0) + [f"{name} failed" for name in failed]
     values = {key: body.get(key) for key in ("version", "uptime_s", "late_s", "object_name", "lease", "publisher")}
     return entry("daemon", Health.WARN if faults else Health.OK, "; ".join(faults), "", values)

@@ -33,16 +33,18 @@ class Continuous(StrictModel):
 
 
 class Incidents(StrictModel):
-    """``[recording.incidents]``: the last seconds, always kept in memory, and saved when a finger warns.
+    """``[recording.incidents]``: the last seconds, always kept in memory, and saved after a warning or a drop.
 
     Attributes:
         enabled: Keep the last seconds, and save them. Wrong: false, and nobody can see why an object fell.
         before_s: Time before the warning that is saved, s. Wrong: too large, and the memory grows by about 0.3 MB for
             each second of two fingers.
         after_s: Time after the warning that is saved too, s. Wrong: too small, and the drop is missing.
-        level: Least level that counts; the loss of a contact at that level counts too. Wrong: "caution" saves much
-            that is harmless, "slipping" misses warnings that were heeded.
-        pause_s: Least time between two savings, s. Wrong: too small, and a chattering warning pushes out older files.
+        level: Least level that counts; the loss of a contact at that level counts too. A grasp that loses its object
+            (``grasp.state`` "lost") always counts. Wrong: "caution" saves much that is harmless, "slipping" misses
+            warnings that were heeded.
+        pause_s: Least time between two savings after warnings, and between two after drops, s. Wrong: too small, and a
+            chattering warning pushes out older files.
         keep_files: Number of files that are kept; the oldest are deleted. Wrong: too small, and an incident is deleted
             before anyone looks.
     """

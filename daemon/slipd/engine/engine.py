@@ -16,7 +16,7 @@ from slipd.engine.device_link import DeviceLink, make_links
 from slipd.engine.held_motion import Found, HeldMotion
 from slipd.engine.lateness import Lateness
 from slipd.engine.status_reader import StatusReader
-from slipd.events import Bytes, Event, HostNotice, LinkSpec, LinkUp, Output, RecordingChanged, Request, Tick, Write
+from slipd.events import Bytes, Event, LinkDown, LinkSpec, LinkUp, Output, RecordingChanged, Request, Tick, Write
 from slipd.finger.finger import Finger
 from slipd.finger.freshness import PROMPT, Arrival
 from slipd.finger.verdict_batch import VerdictBatch
@@ -114,16 +114,16 @@ class Engine:
                 if (reply := self._handlers.note_recording(event, t_ns)) is not None:
                     out.append(reply)
                 self._publish_status(t_ns, out)
-            case HostNotice(topic, text):
-                self._status_reader.note(topic, text)
-                self._publish_status(t_ns, out)
             case LinkUp(name, identity):
                 if greeting := self._links[name].open(identity, t_ns):
                     out.append(Write(name, greeting))
                 self._publish_status(t_ns, out)
-            case _:  # LinkDown
-                self._links[event.link].close(event.reason)
-                self._handle_lost_link(event.link, t_ns, out)
+            case LinkDown(name, reason):
+                self._links[name].close(reason)
+                self._handle_lost_link(name, t_ns, out)
+                self._publish_status(t_ns, out)
+            case _:  # HostNotice, IncidentsChanged
+                self._status_reader.note(event)
                 self._publish_status(t_ns, out)
         return out
 

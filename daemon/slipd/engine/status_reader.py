@@ -8,6 +8,7 @@ from typing import cast
 from slipd.engine.device_link import DeviceLink
 from slipd.engine.lateness import Lateness
 from slipd.engine.stream_meter import StreamMeter
+from slipd.events import HostNotice, IncidentsChanged
 from slipd.finger.finger import Finger
 from slipd.gripper.gripper_control import GripperControl
 from slipd.publish.status_publisher import DaemonStatus, StreamStatus
@@ -39,12 +40,16 @@ class StatusReader:
         self._lateness = lateness
         self._recordings = recordings
         self._notices: dict[str, str] = {}
+        self._incidents: IncidentsChanged | None = None
 
-    def note(self, topic: str, text: str) -> None:
-        """Keep a notice of the host for `read`; "" ends that of the topic."""
-        self._notices.pop(topic, None)
-        if text:
-            self._notices[topic] = text
+    def note(self, event: HostNotice | IncidentsChanged) -> None:
+        """Keep what the host reports for `read`; a notice with the text "" ends that of its topic."""
+        if isinstance(event, IncidentsChanged):
+            self._incidents = event
+            return
+        self._notices.pop(event.topic, None)
+        if event.text:
+            self._notices[event.topic] = event.text
 
     def read(self, t_ns: int) -> DaemonStatus:
         """Return the state at ``t_ns``."""
@@ -58,6 +63,7 @@ class StatusReader:
             ],
             recording=self._recordings.requested,
             run_recording=self._recordings.whole_run,
+            incidents=self._incidents,
             notices=dict(self._notices),
         )
 

@@ -16,13 +16,15 @@ class HoldState:
 
     Attributes:
         word: The state at the last `update`.
-        since_ns: When it began, CLOCK_MONOTONIC; 0 before the first `update`.
+        since_ns: When it began, CLOCK_MONOTONIC; 0 before the first `update`. A loss keeps its time over moments in
+            which nothing is known.
     """
 
     def __init__(self) -> None:
         self.word: HoldWord = "unknown"
         self.since_ns = 0
         self._holding = False  # an object was held, and its end was not known since
+        self._lost_ns = 0  # when it was lost; 0 while it was not
         self._releasing = False  # opening was commanded since the pads last pressed without
 
     def update(self, levels: tuple[str, str], *, releasing: bool, t_ns: int) -> bool:
@@ -36,7 +38,9 @@ class HoldState:
         word = self._next(levels, releasing=releasing)
         changed = word != self.word or not self.since_ns
         if changed:
-            self.word, self.since_ns = word, t_ns
+            if word == "lost":
+                self._lost_ns = self._lost_ns or t_ns
+            self.word, self.since_ns = word, self._lost_ns if word == "lost" else t_ns
         return changed
 
     def _next(self, levels: tuple[str, str], *, releasing: bool) -> HoldWord:
@@ -47,5 +51,5 @@ class HoldState:
             return "unknown" if "unknown" in levels else "empty"
         if "slipping" not in levels and "unknown" in levels:
             return "unknown"
-        self._holding, self._releasing = True, releasing
+        self._holding, self._releasing, self._lost_ns = True, releasing, 0
         return "slipping" if "slipping" in levels else "held"

@@ -10,7 +10,7 @@ import numpy as np
 from slipd import __version__
 from slipd.device_text import one_line
 from slipd.devices.shared.decoder_health import DecoderHealth
-from slipd.events import Output, RecordingChanged
+from slipd.events import IncidentsChanged, Output, RecordingChanged
 from slipd.finger.finger import Finger
 from slipd.finger.force_channel import ForceChannel
 from slipd.finger.image_channel import ImageChannel
@@ -76,6 +76,7 @@ class DaemonStatus:
         streams: State of every stream.
         recording: The newest recording on request.
         run_recording: The recording of the whole run; None where there is none.
+        incidents: What was saved of incidents; None where none are kept.
         notices: Notices of the host by topic.
     """
 
@@ -84,6 +85,7 @@ class DaemonStatus:
     streams: Sequence[StreamStatus]
     recording: RecordingChanged
     run_recording: RecordingChanged | None
+    incidents: IncidentsChanged | None
     notices: Mapping[str, str]
 
 
@@ -132,6 +134,7 @@ class StatusPublisher:
             "gripper": None if self._gripper is None else gripper_body(self._gripper, t_ns),
             "recording": _recording_body(daemon.recording),
             "run_recording": None if daemon.run_recording is None else _recording_body(daemon.run_recording),
+            **({} if daemon.incidents is None else {"incidents": _incidents_body(daemon.incidents)}),
             "notices": {topic: one_line(text) for topic, text in daemon.notices.items()},
         }
 
@@ -202,4 +205,15 @@ def _recording_body(recording: RecordingChanged) -> Body:
         "running": recording.state == "running",
         "failure": recording.reason or None,
         "lost": recording.lost,
+    }
+
+
+def _incidents_body(incidents: IncidentsChanged) -> Body:
+    return {
+        "saved": incidents.saved,
+        "not_saved": incidents.failed,
+        "lost": incidents.lost,
+        "dropped": incidents.dropped,
+        "path": incidents.path or None,
+        "failure": incidents.reason or None,
     }

@@ -40,10 +40,11 @@ class EntryRing:
 
     Attributes:
         next_n: Index of the next entry.
+        dropped_early: Number of entries dropped before their time, because the memory was full.
     """
 
     def __init__(self, before_ns: int) -> None:
-        self.next_n = 0
+        self.next_n = self.dropped_early = 0
         self._before_ns = before_ns
         self._blocks: deque[_Block] = deque()
         self._bytes = 0
@@ -90,7 +91,9 @@ class EntryRing:
         """Drop the blocks that are older than the time that is kept."""
         blocks = self._blocks
         while len(blocks) > 1 and (blocks[1].begin_ns <= t_ns - self._before_ns or self._bytes > MOST_BYTES):
+            in_time = blocks[1].begin_ns <= t_ns - self._before_ns
             dropped = blocks.popleft()
+            self.dropped_early += 0 if in_time else dropped.entries
             self._bytes -= len(dropped.data)
             for link in dropped.links:
                 self._open.pop(link.link, None)

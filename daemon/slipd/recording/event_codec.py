@@ -13,7 +13,7 @@ from typing import Any
 import msgpack
 
 from slipd.errors import RecordingError
-from slipd.events import Bytes, Event, HostNotice, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.events import Bytes, Event, HostNotice, IncidentsChanged, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd_client import messages
 
 _CRC_BYTES = 4
@@ -26,6 +26,10 @@ _FIELDS: dict[str, tuple[type[Event], dict[str, type]]] = {
     "request": (Request, {"client": bytes, "body": dict}),
     "tick": (Tick, {"suspended_ns": int}),
     "recording": (RecordingChanged, {"name": str, "path": str, "state": str, "reason": str, "lost": int}),
+    "incidents": (
+        IncidentsChanged,
+        {"saved": int, "failed": int, "lost": int, "dropped": int, "path": str, "reason": str},
+    ),
     "notice": (HostNotice, {"topic": str, "text": str}),
     "recording_failed": (RecordingChanged, {"name": str, "reason": str}),  # in recordings of version 0.1
 }

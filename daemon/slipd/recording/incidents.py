@@ -1,4 +1,4 @@
-"""What happened before a warning: the last seconds are always kept in memory, and saved as a file when a finger warns.
+"""What happened before a warning or a drop: the last seconds are always kept in memory, and then saved as a file.
 
 The live path only puts entries into a queue; a thread compresses them, and writes the file.
 """
@@ -16,7 +16,7 @@ from typing import Any
 
 from slipd.config import Incidents as IncidentLimits
 from slipd.errors import RecordingError
-from slipd.events import Event
+from slipd.events import Event, IncidentsChanged
 from slipd.recording.continuous_recording import delete_oldest
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.mcap_file import RecordingFile
@@ -29,6 +29,9 @@ LEVELS = ("caution", "warning", "slipping")
 
 _PERIOD_S = 0.05
 """How often the thread empties the queue, s: waking for every entry would delay the live path."""
+
+REPORT_PERIOD_NS = 1_000_000_000
+"""Least time between two reports of what was saved and lost."""
 
 _log = logging.getLogger(__name__)
 
@@ -44,7 +47,7 @@ class _Save:
 
 
 class Incidents:
-    """Keeps the last seconds of a run, and saves them when a finger warns.
+    """Keeps the last seconds of a run, and saves them when a finger warns or the grasp loses its object.
 
     Call all methods from one thread. None of them blocks but `close`, and none raises because of a disk.
 
@@ -67,8 +70,13 @@ class Incidents:
         self._directory, self._limits, self._name = directory, limits, name
         self._create, self._prepare = create, prepare
         self._levels = LEVELS[LEVELS.index(limits.level) :]
-        self._next_ns: int | None = None  # before it nothing is saved
-        self._ignored = 0
+        self._next_ns: dict[str, int] = {}  # before it nothing of a kind is saved
+        self._ignored = self._lost = 0
+        self._lost_object_ns: int | None = None
+        self._saved = self._failed = 0  # counted by the thread
+        self._path = self._reason = ""
+        self._reported: IncidentsChanged | None = None
+        self._report_due_ns = 0
         self._ring = EntryRing(round(limits.before_s * 1e9))
         self._queue: SimpleQueue[_Entry | _Save | None] = SimpleQueue()
         self._thread = Thread(target=self._run, name="incidents", daemon=True)
@@ -83,8 +91,10 @@ class Incidents:
         self._put((t_ns, topic, payload))
 
     def _put(self, entry: _Entry) -> None:
-        if self._queue.qsize() < QUEUE_LIMIT:  # else the disk is slow; the file will have a gap of time
+        if self._queue.qsize() < QUEUE_LIMIT:
             self._queue.put(entry)
+        else:  # the disk is slow; the file will have a gap of time
+            self._lost += 1
 
     def note_warning(self, body: Mapping[str, Any], t_ns: int) -> None:
         """Save what happened if a message of the topic ``warning``, published at ``t_ns``, is reason enough.
@@ -92,17 +102,37 @@ class Incidents:
         Within `pause_s` of the last saving nothing is saved: a chattering warning must not fill the disk.
         """
         level, lost = body["level"], body["level"] == "no_contact" and body["previous"] in self._levels
-        if level not in self._levels and not lost:
-            return
-        if self._next_ns is not None and t_ns < self._next_ns:
+        if level in self._levels or lost:
+            self._order("warnings", f"{body['finger']}-{'contact_lost' if lost else level}", t_ns)
+
+    def note_grasp(self, body: Mapping[str, Any], t_ns: int) -> None:
+        """Save what happened if a message of the topic ``grasp``, published at ``t_ns``, reports a loss.
+
+        Losses have a pause of their own: the drop that a warning announced is saved too.
+        """
+        if body["state"] == "lost" and body["state_t_ns"] != self._lost_object_ns:
+            self._lost_object_ns = body["state_t_ns"]
+            self._order("losses", "grasp-lost", t_ns)
+
+    def _order(self, kind: str, what: str, t_ns: int) -> None:
+        if t_ns < self._next_ns.get(kind, t_ns):
             self._ignored += 1
             return
         if self._ignored:
-            _log.info("%d warnings within %g s of the last saved one", self._ignored, self._limits.pause_s)
-        self._ignored, self._next_ns = 0, t_ns + round(self._limits.pause_s * 1e9)
-        what = "contact_lost" if lost else level
-        path = self._directory / f"{PREFIX}{self._name(t_ns)}-{body['finger']}-{what}.mcap"
+            _log.info("%d incidents within %g s of the last saved one", self._ignored, self._limits.pause_s)
+        self._ignored, self._next_ns[kind] = 0, t_ns + round(self._limits.pause_s * 1e9)
+        path = self._directory / f"{PREFIX}{self._name(t_ns)}-{what}.mcap"
         self._queue.put(_Save(path, t_ns + round(self._limits.after_s * 1e9)))
+
+    def change(self, t_ns: int) -> IncidentsChanged | None:
+        """Return what was saved and lost so far; None if that is known, or was reported within the last second."""
+        now = IncidentsChanged(
+            self._saved, self._failed, self._lost, self._ring.dropped_early, self._path, self._reason
+        )
+        if now == self._reported or t_ns < self._report_due_ns:
+            return None
+        self._reported, self._report_due_ns = now, t_ns + REPORT_PERIOD_NS
+        return now
 
     def close(self) -> None:
         """End the thread; what waits to be saved is saved as it is."""
@@ -110,7 +140,7 @@ class Incidents:
         self._thread.join(CLOSE_LIMIT_S)
 
     def _run(self) -> None:
-        due: _Save | None = None
+        due: list[_Save] = []
         while True:
             try:
                 item = self._queue.get_nowait()
@@ -120,14 +150,13 @@ class Incidents:
             if item is None:
                 break
             if isinstance(item, _Save):
-                due = item
+                due.append(item)
                 continue
-            if due is not None and item[0] > due.until_ns:
-                self._save(due)
-                due = None
+            while due and item[0] > due[0].until_ns:
+                self._save(due.pop(0))
             self._keep(item)
-        if due is not None:
-            self._save(due)
+        for order in due:
+            self._save(order)
 
     def _keep(self, entry: _Entry) -> None:
         if len(entry) == 2:
@@ -142,15 +171,20 @@ class Incidents:
             delete_oldest(self._directory, PREFIX, self._limits.keep_files - 1)
             file = self._create(order.path, self._ring.first)
         except (RecordingError, OSError) as error:
-            _log.error("%s: not saved: %s", order.path, error)
+            self._note_failure(order.path, str(error))
             return
         try:
             self._ring.write(file)
         except OSError as error:
             file.remove()
-            _log.error("%s: not saved: %s", order.path, error.strerror)
+            self._note_failure(order.path, str(error.strerror))
             return
-        _log.warning("%s: saved, with what happened before", order.path)
+        self._saved, self._path, self._reason = self._saved + 1, str(order.path), ""
+        _log.warning("%s: saved, with what happened before", order.path, extra={"slipd_recording": order.path})
+
+    def _note_failure(self, path: Path, reason: str) -> None:
+        self._failed, self._reason = self._failed + 1, f"{path}: not saved: {reason}"
+        _log.error("%s", self._reason, extra={"slipd_recording": path, "slipd_fault": "incident-failed"})
 
 
 def file_of_run(config_text: str, boot: str, wall_minus_monotonic_ns: int) -> Callable[[Path, int], RecordingFile]:

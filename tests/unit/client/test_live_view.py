@@ -241,3 +241,15 @@ def test_a_change_of_level_is_one_line() -> None:
 
 def test_a_time_out_of_range_is_a_dash() -> None:
     assert [clock_time(value) for value in (0.0, 1e300, float("inf"))] == ["–", "–", "–"]
+
+
+def test_incidents_are_shown_where_they_are_kept() -> None:
+    assert "incidents" not in drawn(status=STATUS)
+    counts = {"saved": 2, "not_saved": 0, "lost": 0, "dropped": 0, "path": "/state/a.mcap", "failure": None}
+    text = drawn(status=STATUS | {"incidents": counts})
+    assert re.search(r"^incidents +OK +2 saved +0 not saved  /state/a.mcap$", text, re.MULTILINE)
+    counts |= {"not_saved": 1, "lost": 7, "dropped": 30, "failure": "/state/b.mcap: not saved: disk full"}
+    text = drawn(status=STATUS | {"incidents": counts})
+    missing = "7 entries lost, 30 entries dropped"
+    failed = "/state/b.mcap: not saved: disk full"
+    assert re.search(rf"^incidents +FAILED +2 saved +1 not saved  {failed}  {missing}$", text, re.MULTILINE)

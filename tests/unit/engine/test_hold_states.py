@@ -5,7 +5,7 @@ from __future__ import annotations
 from engine_rig import GRIPPER, LEFT, RIGHT, Run
 from grasp_table import grasp_table
 
-from slipd.events import HostNotice
+from slipd.events import HostNotice, IncidentsChanged
 
 RIG = LEFT + RIGHT + GRIPPER + grasp_table()
 
@@ -72,3 +72,15 @@ def test_a_notice_of_the_host_is_shown_until_it_ends() -> None:
     assert run.published("status")[-1]["notices"] == {"config": r"a\nfault"}
     run.feed(HostNotice("config", ""))
     assert run.published("status")[-1]["notices"] == {}
+
+
+def test_the_status_tells_of_incidents_only_where_they_are_kept() -> None:
+    run = Run(LEFT)
+    run.feed(HostNotice("config", ""))
+    assert "incidents" not in run.published("status")[-1]
+    run.feed(IncidentsChanged(0, 0, 0, 0, "", ""))
+    none = {"saved": 0, "not_saved": 0, "lost": 0, "dropped": 0, "path": None, "failure": None}
+    assert run.published("status")[-1]["incidents"] == none
+    run.feed(IncidentsChanged(2, 1, 3, 4, "/state/a.mcap", "disk full"))
+    some = {"saved": 2, "not_saved": 1, "lost": 3, "dropped": 4, "path": "/state/a.mcap", "failure": "disk full"}
+    assert run.published("status")[-1]["incidents"] == some

@@ -58,6 +58,17 @@ def test_a_loss_ends_with_the_next_release() -> None:
     assert words((HELD, HELD, False), (FREE, FREE, False), (FREE, FREE, True)) == ["held", "lost", "empty"]
 
 
+def test_a_loss_keeps_its_time_until_the_next_grip() -> None:
+    state = HoldState()
+    steps = (HELD, HELD), (FREE, FREE), (BLIND, BLIND), (BLIND, FREE), (HELD, HELD), (BLIND, BLIND), (FREE, HELD)
+    found = []
+    for t_ns, levels in enumerate(steps, 1):
+        state.update(levels, releasing=False, t_ns=t_ns)
+        found.append((state.word, state.since_ns))
+    first = [("held", 1), ("lost", 2), ("unknown", 3), ("lost", 2)]
+    assert found == [*first, ("held", 5), ("unknown", 6), ("lost", 7)]
+
+
 def test_a_state_has_the_time_when_it_began() -> None:
     state = HoldState()
     assert [state.update((BLIND, BLIND), releasing=False, t_ns=t_ns) for t_ns in (5, 6)] == [True, False]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slipd.errors import RecordingError
-from slipd.events import Bytes, Event, LinkDown, LinkUp, RecordingChanged, Request, Tick
+from slipd.events import Bytes, Event, HostNotice, IncidentsChanged, LinkDown, LinkUp, RecordingChanged, Request, Tick
 from slipd.recording.event_codec import decode_event, encode_event
 
 TEXT = st.text(st.characters())  # with the surrogates that the system's error texts may hold
@@ -21,6 +21,8 @@ EVENT = st.one_of(
     st.builds(Request, st.binary(), st.dictionaries(WORD, VALUE, max_size=5)),
     st.builds(Tick, st.integers(0, 2**63 - 1), st.booleans()),
     st.builds(RecordingChanged, TEXT, TEXT, TEXT, TEXT, st.integers(0, 2**63 - 1)),
+    st.builds(HostNotice, TEXT, TEXT),
+    st.builds(IncidentsChanged, *[st.integers(0, 2**63 - 1)] * 4, TEXT, TEXT),
 )
 INDEX = st.integers(0, 2**63 - 1)
 EXAMPLES: list[Event] = [
@@ -30,6 +32,7 @@ EXAMPLES: list[Event] = [
     Request(b"\x01client", {"op": "grip.set", "force_n": 2.5, "nested": {"a": [1, None, True]}}),
     Tick(5),
     RecordingChanged("a.mcap", "/state/a.mcap", "failed", "No space left on device", 7),
+    IncidentsChanged(2, 1, 0, 300, "/state/a.mcap", "No space left on device"),
     Tick(5, unread=True),
 ]
 

@@ -9,8 +9,9 @@ import pytest
 
 from slipd.config import Incidents as Limits
 from slipd.errors import RecordingError
-from slipd.events import Bytes, LinkDown, LinkUp
+from slipd.events import Bytes, IncidentsChanged, LinkDown, LinkUp
 from slipd.recording import entry_ring
+from slipd.recording import incidents as module
 from slipd.recording.entry_ring import EntryRing
 from slipd.recording.entry_walk import Entered
 from slipd.recording.incidents import Incidents, file_of_run
@@ -54,7 +55,7 @@ def test_a_warning_saves_what_came_before_and_after_it_and_no_later_one_within_t
         assert [entry.n for entry in entries] == list(range(len(entries)))
         ends.append(entries[-1].t_ns // SECOND_NS)
     assert ends == [7, 102, 199]
-    assert "2 warnings within 60 s of the last saved one" in caplog.text
+    assert "2 incidents within 60 s of the last saved one" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -77,6 +78,50 @@ def test_the_level_decides_what_is_an_incident(
     kept.note_warning({"finger": "left", "level": level, "previous": previous}, 0)
     kept.close()
     assert files(tmp_path) == ([f"incident-{0:020}-{name}.mcap"] if name else [])
+
+
+def test_a_grasp_that_loses_its_object_is_saved_once_also_after_its_warning(tmp_path: Path, incidents) -> None:
+    kept = incidents(after_s=5.0, pause_s=60.0)
+    for second, state, since in ((1, "held", 1), (3, "lost", 3), (4, "unknown", 4), (5, "lost", 3), (70, "lost", 70)):
+        t_ns = second * SECOND_NS
+        kept.event(Bytes("left.wrench", b"x"), t_ns)
+        if second == 1:
+            kept.note_warning(WARNING, t_ns)
+        kept.note_grasp({"state": state, "state_t_ns": since}, t_ns)
+    kept.close()
+    names = (1, "left-warning"), (3, "grasp-lost"), (70, "grasp-lost")
+    assert files(tmp_path) == [f"incident-{second * SECOND_NS:020}-{what}.mcap" for second, what in names]
+
+
+def test_what_is_saved_and_lost_is_reported_once_at_most_every_second(
+    tmp_path: Path, incidents, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(entry_ring, "BLOCK_BYTES", 100)
+    monkeypatch.setattr(entry_ring, "MOST_BYTES", 300)
+    reasons = iter(["no room", ""])
+
+    def prepare() -> None:
+        if reason := next(reasons):
+            raise RecordingError(reason)
+
+    kept = incidents(prepare, pause_s=1.0)
+    assert kept.change(0) == IncidentsChanged(0, 0, 0, 0, "", "")
+    assert kept.change(2 * SECOND_NS) is None
+    monkeypatch.setattr(module, "QUEUE_LIMIT", 0)
+    kept.published("status", b"x", 0)
+    assert kept.change(SECOND_NS // 2) is None, "too soon"
+    assert kept.change(2 * SECOND_NS) == IncidentsChanged(0, 0, 1, 0, "", "")
+    monkeypatch.setattr(module, "QUEUE_LIMIT", 1000)
+    for n in range(100):
+        kept.published("status", bytes([n]) * 40, n)
+    kept.note_warning(WARNING, SECOND_NS)
+    kept.note_grasp({"state": "lost", "state_t_ns": 7}, 2 * SECOND_NS)
+    kept.close()
+    change = kept.change(9 * SECOND_NS)
+    assert change is not None
+    assert 0 < change.dropped < 100
+    path = tmp_path / f"incident-{2 * SECOND_NS:020}-grasp-lost.mcap"
+    assert change == IncidentsChanged(1, 1, 1, change.dropped, str(path), "")
 
 
 def test_the_oldest_incidents_are_deleted(tmp_path: Path, incidents) -> None:

@@ -166,6 +166,18 @@ class RecordingStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class IncidentsStatus:
+    """What was saved of incidents, in ``status``."""
+
+    saved: int | None = wire("files saved in this run", default=None)
+    not_saved: int | None = wire("files that could not be saved", default=None)
+    lost: int | None = wire("entries that never reached the memory of the last seconds: a gap of time", default=None)
+    dropped: int | None = wire("entries that left it before `before_s`, because it was full", default=None)
+    path: str | None = wire("path of the last file that was saved; nil before the first", nil=True)
+    failure: str | None = wire("why the last file was not saved; nil if it was", nil=True)
+
+
+@dataclass(frozen=True, slots=True)
 class PublisherStatus:
     """The publisher in ``status``."""
 
@@ -196,6 +208,9 @@ class DaemonState:
     recording: RecordingStatus | None = wire("the newest recording on request, see below", default=None)
     run_recording: RecordingStatus | None = wire(
         "the recording of the whole run (`slipd run --record`), likewise; nil where there is none", nil=True
+    )
+    incidents: IncidentsStatus | None = wire(
+        "what was saved of incidents, see below", default=None, only="with `[recording.incidents]`"
     )
     notices: Mapping[str, str] = wire(
         'what is wrong around the daemon: "config" (a changed file has faults, and the config read before is kept), '

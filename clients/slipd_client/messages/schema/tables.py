@@ -23,7 +23,7 @@ from slipd_client.messages.names import (
 )
 from slipd_client.messages.schema.fields import Field, fields_of
 from slipd_client.messages.schema.ops import OPS
-from slipd_client.messages.schema.parts import FingerStatus, RecordingStatus, StreamStatus
+from slipd_client.messages.schema.parts import FingerStatus, IncidentsStatus, RecordingStatus, StreamStatus
 from slipd_client.messages.schema.replies import Reply, StatusReply
 from slipd_client.messages.schema.request_fields import ENVELOPE
 from slipd_client.messages.schema.topics import TOPICS, Message
@@ -49,6 +49,7 @@ def tables() -> dict[str, str]:
         "fingers": _fields(fields_of(FingerStatus)),
         "streams": _fields(fields_of(StreamStatus)),
         "recordings": _fields(fields_of(RecordingStatus)),
+        "incidents": _fields(fields_of(IncidentsStatus)),
         "envelope": _fields(ENVELOPE),
         "ops": _table(
             ("op", "what it does", "fields", "needs"),

@@ -206,10 +206,13 @@ class Grasp(Message):
         '"empty" (a pad is free, and nothing was held or slipd was asked to open), "held" (both pads press, on an '
         'object or on each other), "slipping", "lost" (a pad is free that pressed, although slipd was not asked to '
         'open), or "unknown" (not known of both pads). It stays "lost" until both pads press again, or until slipd is '
-        'asked to open. Where the config has no gripper, slipd sees no opening, and every grasp ends as "lost"',
+        'asked to open; a moment in which neither pad is known is "unknown". Where the config has no gripper, slipd '
+        'sees no opening, and every grasp ends as "lost"',
         default=None,
     )
-    state_t_ns: int | None = wire("when that state began", default=None)
+    state_t_ns: int | None = wire(
+        'when that state began; of "lost" the moment of the loss, also after an "unknown" moment', default=None
+    )
     level: SlipLevel = wire(
         'level of the worse finger, as in `slip`; "unknown" is worse than "stable" and less alarming than "caution"'
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import stat
 import tarfile
 from pathlib import Path
@@ -87,7 +88,9 @@ def test_without_a_daemon_the_bundle_has_what_there_is(tmp_path: Path, capsys: p
     assert slipctl.main([*arguments, "--seconds", "0.1"]) == 0
     found = contents(out)
     assert found["config.toml"] == "mu = 0.5\n"
-    assert json.loads(found["versions.json"])["slipd"]
+    versions = json.loads(found["versions.json"])
+    assert re.match(r"\d+\.\d+", versions["slipd"])
+    assert versions["slipd-client"] == f"{versions['slipd']} (in slipd)"
     assert "status.json: " in found["problems.txt"]
     assert "not in it: status.json" in capsys.readouterr().out
     with pytest.raises(SystemExit):

@@ -87,6 +87,8 @@ def test_a_finger_whose_stream_is_not_well_is_not_listed_twice() -> None:
         ({"notices": {"realtime": "no", "config": "kept"}}, ["config-kept", "realtime-refused"]),
         ({"recording": {"state": "failed", "failure": "disk full"}}, ["recording-failed"]),
         ({"run_recording": {"state": "limited", "failure": None}}, ["recording-limited"]),
+        ({"incidents": {"saved": 1, "failure": "disk full"}}, ["incident-failed"]),
+        ({"incidents": {"saved": 1, "not_saved": 1, "failure": None}}, []),
         (
             {"gripper": {"latched_fault": "no_answer", "active": False, "force_limit_n": None}},
             ["gripper-fault", "gripper-inactive", "gripper-no-limit"],
@@ -108,7 +110,10 @@ def test_every_repair_has_its_section_in_the_documents() -> None:
     text = (DOCS / "health.md").read_text(encoding="utf-8")
     code = (DOCS.parent / "clients/slipd_client/health/repairs.py").read_text(encoding="utf-8")
     known = set(
-        re.findall(r'"((?:stream|finger|friction|gravity|pad|gripper|recording|daemon|config|realtime)-[a-z-]+)"', code)
+        re.findall(
+            r'"((?:stream|finger|friction|gravity|pad|gripper|recording|incident|daemon|config|realtime)-[a-z-]+)"',
+            code,
+        )
     )
     assert set(re.findall(r"^## ([a-z-]+)$", text, re.MULTILINE)) == known
     assert repairs(stream(health=3))[0].as_map()["link"] == "docs/health.md#stream-silent"
