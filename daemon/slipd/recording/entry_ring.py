@@ -11,6 +11,7 @@ import msgpack
 import zstandard
 
 from slipd.events import Event, LinkDown, LinkUp
+from slipd.recording.chunk_index import trimmed
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_file import EVENTS, RecordingFile
 from slipd.recording.tare_events import Entered, TareEvents
@@ -82,7 +83,7 @@ class EntryRing:
             self._drop(t_ns)
 
     def _end_block(self) -> None:
-        data = self._compressor.compress(b"".join(self._pieces))
+        data = trimmed(self._compressor.compress(b"".join(self._pieces)))
         self._blocks.append(_Block(data, self._begin_ns, self._links, len(self._pieces)))
         self._bytes += len(data)
         self._begin_block()

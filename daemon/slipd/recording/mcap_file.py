@@ -30,6 +30,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from slipd.errors import RecordingError
 from slipd.events import Event
+from slipd.recording.chunk_index import keep_index_packed
 from slipd.recording.event_codec import encode_event
 from slipd.recording.mcap_stream import RecordStream
 
@@ -151,6 +152,7 @@ class RecordingFile:
             raise RecordingError(f"{path}: cannot be created: {error.strerror}") from error
         output = cast("IO[bytes]", self._stream)  # the writer uses only write, tell and flush
         self._writer = Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        keep_index_packed(self._writer)
         try:
             self._start(start_metadata(config_text, boot, wall_minus_monotonic_ns, versions, first), config_text)
             self.flush()
