@@ -19,7 +19,7 @@ from random import Random
 
 from slipd.sim.pseudo_terminal import PseudoTerminal
 from slipd.sim.scene import Scene
-from slipd.sim.virtual_gripper import HARDWARE_NICENESS, TICK_NS
+from slipd.sim.virtual_gripper import HARDWARE_NICENESS, LONGEST_LAG_NS, TICK_NS
 from slipd.sim.virtual_rig import LINES, VirtualRig
 
 KINDS = ("unplugged", "silent", "damaged", "noisy", "in bursts", "all stalled")
@@ -122,7 +122,9 @@ def main() -> None:
         for line in opened:
             rig.opened(line, t_ns)
         output = {line: rig.receive(line, data, t_ns) for line, data in received.items()}
-        while t_ns + TICK_NS <= time.monotonic_ns() - begin_ns:
+        now_ns = time.monotonic_ns()
+        begin_ns = max(begin_ns, now_ns - t_ns - LONGEST_LAG_NS)  # a busy machine: the scene goes on where it was
+        while t_ns + TICK_NS <= now_ns - begin_ns:
             t_ns += TICK_NS
             for line, data in rig.advance(t_ns).items():
                 output[line] = output.get(line, b"") + data
