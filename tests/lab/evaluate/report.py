@@ -164,6 +164,7 @@ def definitions() -> str:
         "`PROMPT_S`": f"{1e3 * score.PROMPT_S:.0f} ms", "`EARLY_S`": f"{1e3 * score.EARLY_S:.0f} ms",
         "`LATE_S`": f"{1e3 * score.LATE_S:.0f} ms", "`SAFE`": f"{score.SAFE}",
         "`SETTLED_S`": f"{1e3 * score.SETTLED_S:.0f} ms", "`LEAST_USED`": f"{score.LEAST_USED}",
+        "`ORACLE_BEGIN`": f"{score.ORACLE_BEGIN}", "`ORACLE_USED`": f"{score.ORACLE_USED:.2f}",
         "`ORACLE_S`": f"{1e3 * score.ORACLE_S:.0f} ms", "`LEAST_GRIP_N`": f"{score.LEAST_GRIP_N:g} N",
         "in `evaluate.truth`": "below",
     }  # fmt: skip

@@ -6,9 +6,11 @@ as sliding time.
 
 - **warned**: an alarm is in force at the onset of a gross slip. The share is that of the first gross slips of the runs,
   or, where it says so, of all later ones. Its **lead** is the time since that alarm began, without a pause.
-- **oracle of the warnings**: it is told the true λ and warns where λ, since it was last below `ORACLE_BEGIN`, reaches
-  `SAFE` / 0.9 for the first time: lower, and a μ stated 10 % too low gives false warnings. Its lead is the time from
-  there to the onset. Where friction weakens in partial slip, the object is let go before λ = 1, or before that.
+- **oracle of the warnings**: it is told the true λ at every instant, but not the future. Its warning begins when λ
+  first reaches `ORACLE_USED`, and ends when λ falls below `ORACLE_BEGIN`. A lower threshold would give false warnings
+  to a user whose μ is 10 % too low: that user sees `SAFE` as `ORACLE_USED`. Its lead is the time from the begin of its
+  warning to the onset. It does not warn of an object that slides at a λ below its threshold, because partial slip
+  weakened the friction.
 - **latency** of a gross slip of `PROMPT_S` or longer: from the onset to the first time that the level is "slipping"; 0
   where it is so already; infinite where that never comes before the slip ends. **path**: how far the contact slides
   until then.
@@ -28,9 +30,10 @@ as sliding time.
   or more, and nothing slides nor did in the last `LATE_S`. It does not depend on μ.
 - **grip error**: ``grip_needed_n`` over the grip force that really holds the load times the configured safety factor,
   less 1, at the same times.
-- **visible**: an oracle that is told the onset sees q fall: its mean over `ORACLE_S` from 20 ms after the onset on is
-  below that before it by 3 standard errors, of noise as q has it before. What the oracle does not see, no detector of a
-  fall can find; the object may still be seen to move by other evidence.
+- **visible**: the oracle of the fall finds the slip. It is told the onset, and compares the mean of the measured q over
+  the `ORACLE_S` before it with that over the `ORACLE_S` that begin 20 ms after it. The slip is visible if the second
+  mean is lower by 3 standard errors or more; the noise is that of q before the onset. No detector of a fall can find a
+  slip that is not visible, but other evidence may show that the object moves.
 - **overstay**: how long after the end of a gross slip the level is still "slipping".
 """
 
@@ -50,7 +53,9 @@ PROMPT_S = 0.1
 EARLY_S, LATE_S = 0.02, 0.25
 SAFE, SETTLED_S = 0.7, 0.03
 LEAST_USED = 0.3
-ORACLE_BEGIN, ORACLE_USED = 0.5, SAFE / 0.9
+STATED_LOW = 0.9
+"""μ of the user whom the oracle of the warnings must give no false warnings, over the true one."""
+ORACLE_BEGIN, ORACLE_USED = 0.5, SAFE / STATED_LOW
 ORACLE_S, ORACLE_AFTER_S, ORACLE_ERRORS = 0.04, 0.02, 3.0
 SHORT = 0.05
 """A grip force counts as too small if it is short of the true need by more than this."""
