@@ -21,6 +21,8 @@ DWELL_S = 0.25
 slowest vibration of arms and tools (some 5 Hz), and less than what a person or a program waits for."""
 SURE = 0.05
 """A reading whose utilisation has this standard deviation by noise, or less, counts fully."""
+CERTAIN = 4.0
+"""A utilisation counts at once as far as it exceeds so many standard deviations: no noise explains that."""
 LARGE = 2.0
 """A utilisation that does not count fully counts as no more than this."""
 GROWTH_S = 0.2
@@ -39,8 +41,8 @@ GROWTH_STDS = 6.0
 def settle(row: Row, watch: Row, used: float, measured: float, exact: bool) -> float:
     """Return the utilisation that counts: that of the reading, or of a mean where the noise is large.
 
-    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE. σ is that by noise
-    alone: no mean makes an unknown load smaller.
+    The mean moves towards each reading by (SURE / σ)², so that its own deviation stays below SURE. What exceeds CERTAIN
+    σ does not wait for it. σ is that by noise alone: no mean makes an unknown load smaller.
 
     Args:
         row: The reading, with its contact and utilisation.
@@ -64,7 +66,7 @@ def settle(row: Row, watch: Row, used: float, measured: float, exact: bool) -> f
     if not std > SURE:
         return used
     watch["settled"] = before + (min(used, LARGE) - before) * (SURE / std) ** 2
-    return float(watch["settled"])
+    return max(float(watch["settled"]), min(used, LARGE) - CERTAIN * std)
 
 
 @compiled

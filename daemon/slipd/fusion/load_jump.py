@@ -34,6 +34,8 @@ GAPS, OVERSHOOT_S = (4, 8, 12, 16, 24), 0.024
 JUMPED, OVERSHOT, RINGS = 0.2, 0.04, 0.1
 """q rises by at least the first part of it, and overshoots by at least the second; then it changes and scatters by at
 most the third part of the overshoot: a contact that sticks rings on the springs of its pads."""
+BENT = 0.05
+"""The ends of that plateau lie above its middle by at most this part of the overshoot: a trough is bent."""
 LOOSENED = 0.5
 """A fall of the normal force explains at most this part of a jump: a grip that loosens and stops makes a corner too."""
 FROM, OVERSHOT_FROM = 0.66, 0.55
@@ -110,6 +112,10 @@ def _overshoot_surprise(drop: Row, ring: Rows, p: int, gap: int, low: float) -> 
     change = abs(mean_q(ring, k, half) - mean_q(ring, k - half, half))
     scatter = (ring[k % RING]["q2"] - ring[(k - p) % RING]["q2"]) / p - low * low
     if change > RINGS * over + std / math.sqrt(half) or scatter > (RINGS * over) ** 2 + 2.0 * std * std:
+        return 0.0
+    third = p // 3
+    ends, middle = mean_q(ring, k, third) + mean_q(ring, k - p + third, third), mean_q(ring, k - third, p - 2 * third)
+    if 0.5 * ends - middle > BENT * over + 1.5 * std / math.sqrt(third):
         return 0.0
     return surprise_of(over / (std * math.sqrt(0.5 + 1.0 / p))) if std > 0.0 else math.inf
 

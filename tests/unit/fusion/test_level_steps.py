@@ -78,8 +78,9 @@ def test_the_noise_of_a_light_grip_is_no_danger() -> None:
     assert rows["assessment"]["friction_step"].max() == STABLE
 
 
-def test_a_spin_beyond_the_noise_is_a_danger_at_once() -> None:
-    rows = spun(np.array([0.0, 60.0 * NOISE.torque_std_nm]))
+@pytest.mark.parametrize("stds", [10.0, 60.0])
+def test_a_spin_beyond_the_noise_is_a_danger_at_once(stds: float) -> None:
+    rows = spun(np.array([0.0, stds * NOISE.torque_std_nm]))
     assert rows["assessment"]["friction_step"].tolist() == [STABLE, WARNING]
 
 

@@ -119,6 +119,22 @@ def test_a_jump_that_swings_on_the_springs_of_the_pads_is_none() -> None:
         assert slips_at(followed(np.concatenate((np.full(500, 2.0), swing)))) == []
 
 
+@pytest.mark.parametrize(("hz", "decay"), [(15.0, 20.0), (30.0, 20.0), (45.0, 60.0)])
+def test_a_jump_whose_swing_soon_dies_away_is_none(hz: float, decay: float) -> None:
+    """The trough of such a swing is as flat as a plateau, but bent."""
+    t = np.arange(600) * 1e-3
+    swing = 5.0 - 3.0 * np.exp(-decay * t) * np.cos(2.0 * np.pi * hz * t)
+    course = np.concatenate((np.full(500, 2.0), swing))
+    assert [slips_at(followed(course, seed=seed)) for seed in range(3)] == [[]] * 3
+
+
+@pytest.mark.parametrize(("hz", "decay"), [(20.0, 20.0), (25.0, 40.0), (30.0, 60.0), (40.0, 40.0)])
+def test_a_bump_against_a_load_at_rest_is_no_slip_where_no_mu_is_known(hz: float, decay: float) -> None:
+    t = np.arange(600) * 1e-3
+    bump = 4.0 + 1.5 * np.exp(-decay * t) * np.sin(2.0 * np.pi * hz * t)
+    assert slips_at(followed(np.concatenate((np.full(500, 4.0), bump)), mu=math.nan)) == []
+
+
 def test_a_slip_ends_when_the_load_leaves_the_plateau() -> None:
     slide = line(RISE, (6.0, 4.5, 3), (4.5, 4.5, 700))
     found = followed(np.concatenate((slide, line((4.5, 3.0, 20), (3.0, 3.0, 300)))))
