@@ -65,12 +65,17 @@ def median_of(group: Sequence[PullSample]) -> PullSample:
     )
 
 
+def low_estimate(group: Sequence[PullSample]) -> float:
+    """Return the coefficient that the config wants: the median of the pulls less one deviation."""
+    return median_of(group).mu_s * (1.0 - spread(group))
+
+
 def config_lines(finger: str, group: Sequence[PullSample]) -> list[str]:
-    """Return the lines for the config of a finger, TOML: the median less one deviation is the low estimate it wants."""
+    """Return the lines for the config of a finger, TOML."""
     found, wide = median_of(group), spread(group)
     pulls = "1 pull" if len(group) == 1 else f"{len(group)} pulls, {group[0].mu_s:.3f} to {group[-1].mu_s:.3f}"
     return [
         f"[finger.{finger}]",
-        f"mu = {found.mu_s * (1.0 - wide):.3f}  # low estimate of {pulls}, with {found.normal_n:.1f} N on each pad",
+        f"mu = {low_estimate(group):.3f}  # low estimate of {pulls}, with {found.normal_n:.1f} N on each pad",
         f"mu_spread = {wide:.3f}  # relative standard deviation",
     ]

@@ -64,13 +64,23 @@ def parse_line(line: str) -> list[float] | None:
     Raises:
         CallError: The line has something else.
     """
-    words = line.partition("#")[0].replace(",", " ").split()
-    if not words:
-        return None
+    text = line.partition("#")[0]
+    return gravity_of(parse_numbers(text)) if text.replace(",", " ").strip() else None
+
+
+def parse_numbers(text: str) -> list[float]:
+    """Return the three or four numbers of a text, separated by blanks or commas.
+
+    Raises:
+        CallError: The text has something else.
+    """
     try:
-        return gravity_of([float(word) for word in words])
-    except ValueError as error:
-        raise CallError(f"a line must have three or four numbers, got {line.strip()!r:.60}") from error
+        numbers = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (3, 4):
+        raise CallError(f"a line must have three or four numbers, got {text.strip()!r:.60}")
+    return numbers
 
 
 def send(client: GripClient, finger: str, gravity_mps2: Sequence[float], hold_s: float) -> GravityReply:

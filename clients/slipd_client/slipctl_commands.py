@@ -13,6 +13,7 @@ from slipd_client import keys, keys_command
 from slipd_client.errors import CallError, RequestRefused
 from slipd_client.grip import GripClient
 from slipd_client.messages.schema.replies import Reply
+from slipd_client.paths import publish_endpoint, requests_endpoint
 from slipd_client.slipctl_parser import PATIENCE_S, SAMPLES
 
 
@@ -105,7 +106,11 @@ def _commission(chosen: argparse.Namespace) -> None:
     if importlib.util.find_spec("slipd") is None:
         raise CallError("commission changes the config, so it needs the package slipd: run it where the daemon runs")
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "slipd", "commission", *chosen.rest])  # noqa: S606 - our own program
+    defaults = {"publish": publish_endpoint(), "requests": requests_endpoint(), "key": None, "server_key": None}
+    given = {name: value for name, default in defaults.items() if (value := getattr(chosen, name)) != default}
+    options = [f"--{name.replace('_', '-')}={value}" for name, value in given.items()]
+    program = [sys.executable, "-m", "slipd", "commission", *options, *chosen.rest]
+    os.execv(sys.executable, program)  # noqa: S606 - our own program
 
 
 def _gravity(client: GripClient, chosen: argparse.Namespace) -> None:
@@ -122,13 +127,13 @@ def _measure_friction(client: GripClient, chosen: argparse.Namespace) -> None:
     from slipd_client import friction_guide  # here: requests need no subscriber
     from slipd_client.subscriber import Subscriber
 
-    guide = friction_guide.FrictionGuide(
+    session = friction_guide.session(
         friction_guide.check(client.status, chosen.finger),
         SAMPLES if chosen.samples is None else chosen.samples,
         PATIENCE_S if chosen.patience is None else chosen.patience,
     )
-    with Subscriber(chosen.publish, guide.topics, keys=_keys(chosen)) as subscriber:
-        guide.run(subscriber)
+    with Subscriber(chosen.publish, session.topics, keys=_keys(chosen)) as subscriber:
+        friction_guide.measure(session, subscriber)
 
 
 def _request(client: GripClient, chosen: argparse.Namespace) -> Reply:

@@ -94,7 +94,7 @@ def parser() -> argparse.ArgumentParser:
     _gravity(add("gravity", "send the direction of gravity in a pad's frame, so that the finger's weight is known"))
 
     commission = add(
-        "commission", "find how the sensors are mounted, by touching the pads: the same as slipd commission"
+        "commission", "find mounting, weight and friction, and try a first grasp: the same as slipd commission"
     )
     commission.add_argument("rest", nargs=argparse.REMAINDER, metavar="FILE …", help="see: slipd commission --help")
 

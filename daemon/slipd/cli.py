@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from slipd.config import Config
     from slipd.service_run import Endpoints
 
-DONE, FAULT, WRONG = 0, 1, 2
+DONE, FAULT, WRONG, INTERRUPTED = 0, 1, 2, 130
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -225,18 +225,24 @@ def _init(arguments: argparse.Namespace) -> int:
 
 
 def _commission(arguments: argparse.Namespace) -> int:
-    from slipd.commission.commission_command import commission_command
+    from slipd.commission.commission_command import CommissionOptions, commission_command
 
-    whole = commission_command(
-        arguments.file,
+    options = CommissionOptions(
         arguments.finger,
+        arguments.first,
+        arguments.patience,
+        not arguments.dry_run,
         arguments.publish,
         arguments.requests,
-        arguments.patience,
-        write=not arguments.dry_run,
-        page=arguments.page,
+        arguments.key,
+        arguments.server_key,
+        arguments.page,
     )
-    return DONE if whole else FAULT
+    try:
+        return DONE if commission_command(arguments.file, options) else FAULT
+    except KeyboardInterrupt:
+        print("\nslipd: interrupted; the present step changed nothing, the gripper keeps its force", file=sys.stderr)
+        return INTERRUPTED
 
 
 def _emulate(arguments: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slipd import __version__
+from slipd.cli_arguments import add_command, picture, positive, speed, time_s
 from slipd.evaluation.evaluate_arguments import add_evaluate_arguments
 from slipd_client.listen_address import add_listen
 
@@ -18,15 +19,15 @@ def parser() -> argparse.ArgumentParser:
     top.set_defaults(command="")
     commands = top.add_subparsers(metavar="COMMAND")
 
-    run = _add_command(commands, "run", "run the daemon")
+    run = add_command(commands, "run", "run the daemon")
     _add_rig(run)
     run.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
     run.set_defaults(command="run")
 
-    demo = _add_command(commands, "demo", "run the daemon on a virtual gripper")
+    demo = add_command(commands, "demo", "run the daemon on a virtual gripper")
     demo.add_argument(
         "--seconds",
-        type=_positive,
+        type=positive,
         default=None,
         metavar="N",
         help="end after N seconds (default: at the end of the scene)",
@@ -36,15 +37,15 @@ def parser() -> argparse.ArgumentParser:
     demo.add_argument("--record", type=Path, metavar="FILE", help="record every event and message to this new file")
     demo.set_defaults(command="demo")
 
-    check = _add_command(commands, "check", "report every fault in a config")
+    check = add_command(commands, "check", "report every fault in a config")
     _add_rig(check)
     check.set_defaults(command="check")
     _add_shipped(commands)
 
-    replay = _add_command(commands, "replay", "run a recording through the engine again")
+    replay = add_command(commands, "replay", "run a recording through the engine again")
     replay.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
     replay.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
+        "--speed", type=speed, default=1.0, metavar="X|max", help="speed relative to real time (default 1)"
     )
     replay.add_argument("--json", action="store_true", help="print every message, one per line")
     replay.add_argument(
@@ -52,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
     )
     replay.set_defaults(command="replay")
 
-    recover = _add_command(commands, "recover", "write what is intact of a damaged recording as a complete file")
+    recover = add_command(commands, "recover", "write what is intact of a damaged recording as a complete file")
     recover.epilog = (
         "OUT has the index and the summary that other programs need, and states what is missing. Exit code 1: FILE is "
         "not a recording, its start or all of it is damaged, or OUT cannot be written; nothing is written then."
@@ -61,16 +62,16 @@ def parser() -> argparse.ArgumentParser:
     recover.add_argument("out", type=Path, metavar="OUT", help="new recording, MCAP")
     recover.set_defaults(command="recover")
 
-    view = _add_command(commands, "view", "show a recording in a browser; prints the address of the page")
+    view = add_command(commands, "view", "show a recording in a browser; prints the address of the page")
     view.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
     add_listen(view)
     view.set_defaults(command="view")
 
-    evaluate = _add_command(commands, "evaluate", "compare what configs would have reported on recordings")
+    evaluate = add_command(commands, "evaluate", "compare what configs would have reported on recordings")
     add_evaluate_arguments(evaluate)
     evaluate.set_defaults(command="evaluate")
 
-    export = _add_command(commands, "export", "write the messages of a recording as files for other programs")
+    export = add_command(commands, "export", "write the messages of a recording as files for other programs")
     export.epilog = (
         "The recording is replayed, so the messages are those of this version of slipd. docs/viewers.md says which "
         "program opens what. Exit code 1: nothing is written, or the recording is damaged and the export ends there."
@@ -86,7 +87,7 @@ def parser() -> argparse.ArgumentParser:
     export.add_argument("--overwrite", action="store_true", help="replace an earlier export, never anything else")
     export.set_defaults(command="export")
 
-    plot = _add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
+    plot = add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")
     plot.epilog = (
         "The recording is replayed, so another config shows what would have been reported with it. Its length does not "
         "matter for memory: the least and the largest value of each column of the picture are kept. Only an earlier "
@@ -95,25 +96,25 @@ def parser() -> argparse.ArgumentParser:
     plot.add_argument("file", type=Path, metavar="RECORDING", help="recording, MCAP")
     plot.add_argument(
         "--out",
-        type=_picture,
+        type=picture,
         metavar="FILE",
         help="a page, .html, or a picture, .png (needs matplotlib); default: RECORDING.html in this folder",
     )
     plot.add_argument("--config", type=Path, metavar="FILE", help="replay with this config instead of the recorded one")
     plot.add_argument(
-        "--from", dest="begin_s", type=_time_s, default=0.0, metavar="S", help="draw from this time on (default 0)"
+        "--from", dest="begin_s", type=time_s, default=0.0, metavar="S", help="draw from this time on (default 0)"
     )
     plot.add_argument(
         "--to",
         dest="end_s",
-        type=_positive,
+        type=positive,
         default=float("inf"),
         metavar="S",
         help="draw up to this time (default: the end)",
     )
     plot.set_defaults(command="plot")
 
-    identify = _add_command(
+    identify = add_command(
         commands, "identify", "find mass and centre of mass of a finger from a recording of several poses"
     )
     identify.add_argument("file", type=Path, metavar="FILE", help="recording with gravity.set requests, MCAP")
@@ -124,9 +125,9 @@ def parser() -> argparse.ArgumentParser:
     _add_commission(commands)
     _emulation(commands)
 
-    importer = _add_command(commands, "import", "convert other data to a recording")
+    importer = add_command(commands, "import", "convert other data to a recording")
     formats = importer.add_subparsers(required=True, metavar="FORMAT")
-    grips = _add_command(formats, "grips", "import a gripper trial with two XELA pads")
+    grips = add_command(formats, "grips", "import a gripper trial with two XELA pads")
     grips.add_argument(
         "source", type=Path, metavar="SRC", help="folder with xela_sensor1.csv, xela_sensor2.csv and robot_state.csv"
     )
@@ -161,20 +162,20 @@ class _Rig(argparse.Action):
 
 def _add_shipped(commands: Any) -> None:
     """Add the commands that print what comes with slipd."""
-    configs = _add_command(commands, "config", "list or print the shipped configs").add_subparsers(
+    configs = add_command(commands, "config", "list or print the shipped configs").add_subparsers(
         required=True, metavar="list|show"
     )
-    _add_command(configs, "list", "list the shipped configs").set_defaults(command="config list")
-    show = _add_command(configs, "show", "print a shipped config: slipd config show demo > my_rig.toml")
+    add_command(configs, "list", "list the shipped configs").set_defaults(command="config list")
+    show = add_command(configs, "show", "print a shipped config: slipd config show demo > my_rig.toml")
     show.add_argument("name", metavar="NAME", help="name in the list")
     show.set_defaults(command="config show")
-    docs = _add_command(commands, "docs", "list the pages of the documentation, or print one")
+    docs = add_command(commands, "docs", "list the pages of the documentation, or print one")
     docs.add_argument("name", nargs="?", metavar="NAME", help="name in the list")
     docs.set_defaults(command="docs")
 
 
 def _add_init(commands: Any) -> None:
-    init = _add_command(commands, "init", "find the devices on the serial ports and write a first config for them")
+    init = add_command(commands, "init", "find the devices on the serial ports and write a first config for them")
     init.epilog = (
         "Listens at each speed, then asks. Nothing moves: a gripper is asked for its status only. Devices on a network "
         "are not searched. An existing file is never replaced."
@@ -195,11 +196,13 @@ def _add_init(commands: Any) -> None:
 
 
 def _add_commission(commands: Any) -> None:
-    commission = _add_command(commands, "commission", "find how the sensors are mounted, by touching the pads")
+    commission = add_command(commands, "commission", "find mounting, weight and friction, and try a first grasp")
     commission.epilog = (
-        "The daemon must run this config. You are asked to press each pad at three places and to push it along two "
-        "directions (docs/first_day.md); nothing moves. What follows is written into the config, and the config before "
-        "is kept as FILE.previous. Exit code 1: something does not follow from the touches; it is not guessed."
+        "The daemon must run this config. mounting: you press each pad at three places and push it along two "
+        "directions. weight: you hold the gripper in four poses. friction: you pull at a gripped sample. grasp: the "
+        "gripper closes gently, holds, and opens; it moves only after you agreed (docs/first_day.md). What follows is "
+        "written into the config after each step, and the config before is kept as FILE.previous. Exit code 1: "
+        "something does not follow, and is not guessed; 130: Ctrl-C."
     )
     commission.add_argument("file", type=Path, metavar="FILE", help="config of the rig, TOML")
     commission.add_argument(
@@ -208,15 +211,34 @@ def _add_commission(commands: Any) -> None:
     commission.add_argument("--publish", metavar="ENDPOINT", help="endpoint on which slipd publishes")
     commission.add_argument("--requests", metavar="ENDPOINT", help="endpoint on which slipd accepts requests")
     commission.add_argument(
-        "--patience", type=_positive, default=60.0, metavar="S", help="how long to wait for each touch (default 60)"
+        "--patience", type=positive, default=60.0, metavar="S", help="how long to wait for each touch (default 60)"
     )
-    commission.add_argument("--dry-run", action="store_true", help="print what would change, and change nothing")
+    commission.add_argument(
+        "--from",
+        dest="first",
+        choices=("mounting", "weight", "friction", "grasp"),
+        default="mounting",
+        metavar="STEP",
+        help="begin with this step: mounting, weight, friction or grasp",
+    )
+    commission.add_argument(
+        "--key", type=Path, metavar="FILE", help="secret key of this client, for a daemon with keys"
+    )
+    commission.add_argument(
+        "--server-key",
+        type=Path,
+        metavar="FILE",
+        help="public key of the daemon (default: that beside the secret key that the config names)",
+    )
+    commission.add_argument(
+        "--dry-run", action="store_true", help="print what would change; change nothing, and move nothing"
+    )
     commission.add_argument("--page", action="store_true", help=argparse.SUPPRESS)  # slipctl view --config FILE
     commission.set_defaults(command="commission")
 
 
 def _emulation(commands: Any) -> None:
-    emulate = _add_command(commands, "emulate", "emulate every device of a config, to try slipd without hardware")
+    emulate = add_command(commands, "emulate", "emulate every device of a config, to try slipd without hardware")
     emulate.epilog = (
         "The sensors are mounted as the config states. A copy of the config with the addresses of the emulated devices "
         "is written; its path is printed last. docs/emulation.md lists the commands. Ctrl-C ends it."
@@ -229,7 +251,7 @@ def _emulation(commands: Any) -> None:
     emulate.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise (default 0)")
     emulate.set_defaults(command="emulate")
 
-    touch = _add_command(commands, "touch", "press, push or twist a pad of a running emulation")
+    touch = add_command(commands, "touch", "press, push or twist a pad of a running emulation")
     touch.add_argument("dir", type=Path, metavar="DIR", help="folder of the emulation, which it prints")
     touch.add_argument(
         "words",
@@ -238,42 +260,3 @@ def _emulation(commands: Any) -> None:
         help='such as: press left 5 N at 0 0 mm; "help" lists all; without a command, lines of standard input',
     )
     touch.set_defaults(command="touch")
-
-
-def _add_command(commands: Any, name: str, purpose: str) -> argparse.ArgumentParser:
-    """Add a subcommand with its purpose for both help texts."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}."
-    )
-    return parser
-
-
-def _positive(text: str) -> float:
-    value = _number(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
-    return value
-
-
-def _time_s(text: str) -> float:
-    value = _number(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be 0 or a positive number, got {text}")
-    return value
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
-
-
-def _picture(text: str) -> Path:
-    if not text.endswith((".html", ".png")):
-        raise argparse.ArgumentTypeError(f"must end in .html or .png, got {text!r}")
-    return Path(text)
-
-
-def _speed(text: str) -> float | None:
-    return None if text == "max" else _positive(text)

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from pathlib import Path
+from typing import Any
 
 from slipd import config
 from slipd.engine.engine import Engine
-from slipd.events import Bytes, LinkUp, Output, Publish, Tick, Write
+from slipd.events import Bytes, LinkUp, Output, Publish, Reply, Request, Tick, Write
 from slipd.sim.emulators import Emulator
 from slipd.sim.hand_commands import parse_command
 from slipd.sim.touched_devices import TouchedDevices
+from slipd_client.errors import RequestRefused
 from slipd_client.messages.reader import typed_message
+from slipd_client.messages.schema import replies
+from slipd_client.messages.schema.ops import OPS
 from slipd_client.messages.schema.topics import Message
 
 STEP_NS = 5_000_000
+BOOT = "b00t"
 T0 = 1_000_000_000_000
 
 
@@ -29,16 +34,40 @@ class EmulatedEngine:
 
     def __init__(self, true: config.Config, read: config.Config, folder: Path) -> None:
         self.devices = TouchedDevices(true, folder)
-        self._engine = Engine(read, boot="b00t", wall_minus_monotonic_ns=0)
         ports = list(dict.fromkeys(stream.port for stream in true.streams().values()))
-        by_port = {port: device[1] for port, device in zip(ports, self.devices.devices, strict=True)}
-        streams = read.streams()
-        self._by_link: dict[str, Emulator] = {name: by_port[streams[name].port] for name in self._engine.links}
-        self._t_ns = 0
+        self._by_port = {port: device[1] for port, device in zip(ports, self.devices.devices, strict=True)}
+        self._t_ns = self._asked = 0
         self._messages: deque[Message] = deque()
+        self._replies: list[dict[str, Any]] = []
+        self.restart(read)
+
+    def restart(self, read: config.Config) -> None:
+        """Begin a new run of the daemon, with another config."""
+        self._engine = Engine(read, boot=BOOT, wall_minus_monotonic_ns=0)
+        streams = read.streams()
+        self._by_link: dict[str, Emulator] = {name: self._by_port[streams[name].port] for name in self._engine.links}
         for name, emulator in self._by_link.items():
-            emulator.opened(0)
-            self._handle(self._engine.handle(LinkUp(name, name), T0))
+            emulator.opened(self._t_ns)
+            self._handle(self._engine.handle(LinkUp(name, name), T0 + self._t_ns))
+
+    def ask(self, op: str, **fields: Any) -> replies.Reply:
+        """Send a request; return the reply.
+
+        Raises:
+            RequestRefused: The engine refused it.
+        """
+        self._asked += 1
+        now_ns = T0 + self._t_ns
+        envelope = {"v": 1, "id": self._asked, "op": op, "boot": BOOT, "deadline_ns": now_ns + 100_000_000}
+        self._handle(self._engine.handle(Request(b"ann", envelope | fields), now_ns))
+        reply = self._replies.pop()
+        if fault := reply.get("error"):
+            raise RequestRefused(fault["code"], fault["message"], fault.get("field", ""))
+        return replies.typed_reply(OPS[op].reply, reply["result"])
+
+    def drop_messages(self) -> None:
+        """Forget the messages that nobody received."""
+        self._messages.clear()
 
     def touch(self, line: str) -> None:
         """Carry out commands of the emulation, separated by semicolons."""
@@ -66,6 +95,8 @@ class EmulatedEngine:
         for output in outputs:
             if isinstance(output, Publish):
                 self._messages.append(typed_message(output.topic, output.body))
+            elif isinstance(output, Reply):
+                self._replies.append(output.body)
             elif isinstance(output, Write):
                 for answer in self._by_link[output.link].receive(output.data, self._t_ns):
                     self._handle(self._engine.handle(Bytes(output.link, answer), T0 + self._t_ns))

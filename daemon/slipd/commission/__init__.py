@@ -1,1 +1,1 @@
-"""How the sensors of a rig are mounted, found from a few presses and pushes of a person (``slipd commission``)."""
+"""Leads a person from a config with guesses to a first grasp (``slipd commission``)."""

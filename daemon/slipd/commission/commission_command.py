@@ -2,43 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from slipd import config
-from slipd.commission.commission_guide import commission
+from slipd.commission.commission_guide import Commission, Manner
+from slipd.commission.daemon_link import link_to
 from slipd.commission.dialogue import follow
 from slipd.commission.page_host import PageHost
 from slipd.commission.terminal_host import TerminalHost
 from slipd.errors import SlipdError
 from slipd_client.errors import SlipdClientError
 
-NEXT = """\
-Next, with the daemon running the new config (docs/first_day.md):
-  slipctl gravity, slipd identify    weigh the finger in a few poses
-  slipctl friction {finger}             measure the friction
-  slipctl grip close 10              first grasp"""
+
+@dataclass(frozen=True, slots=True)
+class CommissionOptions:
+    """What the person chose on the command line.
+
+    Attributes:
+        fingers: Names of the fingers; empty: all.
+        first: Step to begin with.
+        patience_s: How long to wait for each touch, s.
+        write: Write the config; else only print what would change, and move nothing.
+        publish: Where the daemon publishes; None: as the config states.
+        requests: Where it accepts requests, likewise.
+        key: File with the secret key of this client; None: without keys.
+        server_key: File with the public key of the daemon; None: that beside its secret key.
+        page: Speak with the page ``/commission`` of the live view, not with a person; then nothing moves.
+    """
+
+    fingers: Sequence[str]
+    first: str
+    patience_s: float
+    write: bool
+    publish: str | None = None
+    requests: str | None = None
+    key: Path | None = None
+    server_key: Path | None = None
+    page: bool = False
 
 
-def commission_command(
-    file: Path,
-    fingers: list[str],
-    publish: str | None,
-    requests: str | None,
-    patience_s: float,
-    *,
-    write: bool,
-    page: bool = False,
-) -> bool:
+def commission_command(file: Path, chosen: CommissionOptions) -> bool:
     """Lead a person through the steps, print what they show, and write it.
 
     Args:
         file: The config that the daemon runs.
-        fingers: Names of the fingers; empty: all.
-        publish: Where the daemon publishes; None: as the config states.
-        requests: Where it accepts requests, likewise.
-        patience_s: How long to wait for each touch, s.
-        write: Write the config; else only print what would change.
-        page: Speak with the page ``/commission`` of the live view, not with a person.
+        chosen: Options.
 
     Returns:
         Whether everything followed.
@@ -48,17 +58,17 @@ def commission_command(
         SlipdError: A finger is unknown, the daemon is silent or runs another config, or nothing was touched.
     """
     rig = config.load(file)
-    for name in fingers:
+    for name in chosen.fingers:
         if name not in rig.finger:
             raise SlipdError(f"--finger must be one of {', '.join(rig.finger)}, got {name!r:.40}")
-    names = fingers or list(rig.finger)
+    link = link_to(rig, chosen.publish, chosen.requests, chosen.key, chosen.server_key)
+    restart = f"Now restart the daemon: Ctrl-C in its terminal and slipd run {file} again, or systemctl reload slipd."
+    manner = Manner(write=chosen.write, move=chosen.write and not chosen.page)
+    guide = Commission(rig, chosen.fingers or list(rig.finger), chosen.patience_s, restart, manner)
     try:
-        with (PageHost if page else TerminalHost)(
-            file, rig.text, publish or rig.bus.publish, requests or rig.bus.requests, None, write=write
-        ) as host:
-            complete = follow(commission(rig, names, patience_s), host.respond)
+        with (PageHost if chosen.page else TerminalHost)(file, rig.text, link, write=chosen.write) as host:
+            complete = follow(guide.run(chosen.first), host.respond)
+            host.say("\nDone." if complete else "\nNot all of it followed; see above.")
     except SlipdClientError as error:
         raise SlipdError(str(error)) from error
-    if complete and not page:
-        print(NEXT.format(finger=names[0]), flush=True)
     return complete

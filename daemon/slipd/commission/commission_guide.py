@@ -1,44 +1,260 @@
-"""The steps that commission a rig, in their order. What they ask for and find goes through the host."""
+"""The steps that commission a rig, in their order; each can be left out, and the guide can begin with any.
+
+What a step finds is written before the next one begins, and the next one waits until the daemon runs it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
-from slipd.commission.config_update import FingerResult, changes
-from slipd.commission.dialogue import Change, Say, Steps
-from slipd.commission.readings import ReadingListener
-from slipd.commission.touch_guide import TouchGuide
+from slipd import config
+from slipd.commission.config_update import changes
+from slipd.commission.dialogue import (
+    SKIP,
+    Change,
+    Choice,
+    Gravity,
+    Prompt,
+    Reply,
+    Say,
+    Skipped,
+    Steps,
+    Written,
+    ask,
+    choose,
+)
+from slipd.commission.friction_step import measure_friction
+from slipd.commission.grasp_step import first_grasp
+from slipd.commission.grip_step import gentle_force
+from slipd.commission.readings import SILENCE_S, ReadingListener
+from slipd.commission.touch_guide import FingerOutcome, TouchGuide
+from slipd.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_of
+from slipd.commission.weight_step import READY, weigh
 from slipd.commission.zero_step import take_zero
-from slipd.config import Config
+from slipd.errors import SlipdError
+from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
+from slipd_client.friction_samples import low_estimate, spread
+from slipd_client.messages.schema.topics import Message
+
+MOUNTING, WEIGHT, FRICTION, GRASP = STEPS = ("mounting", "weight", "friction", "grasp")
+
+RESTARTS = 5.0
+"""Times the patience for a touch, for the person to let the daemon read the config."""
+
+TIPS_DOWN_MPS2 = (STANDARD_GRAVITY_MPS2, 0.0, 0.0)
+
+FRESH_S = 0.5
+"""Readings for so long before a zero is taken: links come up one after the other."""
+
+Values = dict[tuple[str, ...], str]
 
 
-def commission(rig: Config, fingers: Sequence[str], patience_s: float) -> Steps[bool]:
-    """Lead a person through all steps; return whether everything followed.
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """What the guide may do.
+
+    Attributes:
+        write: Write the config.
+        move: Move the gripper, each time after the person agreed.
+    """
+
+    write: bool = True
+    move: bool = True
+
+
+ANY = Manner()
+
+
+class Commission:
+    """Leads through the steps.
 
     Args:
         rig: The config that the daemon runs.
         fingers: Names of the fingers.
         patience_s: How long to wait for each touch, s.
-
-    Raises:
-        Skipped: The person left the step out.
-        SlipdError: The daemon is silent or runs another config, or nothing was touched.
+        restart: What the person does so that the daemon reads a changed config, for people.
+        manner: What the guide may do.
     """
-    results: dict[str, FingerResult] = {}
-    complete = True
-    guide = TouchGuide(rig, ReadingListener(rig.finger, rig.config_id), patience_s)
-    for name in fingers:
-        yield from take_zero(name, rig.finger[name])
-        outcome = yield from guide.run(name)
-        for note in outcome.findings.notes:
-            yield Say(f"  {name}: {note}")
-        for problem in outcome.findings.problems:
-            yield Say(f"  {name}: not found: {problem}")
-        complete = complete and not outcome.findings.problems
-        results[name] = outcome.result
-    found = changes(rig, results)
-    if found:
-        yield Change(found)
-    else:
-        yield Say("\nThe config needs no change." if complete else "\nNothing is changed.")
-    return complete
+
+    def __init__(
+        self, rig: config.Config, fingers: Sequence[str], patience_s: float, restart: str = "", manner: Manner = ANY
+    ) -> None:
+        self._rig, self._fingers, self._patience_s, self._restart, self._manner = (
+            rig,
+            fingers,
+            patience_s,
+            restart,
+            manner,
+        )
+        self._mounts: dict[str, Mount] = {}
+        self._pending = False
+        self._zeroed = False
+        self._take_mounts()
+
+    def run(self, first: str = MOUNTING) -> Steps[bool]:
+        """Lead through the steps from one of them on; return whether everything followed.
+
+        Raises:
+            SlipdError: The daemon is silent or runs another config, or nothing was touched.
+        """
+        work: dict[str, Callable[[], Steps[bool]]] = {
+            MOUNTING: self._find_mounting,
+            WEIGHT: self._weigh,
+            FRICTION: self._measure_friction,
+            GRASP: self._grasp,
+        }
+        complete = True
+        yield Gravity({})
+        for number, step in enumerate(STEPS, 1):
+            if number <= STEPS.index(first):
+                continue
+            yield Say(f"\nStep {number} of {len(STEPS)}: {step} (s and Enter leaves it out)")
+            try:
+                complete = (yield from work[step]()) and complete
+            except Skipped:
+                yield Say(f"  left out; later: --from {step}")
+                complete = False
+        yield Gravity({})
+        return complete
+
+    def _find_mounting(self) -> Steps[bool]:
+        outcomes = yield from self._touch(dict.fromkeys(self._fingers))
+        found = changes(self._rig, {name: outcome.result for name, outcome in outcomes.items()})
+        self._mounts |= {name: each.findings.mount for name, each in outcomes.items() if each.findings.mount}
+        if not (yield from self._change(found)):
+            return not any(each.findings.problems for each in outcomes.values())
+        again = {name: outcome for name, outcome in outcomes.items() if outcome.needs_image}
+        others = [each for name, each in outcomes.items() if name not in again]
+        complete = not any(each.findings.problems for each in others)
+        if again:
+            yield Say("\nNow the daemon can show the image of the pads: the presses are needed once more.")
+            pushes = {name: {step: each.touches[step] for step in (PUSH_X, PUSH_Y)} for name, each in again.items()}
+            seconds = yield from self._touch(pushes)
+            complete = complete and not any(each.findings.problems for each in seconds.values())
+            yield from self._change(changes(self._rig, {name: each.result for name, each in seconds.items()}))
+        return complete
+
+    def _touch(self, pushes: Mapping[str, Mapping[str, Touch] | None]) -> Steps[dict[str, FingerOutcome]]:
+        guide = TouchGuide(self._rig, ReadingListener(self._rig.finger, self._rig.config_id), self._patience_s)
+        outcomes: dict[str, FingerOutcome] = {}
+        for name, known in pushes.items():
+            yield from take_zero(name, self._rig.finger[name])
+            outcomes[name] = yield from guide.run(name, known)
+            yield from _report(name, outcomes[name].findings.notes, outcomes[name].findings.problems)
+        self._zeroed = True
+        return outcomes
+
+    def _weigh(self) -> Steps[bool]:
+        names = [name for name in self._fingers if self._rig.finger[name].wrench is not None]
+        if not names:
+            yield Say("  no finger has a force sensor, so none has a weight to subtract")
+            return True
+        if self._pending:
+            return (yield from self._ready())
+        findings = yield from weigh(self._rig, self._mounts, names)
+        found: Values = {}
+        for name, each in findings.items():
+            yield from _report(name, each.notes, each.problems)
+            if each.found is not None:
+                com_m = [round(float(part), 5) + 0.0 for part in each.found.com_m]
+                found["finger", name, "wrench", "mass_kg"] = f"{each.found.mass_kg:.5f}"
+                found["finger", name, "wrench", "com_m"] = str(com_m)
+        yield from self._change(found)
+        return not any(each.problems for each in findings.values())
+
+    def _measure_friction(self) -> Steps[bool]:
+        if not (yield from self._ready()):
+            return False
+        force_n = gentle_force(self._rig.gripper)
+        by_gripper = None if isinstance(force_n, str) or not self._manner.move else force_n
+        results = yield from measure_friction(self._fingers, by_gripper, self._patience_s)
+        found: Values = {}
+        for name, group in results.items():
+            found["finger", name, "mu"] = f"{low_estimate(group):.3f}"
+            found["finger", name, "mu_spread"] = f"{spread(group):.3f}"
+        yield from self._change(found)
+        return len(results) == len(self._fingers)
+
+    def _grasp(self) -> Steps[bool]:
+        if not self._manner.move:
+            yield Say("  left out: only slipd commission in a terminal moves the gripper, without --dry-run")
+            return True
+        force_n = gentle_force(self._rig.gripper)
+        if isinstance(force_n, str):
+            yield Say(f"  left out: {force_n}")
+            return self._rig.gripper is None
+        if not (yield from self._ready()):
+            return False
+        return (yield from first_grasp(self._fingers, force_n, self._patience_s))
+
+    def _ready(self) -> Steps[bool]:
+        """Return whether the daemon runs what was found so far; see that zero and weight of the fingers are known."""
+        if self._pending:
+            yield Say("  left out: the daemon does not run what was found; later, without --dry-run")
+            return False
+        down = yield from self._down()
+        if down:
+            text = (
+                "Turn the gripper so that the fingertips point straight down, with nothing between them; leave it so."
+            )
+            yield from choose(Prompt("tips_down", text, choices=(READY, SKIP)))
+            yield Gravity(down)
+        if down or not self._zeroed:
+            yield from ReadingListener(self._rig.finger, self._rig.config_id).collect(FRESH_S)
+            for name in self._fingers:
+                yield from take_zero(name, self._rig.finger[name])
+            self._zeroed = True
+        return True
+
+    def _down(self) -> Steps[dict[str, tuple[float, float, float]]]:
+        """Return gravity with the fingertips down, of each finger whose weight the daemon cannot subtract yet."""
+        status = yield ask("status")
+        streams = status.result.streams if isinstance(status, Reply) else {}
+        states = {name: streams[f"{name}.wrench"].gravity for name in self._fingers if f"{name}.wrench" in streams}
+        return {name: TIPS_DOWN_MPS2 for name, state in states.items() if state == "unknown_orientation"}
+
+    def _change(self, found: Values) -> Steps[bool]:
+        """Have values written, and wait until the daemon runs them; return whether it does."""
+        if not found:
+            yield Say("  nothing in the config changes")
+            return False
+        written = yield Change(found)
+        if not isinstance(written, Written) or written.text is None:
+            self._pending = True
+            return False
+        self._rig = config.parse(written.text, "new config")
+        self._take_mounts()
+        self._zeroed = False
+        text = f"{self._restart} This goes on by itself when the daemon runs the new config."
+        yield Prompt("restart", text)
+        yield from self._wait_for_config()
+        return True
+
+    def _wait_for_config(self) -> Steps[None]:
+        wanted, left_s = self._rig.config_id, RESTARTS * self._patience_s
+        begin_ns: int | None = None
+        while left_s > 0.0:
+            event = yield None
+            if event is None:
+                left_s -= SILENCE_S
+            elif isinstance(event, Choice) and event.word == SKIP:
+                break
+            elif isinstance(event, Message):
+                if event.config_id == wanted:
+                    return
+                begin_ns = event.t_ns if begin_ns is None else begin_ns
+                if event.t_ns - begin_ns > RESTARTS * self._patience_s * 1e9:
+                    break
+        raise SlipdError("the daemon does not run the new config; start it, and go on with --from and the next step")
+
+    def _take_mounts(self) -> None:
+        sensors = {name: finger.wrench for name, finger in self._rig.finger.items()}
+        self._mounts |= {name: mount_of(sensor) for name, sensor in sensors.items() if sensor is not None}
+
+
+def _report(name: str, notes: Sequence[str], problems: Sequence[str]) -> Steps[None]:
+    for note in notes:
+        yield Say(f"  {name}: {note}")
+    for problem in problems:
+        yield Say(f"  {name}: not found: {problem}")

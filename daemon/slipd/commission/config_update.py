@@ -88,14 +88,20 @@ def changed_text(text: str, found: Mapping[tuple[str, ...], str]) -> str:
     return text
 
 
-def replace_config(file: Path, text: str) -> Path:
-    """Replace a config at once; return the path of the one before, which is kept.
+def replace_config(file: Path, text: str, *, keep: bool = True) -> Path:
+    """Replace a config at once; return the path of the kept one.
+
+    Args:
+        file: The config.
+        text: The new one.
+        keep: Keep the present one; else the one that was kept before stays.
 
     Raises:
         OSError: A file cannot be written; the config is as it was.
     """
     previous = file.with_name(file.name + PREVIOUS)
-    shutil.copy2(file, previous)
+    if keep:
+        shutil.copy2(file, previous)
     with _beside(file) as new:
         new.write_text(text, encoding="utf-8")
         shutil.copymode(file, new)

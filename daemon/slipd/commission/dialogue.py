@@ -68,6 +68,17 @@ def ask(method: str, *, lease: bool = False, **fields: Any) -> Ask:
 
 
 @dataclass(frozen=True, slots=True)
+class Gravity:
+    """Which way is down, from now on. The host answers with None, and tells the daemon ten times a second.
+
+    Attributes:
+        by_finger: Gravity in the frame of the pad of each finger, m/s²; empty: nothing is told any more.
+    """
+
+    by_finger: Mapping[str, tuple[float, float, float]]
+
+
+@dataclass(frozen=True, slots=True)
 class Change:
     """Values for the config. The host answers with a Written.
 
@@ -118,13 +129,35 @@ class Written:
     text: str | None
 
 
-Output = Say | Prompt | Ask | Change | None
+Output = Say | Prompt | Ask | Gravity | Change | None
 """None: the next event, please."""
 
 Event = Message | Choice | Reply | Refusal | Written | None
 """None: no message came for a while (`slipd.commission.readings.SILENCE_S`), or nothing is to be answered."""
 
 Steps = Generator[Output, Event, T]
+
+
+def choose(prompt: Prompt, *, free: bool = False) -> Steps[str]:
+    """Ask the person to choose; return the word.
+
+    Args:
+        prompt: With its choices.
+        free: Another text is an answer, too.
+
+    Raises:
+        Skipped: The person chose SKIP.
+    """
+    yield prompt
+    while True:
+        event = yield None
+        if not isinstance(event, Choice):
+            continue
+        if event.word == SKIP:
+            raise Skipped
+        if event.word in prompt.choices or (free and event.word):
+            return event.word
+        yield Say(f"  please choose: {', '.join(prompt.choices)}")
 
 
 def follow(steps: Steps[T], respond: Callable[[Output], Event]) -> T:

@@ -9,16 +9,30 @@ import time
 from pathlib import Path
 
 from slipd.commission.config_update import changed_text, fragment, replace_config
-from slipd.commission.dialogue import SKIP, Ask, Change, Choice, Event, Output, Prompt, Refusal, Reply, Say, Written
+from slipd.commission.daemon_link import DaemonLink
+from slipd.commission.dialogue import (
+    SKIP,
+    Ask,
+    Change,
+    Choice,
+    Event,
+    Gravity,
+    Output,
+    Prompt,
+    Refusal,
+    Reply,
+    Say,
+    Written,
+)
+from slipd.commission.gravity_teller import GravityTeller
 from slipd.commission.readings import SILENCE_S
 from slipd.errors import SlipdError
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
-from slipd_client.keys import Keys
 from slipd_client.messages.schema.topics import Message
 from slipd_client.subscriber import Subscriber
 
-TOPICS = ("wrench", "tactile")
+TOPICS = ("wrench", "tactile", "slip")
 LISTEN_S = 0.1
 
 
@@ -28,18 +42,17 @@ class TerminalHost:
     Args:
         file: The config.
         text: Its text, as the daemon runs it.
-        publish: Where the daemon publishes.
-        requests: Where it accepts requests.
-        keys: Keys of this client, for a daemon across a network.
+        link: How to reach the daemon.
         write: Write the config; else only print what would change.
     """
 
-    def __init__(
-        self, file: Path, text: str, publish: str | None, requests: str | None, keys: Keys | None, *, write: bool
-    ) -> None:
-        self._file, self._text, self._requests, self._keys, self._write = file, text, requests, keys, write
-        self._subscriber = Subscriber(publish, TOPICS, keys=keys)
-        self._choices: tuple[str, ...] = ()
+    def __init__(self, file: Path, text: str, link: DaemonLink, *, write: bool) -> None:
+        self._file, self._text, self._link, self._write = file, text, link, write
+        self._gravity = GravityTeller(link.requests, link.request_keys)
+        self._client = GripClient(link.requests, keys=link.request_keys)
+        self._subscriber = Subscriber(link.publish, TOPICS, keys=link.publish_keys)
+        self._choices: tuple[str, ...] = (SKIP,)
+        self._kept: Path | None = None
         self._typed = b""
         self._ended = False
 
@@ -52,6 +65,8 @@ class TerminalHost:
             self.say(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output.choices)}")
         elif isinstance(output, Ask):
             return self._ask(output)
+        elif isinstance(output, Gravity):
+            self._gravity.tell(output.by_finger)
         elif isinstance(output, Change):
             return self._change(output)
         else:
@@ -66,14 +81,19 @@ class TerminalHost:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._gravity.stop()
         self._subscriber.close()
+        self._client.disconnect()
 
     def _next(self) -> Message | Choice | None:
         """Return the next line that was typed, or the next message; None after a while without both."""
         until_s = time.monotonic() + SILENCE_S
         while time.monotonic() < until_s:
             if (line := self._line()) is not None:
+                self._subscriber.newest()  # what arrived before the answer
                 return Choice(_word(line, self._choices))
+            if self._ended and self._choices[0] != SKIP:
+                raise SlipdError("an answer is needed, and the standard input has ended: run it in a terminal")
             if (message := self._subscriber.receive(LISTEN_S)) is not None:
                 return message
         return None
@@ -91,12 +111,11 @@ class TerminalHost:
 
     def _ask(self, ask: Ask) -> Reply | Refusal:
         try:
-            with GripClient(self._requests, keys=self._keys) as client:
-                call = getattr(client, ask.method)
-                if not ask.lease:
-                    return Reply(call(**ask.fields))
-                with client.lease():
-                    return Reply(call(**ask.fields))
+            call = getattr(self._client, ask.method)
+            if not ask.lease:
+                return Reply(call(**ask.fields))
+            with self._client.lease():
+                return Reply(call(**ask.fields))
         except ClientError as error:
             return Refusal(str(error))
         finally:
@@ -115,10 +134,10 @@ class TerminalHost:
                 return Written(None)
             if file.read_text(encoding="utf-8") != self._text:
                 raise SlipdError(f"{file}: it was changed meanwhile and is left as it is; put the lines above into it")
-            previous = replace_config(file, text)
+            self._kept = replace_config(file, text, keep=self._kept is None)
         except (OSError, ValueError) as error:
             raise SlipdError(f"{file} is left as it was: {error}; put the lines above into it") from error
-        self.say(f"{file}: changed; the config before is {previous}.")
+        self.say(f"{file}: changed; the config before is {self._kept}.")
         self._text = text
         return Written(text)
 

@@ -5,6 +5,7 @@ It only reads what the daemon publishes: nothing is set, and nothing moves.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from slipd.commission.dialogue import Prompt, Say, Steps
 from slipd.commission.mounting_search import find_mounting
 from slipd.commission.readings import FingerReadings, ReadingListener
 from slipd.commission.three_axis_search import find_three_axis
-from slipd.commission.touches import CENTRE, CORNER, END, PUSH_X, PUSH_Y, Findings, Mount, Touch
+from slipd.commission.touches import CENTRE, CORNER, END, PUSH_X, PUSH_Y, Findings, Touch, mount_of
 from slipd.config import Config, Pad
 from slipd.errors import SlipdError
 from slipd.signals.mounting import Mounting
@@ -50,10 +51,14 @@ class FingerOutcome:
     Attributes:
         result: What is to change.
         findings: Notes and problems, for people.
+        touches: By step, in the frame of the sensor: they hold whatever the config states.
+        needs_image: Only the image is missing: the daemon shows that of a charge pad once it runs this result.
     """
 
     result: FingerResult
     findings: Findings
+    touches: Mapping[str, Touch]
+    needs_image: bool
 
 
 class TouchGuide:
@@ -69,8 +74,12 @@ class TouchGuide:
         self._rig, self._listener, self._patience_s = rig, listener, patience_s
         self._rest: dict[str, FingerReadings] = {}
 
-    def run(self, finger: str) -> Steps[FingerOutcome]:
+    def run(self, finger: str, pushes: Mapping[str, Touch] | None = None) -> Steps[FingerOutcome]:
         """Lead through all touches of one finger.
+
+        Args:
+            finger: Its name.
+            pushes: Pushes of an earlier run, which are not asked for again.
 
         Raises:
             Skipped: The person left the finger out.
@@ -81,6 +90,9 @@ class TouchGuide:
         streams: dict[str, str] = {}
         touches: dict[str, Touch] = {}
         for step, text in TEXTS.items():
+            if pushes is not None and step in pushes:
+                touches[step] = pushes[step]
+                continue
             yield Prompt(step, text.format(finger=finger), finger)
             held = yield from self._hold(step, touches.get(CENTRE), streams.get("wrench", ""))
             if not streams:
@@ -98,14 +110,11 @@ class TouchGuide:
             findings, axes = find_three_axis(touches)
             result = FingerResult(None, findings.symmetry, axes, swapped)
         else:
-            pose = settings.wrench.pad_from_sensor
-            x, y, z = pose.xyz_m
-            qx, qy, qz, qw = pose.quat_xyzw
-            present = Mount(settings.wrench.sign, (x, y, z), (qx, qy, qz, qw))
-            findings = find_mounting(touches, present, has_pad=settings.pad is not None)
+            findings = find_mounting(touches, mount_of(settings.wrench), has_pad=settings.pad is not None)
             result = FingerResult(findings.mount, findings.symmetry, None, swapped)
         findings.notes += [f"the {kind} of finger {other} is on this finger" for kind, other in swapped.items()]
-        return FingerOutcome(result, findings)
+        needs_image = settings.pad is not None and findings.mount is not None and findings.symmetry is None
+        return FingerOutcome(result, findings, touches, needs_image)
 
     def _hold(self, step: str, centre: Touch | None, stream: str) -> Steps[dict[str, FingerReadings]]:
         """Wait for a touch that is held still, and return the readings while it is."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slipd.arrays import Array
+from slipd.config import Wrench
 
 CENTRE, END, CORNER, PUSH_X, PUSH_Y = "centre", "end", "corner", "push_x", "push_y"
 STEPS = (CENTRE, END, CORNER, PUSH_X, PUSH_Y)
@@ -57,6 +58,13 @@ class Mount:
     sign: int
     xyz_m: tuple[float, float, float]
     quat_xyzw: tuple[float, float, float, float]
+
+
+def mount_of(sensor: Wrench) -> Mount:
+    """Return the mounting that a config states."""
+    x, y, z = sensor.pad_from_sensor.xyz_m
+    qx, qy, qz, qw = sensor.pad_from_sensor.quat_xyzw
+    return Mount(sensor.sign, (x, y, z), (qx, qy, qz, qw))
 
 
 @dataclass(slots=True)

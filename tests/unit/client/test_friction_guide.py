@@ -154,7 +154,7 @@ def test_a_finger_that_cannot_be_measured_is_told_at_once(
     fields: dict[str, Any],
     why: str,
 ) -> None:
-    monkeypatch.setattr("slipd_client.friction_guide.OBSTACLE_S", 0.2)
+    monkeypatch.setattr("slipd_client.friction_session.OBSTACLE_S", 0.2)
     assert main([*played([body] for body in Hand(more=fields).rest(600.0)), "left"]) == 1
     assert capsys.readouterr().err.startswith(f"slipctl: {why}")
 

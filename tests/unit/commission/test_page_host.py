@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from slipd import config
+from slipd.commission.daemon_link import DaemonLink
 from slipd.commission.dialogue import Change, Prompt, Say, Written
 from slipd.commission.page_host import PageHost
 
@@ -30,9 +31,8 @@ def hosted(folder: Path, answers: str, monkeypatch: pytest.MonkeyPatch) -> Itera
         person.write(answers)
         person.flush()
         monkeypatch.setattr("sys.stdin", stdin)
-        with PageHost(
-            folder / "rig.toml", TEXT, f"ipc://{folder}/publish", f"ipc://{folder}/requests", None, write=True
-        ) as host:
+        link = DaemonLink(f"ipc://{folder}/publish", f"ipc://{folder}/requests", None, None)
+        with PageHost(folder / "rig.toml", TEXT, link, write=True) as host:
             yield host
 
 

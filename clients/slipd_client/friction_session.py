@@ -1,0 +1,121 @@
+"""Leads through the pulls of a friction measurement. Knows no terminal, socket or clock: verdicts in, lines out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Optional
+
+from slipd_client.errors import FrictionNotMeasured
+from slipd_client.friction_pull import NO_CONTACT, PullRejected, PullSample, PullWatch
+from slipd_client.friction_samples import agreeing, disagreement
+from slipd_client.messages import slip_topic
+from slipd_client.messages.schema.topics import Slip
+
+OBSTACLE_S = 3.0
+"""An obstacle that lasts so long is not going to vanish by itself."""
+
+MOST_PULLS = 4
+"""Pulls for each sample that is wanted: beyond it the samples do not agree, and something else is wrong."""
+
+
+class FrictionSession:
+    """Asks for pulls until enough of them agree.
+
+    Args:
+        fingers: Names of the fingers to measure.
+        samples: Samples that must agree.
+        patience_s: How long to wait for a grip, and for each pull, s.
+        say: Takes each line for the person.
+    """
+
+    def __init__(self, fingers: Sequence[str], samples: int, patience_s: float, say: Callable[[str], None]) -> None:
+        self._wanted, self._patience_s, self._say_line = samples, patience_s, say
+        self._watches = {finger: PullWatch() for finger in fingers}
+        self._samples: dict[str, list[PullSample]] = {finger: [] for finger in fingers}
+        self._asked = ""
+        self._since_s: Optional[float] = None
+        self._clear_s = 0.0
+
+    @property
+    def topics(self) -> list[str]:
+        """Topics whose messages it needs."""
+        return [slip_topic(finger) for finger in self._watches]
+
+    @property
+    def done(self) -> bool:
+        """Every finger has enough samples."""
+        return all(len(agreeing(samples)) >= self._wanted for samples in self._samples.values())
+
+    @property
+    def results(self) -> dict[str, list[PullSample]]:
+        """Samples that agree, of each finger that has enough."""
+        groups = {finger: agreeing(samples) for finger, samples in self._samples.items()}
+        return {finger: group for finger, group in groups.items() if len(group) >= self._wanted}
+
+    def advance(self, slip: Optional[Slip], now_s: float) -> None:
+        """Take a verdict, or None where there is none, and say what to do next.
+
+        Args:
+            slip: The verdict.
+            now_s: Time of any clock that does not jump, s.
+
+        Raises:
+            FrictionNotMeasured: Nothing touched, nothing slipped, or the samples do not agree.
+        """
+        if self._since_s is None:
+            self._since_s = self._clear_s = now_s
+        if slip is not None and slip.finger in self._watches:
+            self._add(slip, now_s)
+        if not self.done:
+            self._ask(now_s)
+            self._check_patience(now_s, self._since_s)
+
+    def _add(self, slip: Slip, now_s: float) -> None:
+        finger, found = slip.finger, self._watches[slip.finger].add(slip)
+        if found is None:
+            return
+        self._since_s = now_s
+        if isinstance(found, PullRejected):
+            self._say_line(f"  {finger}: not counted, {found.reason}")
+            return
+        samples = self._samples[finger]
+        samples.append(found)
+        dynamic = "no even slide" if found.mu_d is None else f"{found.mu_d:.3f} while it slides"
+        self._say_line(f"  {finger}: slips at {found.mu_s:.3f}, {dynamic}, {found.normal_n:.1f} N")
+        for sample in samples:
+            if why := disagreement(sample, agreeing(samples)):
+                self._say_line(f"  {finger}: not counted, {why}")
+        if len(samples) >= MOST_PULLS * self._wanted and not self.done:
+            seen = ", ".join(f"{sample.mu_s:.3f}" for sample in samples)
+            raise FrictionNotMeasured(f"the samples of finger {finger} do not agree: {seen}")
+
+    def _ask(self, now_s: float) -> None:
+        """Say what to do next, once."""
+        phases = {watch.phase for watch in self._watches.values()}
+        if phases == {"pull"}:
+            forces = ", ".join(f"{finger} {watch.normal_n:.1f} N" for finger, watch in self._watches.items())
+            number = min(len(agreeing(samples)) for samples in self._samples.values()) + 1
+            self._say(f"Pull slowly along the pads until it slips, {number} of {self._wanted} ({forces}).", now_s)
+        elif all(watch.obstacle == NO_CONTACT for watch in self._watches.values()):
+            self._say("Grip a sample of the object, for example with: slipctl grip close 10", now_s)
+        elif "release" in phases:
+            self._say("Let go of it.", now_s)
+
+    def _say(self, text: str, now_s: float) -> None:
+        what = text.partition("(")[0]
+        if what != self._asked:
+            self._asked, self._since_s = what, now_s
+            self._say_line(text)
+
+    def _check_patience(self, now_s: float, since_s: float) -> None:
+        """Give up where nothing happens any more."""
+        obstacles = {finger: watch.obstacle for finger, watch in self._watches.items() if watch.obstacle}
+        real = {finger: why for finger, why in obstacles.items() if why != NO_CONTACT}
+        if not real:
+            self._clear_s = now_s
+        elif now_s - self._clear_s > OBSTACLE_S:
+            finger, why = next(iter(real.items()))
+            raise FrictionNotMeasured(f"finger {finger}: {why}")
+        if now_s - since_s > self._patience_s:
+            why = "; ".join(f"finger {finger}: {each}" for finger, each in obstacles.items()) or "it did not slip"
+            raise FrictionNotMeasured(f"nothing more was measured for {self._patience_s:g} s: {why}")

@@ -1,0 +1,81 @@
+"""Step 4 of the guide: the first grasp. The gripper closes gently, holds, shows the levels, and opens."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from slipd.commission.dialogue import SKIP, Choice, Prompt, Say, Skipped, Steps, choose
+from slipd.commission.grip_step import CLOSE, activate, close, release
+from slipd.commission.readings import silence
+from slipd_client.messages.names import SlipLevel
+from slipd_client.messages.schema.topics import Message, Slip
+
+SHOW_S = 1.0
+HOLD_S = 5.0
+
+HOLDING = (SlipLevel.STABLE, SlipLevel.CAUTION)
+
+
+def first_grasp(fingers: Sequence[str], force_n: float, patience_s: float) -> Steps[bool]:
+    """Grip, show, release; return whether every finger held with a verdict.
+
+    Args:
+        fingers: Names of the fingers.
+        force_n: Force on one pad, N.
+        patience_s: How long to wait for the contact, s.
+
+    Raises:
+        Skipped: The person left the step out.
+        SlipdError: The daemon fell silent.
+    """
+    if not (yield from activate()):
+        return False
+    text = (
+        f"Put an object between the pads, and keep your hands away: the gripper closes with {force_n:g} N on each pad."
+    )
+    yield from choose(Prompt("grasp", text, choices=(CLOSE, SKIP)))
+    if not (yield from close(force_n)):
+        return False
+    try:
+        last = yield from _watch(fingers, patience_s)
+    except Skipped:
+        yield from release()
+        raise
+    for name, verdict in last.items():
+        if verdict.level not in HOLDING:
+            why = ", ".join(verdict.reasons) or "see slipctl status"
+            yield Say(f"  {name} is {verdict.level}: {why}; docs/health.md lists what to do")
+    yield from release()
+    return len(last) == len(fingers) and all(verdict.level in HOLDING for verdict in last.values())
+
+
+def _watch(fingers: Sequence[str], patience_s: float) -> Steps[dict[str, Slip]]:
+    """Show each finger once a second until all were pressed for some seconds; return the last verdicts."""
+    newest: dict[str, Slip] = {}
+    begin_ns = held_ns = shown_ns = None
+    while (event := (yield None)) is not None:
+        if isinstance(event, Choice) and event.word == SKIP:
+            raise Skipped
+        if not isinstance(event, Message):
+            continue
+        begin_ns = event.t_ns if begin_ns is None else begin_ns
+        if isinstance(event, Slip) and event.finger in fingers:
+            newest[event.finger] = event
+        if len(newest) < len(fingers):
+            continue
+        if shown_ns is None or event.t_ns - shown_ns >= SHOW_S * 1e9:
+            shown_ns = event.t_ns
+            yield Say("  " + "; ".join(_line(name, newest[name]) for name in fingers))
+        free = any(verdict.level == SlipLevel.NO_CONTACT for verdict in newest.values())
+        held_ns = None if free else held_ns or event.t_ns
+        if held_ns is not None and event.t_ns - held_ns >= HOLD_S * 1e9:
+            return newest
+        if event.t_ns - begin_ns > patience_s * 1e9:
+            return newest
+    raise silence()
+
+
+def _line(name: str, verdict: Slip) -> str:
+    normal = "" if verdict.normal_n is None else f" {verdict.normal_n:.1f} N"
+    used = "" if verdict.utilisation is None else f" λ {verdict.utilisation:.2f}"
+    return f"{name} {verdict.level}{normal}{used}"

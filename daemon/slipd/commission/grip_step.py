@@ -1,0 +1,90 @@
+"""What the last two steps share: the gripper closes gently and opens again, each after the person agreed.
+
+Every motion is a request of its own with a lease of its own, so the daemon's rules and limits judge it, and whatever
+ends the guide leaves the gripper with its force.
+"""
+
+from __future__ import annotations
+
+from slipd.commission.dialogue import SKIP, Prompt, Refusal, Reply, Say, Steps, ask, choose
+from slipd.commission.readings import pause
+from slipd.config import Gripper
+
+GENTLE_N = 5.0
+"""Force on one pad with which the guide grips, N, unless the gripper's least force is larger."""
+
+ACTIVE_S = 15.0
+POLL_S = 0.5
+
+CLOSE, OPEN, KEEP, ACTIVATE = "close", "open", "keep", "activate"
+
+
+def gentle_force(gripper: Gripper | None) -> float | str:
+    """Return the force with which the guide grips, N on one pad, or why it does not move the gripper."""
+    if gripper is None:
+        return "the config has no [gripper]"
+    if gripper.max_force_n is None:
+        return "[gripper] has no max_force_n, so nothing may be moved: state the largest force on one pad there"
+    least = gripper.force_table[0][1] if gripper.force_table else 0.0
+    force_n = max(GENTLE_N, least, gripper.min_force_n or 0.0)
+    if force_n > gripper.max_force_n:
+        if max(least, gripper.min_force_n or 0.0) > gripper.max_force_n:
+            return f"the least force is {force_n:g} N, and max_force_n is {gripper.max_force_n:g} N"
+        return gripper.max_force_n
+    return float(force_n)
+
+
+def activate() -> Steps[bool]:
+    """Activate the gripper if it is not active, after the person agreed; return whether it is.
+
+    The person states that nothing is gripped, because fingers whose weight is not followed may look pressed.
+
+    Raises:
+        Skipped: The person left the step out.
+        SlipdError: The daemon fell silent.
+    """
+    if (yield from _is_active()):
+        return True
+    text = "The gripper is not active. To become active it may open and close fully: take everything out of it."
+    yield from choose(Prompt("activate", text, choices=(ACTIVATE, SKIP)))
+    answer = yield ask("gripper_activate", lease=True, drop=True)
+    if isinstance(answer, Refusal):
+        yield Say(f"  not activated: {answer.reason}")
+        return False
+    for _ in range(int(ACTIVE_S / POLL_S)):
+        yield from pause(POLL_S)
+        if (yield from _is_active()):
+            return True
+    yield Say(f"  not active after {ACTIVE_S:g} s; slipctl status says why")
+    return False
+
+
+def close(force_n: float) -> Steps[bool]:
+    """Close the gripper, which the person has agreed to; return whether the daemon did."""
+    answer = yield ask("gripper_close", lease=True, force_n=force_n)
+    if isinstance(answer, Refusal):
+        yield Say(f"  not closed: {answer.reason}")
+        return False
+    yield Say(f"  closing with {force_n:g} N on each pad")
+    return True
+
+
+def release() -> Steps[None]:
+    """Open the gripper once the person holds the object, or keep the grip.
+
+    Raises:
+        Skipped: The person left it out; the grip stays.
+    """
+    text = "Hold the object with your hand. Then the gripper opens."
+    if (yield from choose(Prompt("release", text, choices=(OPEN, KEEP)))) == KEEP:
+        yield Say("  the gripper keeps its grip; later: slipctl grip open --drop")
+        return
+    answer = yield ask("gripper_open", lease=True, drop=True)
+    if isinstance(answer, Refusal):
+        yield Say(f"  not opened: {answer.reason}; the gripper keeps its grip")
+
+
+def _is_active() -> Steps[bool]:
+    status = yield ask("status")
+    gripper = status.result.gripper if isinstance(status, Reply) else None
+    return gripper is not None and gripper.active is True

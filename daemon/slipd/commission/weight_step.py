@@ -1,0 +1,124 @@
+"""Step 2 of the guide: the person holds the gripper in a few poses, and the weight of each finger follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from slipd.arrays import Array
+from slipd.commission.dialogue import SKIP, Prompt, Reply, Say, Steps, ask, choose
+from slipd.commission.readings import ReadingListener
+from slipd.commission.touches import Mount, mount_of
+from slipd.commission.weighing_search import Pose, WeightFindings, find_weight
+from slipd.config import Config
+from slipd.errors import SlipdError
+from slipd.signals.averaging import most_std
+from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
+from slipd.signals.mounting import Mounting
+from slipd.signals.weight_identification import MIN_POSES
+from slipd_client.errors import CallError
+from slipd_client.gravity_feed import gravity_of, parse_numbers
+
+POSES = {
+    "tips_down": ("the fingertips point straight down", (1.0, 0.0, 0.0)),
+    "pad_up": ("the fingers lie level, and the {finger} pad faces up", (0.0, 0.0, -1.0)),
+    "pad_down": ("the fingers lie level, and the {finger} pad faces down", (0.0, 0.0, 1.0)),
+    "side_down": ("the fingers lie level, and the +Y side of the {finger} pad points down", (0.0, 1.0, 0.0)),
+}
+"""Words of each pose, and the direction of gravity in the frame of the named pad."""
+
+MIRROR = np.array((1.0, -1.0, -1.0))
+"""Axes of the other finger: both X point to the fingertips, and the pads face each other."""
+
+HOLD_S = 1.0
+READY, NOT_POSSIBLE = "ready", "not possible"
+
+
+def weigh(rig: Config, mounts: Mapping[str, Mount], fingers: Sequence[str]) -> Steps[dict[str, WeightFindings]]:
+    """Lead through the poses; return what they show of each finger.
+
+    Args:
+        rig: The config that the daemon runs.
+        mounts: Mounting of each force sensor, as found.
+        fingers: Names of the fingers with a force sensor; in the poses, the first one is named.
+
+    Raises:
+        Skipped: The person left the step out.
+        SlipdError: The daemon is silent, or another program sends gravity.
+    """
+    yield from _check_no_gravity(fingers)
+    poses: dict[str, list[Pose]] = {name: [] for name in fingers}
+    yield Say("Take everything off the fingers. Nothing may touch them until the end of this step.")
+    for number, (step, (words, down)) in enumerate(POSES.items(), 1):
+        text = f"Pose {number} of {len(POSES)}: turn the gripper so that {words.format(finger=fingers[0])}; hold still."
+        gravities = yield from _gravity(Prompt(step, text, fingers[0], (READY, NOT_POSSIBLE, SKIP)), down, fingers)
+        if gravities is None:
+            continue
+        wrenches = yield from _still(rig, fingers)
+        for index, name in enumerate(fingers):
+            sensor = rig.finger[name].wrench
+            assert sensor is not None  # noqa: S101 - the caller names fingers with a force sensor
+            raw = np.asarray(np.linalg.solve(_matrix(mount_of(sensor)), wrenches[name]), dtype=np.float64)
+            stated, wxyz = gravities if index == 0 else (gravities[0] * MIRROR, None)
+            poses[name].append(Pose(raw[:3], raw[3:], stated, wxyz))
+    if len(poses[fingers[0]]) < MIN_POSES:
+        raise SlipdError(f"at least {MIN_POSES} poses are needed, got {len(poses[fingers[0]])}")
+    return {name: find_weight(poses[name], mounts[name]) for name in fingers}
+
+
+def _check_no_gravity(fingers: Sequence[str]) -> Steps[None]:
+    """Raise if the daemon subtracts a weight that changes with the pose."""
+    status = yield ask("status")
+    if not isinstance(status, Reply):
+        return
+    for name in fingers:
+        stream = status.result.streams.get(f"{name}.wrench")
+        if stream is not None and stream.gravity == "compensated":
+            raise SlipdError(
+                f"another program sends the direction of gravity for finger {name} (gravity.set), and the daemon "
+                "subtracts the weight; stop it, or weigh from a recording: slipd identify"
+            )
+
+
+def _gravity(prompt: Prompt, down: Sequence[float], fingers: Sequence[str]) -> Steps[tuple[Array, Array | None] | None]:
+    """Return gravity in the frame of the first pad as asked for or as typed; None if the pose is not possible."""
+    while True:
+        word = yield from choose(prompt, free=True)
+        if word == READY:
+            return np.array(down) * STANDARD_GRAVITY_MPS2, None
+        if word == NOT_POSSIBLE:
+            return None
+        if len(fingers) > 1:
+            yield Say("  numbers are gravity in the frame of one pad: weigh one finger at a time, with --finger")
+            continue
+        try:
+            numbers = parse_numbers(word)
+            stated = np.array(gravity_of(numbers))
+        except CallError as error:
+            yield Say(f"  {error}")
+            continue
+        w_first = [*numbers[1:], numbers[0]]
+        return stated, np.array(gravity_of(w_first)) if len(numbers) == 4 else None
+
+
+def _still(rig: Config, fingers: Sequence[str]) -> Steps[dict[str, Array]]:
+    """Return the mean wrench of each finger in the pad frame while they are still."""
+    listener = ReadingListener(fingers, rig.config_id)
+    while True:
+        held = yield from listener.collect(HOLD_S)
+        moved = [name for name in fingers if not _is_still(rig, name, np.array(held[name].wrenches))]
+        if not moved:
+            return {name: held[name].wrench for name in fingers}
+        yield Say(f"  finger {', '.join(moved)} moves; hold it still")
+
+
+def _is_still(rig: Config, name: str, wrenches: Array) -> bool:
+    sensor = rig.finger[name].wrench
+    assert sensor is not None  # noqa: S101 - as above
+    most = most_std(np.repeat((sensor.force_std_n, sensor.torque_std_nm), 3))
+    return bool((wrenches.std(axis=0)[:3] <= most[:3]).all())
+
+
+def _matrix(mount: Mount) -> Array:
+    return Mounting(mount.xyz_m, mount.quat_xyzw, mount.sign).matrix

@@ -1,0 +1,122 @@
+"""The whole guide behind the real engine on emulated devices: from a wrong config to a first grasp."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commission_person import POSES_OF_TWO, TOUCHES
+from emulated_engine import EmulatedEngine
+from guided_engine import GuidedEngine
+
+from slipd import config
+from slipd.commission.commission_guide import Commission, Manner
+from slipd.commission.dialogue import follow
+
+FINGER = """
+[finger.{name}]
+mu = 0.3
+min_normal_n = 0.3
+
+[finger.{name}.wrench]
+device = "bota"
+port = "/dev/{name}-wrench"
+rate_hz = 100.0
+pad_from_sensor = {{ xyz_m = [0.0, 0.0, -0.03], quat_xyzw = {quat} }}
+force_std_n = 0.03
+torque_std_nm = 0.0005
+mass_kg = {mass}
+com_m = [0.0, 0.0, {com_z}]
+
+[finger.{name}.pad]
+device = "xela"
+port = "ws://127.0.0.1:5000"
+sensor = "{number}"
+rate_hz = 50.0
+rows = 4
+cols = 4
+pitch_m = 0.0047
+electrode_m = 0.0047
+axis_scale = [0.001, 0.001, -0.001]
+threshold = 0.02
+full_scale = 65535.0
+flip_y = {flip_y}
+"""
+GRIPPER = """
+[gripper]
+device = "robotiq_2f"
+port = "/dev/gripper"
+rate_hz = 50.0
+force_table = [[0, 20.0], [255, 185.0]]
+width_table = [[0.0, 0.085], [1.0, 0.0]]
+"""
+FINGERS = ["left"]
+LIMIT = "max_force_n = 40.0\n"
+TRUE: dict[str, Any] = {"quat": [0.0, 0.0, 0.0, 1.0], "mass": 0.08, "com_z": -0.012, "flip_y": "false"}
+PRESSES = {
+    "Press the middle": "press {finger} 6 N at 6 0 mm",
+    "Press the corner": "press {finger} 6 N at 6 6 mm",
+}
+
+
+def rig(*, gripper: str = GRIPPER + LIMIT, **changed: Any) -> config.Config:
+    tables = [FINGER.format(name=name, number=k, **(TRUE | changed)) for k, name in enumerate(FINGERS, 1)]
+    return config.parse("# A rig.\n" + "".join(tables) + gripper, "rig.toml")
+
+
+def guided(folder: Path, true: config.Config, read: config.Config, **person: Any) -> GuidedEngine:
+    return GuidedEngine(EmulatedEngine(true, read, folder), read.text, TOUCHES | PRESSES, **person)
+
+
+def test_the_whole_guide_leads_from_a_wrong_config_to_a_first_grasp(tmp_path: Path) -> None:
+    read = rig(quat=[1.0, 0.0, 0.0, 0.0], mass=0.0, com_z=0.0, flip_y="true")
+    host = guided(tmp_path, rig(), read)
+    complete = follow(Commission(read, FINGERS, 20.0, "restart").run(), host.respond)
+    assert complete, "\n".join(host.printed)
+    found = config.parse(host.text, "found")
+    for finger in found.finger.values():
+        assert finger.wrench is not None
+        assert finger.pad is not None
+        assert finger.wrench.pad_from_sensor.quat_xyzw == TRUE["quat"]
+        assert finger.wrench.mass_kg == pytest.approx(TRUE["mass"], abs=0.002)
+        assert finger.wrench.com_m == pytest.approx([0.0, 0.0, -0.012], abs=0.002)
+        assert finger.pad.flip_y is False
+        assert finger.mu == pytest.approx(0.55, abs=0.06), "a low estimate of 0.6"
+    assert any("read as w, x, y, z" in line for line in host.printed)
+    assert host.asked.count("gripper.close") == host.asked.count("gripper.open") == 2
+    assert host.printed[-1].startswith("Hold the object")
+
+
+def test_steps_that_are_left_out_move_nothing_and_change_nothing(tmp_path: Path) -> None:
+    host = guided(tmp_path, rig(), rig(), answers={})
+    assert not follow(Commission(rig(), FINGERS, 20.0).run("weight"), host.respond)
+    assert [line for line in host.printed if "left out; later" in line] == [
+        f"  left out; later: --from {step}" for step in ("weight", "friction", "grasp")
+    ]
+    assert "gripper.close" not in host.asked
+    assert host.text == rig().text
+
+
+def test_a_gripper_without_a_limit_is_not_moved(tmp_path: Path) -> None:
+    read = rig(gripper=GRIPPER, mass=0.0)
+    host = guided(tmp_path, read, read)
+    assert not follow(Commission(read, FINGERS, 20.0).run("grasp"), host.respond)
+    assert "[gripper] has no max_force_n, so nothing may be moved" in host.printed[-1]
+    assert not any(op.startswith("gripper") for op in host.asked)
+
+
+def test_a_dry_run_weighs_two_fingers_and_moves_and_writes_nothing(tmp_path: Path) -> None:
+    two = [FINGER.format(name=name, number=k, **TRUE) for k, name in enumerate(("left", "right"), 1)]
+    read = config.parse(
+        "# A rig.\n" + "".join(two).replace("mass_kg = 0.08", "mass_kg = 0.05") + GRIPPER + LIMIT, "rig"
+    )
+    true = config.parse("# A rig.\n" + "".join(two) + GRIPPER + LIMIT, "rig")
+    host = guided(tmp_path, true, read, answers=POSES_OF_TWO, write=False)
+    follow(
+        Commission(read, ["left", "right"], 20.0, manner=Manner(write=False, move=False)).run("weight"), host.respond
+    )
+    masses = [line for line in host.printed if "mass 80" in line or "mass 79" in line]
+    assert [line.split(":")[0].strip() for line in masses] == ["left", "right"]
+    assert any("left out: only slipd commission in a terminal" in line for line in host.printed)
+    assert (host.text, set(host.asked)) == (read.text, {"status"})

@@ -1,0 +1,111 @@
+"""The parts of the guide on their own: the zero, choices, the gentle force, and how the daemon is reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from slipd import config
+from slipd.commission.daemon_link import link_to
+from slipd.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, choose, follow
+from slipd.commission.grip_step import gentle_force
+from slipd.commission.zero_step import take_zero
+from slipd.errors import SlipdError
+from slipd_client import keys
+from slipd_client.messages.schema.topics import Message
+
+RIG = """
+[finger.left.wrench]
+device = "bota"
+port = "/dev/wrench"
+rate_hz = 100.0
+"""
+GRIPPER = """
+[gripper]
+device = "robotiq_2f"
+port = "/dev/gripper"
+rate_hz = 50.0
+force_table = [[0, {least}], [255, 185.0]]
+width_table = [[0.0, 0.085], [1.0, 0.0]]
+"""
+
+
+def host(printed: list[str], answer: Callable[[Ask], Event], events: list[Event]) -> Callable[[Output], Event]:
+    def respond(output: Output) -> Event:
+        if isinstance(output, (Say, Prompt)):
+            printed.append(output.text)
+            return None
+        return answer(output) if isinstance(output, Ask) else events.pop(0)
+
+    return respond
+
+
+def messages() -> list[Event]:
+    return [Message(topic="wrench.left", raw={}, seq=k, boot="b", t_ns=k * 1_000_000_000) for k in range(9)]
+
+
+def test_a_refused_zero_is_tried_again_and_then_left_out() -> None:
+    answers: list[Event] = [Refusal("in_contact: it is touched"), Reply({})]
+    printed: list[str] = []
+    left = config.parse(RIG, "rig").finger["left"]
+    assert follow(take_zero("left", left), host(printed, lambda _: answers.pop(0), messages()))
+    assert printed[1:] == ["  not taken: in_contact: it is touched", "  it is tried again"]
+    printed.clear()
+    assert not follow(take_zero("left", left), host(printed, lambda _: Refusal("lease_held: taken"), messages()))
+    assert printed.count("  not taken: lease_held: taken") == 3
+    assert "Later: slipctl tare take left --stream wrench" in printed[-1]
+
+
+def test_a_person_chooses_one_of_the_words() -> None:
+    printed: list[str] = []
+    prompt = Prompt("grasp", "Grip?", choices=("close", "skip"))
+    events: list[Event] = [None, Choice("perhaps"), Choice("close")]
+    assert follow(choose(prompt), host(printed, Refusal, events)) == "close"  # type: ignore[arg-type]
+    assert printed == ["Grip?", "  please choose: close, skip"]
+    with pytest.raises(Skipped):
+        follow(choose(prompt), host([], Refusal, [Choice("skip")]))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("least", "limits", "force"),
+    [
+        (20.0, "max_force_n = 40.0", 20.0),
+        (2.0, "max_force_n = 40.0", 5.0),
+        (2.0, "max_force_n = 4.0", 4.0),
+        (2.0, "", "[gripper] has no max_force_n"),
+        (2.0, "max_force_n = 40.0\nmin_force_n = 8.0", 8.0),
+    ],
+)
+def test_the_guide_grips_gently_and_within_the_limits(least: float, limits: str, force: float | str) -> None:
+    found = gentle_force(config.parse(RIG + GRIPPER.format(least=least) + limits + "\n", "rig").gripper)
+    assert str(found).startswith(force) if isinstance(force, str) else found == force
+
+
+def test_keys_are_asked_for_where_the_daemon_needs_them(tmp_path: Path) -> None:
+    for name in ("daemon", "me"):
+        keys.create(name, tmp_path)
+    tcp = f"""
+[bus]
+publish = "tcp://*:5556"
+requests = "tcp://127.0.0.1:*"
+secret_key = "{tmp_path}/daemon.key_secret"
+readers = "{tmp_path}/readers"
+requesters = "{tmp_path}/requesters"
+"""
+    rig, plain = config.parse(RIG + tcp, "rig"), config.parse(RIG, "rig")
+    me, port = tmp_path / "me.key_secret", "tcp://127.0.0.1:5557"
+    with pytest.raises(SlipdError, match="admits only clients with keys: give --key FILE"):
+        link_to(rig, None, port, None, None)
+    with pytest.raises(SlipdError, match=r"leaves the port .* open: give --requests as slipd run printed it"):
+        link_to(rig, None, None, me, None)
+    with pytest.raises(SlipdError, match="uses no keys; leave out --key"):
+        link_to(plain, None, None, me, None)
+    with pytest.raises(SlipdError, match="must hold a secret key"):
+        link_to(rig, None, port, tmp_path / "me.key", None)
+    found = link_to(rig, None, port, me, None)
+    assert (found.publish, found.requests) == ("tcp://127.0.0.1:5556", port)
+    assert found.publish_keys is not None
+    assert found.publish_keys.server == keys.load_public(tmp_path / "daemon.key")
+    assert link_to(plain, None, None, None, None).requests is None
