@@ -17,14 +17,15 @@ NAMES = {"wrench": "force sensor", "pad": "pad"}
 def take_zero(finger: str, settings: Finger) -> Steps[bool]:
     """Take the zero of the force sensor and of the pad of a finger; return whether all were taken.
 
-    A charge pad is left out: it measures changes, and the daemon finds its zero whenever the finger is free.
+    The pad comes first, because one that was never tared may read a load, and so a contact. A charge pad is left out:
+    it measures changes, and the daemon finds its zero whenever the finger is free.
 
     Raises:
         Skipped: The person chose it.
         SlipdError: The daemon fell silent.
     """
-    streams = [] if settings.wrench is None else ["wrench"]
-    streams += ["pad"] if settings.pad is not None and settings.pad.charge_tau_s is None else []
+    streams = ["pad"] if settings.pad is not None and settings.pad.charge_tau_s is None else []
+    streams += [] if settings.wrench is None else ["wrench"]
     taken = True
     for stream in streams:
         taken = (yield from _take(finger, stream)) and taken

@@ -30,6 +30,11 @@ width_table = [[0.0, 0.085], [1.0, 0.0]]     # MEASURE: closure 0 to 1, m betwee
 # max_force_n = 40.0    # N on one pad, largest force that a request may ask for; without it nothing is ever moved
 """
 
+INCIDENTS = """
+[recording.incidents]   # the last minute is kept in memory, and saved when a finger warns: slipd view shows it
+enabled = true
+"""
+
 
 def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> str:
     """Return a config.
@@ -60,6 +65,7 @@ def draft(found: Sequence[Placed], unknown: Sequence[SerialPort], file: str) -> 
             lines += _pad(name, *pads[number])
     if grippers:
         lines += _gripper(*grippers[0][:2])
+    lines.append(INCIDENTS)
     used = {id(each[1]) for each in [*wrenches[:2], *pads[:2], *grippers[:1]]}
     lines += [f"# not used: {found.device} on {port.path}" for port, found in found if id(found) not in used]
     return "\n".join(lines) + "\n"

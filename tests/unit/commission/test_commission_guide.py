@@ -11,6 +11,7 @@ from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
 from slipd import config
+from slipd.commission import friction_step, grasp_step
 from slipd.commission.commission_guide import Commission, Manner
 from slipd.commission.dialogue import follow
 
@@ -69,7 +70,11 @@ def guided(folder: Path, true: config.Config, read: config.Config, **person: Any
     return GuidedEngine(EmulatedEngine(true, read, folder), read.text, TOUCHES | PRESSES, **person)
 
 
-def test_the_whole_guide_leads_from_a_wrong_config_to_a_first_grasp(tmp_path: Path) -> None:
+def test_the_whole_guide_leads_from_a_wrong_config_to_a_first_grasp(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(friction_step, "SAMPLES", 1)
+    monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
     read = rig(quat=[1.0, 0.0, 0.0, 0.0], mass=0.0, com_z=0.0, flip_y="true")
     host = guided(tmp_path, rig(), read)
     complete = follow(Commission(read, FINGERS, 20.0, "restart").run(), host.respond)
