@@ -67,7 +67,7 @@ class TransformSource:
         """Return it, by the transforms that have arrived."""
         refused: OrientationUnknown | None = None
         for reader, static in self._readers:
-            for message in reader.take(DEPTH):
+            for message in _taken(reader):
                 for transform in message.transforms:
                     try:
                         self._tree.add(transform, now_s, static=static)
@@ -94,7 +94,7 @@ class ImuSource:
 
     def orientation(self, now_s: float) -> Quaternion:
         """Return it, by the last message that has arrived."""
-        for message in self._reader.take(DEPTH)[-1:]:
+        for message in _taken(self._reader)[-1:]:
             self._imu.add(message, now_s)
         return self._imu.orientation(now_s)
 
@@ -168,3 +168,8 @@ def _reader(participant: DomainParticipant, topic: str, kind: str, *, latched: b
         Policy.Userdata(f"typehash={type_hash(kind, TYPES)};".encode()),
     )
     return DataReader(participant, Topic(participant, dds_topic_name(topic), decoded_type(kind)), qos)
+
+
+def _taken(reader: DataReader[Any]) -> list[Any]:
+    """Return the messages that have arrived, without the sample that reports the end of their last publisher."""
+    return [sample for sample in reader.take(DEPTH) if sample.sample_info.valid_data]

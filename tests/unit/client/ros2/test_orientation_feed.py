@@ -1,0 +1,60 @@
+"""Sources of the orientation, beside publishers that come and go."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import pytest
+
+pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
+
+from cyclonedds.domain import DomainParticipant
+from ros_graph import free_domain, joined
+
+from slipd_client.ros.conversion import RosMessage
+from slipd_client.ros2.orientation import IDENTITY, Quaternion
+from slipd_client.ros2.orientation_feed import ImuSource
+from slipd_client.ros2.ros_publisher import RosPublisher
+
+PATIENCE_S = 40.0
+TILTED: Quaternion = (0.6, 0.0, 0.0, 0.8)
+
+
+def imu(sec: int, orientation: Quaternion) -> RosMessage:
+    zero, unknown = dict.fromkeys("xyz", 0.0), [0.0] * 9
+    value = {
+        "header": {"stamp": {"sec": sec, "nanosec": 0}, "frame_id": "imu"},
+        "orientation": dict(zip("xyzw", orientation, strict=True)),
+        "orientation_covariance": unknown,
+        "angular_velocity": zero,
+        "angular_velocity_covariance": unknown,
+        "linear_acceleration": zero,
+        "linear_acceleration_covariance": unknown,
+    }
+    return RosMessage("/imu", "sensor_msgs/Imu", value)
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end_s, "it never came"
+        time.sleep(0.01)
+
+
+def publish_once(participant: DomainParticipant, source: ImuSource, message: RosMessage) -> None:
+    """Publish a message, wait until it has arrived, and end the publisher."""
+    publisher = RosPublisher(participant, {"/imu": 1})
+    publisher.publish(message)
+    wait_until(lambda: bool(source._reader.read()))
+    del publisher
+    wait_until(lambda: not source._reader.get_matched_publications())
+
+
+def test_an_imu_that_is_restarted_is_used_again() -> None:
+    with joined(free_domain()) as participant:
+        source = ImuSource(participant, "/imu", IDENTITY)
+        for sec, orientation in ((1, IDENTITY), (2, TILTED)):
+            publish_once(participant, source, imu(sec, orientation))
+            assert source.orientation(now_s=float(sec)) == pytest.approx(orientation)
+            assert source.orientation(now_s=float(sec)) == pytest.approx(orientation)
