@@ -13,7 +13,8 @@ class StreamHealth:
 
     Attributes:
         stream: Its name, for example ``left.wrench``.
-        health: The worst health that any `status` message stated: 0 OK, 1 WARN, 2 ERROR, 3 STALE.
+        health: The worst health that a `status` message stated since the first reading, because every stream begins as
+            STALE; the last one where no reading came. 0 OK, 1 WARN, 2 ERROR, 3 STALE.
         samples: Readings.
         bad: Damaged frames.
         lost: Readings that are missing by the device's own numbering.
@@ -35,7 +36,7 @@ def with_status(found: Mapping[str, StreamHealth], body: Mapping[str, Any]) -> d
     return {
         name: StreamHealth(
             name,
-            max(stream["health"], found[name].health if name in found else 0),
+            max(stream["health"], found[name].health if name in found and found[name].samples else 0),
             *(stream[count] or 0 for count in ("samples", "bad", "lost", "dropped", "reconnects")),
         )
         for name, stream in body["streams"].items()
