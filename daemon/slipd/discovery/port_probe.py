@@ -87,8 +87,8 @@ def recognise(pieces: Sequence[tuple[int, bytes]]) -> Found | None:
         if "serial" in device.transports and device.kind != "gripper" and not device.needs_size
         if (heard := _decode(device.name, device.decoder(**_options(device.name)), pieces)) is not None
     ]
-    pad = _pvdf(pieces)
-    found += [pad] if pad is not None else []
+    if not found and (pad := _pvdf(pieces)) is not None:
+        found.append(pad)
     return max(found, key=lambda heard: heard[0])[1] if found else None
 
 
