@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slipd.arrays import Array
-from slipd.commission.known_rotations import STATED, nearest_known
+from slipd.commission.known_rotations import nearest_known
 from slipd.commission.touches import (
     CENTRE,
     LEAST_TRAVEL_M,
@@ -92,14 +92,14 @@ def find_mounting(touches: Mapping[str, Touch], present: Mount, *, has_pad: bool
     quaternion, how = nearest_known(rotation, present)
     loads = _turned(touches, sign, Rotation.from_quat(quaternion))
     xyz_m, residual_m = _position(touches, loads, found.symmetry)
-    kept = sign == present.sign and how == STATED and math.dist(xyz_m, present.xyz_m) <= KEEP_M
+    kept = math.dist(xyz_m, present.xyz_m) <= KEEP_M
     place = present.xyz_m if kept else (float(xyz_m[0]), float(xyz_m[1]), float(xyz_m[2]))
     found.mount = Mount(sign, place, quaternion)
     away = math.degrees((rotation * Rotation.from_quat(quaternion).inv()).magnitude())
     found.notes.append(f"sign {sign:+d}; rotation {how}, {away:.0f}° from that of the touches")
     found.notes.append(
         f"sensor at {_mm(xyz_m)} mm in the pad frame, residual {1e3 * residual_m:.1f} mm"
-        f"{', the config is kept' if kept else ''}"
+        f"{'; the position of the config is kept' if kept else ''}"
     )
     return found
 

@@ -115,10 +115,11 @@ def test_an_inexact_hand_finds_the_same_rotation(fault: str) -> None:
         assert found.mount.xyz_m == pytest.approx(TRUE.xyz_m, abs=0.004)
 
 
-def test_a_right_config_is_kept_to_the_digit() -> None:
-    found = find_mounting(touches(seed=3), TRUE)
+@pytest.mark.parametrize("fault", ["right", "sign"])
+def test_what_is_right_in_a_config_is_kept_to_the_digit(fault: str) -> None:
+    found = find_mounting(touches(seed=3), wrong(TRUE)[fault])
     assert found.mount == TRUE
-    assert "the config is kept" in found.notes[-1]
+    assert "the position of the config is kept" in found.notes[-1]
 
 
 def test_an_unknown_rotation_is_taken_as_measured() -> None:
