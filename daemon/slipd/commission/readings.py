@@ -108,20 +108,18 @@ class ReadingListener:
 
 
 def pause(seconds: float) -> Steps[None]:
-    """Let time pass, by the times of the messages.
+    """Let time pass, by the times of the messages of one topic: those of a slow or stale stream lag behind others.
 
     Raises:
         Skipped: The person chose it.
         SlipdError: The daemon is silent.
     """
-    begin_ns: int | None = None
+    began_ns: dict[str, int] = {}
     while (event := (yield None)) is not None:
         if isinstance(event, Choice) and event.word == SKIP:
             raise Skipped
-        if isinstance(event, Message):
-            begin_ns = event.t_ns if begin_ns is None else begin_ns
-            if event.t_ns - begin_ns >= seconds * 1e9:
-                return
+        if isinstance(event, Message) and event.t_ns - began_ns.setdefault(event.topic, event.t_ns) >= seconds * 1e9:
+            return
     raise silence()
 
 

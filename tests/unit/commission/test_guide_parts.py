@@ -11,6 +11,7 @@ from slipd import config
 from slipd.commission.daemon_link import link_to
 from slipd.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, choose, follow
 from slipd.commission.grip_step import gentle_force
+from slipd.commission.readings import pause
 from slipd.commission.zero_step import take_zero
 from slipd.errors import SlipdError
 from slipd_client import keys
@@ -56,6 +57,13 @@ def test_a_refused_zero_is_tried_again_and_then_left_out() -> None:
     assert not follow(take_zero("left", left), host(printed, lambda _: Refusal("lease_held: taken"), messages()))
     assert printed.count("  not taken: lease_held: taken") == 3
     assert "Later: slipctl tare take left --stream wrench" in printed[-1]
+
+
+def test_a_pause_is_as_long_where_one_stream_is_stale() -> None:
+    stale = Message(topic="tactile.left", raw={}, seq=0, boot="b", t_ns=-60_000_000_000)
+    events = [stale, *messages()]
+    follow(pause(2.0), lambda _: events.pop(0))
+    assert len(events) == 6, "messages 0, 1 and 2 s"
 
 
 def test_a_person_chooses_one_of_the_words() -> None:
