@@ -109,11 +109,11 @@ class Commission:
         for number, step in enumerate(STEPS, 1):
             if number <= STEPS.index(first):
                 continue
-            yield Say(f"\nStep {number} of {len(STEPS)}: {step} (s and Enter leaves it out)")
+            yield Say(f"\nStep {number} of {len(STEPS)}: {step}")
             try:
                 complete = (yield from work[step]()) and complete
             except Skipped:
-                yield Say(f"  left out; later: --from {step}")
+                yield Say(f"  left out; later: slipd commission --from {step}")
                 complete = False
         yield Gravity({})
         return complete
@@ -191,7 +191,7 @@ class Commission:
     def _ready(self) -> Steps[bool]:
         """Return whether the daemon runs what was found so far; see that zero and weight of the fingers are known."""
         if self._pending:
-            yield Say("  left out: the daemon does not run what was found; later, without --dry-run")
+            yield Say("  left out: what was found is not written, so the daemon does not run it")
             return False
         down = yield from self._down()
         if down:

@@ -43,7 +43,7 @@ class PageHost(TerminalHost):
         _emit("say", text)
 
     def _prompt(self, prompt: Prompt) -> None:
-        self._choices = prompt.choices
+        self._expect(prompt.choices)
         _emit("prompt", asdict(prompt))
 
     def _change(self, change: Change) -> Written:

@@ -35,6 +35,9 @@ from slipd_client.subscriber import Subscriber
 TOPICS = ("wrench", "tactile", "slip")
 LISTEN_S = 0.1
 
+MOST_EARLY = 1000
+"""Lines dropped before a question: a program that types without end must not hold the guide up."""
+
 
 class TerminalHost:
     """Answers the guide. Use it in a ``with`` statement.
@@ -61,7 +64,7 @@ class TerminalHost:
         if isinstance(output, Say):
             self.say(output.text)
         elif isinstance(output, Prompt):
-            self._choices = output.choices
+            self._expect(output.choices)
             self.say(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output.choices)}")
         elif isinstance(output, Ask):
             return self._ask(output)
@@ -97,6 +100,14 @@ class TerminalHost:
             if (message := self._subscriber.receive(LISTEN_S)) is not None:
                 return message
         return None
+
+    def _expect(self, choices: tuple[str, ...]) -> None:
+        """Take choices among these from now on; what was typed before the question is no answer to it."""
+        for _ in range(MOST_EARLY):
+            if self._line() is None:
+                break
+        self._typed = b""
+        self._choices = choices
 
     def _line(self) -> str | None:
         """Return a line that was typed, without waiting."""

@@ -97,7 +97,7 @@ def test_steps_that_are_left_out_move_nothing_and_change_nothing(tmp_path: Path)
     host = guided(tmp_path, rig(), rig(), answers={})
     assert not follow(Commission(rig(), FINGERS, 20.0).run("weight"), host.respond)
     assert [line for line in host.printed if "left out; later" in line] == [
-        f"  left out; later: --from {step}" for step in ("weight", "friction", "grasp")
+        f"  left out; later: slipd commission --from {step}" for step in ("weight", "friction", "grasp")
     ]
     assert "gripper.close" not in host.asked
     assert host.text == rig().text
