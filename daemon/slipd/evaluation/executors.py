@@ -11,7 +11,7 @@ import os
 import signal
 import socket
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 
 from slipd.errors import SlipdError
@@ -85,7 +85,7 @@ def on_dask(address: str) -> Executor:
         address: That of the scheduler, for example ``tcp://10.0.0.5:8786``.
 
     Raises:
-        SlipdError: Dask is not installed, or no scheduler answers.
+        SlipdError: Dask is not installed, or no scheduler answers; the executor raises it where the scheduler ends.
     """
     try:
         from distributed import Client
@@ -105,7 +105,12 @@ def on_dask(address: str) -> Executor:
             return future
 
         with client:
-            yield from _in_turn(work, submit, _outcome, lambda: AHEAD * max(sum(client.nthreads().values()), 1))
+            try:
+                yield from _in_turn(work, submit, _outcome, lambda: AHEAD * max(sum(client.nthreads().values()), 1))
+            except (OSError, CancelledError) as error:
+                raise SlipdError(
+                    f"--dask {address}: the connection to the scheduler ended; the same command continues the evaluation"
+                ) from error
 
     return execute
 

@@ -84,18 +84,20 @@ def test_a_recording_without_enough_memory_is_named(monkeypatch: pytest.MonkeyPa
 
 
 @contextmanager
-def cluster(folder: Path) -> Iterator[str]:
-    """A scheduler and a worker as processes; yields the address of the scheduler."""
+def cluster(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """A scheduler and a worker as processes; yields the address of the scheduler, and its process."""
     file = folder / "scheduler.json"
     dask = [str(Path(sys.executable).with_name("dask"))]
     scheduler = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", file]
     worker = [*dask, "worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", "--scheduler-file", file]
-    with ExitStack() as processes:
+    with ExitStack() as stack:
+        processes = []
         for command in (scheduler, worker):
             process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=folder)
-            processes.callback(process.wait)
-            processes.callback(process.kill)
-        yield _address(file)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            processes.append(process)
+        yield _address(file), processes[0]
 
 
 def _address(file: Path) -> str:
@@ -107,13 +109,22 @@ def _address(file: Path) -> str:
     raise AssertionError(f"{file} was not written within 30 s")
 
 
-def test_a_dask_cluster_gives_the_same(tmp_path: Path) -> None:
+def test_a_dask_cluster_gives_the_same_until_its_scheduler_ends(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    with cluster(tmp_path) as address:
+    with cluster(tmp_path) as (address, scheduler):
         assert {found.job: found.run for found in on_dask(address)(iter([JOB, KNOWN]))} == {
             JOB: run_config(XELA, None, RECORDED),
             KNOWN.job: KNOWN.run,
         }
+
+        def work() -> Iterator[Job]:
+            yield JOB
+            scheduler.kill()
+            scheduler.wait()
+            yield from (JOB for _ in range(3))
+
+        with pytest.raises(SlipdError, match=f"--dask {address}: the connection to the scheduler ended"):
+            list(on_dask(address)(work()))
 
 
 def test_no_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
