@@ -46,7 +46,7 @@ class GripActionServer(Node):
             ParallelGripperCommand,
             "gripper_cmd",
             execute_callback=self._execute,
-            goal_callback=lambda _: GoalResponse.REJECT if self._busy.locked() else GoalResponse.ACCEPT,
+            goal_callback=self._accept,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
             callback_group=ReentrantCallbackGroup(),
         )
@@ -54,9 +54,19 @@ class GripActionServer(Node):
     def _parameter(self, name: str, default: Any) -> Any:
         return self.declare_parameter(name, default).value
 
+    def _accept(self, _: Any) -> GoalResponse:
+        """Accept a goal if none is being carried out; `_execute` then frees the gripper for the next one."""
+        return GoalResponse.ACCEPT if self._busy.acquire(blocking=False) else GoalResponse.REJECT
+
     def _execute(self, handle: Any) -> ParallelGripperCommand.Result:
+        try:
+            return self._carry_out(handle)
+        finally:
+            self._busy.release()
+
+    def _carry_out(self, handle: Any) -> ParallelGripperCommand.Result:
         result = ParallelGripperCommand.Result()
-        with self._busy, GripClient(self._requests) as client, Subscriber(self._publish, ("gripper",)) as messages:
+        with GripClient(self._requests) as client, Subscriber(self._publish, ("gripper",)) as messages:
             try:
                 outcome, state = carry_out(
                     client,

@@ -50,7 +50,10 @@ def carry_out(
             time.
     """
     try:
-        motion = motion_of(command, joint, client.status()["gripper"]["width_m"])
+        gripper = client.status()["gripper"]
+        if gripper is None:
+            raise GoalError("slipd's config has no gripper")
+        motion = motion_of(command, joint, gripper["width_m"])
         with client.lease():
             _start(client, motion)
             started_s = time.monotonic()
