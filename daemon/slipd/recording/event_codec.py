@@ -7,6 +7,7 @@ else is decoded.
 
 from __future__ import annotations
 
+import threading
 import zlib
 from typing import Any
 
@@ -39,8 +40,16 @@ _EXPECTED = {
     kind: {"n": int, "t_ns": int, "kind": str, **types, "crc32": bytes} for kind, (_, types) in _FIELDS.items()
 }
 _UNICODE_ERRORS = "surrogatepass"  # an error text of the system may contain undecodable bytes of a file name
-_PACKER = msgpack.Packer(unicode_errors=_UNICODE_ERRORS)
-"""Shared by all threads: making one takes longer than packing, and packing plain values keeps the interpreter lock."""
+
+
+class _Packing(threading.local):
+    """A packer of each thread, because making one takes longer than packing, and threads must not share one."""
+
+    def __init__(self) -> None:
+        self.packer = msgpack.Packer(unicode_errors=_UNICODE_ERRORS)
+
+
+_PACKING = _Packing()
 
 
 def encode_event(n: int, t_ns: int, event: Event) -> bytes:
@@ -58,7 +67,7 @@ def encode_event(n: int, t_ns: int, event: Event) -> bytes:
     if kind in _OPTIONAL:
         whole |= {name: True for name in _OPTIONAL[kind] if getattr(event, name)}
     whole["crc32"] = _NO_CRC
-    body: bytes = _PACKER.pack(whole)[:-_CRC_BYTES]
+    body: bytes = _PACKING.packer.pack(whole)[:-_CRC_BYTES]
     return body + _crc(body)
 
 
