@@ -37,10 +37,10 @@ class Device:
         os.close(slave)
 
     def unplug(self) -> None:
+        self.path.unlink(missing_ok=True)
         if self._fd >= 0:
             os.close(self._fd)
             self._fd = -1
-        self.path.unlink(missing_ok=True)
 
     def send(self, data: bytes) -> None:
         with contextlib.suppress(OSError):  # nobody has the port open

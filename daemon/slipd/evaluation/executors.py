@@ -109,7 +109,7 @@ def on_dask(address: str) -> Executor:
                 yield from _in_turn(work, submit, _outcome, lambda: AHEAD * max(sum(client.nthreads().values()), 1))
             except (OSError, CancelledError) as error:
                 raise SlipdError(
-                    f"--dask {address}: the connection to the scheduler ended; the same command continues the evaluation"
+                    f"--dask {address}: the connection to the scheduler ended; the same command continues the batch"
                 ) from error
 
     return execute

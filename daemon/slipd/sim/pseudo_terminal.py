@@ -67,8 +67,11 @@ class PseudoTerminal:
         self.dropped += len(data) - written
 
     def close(self) -> None:
-        """Close the pseudo-terminal, and remove the link unless it has been replaced."""
-        os.close(self.fd)
+        """Remove the link unless it has been replaced, and close the pseudo-terminal.
+
+        The link goes first: the kernel gives the name of a closed pseudo-terminal to the next one, of any program.
+        """
         with contextlib.suppress(OSError):
             if str(self.path.readlink()) == self._target:
                 self.path.unlink()
+        os.close(self.fd)

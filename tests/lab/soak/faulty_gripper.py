@@ -89,6 +89,11 @@ class FaultyLines:
             if line in self._ports:
                 self._ports[line].write(self._passed(line, data))
 
+    def close(self) -> None:
+        """Remove all lines, so that the daemon does not open another program's pseudo-terminals by their names."""
+        for port in self._ports.values():
+            port.close()
+
     def _passed(self, line: str, data: bytes) -> bytes:
         struck = line == self._struck
         if self._kind == "all stalled" or (struck and self._kind == "in bursts"):
@@ -131,6 +136,7 @@ def main() -> None:
         if rig.began_ns is not None or t_ns > QUIET_NS:
             lines.step(t_ns * 1e-9)
         lines.write(output)
+    lines.close()
     print(f"faults {json.dumps(lines.faults)}", flush=True)
 
 
