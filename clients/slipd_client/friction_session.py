@@ -14,6 +14,8 @@ from slipd_client.messages.schema.topics import Slip
 OBSTACLE_S = 3.0
 """An obstacle that lasts so long is not going to vanish by itself."""
 
+GRIP_IT = "Grip a sample of the object, for example with: slipctl grip close 10"
+
 MOST_PULLS = 4
 """Pulls for each sample that is wanted: beyond it the samples do not agree, and something else is wrong."""
 
@@ -26,10 +28,18 @@ class FrictionSession:
         samples: Samples that must agree.
         patience_s: How long to wait for a grip, and for each pull, s.
         say: Takes each line for the person.
+        grip_it: What is said while nothing presses on the pads.
     """
 
-    def __init__(self, fingers: Sequence[str], samples: int, patience_s: float, say: Callable[[str], None]) -> None:
-        self._wanted, self._patience_s, self._say_line = samples, patience_s, say
+    def __init__(
+        self,
+        fingers: Sequence[str],
+        samples: int,
+        patience_s: float,
+        say: Callable[[str], None],
+        grip_it: str = GRIP_IT,
+    ) -> None:
+        self._wanted, self._patience_s, self._say_line, self._grip_it = samples, patience_s, say, grip_it
         self._watches = {finger: PullWatch() for finger in fingers}
         self._samples: dict[str, list[PullSample]] = {finger: [] for finger in fingers}
         self._asked = ""
@@ -97,7 +107,7 @@ class FrictionSession:
             number = min(len(agreeing(samples)) for samples in self._samples.values()) + 1
             self._say(f"Pull slowly along the pads until it slips, {number} of {self._wanted} ({forces}).", now_s)
         elif all(watch.obstacle == NO_CONTACT for watch in self._watches.values()):
-            self._say("Grip a sample of the object, for example with: slipctl grip close 10", now_s)
+            self._say(self._grip_it, now_s)
         elif "release" in phases:
             self._say("Let go of it.", now_s)
 

@@ -80,13 +80,8 @@ class Commission:
     def __init__(
         self, rig: config.Config, fingers: Sequence[str], patience_s: float, restart: str = "", manner: Manner = ANY
     ) -> None:
-        self._rig, self._fingers, self._patience_s, self._restart, self._manner = (
-            rig,
-            fingers,
-            patience_s,
-            restart,
-            manner,
-        )
+        self._rig, self._fingers, self._patience_s = rig, fingers, patience_s
+        self._restart, self._manner = restart, manner
         self._mounts: dict[str, Mount] = {}
         self._pending = False
         self._zeroed = False
@@ -150,8 +145,8 @@ class Commission:
         if not names:
             yield Say("  no finger has a force sensor, so none has a weight to subtract")
             return True
-        if self._pending:
-            return (yield from self._ready())
+        if (yield from self._left_behind()):
+            return False
         findings = yield from weigh(self._rig, self._mounts, names)
         found: Values = {}
         for name, each in findings.items():
@@ -190,8 +185,7 @@ class Commission:
 
     def _ready(self) -> Steps[bool]:
         """Return whether the daemon runs what was found so far; see that zero and weight of the fingers are known."""
-        if self._pending:
-            yield Say("  left out: what was found is not written, so the daemon does not run it")
+        if (yield from self._left_behind()):
             return False
         down = yield from self._down()
         if down:
@@ -206,6 +200,12 @@ class Commission:
                 yield from take_zero(name, self._rig.finger[name])
             self._zeroed = True
         return True
+
+    def _left_behind(self) -> Steps[bool]:
+        """Return whether the daemon runs less than was found, and say that the step is left out then."""
+        if self._pending:
+            yield Say("  left out: what was found is not written, so the daemon does not run it")
+        return self._pending
 
     def _down(self) -> Steps[dict[str, tuple[float, float, float]]]:
         """Return gravity with the fingertips down, of each finger whose weight the daemon cannot subtract yet."""

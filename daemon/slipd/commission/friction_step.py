@@ -15,6 +15,7 @@ from slipd_client.messages.schema.topics import Message, Slip
 
 SAMPLES = 3
 GRIPPED = "gripped already"
+NOT_PRESSED = "Nothing presses on the pads yet."
 
 
 def measure_friction(
@@ -62,7 +63,7 @@ def _grip(force_n: float | None) -> Steps[bool | None]:
 
 def _pulls(fingers: Sequence[str], patience_s: float) -> Steps[dict[str, list[PullSample]]]:
     lines: list[str] = []
-    session = FrictionSession(fingers, SAMPLES, patience_s, lines.append)
+    session = FrictionSession(fingers, SAMPLES, patience_s, lines.append, NOT_PRESSED)
     try:
         while not session.done:
             event = yield None

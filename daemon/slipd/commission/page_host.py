@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -25,7 +26,7 @@ LIVE_S = 0.1
 class PageHost(TerminalHost):
     """Answers the guide, and tells the page; for its arguments see `TerminalHost`."""
 
-    _live: dict[str, tuple[Any, Any]]
+    _live: Mapping[str, tuple[Any, Any]] = {}
     _shown_s = 0.0
 
     def respond(self, output: Output) -> Event:
@@ -58,8 +59,7 @@ class PageHost(TerminalHost):
         return self._write_change(change)
 
     def _show(self, message: Wrench) -> None:
-        self._live = getattr(self, "_live", {})
-        self._live[message.finger] = message.force_n, message.torque_nm
+        self._live = {**self._live, message.finger: (message.force_n, message.torque_nm)}
         now_s = time.monotonic()
         if now_s - self._shown_s >= LIVE_S:
             self._shown_s = now_s

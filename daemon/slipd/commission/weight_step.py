@@ -62,8 +62,10 @@ def weigh(rig: Config, mounts: Mapping[str, Mount], fingers: Sequence[str]) -> S
             raw = np.asarray(np.linalg.solve(_matrix(mount_of(sensor)), wrenches[name]), dtype=np.float64)
             stated, wxyz = gravities if index == 0 else (gravities[0] * MIRROR, None)
             poses[name].append(Pose(raw[:3], raw[3:], stated, wxyz))
-    if len(poses[fingers[0]]) < MIN_POSES:
-        raise SlipdError(f"at least {MIN_POSES} poses are needed, got {len(poses[fingers[0]])}")
+    if (count := len(poses[fingers[0]])) < MIN_POSES:
+        return {
+            name: WeightFindings(problems=[f"at least {MIN_POSES} poses are needed, got {count}"]) for name in fingers
+        }
     return {name: find_weight(poses[name], mounts[name]) for name in fingers}
 
 

@@ -12,6 +12,7 @@ from slipd.commission.daemon_link import link_to
 from slipd.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, choose, follow
 from slipd.commission.grip_step import gentle_force
 from slipd.commission.readings import pause
+from slipd.commission.weight_step import POSES, weigh
 from slipd.commission.zero_step import take_zero
 from slipd.errors import SlipdError
 from slipd_client import keys
@@ -74,6 +75,14 @@ def test_a_person_chooses_one_of_the_words() -> None:
     assert printed == ["Grip?", "  please choose: close, skip"]
     with pytest.raises(Skipped):
         follow(choose(prompt), host([], Refusal, [Choice("skip")]))  # type: ignore[arg-type]
+
+
+def test_too_few_poses_are_a_problem_of_this_step_alone() -> None:
+    rig = config.parse(RIG, "rig")
+    findings = follow(
+        weigh(rig, {}, ["left"]), host([], lambda _: Refusal("no answer"), [Choice("not possible") for _ in POSES])
+    )
+    assert findings["left"].problems == ["at least 3 poses are needed, got 0"]
 
 
 @pytest.mark.parametrize(
