@@ -74,8 +74,10 @@ def _alone(job: Job) -> Run:
 
 
 def _pool(processes: int) -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([replay_job.__module__])  # the libraries are loaded once, not by each process
     silent_end = (signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the processes at once, without a traceback of each
-    return ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), signal.signal, silent_end)
+    return ProcessPoolExecutor(processes, context, signal.signal, silent_end)
 
 
 def on_dask(address: str) -> Executor:

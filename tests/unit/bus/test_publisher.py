@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 import zmq
+from zeromq_peers import PATIENCE_S
 
 from slipd.bus import publisher as publisher_module
 from slipd.bus.publisher import Publisher
+from slipd.zmtp import listener
 
 if TYPE_CHECKING:
     from zeromq_peers import Context, Eventually, Peer
@@ -164,8 +166,9 @@ async def test_Z1_a_subscriber_that_never_reads_costs_the_others_nothing(
 
 
 async def test_the_last_messages_before_the_stop_arrive(
-    endpoint: str, subscribe: Subscribe, eventually: Eventually
+    endpoint: str, subscribe: Subscribe, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(listener, "LINGER_S", PATIENCE_S)  # a busy machine may need more than a tenth of a second
     context: Context = zmq.Context()
     with Publisher(endpoint) as publisher:
         subscriber = subscribe(b"")
