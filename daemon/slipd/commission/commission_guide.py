@@ -16,18 +16,16 @@ from slipd.commission.dialogue import (
     Choice,
     Gravity,
     Prompt,
-    Reply,
     Say,
     Skipped,
     Steps,
     Written,
-    ask,
     choose,
 )
 from slipd.commission.friction_step import measure_friction
 from slipd.commission.grasp_step import first_grasp
 from slipd.commission.grip_step import gentle_force
-from slipd.commission.readings import SILENCE_S, ReadingListener
+from slipd.commission.readings import SILENCE_S, ReadingListener, read_status
 from slipd.commission.touch_guide import FingerOutcome, TouchGuide
 from slipd.commission.touches import PUSH_X, PUSH_Y, Mount, Touch, mount_of
 from slipd.commission.weight_step import READY, weigh
@@ -209,8 +207,7 @@ class Commission:
 
     def _down(self) -> Steps[dict[str, tuple[float, float, float]]]:
         """Return gravity with the fingertips down, of each finger whose weight the daemon cannot subtract yet."""
-        status = yield ask("status")
-        streams = status.result.streams if isinstance(status, Reply) else {}
+        streams = (yield from read_status()).streams
         states = {name: streams[f"{name}.wrench"].gravity for name in self._fingers if f"{name}.wrench" in streams}
         return {name: TIPS_DOWN_MPS2 for name, state in states.items() if state == "unknown_orientation"}
 

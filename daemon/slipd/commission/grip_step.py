@@ -6,8 +6,8 @@ ends the guide leaves the gripper with its force.
 
 from __future__ import annotations
 
-from slipd.commission.dialogue import SKIP, Prompt, Refusal, Reply, Say, Steps, ask, choose
-from slipd.commission.readings import pause
+from slipd.commission.dialogue import SKIP, Prompt, Refusal, Say, Steps, ask, choose
+from slipd.commission.readings import pause, read_status
 from slipd.config import Gripper
 
 GENTLE_N = 5.0
@@ -85,6 +85,5 @@ def release() -> Steps[None]:
 
 
 def _is_active() -> Steps[bool]:
-    status = yield ask("status")
-    gripper = status.result.gripper if isinstance(status, Reply) else None
+    gripper = (yield from read_status()).gripper
     return gripper is not None and gripper.active is True

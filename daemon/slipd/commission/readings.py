@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slipd.arrays import Array
-from slipd.commission.dialogue import SKIP, Choice, Skipped, Steps
+from slipd.commission.dialogue import SKIP, Choice, Refusal, Reply, Skipped, Steps, ask
 from slipd.errors import SlipdError
+from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Message, Tactile, Wrench
 
 LEAST_READINGS = 10
@@ -17,6 +18,9 @@ LEAST_READINGS = 10
 
 SILENCE_S = 10.0
 """Longest time without a message, s: the machine may be busy."""
+
+STATUS_ATTEMPTS, STATUS_PAUSE_S = 5, 0.5
+"""How often the daemon is asked for its status, and the time between, s."""
 
 
 @dataclass(slots=True)
@@ -121,6 +125,24 @@ def pause(seconds: float) -> Steps[None]:
         if isinstance(event, Message) and event.t_ns - began_ns.setdefault(event.topic, event.t_ns) >= seconds * 1e9:
             return
     raise silence()
+
+
+def read_status() -> Steps[StatusReply]:
+    """Return the status of the daemon; a request may be lost while the daemon starts, so it is repeated.
+
+    Raises:
+        Skipped: The person chose it.
+        SlipdError: The daemon does not report its status.
+    """
+    reason = ""
+    for _ in range(STATUS_ATTEMPTS):
+        answer = yield ask("status")
+        if isinstance(answer, Reply):
+            status: StatusReply = answer.result
+            return status
+        reason = answer.reason if isinstance(answer, Refusal) else reason
+        yield from pause(STATUS_PAUSE_S)
+    raise SlipdError(f"the daemon does not report its status: {reason}")
 
 
 def silence() -> SlipdError:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from slipd.arrays import Array
-from slipd.commission.dialogue import SKIP, Prompt, Reply, Say, Steps, ask, choose
-from slipd.commission.readings import ReadingListener
+from slipd.commission.dialogue import SKIP, Prompt, Say, Steps, choose
+from slipd.commission.readings import ReadingListener, read_status
 from slipd.commission.touches import Mount, mount_of
 from slipd.commission.weighing_search import Pose, WeightFindings, find_weight
 from slipd.config import Config
@@ -71,11 +71,9 @@ def weigh(rig: Config, mounts: Mapping[str, Mount], fingers: Sequence[str]) -> S
 
 def _check_no_gravity(fingers: Sequence[str]) -> Steps[None]:
     """Raise if the daemon subtracts a weight that changes with the pose."""
-    status = yield ask("status")
-    if not isinstance(status, Reply):
-        return
+    status = yield from read_status()
     for name in fingers:
-        stream = status.result.streams.get(f"{name}.wrench")
+        stream = status.streams.get(f"{name}.wrench")
         if stream is not None and stream.gravity == "compensated":
             raise SlipdError(
                 f"another program sends the direction of gravity for finger {name} (gravity.set), and the daemon "

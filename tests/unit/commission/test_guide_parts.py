@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,7 +12,7 @@ from slipd import config
 from slipd.commission.daemon_link import link_to
 from slipd.commission.dialogue import Ask, Choice, Event, Output, Prompt, Refusal, Reply, Say, Skipped, choose, follow
 from slipd.commission.grip_step import gentle_force
-from slipd.commission.readings import pause
+from slipd.commission.readings import pause, read_status
 from slipd.commission.weight_step import POSES, weigh
 from slipd.commission.zero_step import take_zero
 from slipd.errors import SlipdError
@@ -45,7 +46,7 @@ def host(printed: list[str], answer: Callable[[Ask], Event], events: list[Event]
 
 
 def messages() -> list[Event]:
-    return [Message(topic="wrench.left", raw={}, seq=k, boot="b", t_ns=k * 1_000_000_000) for k in range(9)]
+    return [Message(topic="wrench.left", raw={}, seq=k, boot="b", t_ns=k * 1_000_000_000) for k in range(12)]
 
 
 def test_a_refused_zero_is_tried_again_and_then_left_out() -> None:
@@ -60,11 +61,18 @@ def test_a_refused_zero_is_tried_again_and_then_left_out() -> None:
     assert "Later: slipctl tare take left --stream wrench" in printed[-1]
 
 
+def test_a_status_that_is_refused_is_asked_for_again() -> None:
+    answers: list[Event] = [Refusal("no answer"), Reply("status")]
+    assert follow(read_status(), host([], lambda _: answers.pop(0), messages())) == "status"  # type: ignore[comparison-overlap]
+    with pytest.raises(SlipdError, match="does not report its status: no answer"):
+        follow(read_status(), host([], lambda _: Refusal("no answer"), messages()))
+
+
 def test_a_pause_is_as_long_where_one_stream_is_stale() -> None:
     stale = Message(topic="tactile.left", raw={}, seq=0, boot="b", t_ns=-60_000_000_000)
     events = [stale, *messages()]
     follow(pause(2.0), lambda _: events.pop(0))
-    assert len(events) == 6, "messages 0, 1 and 2 s"
+    assert len(events) == 9, "without those of 0, 1 and 2 s"
 
 
 def test_a_person_chooses_one_of_the_words() -> None:
@@ -80,7 +88,8 @@ def test_a_person_chooses_one_of_the_words() -> None:
 def test_too_few_poses_are_a_problem_of_this_step_alone() -> None:
     rig = config.parse(RIG, "rig")
     findings = follow(
-        weigh(rig, {}, ["left"]), host([], lambda _: Refusal("no answer"), [Choice("not possible") for _ in POSES])
+        weigh(rig, {}, ["left"]),
+        host([], lambda _: Reply(SimpleNamespace(streams={})), [Choice("not possible") for _ in POSES]),
     )
     assert findings["left"].problems == ["at least 3 poses are needed, got 0"]
 
