@@ -186,12 +186,12 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     from slipd.evaluation.recording_choice import chosen
     from slipd.evaluation.result_cache import ResultCache, cache_folder
 
+    if arguments.table is not None and arguments.json:
+        raise SlipdError("--table writes a file and --json prints: give one of them")
     results = arguments.results
     cache = ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False)
     executor = None if arguments.dask is None else on_dask(arguments.dask)
     command = EvaluateCommand(chosen(arguments.recordings, arguments.shard), arguments.config, cache, executor)
-    if arguments.table is not None and arguments.json:
-        raise SlipdError("--table writes a file and --json prints: give one of them")
     if arguments.table is not None:
         return DONE if command.write(arguments.table) else FAULT
     return DONE if command.show(arguments.out, as_json=arguments.json) else FAULT

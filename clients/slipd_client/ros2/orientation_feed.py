@@ -30,7 +30,7 @@ from slipd_client.ros2.orientation import (
 )
 
 DEPTH = 100
-"""Messages that may wait until they are looked at."""
+"""Longest queue of received messages."""
 
 
 class OrientationSource(Protocol):
@@ -118,7 +118,7 @@ class OrientationFeed(threading.Thread):
 
     @property
     def entry(self) -> Entry:
-        """How it goes, as an entry of ``/diagnostics``."""
+        """State of the feed, as an entry of ``/diagnostics``."""
         level, why = self._state
         return entry("orientation from ROS", level, why, "", {})
 
@@ -147,7 +147,7 @@ class OrientationFeed(threading.Thread):
         return (Health.OK, "") if refused is None else (Health.ERROR, str(refused))
 
     def _tell(self, level: Health, why: str) -> None:
-        """Tell the person about a state that lasts."""
+        """Print a failure that has lasted for a while, and its end."""
         now_s = time.monotonic()
         if level is Health.OK:
             self._well_s = now_s

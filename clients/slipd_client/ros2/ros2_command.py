@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
 LATCHED_WARNINGS = 10
-"""So many of the last warnings a subscriber gets when it comes."""
+"""Number of past warnings that a new subscriber receives."""
 
 
 def run(chosen: argparse.Namespace, keys: Keys | None) -> None:

@@ -1,7 +1,7 @@
 """ROS 2 topics of one process, over Cyclone DDS: a writer for each topic, with the quality of service ROS expects.
 
-Every topic is reliable, as REP 2003 wants it of the providers of sensor data: subscribers may be reliable or not. A
-write never waits: a reliable subscriber that is too slow gets the last messages, and delays nobody.
+Every topic is reliable, as REP 2003 asks of publishers of sensor data: subscribers may be reliable or best effort. A
+write never waits: a reliable subscriber that is too slow receives the last messages, and delays nobody.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def writer_qos(name: str, depth: int, *, latched: bool) -> Qos:
     Args:
         name: Its type, "package/Name".
         depth: Messages that are kept for subscribers that are behind.
-        latched: Who subscribes later gets the last ``depth`` messages ("transient local").
+        latched: A new subscriber receives the last ``depth`` messages ("transient local").
     """
     history = Policy.History.KeepLast(depth)
     latching = (Policy.Durability.TransientLocal, Policy.DurabilityService(0, history, -1, -1, -1))
@@ -48,7 +48,7 @@ class RosPublisher:
 
     Args:
         participant: Of a domain.
-        latched: Topics whose last messages a later subscriber gets, and how many of them.
+        latched: Number of past messages that a new subscriber receives, by topic; none of the other topics.
     """
 
     def __init__(self, participant: DomainParticipant, latched: Mapping[str, int]) -> None:

@@ -122,7 +122,7 @@ class StreamMeter:
         return ""
 
     def _are_wrenches(self, samples: Sequence[Sample]) -> bool:
-        """Return whether all readings are of a force sensor and fit so; 40 of them may come at once."""
+        """Return whether every reading is a wrench, in a stream of wrenches: then all fit the config."""
         return self.kind is WrenchSample and set(map(type, samples)) == {WrenchSample}
 
     def measure(self, t_ns: int, bad_bytes: int, late_ns: int = 0) -> None:

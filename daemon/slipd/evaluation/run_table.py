@@ -18,7 +18,7 @@ from slipd.evaluation.jobs import Finished
 from slipd.evaluation.run_figures import ALARMS, BY_SEVERITY, figures
 
 ROWS = 1000
-"""Rows that are written at once."""
+"""Rows of one write."""
 
 
 @dataclass(slots=True)
@@ -27,11 +27,11 @@ class TableTotals:
 
     Attributes:
         runs: Rows.
-        kept: Runs that an earlier evaluation had done.
+        kept: Runs whose result an earlier evaluation kept.
         without_run: Rows of recordings that could not be replayed.
         warned: Runs with an alarm.
         compute_s: Processor time of all replays, the kept ones included.
-        faults: The first faults, for people; all are in the table.
+        faults: The first distinct faults, for people; the table has all.
     """
 
     runs: int = 0
