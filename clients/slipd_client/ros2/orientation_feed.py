@@ -125,7 +125,10 @@ class OrientationFeed(threading.Thread):
     def run(self) -> None:
         """Send until `stop`."""
         while not self._ended.wait(PERIOD_S):
-            self._state = self._send()
+            try:
+                self._state = self._send()
+            except Exception as error:  # a message that cannot be decoded, for example; the next one may be well
+                self._state = (Health.ERROR, f"{type(error).__name__}: {error}")
             self._tell(*self._state)
 
     def stop(self) -> None:

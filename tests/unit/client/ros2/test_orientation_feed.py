@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -12,10 +13,14 @@ pytest.importorskip("cyclonedds", reason="needs cyclonedds, the extra `ros2`")
 from cyclonedds.domain import DomainParticipant
 from ros_graph import free_domain, joined
 
+from slipd_client.grip import GripClient
 from slipd_client.ros.conversion import RosMessage
 from slipd_client.ros2.orientation import IDENTITY, Quaternion
-from slipd_client.ros2.orientation_feed import ImuSource
+from slipd_client.ros2.orientation_feed import ImuSource, OrientationFeed
 from slipd_client.ros2.ros_publisher import RosPublisher
+
+if TYPE_CHECKING:
+    from conftest import Daemon
 
 PATIENCE_S = 40.0
 TILTED: Quaternion = (0.6, 0.0, 0.0, 0.8)
@@ -58,3 +63,24 @@ def test_an_imu_that_is_restarted_is_used_again() -> None:
             publish_once(participant, source, imu(sec, orientation))
             assert source.orientation(now_s=float(sec)) == pytest.approx(orientation)
             assert source.orientation(now_s=float(sec)) == pytest.approx(orientation)
+
+
+class OnceUndecodable:
+    """A source whose first message cannot be decoded."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def orientation(self, now_s: float) -> Quaternion:
+        self.asked += 1
+        if self.asked == 1:
+            raise ValueError("'utf-8' codec can't decode byte 0xff")
+        return IDENTITY
+
+
+def test_a_message_that_cannot_be_decoded_does_not_end_the_feed(daemon: Daemon) -> None:
+    with GripClient(daemon.endpoint) as client:
+        feed = OrientationFeed(client, OnceUndecodable(), {"left": IDENTITY})
+        feed.start()
+        wait_until(lambda: any(each["op"] == "gravity.set" for each in daemon.requests))
+        feed.stop()
