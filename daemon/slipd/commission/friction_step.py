@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from slipd.commission.dialogue import SKIP, Choice, Prompt, Say, Skipped, Steps, choose
-from slipd.commission.grip_step import CLOSE, activate, close, release
+from slipd.commission.grip_step import CLOSE, IF_CLOSED, activate, close, release
 from slipd.commission.readings import silence
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_guide import result_lines
@@ -50,7 +50,7 @@ def measure_friction(
 
 def _grip(force_n: float | None) -> Steps[bool | None]:
     """Have the sample gripped; return whether the gripper was closed for it, or None if it refused."""
-    text = "Hold a sample of the object's material between the pads."
+    text = f"Hold a sample of the object's material between the pads. {IF_CLOSED}"
     if force_n is None or not (yield from activate()):
         yield from choose(Prompt("sample", f"{text} Grip it.", choices=(GRIPPED, SKIP)))
         return False

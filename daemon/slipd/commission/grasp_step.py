@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from slipd.commission.dialogue import SKIP, Choice, Prompt, Say, Skipped, Steps, choose
-from slipd.commission.grip_step import CLOSE, activate, close, release
+from slipd.commission.grip_step import CLOSE, IF_CLOSED, activate, close, release
 from slipd.commission.readings import silence
 from slipd_client.messages.names import SlipLevel
 from slipd_client.messages.schema.topics import Message, Slip
@@ -31,7 +31,8 @@ def first_grasp(fingers: Sequence[str], force_n: float, patience_s: float) -> St
     if not (yield from activate()):
         return False
     text = (
-        f"Put an object between the pads, and keep your hands away: the gripper closes with {force_n:g} N on each pad."
+        f"Put an object between the pads. {IF_CLOSED} Then keep your hands away: the gripper closes with {force_n:g} N "
+        "on each pad."
     )
     yield from choose(Prompt("grasp", text, choices=(CLOSE, SKIP)))
     if not (yield from close(force_n)):

@@ -16,6 +16,8 @@ GENTLE_N = 5.0
 ACTIVE_S = 15.0
 POLL_S = 0.5
 
+IF_CLOSED = "If the pads are closed, open them first: slipctl grip open --drop."
+
 CLOSE, OPEN, KEEP, ACTIVATE = "close", "open", "keep", "activate"
 
 
