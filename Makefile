@@ -14,6 +14,8 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
+# Whole daemons as processes, and the programs that measure them, in real time: two files at a time, each file in order.
+DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
 
 .PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
 
@@ -32,8 +34,10 @@ test: $(READY)
 	@$(BIN)/pytest --numprocesses=2 --dist worksteal --cov --cov-report= $(ROOMS)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
-	@echo "== the other tests: three files at a time, because many wait; in their order, because the longest are in tests/lab"
-	@$(BIN)/pytest --numprocesses=3 --dist loadfile --no-loadscope-reorder $(addprefix --ignore=,$(ROOMS))
+	@echo "== the other tests that can share the machine"
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS))
+	@echo "== tests of whole daemons"
+	@$(BIN)/pytest --numprocesses=2 --dist loadfile $(DAEMONS)
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
 endif
 
