@@ -244,6 +244,14 @@ def test_a_step_that_came_too_late_is_asked_for_again(daemon, op):
     assert report.error == ""
 
 
+def test_an_activation_is_asked_for_again_while_a_stall_hides_that_the_fingers_are_free(daemon):
+    daemon.answers["gripper.activate"] = ["in_contact"]
+    report = work(daemon)
+    assert len(daemon.requests("gripper.activate")) == 2
+    assert report.error == ""
+    assert report.opened_ns is not None
+
+
 def test_a_refused_grip_ends_it_and_the_lease_is_given_back(daemon):
     daemon.answers["gripper.close"] = "gripper_fault"
     report = work(daemon)
