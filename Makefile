@@ -14,8 +14,10 @@ MEASURES := $(VENV)/.measures
 
 # Rooms whose every branch must be tested, by their own tests; coverage would make the others three times as slow.
 ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gripper requests publish engine)
-# Whole daemons as processes, and the programs that measure them, in real time: two files at a time, each file in order.
-DAEMONS := tests/system $(addprefix tests/lab/,bench soak)
+# Whole daemons as processes, in real time: two files at a time, each file in order.
+DAEMONS := tests/system
+# Programs of long runs: their targets test them first.
+LONG := $(addprefix tests/lab/,bench chart soak)
 
 .PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
 
@@ -35,7 +37,7 @@ test: $(READY)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== the other tests that can share the machine"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS))
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS) $(LONG))
 	@echo "== tests of whole daemons"
 	@$(BIN)/pytest --numprocesses=2 --dist loadfile $(DAEMONS)
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
@@ -58,10 +60,12 @@ portable: $(KERNELS)
 
 bench: $(MEASURES)
 	@echo "== the daemon and the friction limit beside C and others; a million contacts (about 18 minutes)"
+	@$(BIN)/pytest --quiet tests/lab/bench
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m bench.latency --report docs/bench.md $(BENCH)
 
 chart: $(MEASURES)
 	@echo "== every method of the friction limit on the same contacts: speed, accuracy, failures (about 10 minutes)"
+	@$(BIN)/pytest --quiet tests/lab/chart
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m chart $(CHART)
 
 pictures: $(READY)
@@ -78,6 +82,7 @@ fuzz: $(KERNELS)
 
 soak: $(KERNELS)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults (about an hour)"
+	@$(BIN)/pytest --quiet tests/lab/soak
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
 
