@@ -58,7 +58,7 @@ class PageServer:
         address: Where to listen.
         site: The files of the page.
         on_viewer: Serves the WebSocket of a browser; None if the page opens no WebSocket.
-        on_commission: Serves the WebSocket of the page ``/commission``; None if there is none.
+        on_commission: Serves the WebSocket of the page ``/commission``; None: the server has no such page.
         on_data: Answers requests for data below ``/data/``; None if the page requests no data.
 
     Attributes:

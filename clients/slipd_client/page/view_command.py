@@ -40,7 +40,7 @@ async def view(
         keys: Keys of this client, for a daemon across a network; None on this machine.
         buttons: The page may request; None: only where no other machine can open it.
         emulation: Folder of a running ``slipd emulate``, whose pads can be pressed on the page; None: no pad can.
-        commission: Serves the page ``/commission``; None: there is none.
+        commission: Serves the page ``/commission``; None: the live view has no such page.
 
     Raises:
         CallError: An endpoint is wrong, the port cannot be opened, or a page that only shows is to press pads.

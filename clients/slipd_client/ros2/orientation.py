@@ -123,7 +123,7 @@ class ImuOrientation:
         """Return the orientation of the gripper's frame in one whose Z points up.
 
         Raises:
-            OrientationUnknown: There is none, or it is stale.
+            OrientationUnknown: No orientation has arrived, or the newest is stale.
         """
         if self._stamp is None:
             raise OrientationUnknown(f"no message has come on {self._topic}")

@@ -26,7 +26,7 @@ class GravityTeller:
         self._thread: threading.Thread | None = None
 
     def tell(self, by_finger: Gravities) -> None:
-        """Tell gravity in the frame of the pad of each finger, m/s², from now on; nothing where there is none."""
+        """Send each finger's gravity from now on: by finger, in its pad's frame, m/s²; an empty map sends nothing."""
         self.stop()
         if by_finger:
             self._ended.clear()

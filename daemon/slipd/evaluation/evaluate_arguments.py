@@ -11,7 +11,7 @@ _EPILOG = (
     "The recorded motion stays as it was: a config changes what is reported on it, not what the robot would have done "
     "about that. The zero of a pad stays that of the recording too. Results are kept: what was replayed once with a "
     "config is not replayed again, and an interrupted evaluation goes on. Exit code 1: a recording is damaged, or does "
-    "not fit a config; the others are evaluated. docs/fleet.md tells of many recordings and of clusters."
+    "not fit a config; the others are evaluated. docs/fleet.md covers large batches and clusters."
 )
 
 
