@@ -6,7 +6,7 @@ import math
 
 from slipd.fusion.compiled import compiled
 from slipd.fusion.level_steps import DWELL_S, grows, held_step, settle
-from slipd.fusion.load_blocks import forget_load
+from slipd.fusion.load_blocks import GAP_S, forget_load
 from slipd.fusion.load_drop import follow_load
 from slipd.fusion.rows import (
     CAUTION,
@@ -122,7 +122,9 @@ def _find_motion(row: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bo
     else:
         spin = abs(contact["spin_nm"])
         q = ratio if math.isnan(spin) else math.hypot(ratio, spin / (normal * SPIN_ARM_M))
-    if exact != drop["exact"]:  # another quantity: what is known of the one before says nothing of it
+    if drop["exact"] and not exact and row["t_s"] - drop["last_s"] <= GAP_S:
+        q = math.inf  # an image that is late: the load is passed over until the next one
+    elif exact != drop["exact"]:  # another quantity: what is known of the one before says nothing of it
         forget_load(drop)
         drop["exact"] = exact
     std = math.hypot(watch["force_std_n"] * math.hypot(1.0, ratio), watch["torque_std_nm"] / SPIN_ARM_M) / normal

@@ -1,8 +1,9 @@
 """The course of a contact's load in blocks: running sums in a ring, and what is followed beside them.
 
-A block is a millisecond of readings, or one reading where they come more slowly. Sums up to each block give the mean of
-any stretch of blocks at once. Beside them are followed, each with its own time constant: the top of q, the largest that
-was carried without motion, the largest swing, and the noise of q.
+A block is a millisecond of readings, or one reading where they come more slowly. Blocks follow each other in equal
+steps of time: where readings are missing, blocks on a straight line take their place. Sums up to each block give the
+mean of any stretch of blocks at once. Beside them are followed, each with its own time constant: the top of q, the
+largest that was carried without motion, the largest swing, and the noise of q.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ GAP_S = 0.1
 """After a longer silence nothing is known of the load before, s."""
 LEVEL = 8
 """Most blocks that are averaged for a level: a period of 120 Hz at 1 kHz."""
+STEPS = 8
+"""Steps of time over which the length of a block is averaged: the times of single readings jitter."""
 
 CREST_S, TOP_S, CARRIED_S, NOISE_S, SWING_S = 0.15, 0.1, 0.016, 0.2, 1.0
 """Time constants of the decay of a crest and of the top, of the mean for ``carried``, of measured noise, and with
@@ -58,20 +61,39 @@ def restart(drop: Row, ring: Rows, t_s: float, q: float) -> None:
 
 @compiled
 def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
-    """Add the open block to the ring of running sums, and follow means and noise."""
-    n, k = drop["n"], drop["block"] + 1
-    q = drop["q"] / n
+    """Add the open block to the ring, after blocks on a straight line for those that are missing before it."""
+    n, count, k = drop["n"], drop["count"], drop["block"]
+    q, normal, fx, fy = drop["q"] / n, drop["normal"] / n, drop["fx"] / n, drop["fy"] / n
+    step, missing = min(t_s - drop["end_s"], GAP_S), 0
+    if count > 1:
+        missing = max(int(step / drop["dt"] - 0.5), 0)
+        step /= missing + 1
+        step = drop["dt"] + (step - drop["dt"]) / min(count, STEPS)
+    drop["n"], drop["end_s"], drop["dt"], drop["std"] = 0, t_s, step, std
+    drop["q"], drop["normal"], drop["fx"], drop["fy"] = 0.0, 0.0, 0.0, 0.0
+    if missing > 0:
+        part = 1.0 / (missing + 1)
+        last, before = ring[k % RING], ring[(k - 1) % RING]
+        q_last, normal_last = last["q"] - before["q"], last["normal"] - before["normal"]
+        fx_last, fy_last = last["fx"] - before["fx"], last["fy"] - before["fy"]
+        for at in range(1, missing + 1):
+            new, old = at * part, 1.0 - at * part
+            line = (old * q_last + new * q, old * normal_last + new * normal, old * fx_last + new * fx)
+            _add_block(drop, ring, *line, old * fy_last + new * fy, False)
+    _add_block(drop, ring, q, normal, fx, fy, True)
+
+
+@compiled
+def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: float, seen: bool) -> None:
+    """Add a block to the running sums, and follow means; follow the noise of one that was seen."""
+    k, count, dt = drop["block"] + 1, min(drop["count"] + 1, RING - 1), drop["dt"]
     before, row = ring[(k - 1) % RING], ring[k % RING]
     row["q"] = before["q"] + q
     row["q2"] = before["q2"] + q * q
-    row["normal"] = before["normal"] + drop["normal"] / n
-    row["fx"] = before["fx"] + drop["fx"] / n
-    row["fy"] = before["fy"] + drop["fy"] / n
-    dt = min(t_s - drop["end_s"], GAP_S)
-    drop["block"], drop["n"], drop["end_s"], drop["dt"] = k, 0, t_s, dt
-    drop["q"], drop["normal"], drop["fx"], drop["fy"] = 0.0, 0.0, 0.0, 0.0
-    count = min(drop["count"] + 1, RING - 1)
-    drop["count"] = count
+    row["normal"] = before["normal"] + normal
+    row["fx"] = before["fx"] + fx
+    row["fy"] = before["fy"] + fy
+    drop["block"], drop["count"] = k, count
     short = mean_q(ring, k, min(count, LEVEL))
     drop["smooth"] += (q - drop["smooth"]) * dt / (CARRIED_S + dt)
     drop["top"] = max(short, drop["top"] + (short - drop["top"]) * dt / (TOP_S + dt))
@@ -79,9 +101,9 @@ def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
         drop["carried"], drop["swing"], drop["crest"], drop["trough"] = drop["smooth"], 0.0, short, short
     elif not drop["sliding"]:
         drop["carried"] = max(drop["carried"], drop["smooth"])
-    drop["std"] = std
     row["top"], row["carried"] = drop["top"], drop["carried"]
-    _measure_noise(drop, ring, k, count, dt)
+    if seen:
+        _measure_noise(drop, ring, k, count, dt)
     row["rough"] = drop["rough"]
     if not drop["sliding"]:
         _follow_swings(drop, short, dt)
