@@ -207,10 +207,11 @@ def _plot(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from slipd.export.export_command import export
+    from slipd.export.export_command import ExportOptions, export_command
 
+    options = ExportOptions(arguments.to, arguments.rate, arguments.task, arguments.overwrite)
     try:
-        whole = export(arguments.file, arguments.out, arguments.to, overwrite=arguments.overwrite)
+        whole = export_command(arguments.recordings, arguments.out, options)
     except KeyboardInterrupt:
         print("slipd: interrupted; nothing was written", file=sys.stderr)
         return FAULT

@@ -9,6 +9,7 @@ from typing import Any
 from slipd import __version__
 from slipd.cli_arguments import add_command, picture, positive, speed, time_s
 from slipd.evaluation.evaluate_arguments import add_evaluate_arguments
+from slipd.export.export_arguments import add_export_arguments
 from slipd_client.listen_address import add_listen
 
 
@@ -72,19 +73,7 @@ def parser() -> argparse.ArgumentParser:
     evaluate.set_defaults(command="evaluate")
 
     export = add_command(commands, "export", "write the messages of a recording as files for other programs")
-    export.epilog = (
-        "The recording is replayed, so the messages are those of this version of slipd. docs/viewers.md says which "
-        "program opens what. Exit code 1: nothing is written, or the recording is damaged and the export ends there."
-    )
-    export.add_argument("file", type=Path, metavar="FILE", help="recording, MCAP")
-    export.add_argument("out", type=Path, metavar="OUT", help="new folder (ros2, csv) or file (json-mcap)")
-    export.add_argument(
-        "--to",
-        choices=("ros2", "json-mcap", "csv"),
-        required=True,
-        help="ros2: a bag (ROS, Foxglove, PlotJuggler); json-mcap: JSON (Foxglove); csv: one file for each topic",
-    )
-    export.add_argument("--overwrite", action="store_true", help="replace an earlier export, never anything else")
+    add_export_arguments(export)
     export.set_defaults(command="export")
 
     plot = add_command(commands, "plot", "draw a recording: levels, utilisation, forces, friction, health, pads")

@@ -21,7 +21,7 @@ class Kind:
 
     Attributes:
         name: Its name with an article.
-        is_one: Returns whether a file is of this kind, or of a folder of this kind.
+        is_one: Returns whether a file is of this kind, or a file or folder is part of a folder of this kind.
         folders: A result may be a folder.
     """
 
@@ -75,7 +75,7 @@ def _obstacle(out: Path, kind: Kind) -> str | None:
     if out.is_dir():
         if not kind.folders:
             return "is a folder"
-        others = (path.name for path in sorted(out.iterdir()) if not path.is_file() or not kind.is_one(path))
+        others = (path.name for path in sorted(out.iterdir()) if not _belongs(path, kind))
         other = next(others, None)
         return None if other is None else f"is a folder that also holds {other!r}"
     if not out.is_file():
@@ -83,6 +83,11 @@ def _obstacle(out: Path, kind: Kind) -> str | None:
     if is_recording(out):
         return "is a recording of slipd"
     return None if kind.is_one(out) else f"is not {kind.name}"
+
+
+def _belongs(path: Path, kind: Kind) -> bool:
+    """Return whether something in a folder is part of a result; a pipe or a device never is."""
+    return (path.is_file() or path.is_dir()) and kind.is_one(path)
 
 
 def _place(written: Path, out: Path, aside: Path) -> None:

@@ -16,6 +16,7 @@ from slipd.errors import SlipdError
 from slipd.evaluation.config_run import ConfigRun
 from slipd.evaluation.jobs import Finished
 from slipd.evaluation.run_figures import ALARMS, BY_SEVERITY, figures
+from slipd.parquet_library import parquet_library
 
 ROWS = 1000
 """Rows of one write."""
@@ -61,9 +62,7 @@ def write_table(path: Path, finished: Iterable[Finished], most_faults: int) -> T
     Raises:
         SlipdError: pyarrow is not installed, or the file cannot be written.
     """
-    arrow = _arrow()
-    from pyarrow import parquet
-
+    arrow, parquet = parquet_library("--table", "batch")
     if not path.parent.is_dir():
         raise SlipdError(f"{path}: cannot be written: there is no folder {path.parent}")
     totals = TableTotals()
@@ -157,12 +156,3 @@ def _schema(arrow: ModuleType) -> Any:
         "compute_s": number,
     }
     return arrow.schema(columns)
-
-
-def _arrow() -> ModuleType:
-    try:
-        import pyarrow
-    except ImportError as error:
-        raise SlipdError("--table needs the package pyarrow: pip install 'slipd[batch]'") from error
-    found: ModuleType = pyarrow
-    return found

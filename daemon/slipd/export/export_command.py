@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from slipd import config
 from slipd.compile_kernels import compile_kernels
 from slipd.config import Config
 from slipd.draft import draft
 from slipd.errors import SlipdError
+from slipd.evaluation.recording_choice import chosen
 from slipd.export.csv_files import CsvFiles
 from slipd.export.exported import EXPORT
 from slipd.export.json_mcap import JsonMcap
+from slipd.export.lerobot_command import TASK, export_lerobot
 from slipd.export.message_files import MessageFiles
+from slipd.export.parquet_tables import ParquetTables
 from slipd.export.ros2_bag import Ros2Bag
 from slipd.progress import Progress
 from slipd.recording.reader import Recording, open_recording
@@ -28,8 +32,44 @@ FORMATS: dict[str, Create] = {
     "ros2": lambda path, settings: Ros2Bag(path, _pads(settings)),
     "json-mcap": lambda path, _: JsonMcap(path),
     "csv": lambda path, _: CsvFiles(path),
+    "parquet": lambda path, _: ParquetTables(path),
 }
-"""What writes each format."""
+"""What writes each format of one recording."""
+
+
+class ExportOptions(NamedTuple):
+    """What to write.
+
+    Attributes:
+        to: One of `FORMATS`, or "lerobot".
+        rate_hz: Frames per second, of "lerobot" alone.
+        task: What the robot does, of "lerobot" alone; None: `TASK`.
+        overwrite: Replace an earlier export; nothing else is ever replaced.
+    """
+
+    to: str
+    rate_hz: int | None = None
+    task: str | None = None
+    overwrite: bool = False
+
+
+def export_command(recordings: Sequence[Path], out: Path, options: ExportOptions) -> bool:
+    """Write recordings as files for other programs; errors are those of `export` and `export_lerobot`.
+
+    Returns:
+        Whether every recording is complete.
+    """
+    to, overwrite = options.to, options.overwrite
+    if to == "lerobot":
+        if options.rate_hz is None:
+            raise SlipdError("--to lerobot needs --rate HZ, the frames per second")
+        return export_lerobot(chosen(recordings), out, options.rate_hz, options.task or TASK, overwrite=overwrite)
+    for option, value in (("--rate", options.rate_hz), ("--task", options.task)):
+        if value is not None:
+            raise SlipdError(f"{option} is for --to lerobot; {to} has every message at its own time")
+    if len(recordings) > 1:
+        raise SlipdError(f"--to {to} takes one recording, got {len(recordings)}; --to lerobot takes several")
+    return export(recordings[0], out, to, overwrite=overwrite)
 
 
 def export(path: Path, out: Path, to: str, *, overwrite: bool) -> bool:

@@ -81,12 +81,14 @@ def replay(
     return ((topic, body) for _, topic, body in messages)
 
 
-def replay_dated(recording: Recording, settings: Config | None = None) -> Iterator[tuple[int, str, dict[str, Any]]]:
+def replay_dated(
+    recording: Recording, settings: Config | None = None, on_event: Callable[[int], object] | None = None
+) -> Iterator[tuple[int, str, dict[str, Any]]]:
     """Yield ``(t_ns, topic, body)`` of every message, as fast as possible; arguments and errors are those of `replay`.
 
     ``t_ns`` is when the message was published, CLOCK_MONOTONIC of the recorded run.
     """
-    return _run(_engine(recording, settings), recording, None)
+    return _run(_engine(recording, settings), recording, None, on_event)
 
 
 def _engine(recording: Recording, settings: Config | None) -> Engine:

@@ -29,6 +29,6 @@ def dated() -> Dated:
 def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Export of the run in each format."""
     folder = tmp_path_factory.mktemp("exports")
-    for to in ("ros2", "json-mcap", "csv"):
+    for to in ("ros2", "json-mcap", "csv", "parquet"):
         assert export(RUN, folder / to, to, overwrite=False)
-    return {to: folder / to for to in ("ros2", "json-mcap", "csv")}
+    return {to: folder / to for to in ("ros2", "json-mcap", "csv", "parquet")}

@@ -7,29 +7,15 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flat_messages import flat
+
 if TYPE_CHECKING:
     from conftest import Dated
-
-
-ENDS = {2: "xy", 3: "xyz"}
 
 
 def table(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
-
-
-def flat(value: Any, name: str) -> dict[str, Any]:
-    """Return the columns that a value of the wire has, by name."""
-    if isinstance(value, dict) and not name.endswith("taxel_faults"):
-        prefix = f"{name}." if name else ""
-        return {key: each for part, inner in value.items() for key, each in flat(inner, prefix + part).items()}
-    vector = isinstance(value, list) and name.endswith(("_n", "_m", "_nm")) and name != "corners_m"
-    if vector and len(value) in ENDS:
-        return {f"{name}.{end}": each for end, each in zip(ENDS[len(value)], value, strict=True)}
-    if name == "loads_n" and value is not None:
-        return {f"{name}.{index}": each for index, each in enumerate(value)}
-    return {name: value}
 
 
 def matches(text: str, value: Any) -> bool:
@@ -55,7 +41,7 @@ def test_every_value_of_every_message_is_in_its_column(exported: dict[str, Path]
     for log_ns, topic, body in dated:
         row = next(following[topic])
         assert row.pop("published_ns") == str(log_ns)
-        for name, value in flat(body, "").items():
+        for name, value in flat(body).items():
             if value is None and name not in row:  # a vector, or a part, that is not known
                 parts = [text for key, text in row.items() if key.startswith(f"{name}.")]
                 assert set(parts) == {""}

@@ -15,7 +15,7 @@ from replays import RECORDINGS
 from slipd import cli
 from slipd.config import Config
 from slipd.export import export_command
-from slipd.export.export_command import FORMATS
+from slipd.export.export_arguments import FORMATS
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import Recording
 from slipd.recording.replay import replay_dated
@@ -31,7 +31,7 @@ def names(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir()]
 
 
-@pytest.mark.parametrize("to", ["ros2", "json-mcap", "csv"])
+@pytest.mark.parametrize("to", ["ros2", "json-mcap", "csv", "parquet"])
 def test_an_export_that_exists_is_refused_unless_it_may_be_overwritten(
     to: str, tmp_path: Path, exported: dict[str, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -45,7 +45,7 @@ def test_an_export_that_exists_is_refused_unless_it_may_be_overwritten(
     assert names(tmp_path) == ["out"]
 
 
-@pytest.mark.parametrize("to", ["ros2", "json-mcap", "csv"])
+@pytest.mark.parametrize("to", ["ros2", "json-mcap", "csv", "parquet"])
 def test_a_disk_that_is_full_leaves_nothing_behind(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (8192, before[1]))
