@@ -59,7 +59,8 @@ def export_lerobot(paths: Sequence[Path], out: Path, rate_hz: int, task: str = T
             dataset.finish()
     finally:
         progress.erase()
-    print(f"{out}: written, {frames} frames of {len(paths)} recordings")
+    count = "1 episode" if len(paths) == 1 else f"{len(paths)} episodes"
+    print(f"{out}: written, {frames} frames of {count}")
     for fault in faults:
         print(f"slipd: the export is incomplete: {fault}", file=sys.stderr)
     return not faults

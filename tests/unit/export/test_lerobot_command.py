@@ -75,7 +75,7 @@ def test_an_export_that_exists_is_refused_unless_it_may_be_overwritten(
     assert export(RUN, out, "--rate", "10") == 1
     assert capsys.readouterr().err == f"slipd: {out}: exists already; give a new name, or --overwrite\n"
     assert export(RUN, out, "--rate", "10", "--overwrite") == 0
-    assert capsys.readouterr().out.startswith(f"{out}: written, 47 frames of 1 recording")
+    assert capsys.readouterr().out.startswith(f"{out}: written, 47 frames of 1 episode\n")
     assert names(tmp_path) == ["set"]
 
 
@@ -134,7 +134,7 @@ def test_a_truncated_recording_is_an_episode_up_to_its_end_and_says_so(
     half.write_bytes(RUN.read_bytes()[: RUN.stat().st_size * 3 // 4])
     assert export(half, RUN, tmp_path / "out", "--rate", "20") == 1
     shown = capsys.readouterr()
-    assert shown.out.endswith(" frames of 2 recordings\n")
+    assert shown.out.endswith(" frames of 2 episodes\n")
     assert shown.err.startswith(f"slipd: the export is incomplete: {half}: was cut off in the record at byte ")
     first, second = parquet.read_table(tmp_path / "out" / "meta" / "episodes").to_pylist()
     assert 0 < first["length"] < second["length"]
