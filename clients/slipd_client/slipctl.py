@@ -11,7 +11,7 @@ from slipd_client.errors import ClientError, SlipdClientError
 
 DONE, FAULT = 0, 1  # wrong arguments exit with argparse's own 2
 
-ENDED_BY_HAND = ("watch", "view", "viewers", "relay", "ros2", "gravity", "grip set", "grip adjust")
+ENDED_BY_HAND = ("watch", "view", "viewers", "relay", "ros2", "bridge", "fleet", "gravity", "grip set", "grip adjust")
 """Commands that Ctrl-C ends normally."""
 
 

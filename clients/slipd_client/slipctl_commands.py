@@ -45,6 +45,8 @@ def run(chosen: argparse.Namespace) -> None:
         viewers_command.run(chosen, _keys(chosen))
     elif command == "ros2":
         _ros2(chosen)
+    elif command in ("bridge", "fleet"):
+        _fleet(chosen)
     elif command == "relay":
         from slipd_client.viewers.relay import relay
 
@@ -99,6 +101,20 @@ def _ros2(chosen: argparse.Namespace) -> None:
             "slipctl ros2 needs the package cyclonedds: pip install cyclonedds (the extra ros2 of both wheels)"
         ) from error
     ros2_command.run(chosen, _keys(chosen))
+
+
+def _fleet(chosen: argparse.Namespace) -> None:
+    try:
+        from slipd_client.fleet import bridge_command, fleet_command  # here: only these commands need the extra `fleet`
+    except ModuleNotFoundError as error:
+        raise CallError(
+            f"slipctl {chosen.command} needs the package eclipse-zenoh: pip install eclipse-zenoh (the extra fleet of "
+            "both wheels)"
+        ) from error
+    if chosen.command == "bridge":
+        bridge_command.run(chosen, _keys(chosen))
+    else:
+        fleet_command.run(chosen)
 
 
 def _commission(chosen: argparse.Namespace) -> None:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from slipd_client.fleet.fleet_arguments import add_bridge, add_fleet
 from slipd_client.friction_samples import MOST_SAMPLES
 from slipd_client.listen_address import add_listen
 from slipd_client.messages.schema.fields import Field
@@ -71,6 +72,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add_viewers(add)
     add_ros2(add)
+    add_bridge(add)
+    add_fleet(add)
     status = add("status", "show what needs a repair, and the state of the daemon and its streams")
     status.add_argument("--json", action="store_true", help="print the whole reply, and the repairs")
     diagnose = add("diagnose", "collect status, messages, log and recordings in one file for those who help")

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import sys
 import time
 from types import TracebackType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from slipd_client.errors import Silence, hint_for
-from slipd_client.live_view import UNCUT, LiveView, Terminal, change_line
+from slipd_client.live_view import UNCUT, LiveView, change_line
 from slipd_client.live_view_format import plain
 from slipd_client.messages import GRIPPER_TOPIC, STATUS_TOPIC, WARNING_TOPIC
+from slipd_client.output_terminal import ascii_only, is_screen, size_of, terminal_of
 from slipd_client.subscriber import Message, Subscriber
 from slipd_client.terminal_screen import TerminalScreen
 
@@ -35,9 +35,6 @@ GATHER_S = 0.8
 REDRAW_S = 0.15
 LINE_S = 1.0
 
-DEFAULT_SIZE = os.terminal_size((80, 24))
-"""Of a serial console, which reports 0."""
-
 
 def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once: bool) -> None:
     """Show messages on standard output until interrupted, or only the last of each topic with ``once``.
@@ -46,7 +43,7 @@ def watch(endpoint: str | None, *, keys: Keys | None = None, as_json: bool, once
         Silence: No message came within ``FIRST_S``.
         CallError: ``endpoint`` is not a ZeroMQ endpoint.
     """
-    topics = ("",) if as_json else DRAWN_TOPICS if _is_screen(sys.stdout) else TOPICS
+    topics = ("",) if as_json else DRAWN_TOPICS if is_screen(sys.stdout) else TOPICS
     with Subscriber(endpoint, topics, keys=keys, silence_s=None) as subscriber:
         first = subscriber.receive(FIRST_S)
         if first is None:
@@ -87,7 +84,7 @@ def _show_once(newest: dict[str, Message], as_json: bool) -> None:
 
 def print_view(view: LiveView) -> None:
     """Print a view once, as wide as the terminal where standard output is one."""
-    for line in view.render(_terminal(sys.stdout, _size(sys.stdout).columns, UNCUT)):
+    for line in view.render(terminal_of(sys.stdout, size_of(sys.stdout).columns, UNCUT)):
         print(line)
 
 
@@ -130,7 +127,7 @@ class Display:
     """
 
     def __init__(self) -> None:
-        self.redraws = _is_screen(sys.stdout)
+        self.redraws = is_screen(sys.stdout)
         self._view = LiveView()
         self._period_s = REDRAW_S if self.redraws else LINE_S
         self._due_s = time.monotonic()
@@ -156,7 +153,7 @@ class Display:
     def add(self, message: Message) -> None:
         """Add a message; without a terminal a change of level is printed at once."""
         if message.topic == WARNING_TOPIC and not self.redraws:
-            print(change_line(message.raw, ascii_only=_ascii_only(sys.stdout)), flush=True)
+            print(change_line(message.raw, ascii_only=ascii_only(sys.stdout)), flush=True)
         self._view.update(message.topic, message.raw)
 
     def wait_s(self) -> float:
@@ -170,14 +167,14 @@ class Display:
         self._due_s = time.monotonic() + self._period_s
         self._silent_s = silent_s
         if self._screen is not None:
-            self._screen.draw(self._lines(), _size(sys.stdout))
+            self._screen.draw(self._lines(), size_of(sys.stdout))
         elif silent_s > LINE_S:
             print(f"no message for {silent_s:.1f} s", flush=True)
         else:
-            print(self._view.summary(ascii_only=_ascii_only(sys.stdout)), flush=True)
+            print(self._view.summary(ascii_only=ascii_only(sys.stdout)), flush=True)
 
     def _lines(self) -> list[str]:
-        return self._view.render(_terminal(sys.stdout, *_size(sys.stdout)), self._silent_s)
+        return self._view.render(terminal_of(sys.stdout, *size_of(sys.stdout)), self._silent_s)
 
 
 def _print_gaps(message: Message) -> None:
@@ -185,38 +182,3 @@ def _print_gaps(message: Message) -> None:
         print("slipctl: the daemon was restarted", file=sys.stderr)
     if message.missed:
         print(f"slipctl: {message.missed} messages of {plain(message.topic)} were missed", file=sys.stderr)
-
-
-def _is_screen(stream: TextIO) -> bool:
-    """Return whether a stream is a terminal with a movable cursor."""
-    return stream.isatty() and not _dumb()
-
-
-def _terminal(stream: TextIO, columns: int, lines: int) -> Terminal:
-    colour = _is_screen(stream) and not os.environ.get("NO_COLOR")
-    return Terminal(columns, lines, colour, _ascii_only(stream))
-
-
-def _size(stream: TextIO) -> os.terminal_size:
-    """Return the size of a terminal; any other stream has room for everything."""
-    if not stream.isatty():
-        return os.terminal_size((UNCUT, UNCUT))
-    size = os.get_terminal_size(stream.fileno())
-    return size if size.columns and size.lines else DEFAULT_SIZE
-
-
-def _ascii_only(stream: TextIO) -> bool:
-    """Return whether a stream can take ASCII only: it is not UTF-8, or the locale is not.
-
-    Where LANG is C or missing, Python itself sets LC_CTYPE to C.UTF-8; that says nothing of the terminal.
-    """
-    if stream.encoding.lower().replace("-", "") != "utf8":
-        return True
-    by_hand = os.environ.get("LC_CTYPE", "").replace("C.UTF-8", "")
-    locale = os.environ.get("LC_ALL") or by_hand or os.environ.get("LANG") or "C"
-    return "utf8" not in locale.lower().replace("-", "")
-
-
-def _dumb() -> bool:
-    """Return whether the terminal knows no escape sequences, by TERM."""
-    return os.environ.get("TERM") == "dumb"

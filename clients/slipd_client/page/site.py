@@ -61,15 +61,16 @@ class Site:
 
     Args:
         settings: What the page must know before its first message.
+        start: The file that ``/`` serves.
     """
 
-    def __init__(self, settings: dict[str, object]) -> None:
+    def __init__(self, settings: dict[str, object], start: str = "index.html") -> None:
         self._answers = {
             f"/{path.relative_to(ASSETS).as_posix()}": (path.read_bytes(), f"{_TYPES[path.suffix]}; charset=utf-8")
             for path in sorted(ASSETS.rglob("*"))
             if path.suffix in _TYPES
         }
-        self._answers["/"] = self._answers["/index.html"]
+        self._answers["/"] = self._answers[f"/{start}"]
         self._answers["/commission"] = self._answers["/commission.html"]
         self._settings = settings | {"words": _words()}
 

@@ -30,8 +30,8 @@ ENVELOPE = {"v", "id", "op", "boot", "deadline_ns", "arrived_ns"}
     [
         (
             [],
-            "slipctl: error: COMMAND must be one of watch, view, viewers, relay, ros2, status, diagnose, grip, tare, "
-            "friction, gravity, commission, object, record, keys\n",
+            "slipctl: error: COMMAND must be one of watch, view, viewers, relay, ros2, bridge, fleet, status, "
+            "diagnose, grip, tare, friction, gravity, commission, object, record, keys\n",
         ),
         (["tare"], "slipctl tare: error: COMMAND must be one of take, get, undo\n"),
         (["keys"], "slipctl keys: error: COMMAND must be one of new, list, show\n"),

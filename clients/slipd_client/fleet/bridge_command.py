@@ -1,0 +1,145 @@
+"""``slipctl bridge``: the messages of this robot's daemon for its fleet, until interrupted.
+
+The daemon has two connections to the bridge: one for warnings alone, in a thread of their own, so that they neither
+wait for other messages nor are dropped in their place. No connection accepts requests.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import zmq
+
+from slipd_client.errors import CallError, ConnectionClosed, hint_for
+from slipd_client.fleet.bridge_publisher import BridgePublisher
+from slipd_client.fleet.topic_limit import TopicLimit
+from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
+from slipd_client.link import Link
+from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
+from slipd_client.paths import publish_endpoint
+
+if TYPE_CHECKING:
+    from slipd_client.keys import Keys
+
+SILENCE_S = 1.5
+"""The fleet is told after so long without a message that the daemon is silent: one and a half periods of ``status``."""
+
+WAKE_S = 0.2
+"""How often the thread of the warnings looks whether to end."""
+
+END_S = 1.0
+"""How long a warning that waits for the network may hold up the end."""
+
+WARNINGS_QUEUED = 10_000
+"""Warnings that wait in this process while the network is congested."""
+
+MOST_TAKEN = 1000
+"""Messages that one look at the daemon's other topics takes; only the newest of each topic goes on."""
+
+
+def run(chosen: argparse.Namespace, keys: Keys | None) -> None:
+    """Carry out the command.
+
+    Raises:
+        CallError: An endpoint is wrong, or Zenoh cannot start.
+    """
+    endpoint = publish_endpoint() if chosen.publish is None else chosen.publish
+    reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
+    config = configuration(reach, "peer")
+    warnings = Link(zmq.SUB, endpoint, keys, {zmq.RCVHWM: WARNINGS_QUEUED})
+    others = Link(zmq.SUB, endpoint, keys)
+    try:
+        with opened(config, described(reach)) as session:
+            publisher = BridgePublisher(session, chosen.fleet, chosen.robot)
+            print(f"bridge: {chosen.fleet}/{chosen.robot} at {described(reach)}", flush=True)
+            bridge = Bridge(warnings, others, publisher, chosen.rate)
+            bridge.subscribe(chosen.topics)
+            bridge.serve()
+    finally:
+        warnings.close()
+        others.close()
+
+
+class Bridge:
+    """Takes messages of the daemon from two connections, and publishes them.
+
+    Args:
+        warnings: Connection for warnings.
+        others: Connection for everything else.
+        publisher: Publishes them.
+        rate_hz: Most messages per second of each topic but ``warning``; None: all.
+    """
+
+    def __init__(self, warnings: Link, others: Link, publisher: BridgePublisher, rate_hz: float | None) -> None:
+        self._warnings, self._others = warnings, others
+        self._publisher = publisher
+        self._limit = TopicLimit(rate_hz)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._serve_warnings, name="warnings", daemon=True)
+        self._silent = False
+        self._refused = False
+
+    def subscribe(self, topics: list[str] | None) -> None:
+        """Subscribe to the topics that begin with these words, or to all; to ``warning`` and ``status`` always."""
+        self._warnings.socket.setsockopt(zmq.SUBSCRIBE, WARNING_TOPIC.encode())
+        for word in [""] if topics is None else sorted({*topics, STATUS_TOPIC} - {WARNING_TOPIC}):
+            self._others.socket.setsockopt(zmq.SUBSCRIBE, word.encode())
+
+    def serve(self) -> None:
+        """Forward messages until interrupted.
+
+        Raises:
+            ConnectionClosed: The Zenoh session was closed.
+        """
+        self._thread.start()
+        try:
+            heard_s = time.monotonic()
+            while self._thread.is_alive():
+                due_s = self._limit.due_s()
+                until_s = time.monotonic() + WAKE_S
+                frames = self._others.receive(until_s if due_s is None else min(due_s, until_s))
+                now_s = time.monotonic()
+                if frames is not None:
+                    heard_s = now_s
+                    self._silent = False
+                    self._publisher.set_daemon_alive(True)
+                    for each in (frames, *self._others.newest(MOST_TAKEN)):
+                        self._forward(each, now_s)
+                for topic, payload in self._limit.due(now_s):
+                    self._publisher.put(topic, payload)
+                if now_s - heard_s >= SILENCE_S and not self._silent:
+                    self._report_silence()
+        finally:
+            self._ended.set()
+            self._thread.join(END_S)
+        raise ConnectionClosed("the Zenoh session was closed")
+
+    def _forward(self, frames: list[bytes], now_s: float) -> None:
+        """Publish a message of any topic but ``warning``, unless its topic comes too often."""
+        topic = frames[0].decode("ascii", "replace")
+        if len(frames) != 2 or topic == WARNING_TOPIC or not self._limit.passes(topic, frames[1], now_s):
+            return
+        try:
+            self._publisher.put(topic, frames[1])
+        except CallError as error:
+            if not self._refused:
+                print(f"slipctl: left out: {error}", file=sys.stderr, flush=True)
+            self._refused = True
+
+    def _serve_warnings(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            while not self._ended.is_set():
+                frames = self._warnings.receive(time.monotonic() + WAKE_S)
+                if frames is not None and len(frames) == 2:
+                    self._publisher.put(WARNING_TOPIC, frames[1])
+
+    def _report_silence(self) -> None:
+        self._silent = True
+        self._publisher.set_daemon_alive(False)
+        where = self._others.endpoint
+        print(f"slipctl: no message from {where} for {SILENCE_S:g} s. {hint_for(where)}", file=sys.stderr, flush=True)

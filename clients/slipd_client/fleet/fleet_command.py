@@ -1,0 +1,112 @@
+"""``slipctl fleet``: every robot of a fleet on a terminal, in a log or as JSON, until interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+import time
+from collections.abc import Iterator
+
+from slipd_client.errors import CallError
+from slipd_client.fleet.fleet_listener import FleetListener
+from slipd_client.fleet.fleet_state import RobotRow
+from slipd_client.fleet.fleet_view import change_text, fleet_lines, fleet_map
+from slipd_client.fleet.zenoh_session import Reach, configuration, described, opened
+from slipd_client.live_view import UNCUT
+from slipd_client.live_view_format import clock_time
+from slipd_client.output_terminal import ascii_only, is_screen, size_of, terminal_of
+from slipd_client.terminal_screen import TerminalScreen
+from slipd_client.terminal_text import spelled
+
+GATHER_S = 2.5
+"""How long ``--once`` gathers: every robot that answers at all has sent its last values, or a new ``status``."""
+
+REDRAW_S = 0.2
+LINE_S = 1.0
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """Carry out the command.
+
+    Raises:
+        CallError: An argument is wrong, or Zenoh or the page cannot start.
+    """
+    with _listening(chosen) as listener:
+        if chosen.page is not None:
+            _serve_page(chosen, listener)
+        elif chosen.once:
+            until_s = time.monotonic() + GATHER_S
+            while (left_s := until_s - time.monotonic()) > 0:
+                listener.take(left_s)
+            _print_once(chosen, listener)
+        elif chosen.json:
+            while True:
+                _take(listener, LINE_S)
+                print(json.dumps(fleet_map(chosen.fleet, _rows(listener), _dropped(listener))), flush=True)
+        elif is_screen(sys.stdout):
+            _redraw(chosen.fleet, listener)
+        else:
+            _print_changes(listener)
+
+
+@contextlib.contextmanager
+def _listening(chosen: argparse.Namespace) -> Iterator[FleetListener]:
+    """Listen to the fleet while the block runs."""
+    reach = Reach(chosen.connect, chosen.listen, chosen.zenoh_config)
+    with opened(configuration(reach, "router"), described(reach)) as session:
+        yield FleetListener(session, chosen.fleet)
+
+
+def _take(listener: FleetListener, seconds: float) -> None:
+    """Take what arrives within some seconds."""
+    until_s = time.monotonic() + seconds
+    while (left_s := until_s - time.monotonic()) > 0:
+        listener.take(left_s)
+
+
+def _print_once(chosen: argparse.Namespace, listener: FleetListener) -> None:
+    rows = _rows(listener)
+    if chosen.json:
+        print(json.dumps(fleet_map(chosen.fleet, rows, _dropped(listener))))
+        return
+    terminal = terminal_of(sys.stdout, size_of(sys.stdout).columns, UNCUT)
+    for line in fleet_lines(chosen.fleet, rows, _dropped(listener), terminal):
+        print(line)
+
+
+def _redraw(fleet: str, listener: FleetListener) -> None:
+    with TerminalScreen(sys.stdout) as screen:
+        while True:
+            size = size_of(sys.stdout)
+            terminal = terminal_of(sys.stdout, *size)
+            screen.draw(fleet_lines(fleet, _rows(listener), _dropped(listener), terminal), size)
+            _take(listener, REDRAW_S)
+
+
+def _print_changes(listener: FleetListener) -> None:
+    """Print a line for each change of a robot."""
+    before: dict[str, RobotRow] = {}
+    while True:
+        _take(listener, REDRAW_S)
+        for row in _rows(listener):
+            if text := change_text(before.get(row.robot), row):
+                print(spelled(f"{clock_time(time.time())}  {text}", ascii_only=ascii_only(sys.stdout)), flush=True)
+            before[row.robot] = row
+
+
+def _rows(listener: FleetListener) -> list[RobotRow]:
+    return listener.state.rows(time.monotonic())
+
+
+def _dropped(listener: FleetListener) -> int:
+    return listener.dropped + listener.state.bad
+
+
+def _serve_page(chosen: argparse.Namespace, listener: FleetListener) -> None:
+    try:
+        from slipd_client.fleet import fleet_page  # here: only the page needs the extra `view`
+    except ModuleNotFoundError as error:
+        raise CallError("slipctl fleet --page needs the package websockets: pip install websockets") from error
+    fleet_page.serve(chosen.fleet, listener, chosen.page)

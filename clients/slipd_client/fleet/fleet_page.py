@@ -1,0 +1,48 @@
+"""``slipctl fleet --page``: the robots of a fleet in a browser, which asks for them twice a second. It only shows."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+from websockets.http11 import Response
+
+from slipd_client.fleet.fleet_listener import FleetListener
+from slipd_client.fleet.fleet_view import fleet_map
+from slipd_client.listen_address import ListenAddress
+from slipd_client.page.page_server import PageServer
+from slipd_client.page.site import Site, json_answer
+
+TAKE_S = 0.1
+"""How often what has arrived is put into the state."""
+
+FLEET_DATA = "/data/fleet.json"
+
+
+def serve(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
+    """Serve the page until interrupted, and print its address.
+
+    Args:
+        fleet: Name of the fleet.
+        listener: Hears it.
+        address: Where to serve.
+
+    Raises:
+        CallError: The port cannot be opened.
+    """
+    asyncio.run(_serve(fleet, listener, address))
+
+
+async def _serve(fleet: str, listener: FleetListener, address: ListenAddress) -> None:
+    def on_data(path: str) -> Response | None:
+        if path != FLEET_DATA:
+            return None
+        rows = listener.state.rows(time.monotonic())
+        return json_answer(fleet_map(fleet, rows, listener.dropped + listener.state.bad))
+
+    site = Site({"live": True, "source": fleet}, start="fleet.html")
+    async with PageServer(address, site, on_data=on_data).serving() as url:
+        print(f"fleet: {url}", flush=True)
+        while True:
+            listener.take(0)
+            await asyncio.sleep(TAKE_S)

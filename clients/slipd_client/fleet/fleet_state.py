@@ -1,0 +1,173 @@
+"""What is known of every robot of a fleet: level, health, age, and what was missed. Pure: time is an argument."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON
+from slipd_client.message_tracker import MessageTracker
+from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC, Health
+from slipd_client.messages.schema.topics import Message, SlipWarning, Status
+
+SILENT_AFTER_S = 1.8
+"""A robot whose ``status``, once a second, is older is silent, whatever its signs of life."""
+
+LIVE, SILENT, GONE = "live", "silent", "gone"
+"""State of a robot: its daemon publishes; only its bridge is there; not even that."""
+
+MOST_ROBOTS = 10_000
+"""Robots that are listed; others are counted only."""
+
+_ALARM = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
+"""Rank of a level; that of a robot is that of its worst finger, as in `grasp`."""
+
+
+@dataclass(frozen=True)
+class RobotRow:
+    """One robot at some time.
+
+    Attributes:
+        robot: Its name.
+        state: "live", "silent" or "gone".
+        level: Level of the worst finger; "unknown" unless the robot is live.
+        fingers: Finger → its level, when the robot was last heard.
+        reasons: Reasons of that level.
+        health: Worst health of its streams; None before the first ``status``, and unless the robot is live.
+        complaint: Which stream that is, and what it reports; "" where all are well.
+        age_s: Time since the last message, s; None where it is not known.
+        missed_warnings: Warnings that did not arrive, by the daemon's own numbers.
+        restarts: Times that the daemon was restarted.
+        version: Of slipd.
+        object_name: What is held, where it is named.
+    """
+
+    robot: str
+    state: str
+    level: str
+    fingers: dict[str, str]
+    reasons: tuple[str, ...]
+    health: Health | None
+    complaint: str
+    age_s: float | None
+    missed_warnings: int
+    restarts: int
+    version: str
+    object_name: str
+
+
+class FleetState:
+    """Takes messages and signs of life; `rows` is the state of every robot.
+
+    Attributes:
+        bad: Messages that could not be read, and those of robots beyond ``MOST_ROBOTS``.
+    """
+
+    def __init__(self) -> None:
+        self.bad = 0
+        self._robots: dict[str, _Robot] = {}
+
+    def message(self, robot: str, topic: str, payload: bytes, now_s: float) -> Message | None:
+        """Take a message; return it, or None where it could not be read, is a repeat, or is of another topic."""
+        known = self._robot(robot)
+        if known is None:
+            self.bad += 1
+            return None
+        bad = known.tracker.bad
+        message = known.tracker.accept([topic.encode(), payload])
+        self.bad += known.tracker.bad - bad
+        if message is not None:
+            known.take(message, now_s)
+        return message
+
+    def token(self, robot: str, what: str, *, alive: bool) -> None:
+        """Take a sign of life: a liveliness token of this robot was declared, or ended."""
+        known = self._robot(robot)
+        if known is not None and what == BRIDGE:
+            known.bridge = alive
+        elif known is not None and what == DAEMON:
+            known.daemon = alive
+            known.was_alive |= alive
+
+    def rows(self, now_s: float) -> list[RobotRow]:
+        """Return every robot that was ever heard of, by name."""
+        return [self._robots[name].row(name, now_s) for name in sorted(self._robots)]
+
+    def _robot(self, name: str) -> _Robot | None:
+        known = self._robots.get(name)
+        if known is None and len(self._robots) < MOST_ROBOTS:
+            known = self._robots[name] = _Robot()
+        return known
+
+
+@dataclass
+class _Robot:
+    tracker: MessageTracker = field(default_factory=lambda: MessageTracker((STATUS_TOPIC, WARNING_TOPIC), None))
+    bridge: bool = False
+    daemon: bool = False
+    was_alive: bool = False
+    heard_s: float | None = None
+    status: Status | None = None
+    fingers: dict[str, tuple[int, str, tuple[str, ...]]] = field(default_factory=dict)
+    missed: int = 0
+    restarts: int = 0
+
+    def take(self, message: Message, now_s: float) -> None:
+        if message.restarted:
+            self.restarts += 1
+            self.fingers.clear()
+            self.status = None
+        self.heard_s = now_s
+        if isinstance(message, SlipWarning):
+            self.missed += message.missed
+            self._level(message.finger, message.t_ns, message.level.value, message.reasons)
+        elif isinstance(message, Status):
+            self.status = message
+            for finger, each in message.fingers.items():
+                self._level(finger, message.t_ns, each.level.value, each.reasons)
+
+    def _level(self, finger: str, t_ns: int, level: str, reasons: tuple[str, ...]) -> None:
+        """Note the level of a finger; warnings overtake ``status`` on the way."""
+        if t_ns >= self.fingers.get(finger, (t_ns,))[0]:
+            self.fingers[finger] = (t_ns, level, reasons)
+
+    def row(self, name: str, now_s: float) -> RobotRow:
+        # what a bridge has kept of a daemon that was silent all the time is of unknown age
+        age_s = None if self.heard_s is None or not self.was_alive else now_s - self.heard_s
+        state = GONE if not self.bridge else SILENT
+        if self.bridge and self.daemon and age_s is not None and age_s <= SILENT_AFTER_S:
+            state = LIVE
+        live = state == LIVE
+        level, reasons = self._worst() if live else ("unknown", ("stale",))
+        health, complaint = self._health() if live else (None, "")
+        return RobotRow(
+            robot=name,
+            state=state,
+            level=level,
+            fingers={finger: each[1] for finger, each in sorted(self.fingers.items())},
+            reasons=reasons,
+            health=health,
+            complaint=complaint,
+            age_s=age_s,
+            missed_warnings=self.missed,
+            restarts=self.restarts,
+            version=_text(self.status and self.status.version),
+            object_name=_text(self.status and self.status.object_name),
+        )
+
+    def _worst(self) -> tuple[str, tuple[str, ...]]:
+        levels = [(level, reasons) for _, level, reasons in self.fingers.values()]
+        return max(levels, key=lambda each: _ALARM[each[0]], default=("unknown", ()))
+
+    def _health(self) -> tuple[Health | None, str]:
+        if self.status is None:
+            return None, ""
+        worst, complaint = Health.OK, ""
+        for name, stream in self.status.streams.items():
+            if stream.health > worst:
+                worst, complaint = stream.health, f"{name}: {stream.message or stream.health.name}"
+        return worst, complaint
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else ""

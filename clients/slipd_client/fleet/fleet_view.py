@@ -1,0 +1,105 @@
+"""Draws the robots of a fleet as lines for a terminal, for a log, and as a map for other programs. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from slipd_client.fleet.fleet_state import GONE, LIVE, RobotRow
+from slipd_client.live_view import Terminal
+from slipd_client.live_view_format import UNKNOWN, plain
+from slipd_client.live_view_lines import HEALTH_COLOURS, LEVEL_COLOURS
+from slipd_client.terminal_text import Line, paint, spelled
+
+NAME_CELLS = 16
+
+_STATE_COLOURS = {LIVE: "32", GONE: "1;31"}
+_URGENT = {"slipping": 0, "warning": 1, "caution": 2, "unknown": 3, "stable": 4, "no_contact": 5}
+
+
+def by_urgency(rows: Sequence[RobotRow]) -> list[RobotRow]:
+    """Return the robots that need attention first: alarms, then those not live, then ill ones, then by name."""
+    return sorted(rows, key=lambda row: (_URGENT[row.level], -(row.health or 0), row.robot))
+
+
+def fleet_lines(fleet: str, rows: Sequence[RobotRow], dropped: int, terminal: Terminal) -> list[str]:
+    """Return the view: a head with counts, then one line for each robot, the most urgent first.
+
+    Args:
+        fleet: Name of the fleet.
+        rows: The robots.
+        dropped: Messages that this viewer had no time for, or could not read.
+        terminal: What to draw for; robots without room are counted in the last line.
+    """
+    head: list[Line] = [_summary(fleet, rows, dropped)]
+    if rows:
+        head.append([(f"{'robot':<{NAME_CELLS}}  {'state':<6}  {'level':<10}  {'health':<6}  {'age':>8}", "2")])
+    lines = [*head, *map(_robot_line, by_urgency(rows))]
+    if len(lines) > terminal.lines:
+        left_out = len(lines) - terminal.lines + 1
+        lines = [*lines[: terminal.lines - 1], [(f"{left_out} more robots, all less urgent", "2")]]
+    spoken = [[(spelled(text, ascii_only=terminal.ascii_only), code) for text, code in line] for line in lines]
+    return [paint(line, terminal.columns, colour=terminal.colour) for line in spoken]
+
+
+def fleet_map(fleet: str, rows: Sequence[RobotRow], dropped: int) -> dict[str, Any]:
+    """Return the fleet as a map of plain values, for JSON."""
+    robots = [asdict(row) | {"health": None if row.health is None else row.health.name} for row in by_urgency(rows)]
+    return {"fleet": fleet, "robots": robots, "dropped": dropped}
+
+
+def change_text(before: RobotRow | None, row: RobotRow) -> str:
+    """Return one line for a log where state, level or health of a robot has changed; "" where it has not."""
+    if before is None:
+        return f"{row.robot}: {row.state}, {row.level}"
+    parts = [
+        f"{old} → {new}"
+        for old, new in ((before.state, row.state), (before.level, row.level), (_health(before), _health(row)))
+        if old != new
+    ]
+    why = _remarks(row)
+    return f"{row.robot}: {', '.join(parts)}{f'  ({why})' if why else ''}" if parts else ""
+
+
+def _summary(fleet: str, rows: Sequence[RobotRow], dropped: int) -> Line:
+    states = Counter(row.state for row in rows)
+    levels = Counter(row.level for row in rows if row.state == LIVE)
+    text = f"fleet {fleet}  {len(rows)} robots"
+    counts = [f"{states[state]} {state}" for state in sorted(states)]
+    alarms = [f"{levels[level]} {level}" for level in ("slipping", "warning", "caution") if levels[level]]
+    lost = sum(row.missed_warnings for row in rows)
+    more = [f"{lost} warnings missed"] if lost else []
+    more += [f"{dropped} messages not read"] if dropped else []
+    return [("  ".join([text, *counts, *alarms, *more]), "1")]
+
+
+def _robot_line(row: RobotRow) -> Line:
+    age = UNKNOWN if row.age_s is None else f"{row.age_s:.1f} s"
+    return [
+        (f"{row.robot:<{NAME_CELLS}}", "1"),
+        (f"  {row.state:<6}", _STATE_COLOURS.get(row.state, "33")),
+        (f"  {row.level:<10}", LEVEL_COLOURS.get(row.level, "")),
+        (f"  {_health(row):<6}", "" if row.health is None else HEALTH_COLOURS[row.health]),
+        (f"  {age:>8}", ""),
+        (f"  {text}" if (text := _remarks(row)) else "", ""),
+    ]
+
+
+def _health(row: RobotRow) -> str:
+    return UNKNOWN if row.health is None else row.health.name
+
+
+def _remarks(row: RobotRow) -> str:
+    """Return what explains the row: levels of fingers or when it was live, reasons, the worst stream, what is lost."""
+    parts = []
+    if row.fingers:
+        levels = ", ".join(f"{plain(finger)} {level}" for finger, level in row.fingers.items())
+        parts.append(levels if row.state == LIVE else f"last: {levels}")
+    if row.state == LIVE and row.reasons:
+        parts.append(", ".join(map(plain, row.reasons)))
+    parts += [plain(row.complaint)] if row.complaint else []
+    parts += [f"holds {plain(row.object_name)}"] if row.object_name else []
+    parts += [f"{row.missed_warnings} warnings missed"] if row.missed_warnings else []
+    return "; ".join(parts)

@@ -1,0 +1,117 @@
+"""A Zenoh session of this process: nothing is searched for, and a peer that vanishes is noticed within a second."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import zenoh
+
+from slipd_client.errors import CallError
+
+LEASE_MS = 1000
+"""The other end drops a silent connection, and with it the tokens of this process, after so long. Keep-alives are sent
+four times as often."""
+
+QUERY_MS = 2000
+"""How long a subscriber waits for the last values of a robot that does not answer: meanwhile it delivers nothing."""
+
+MOST_SESSIONS = 10_000
+"""Connections that a router of this process accepts; Zenoh's own default is 1000."""
+
+RETRY_S = 1.0
+"""Time between two attempts to reach a router, before the first connection."""
+
+_SETTINGS: dict[str, Any] = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "transport/link/tx/lease": LEASE_MS,
+    "transport/unicast/max_sessions": MOST_SESSIONS,
+    "transport/shared_memory/enabled": False,
+    "queries_default_timeout": QUERY_MS,
+    "connect/timeout_ms": 0,
+    "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
+}
+"""What is set where no configuration file is given."""
+
+
+class Reach(NamedTuple):
+    """Which other processes a session reaches.
+
+    Attributes:
+        connect: Endpoints to connect to.
+        listen: Endpoints to accept connections on.
+        file: Configuration of Zenoh; None: the settings of this module.
+    """
+
+    connect: list[str]
+    listen: list[str]
+    file: Path | None = None
+
+
+def configuration(reach: Reach, listening_mode: str) -> zenoh.Config:
+    """Return the configuration of a session.
+
+    Args:
+        reach: Which processes it reaches.
+        listening_mode: Zenoh's mode of a session that listens, "router" or "peer"; one that only connects is a client.
+
+    Raises:
+        CallError: No endpoint and no file is given, or Zenoh does not accept one of them.
+    """
+    if not (reach.connect or reach.listen or reach.file):
+        raise CallError("give --connect ENDPOINT, --listen ENDPOINT or --zenoh-config FILE: nothing is searched for")
+    if reach.file is None:
+        config = zenoh.Config()
+        settings = _SETTINGS | {"mode": listening_mode if reach.listen else "client"}
+    else:
+        config = _from_file(reach.file)
+        settings = {}
+    if reach.connect:
+        settings["connect/endpoints"] = reach.connect
+    if reach.listen:
+        settings["listen/endpoints"] = reach.listen
+    for key, value in settings.items():
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as error:
+            raise CallError(f"Zenoh does not accept {key} {json.dumps(value)}: {error}") from error
+    return config
+
+
+def opened(config: zenoh.Config, where: str) -> zenoh.Session:
+    """Return a session; wait for the first connection as long as it takes.
+
+    Args:
+        config: Its configuration.
+        where: What it connects to or listens on, for messages.
+
+    Raises:
+        CallError: It cannot listen.
+    """
+    reported = False
+    while True:
+        try:
+            return zenoh.open(config)
+        except zenoh.ZError as error:
+            if config.get_json("mode").strip('"') != "client":
+                raise CallError(f"Zenoh cannot start at {where}: {error}") from error
+            if not reported:
+                print(f"slipctl: no Zenoh router at {where} yet; trying again", file=sys.stderr, flush=True)
+            reported = True
+        time.sleep(RETRY_S)
+
+
+def described(reach: Reach) -> str:
+    """Return the endpoints of a session for people."""
+    return ", ".join([*reach.connect, *reach.listen]) or str(reach.file)
+
+
+def _from_file(path: Path) -> zenoh.Config:
+    try:
+        return zenoh.Config.from_file(str(path))
+    except zenoh.ZError as error:
+        raise CallError(f"{path}: not a configuration of Zenoh: {error}") from error

@@ -1,0 +1,99 @@
+// The page of `slipctl fleet --page`: every robot in a row, asked for twice a second. It only shows.
+
+import { WRONG_TOKEN } from "./connection.js";
+import { isNumber, quantity, setText, UNKNOWN } from "./format.js";
+import { known, word } from "./levels.js";
+
+const PERIOD_MS = 500;
+
+const STALE_MS = 2000;
+
+const token = location.hash.slice(1);
+const byId = (id) => document.getElementById(id);
+const rows = new Map();
+let answeredMs = 0;
+
+addEventListener("hashchange", () => location.reload()); // another token
+window.slipd = { rows };
+follow();
+
+async function follow() {
+  if (!document.hidden && !(await ask())) return;
+  setTimeout(follow, PERIOD_MS);
+}
+
+/** Ask for the fleet, and show it; return whether to ask again. */
+async function ask() {
+  try {
+    const answer = await fetch("data/fleet.json", { headers: { Authorization: `Bearer ${token}` } });
+    if (answer.status === 401) {
+      showState("refused", WRONG_TOKEN);
+      return false;
+    }
+    show(await answer.json());
+    answeredMs = performance.now();
+    showState("live", "live");
+  } catch {
+    if (performance.now() - answeredMs > STALE_MS) {
+      showState("waiting", "stale: the fleet's server does not answer");
+      for (const robot of rows.keys()) showLevel(rows.get(robot).cells[2], "unknown");
+    }
+  }
+  return true;
+}
+
+function showState(state, text) {
+  byId("connection").dataset.state = state;
+  setText(byId("connection"), text);
+}
+
+function show(fleet) {
+  const live = fleet.robots.filter((robot) => robot.state === "live").length;
+  const dropped = fleet.dropped ? `, ${fleet.dropped} messages not read` : "";
+  setText(byId("facts"), `${fleet.fleet}: ${live} of ${fleet.robots.length} robots are live${dropped}`);
+  byId("no-robots").hidden = fleet.robots.length > 0;
+  const body = byId("robot-rows");
+  fleet.robots.forEach((robot, place) => {
+    const row = rows.get(robot.robot) ?? newRow(robot.robot);
+    fill(row, robot);
+    if (body.rows[place] !== row) body.insertBefore(row, body.rows[place] ?? null);
+  });
+}
+
+function newRow(name) {
+  const row = document.createElement("tr");
+  for (let cell = 0; cell < 6; cell += 1) row.insertCell();
+  const level = document.createElement("span");
+  level.className = "level";
+  row.cells[2].append(level);
+  row.dataset.robot = name;
+  rows.set(name, row);
+  return row;
+}
+
+function fill(row, robot) {
+  row.dataset.state = robot.state;
+  row.dataset.health = robot.health ?? UNKNOWN;
+  const [name, state, level, health, age, remarks] = row.cells;
+  setText(name, robot.robot);
+  setText(state, robot.state);
+  showLevel(level, robot.level);
+  setText(health, robot.health ?? UNKNOWN);
+  setText(age, isNumber(robot.age_s) ? quantity(robot.age_s, 1, "s") : UNKNOWN);
+  setText(remarks, remarksOf(robot));
+}
+
+function showLevel(cell, level) {
+  cell.firstChild.dataset.level = known(level);
+  setText(cell.firstChild, word(level));
+}
+
+/** What explains a row: levels of the fingers, reasons, the worst stream, what was missed. */
+function remarksOf(robot) {
+  const fingers = Object.entries(robot.fingers).map(([finger, level]) => `${finger} ${level}`).join(", ");
+  const parts = [robot.state === "live" || !fingers ? fingers : `last: ${fingers}`];
+  if (robot.state === "live") parts.push(robot.reasons.join(", "));
+  parts.push(robot.complaint, robot.object_name && `holds ${robot.object_name}`);
+  parts.push(robot.missed_warnings ? `${robot.missed_warnings} warnings missed` : "");
+  return parts.filter(Boolean).join("; ");
+}

@@ -1,0 +1,79 @@
+"""A Zenoh router on loopback that can be killed and started again, and sessions that connect to it.
+
+python -m zenoh_peers ENDPOINT      be a router until the standard input ends
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import zenoh
+
+from slipd_client.fleet.zenoh_session import Reach, configuration, opened
+
+
+def free_endpoint() -> str:
+    """Return an endpoint on loopback on which nobody listens."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{one.getsockname()[1]}"
+
+
+@contextlib.contextmanager
+def session(endpoint: str) -> Iterator[zenoh.Session]:
+    """Connect to the router."""
+    with opened(configuration(Reach([endpoint], []), "peer"), endpoint) as opened_session:
+        yield opened_session
+
+
+class Router:
+    """A process that is a router; use it in a ``with`` statement."""
+
+    def __init__(self, endpoint: str | None = None) -> None:
+        self.endpoint = free_endpoint() if endpoint is None else endpoint
+        self.start()
+
+    def start(self) -> None:
+        """Start it, and wait until it listens."""
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "zenoh_peers", self.endpoint],
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline() == "listening\n"
+
+    @property
+    def pid(self) -> int:
+        """Id of the process."""
+        return self._process.pid
+
+    def kill(self) -> None:
+        """Kill it."""
+        self._process.kill()
+        self._process.communicate()
+
+    def __enter__(self) -> Router:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+
+
+def main() -> None:
+    """Be a router until the standard input ends."""
+    endpoint = sys.argv[1]
+    with opened(configuration(Reach([], [endpoint]), "router"), endpoint):
+        print("listening", flush=True)
+        sys.stdin.read()
+
+
+if __name__ == "__main__":
+    main()

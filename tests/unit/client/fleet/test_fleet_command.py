@@ -1,0 +1,141 @@
+"""`slipctl fleet` as a process: a terminal, a log, JSON; robots are real sessions with real publishers."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from terminals import PseudoTerminal
+
+from slipd_client.messages import encode
+
+pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
+
+from zenoh_peers import Router, free_endpoint, session
+
+from slipd_client.fleet.bridge_publisher import BridgePublisher
+
+PATIENCE_S = 60.0
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+class Robot:
+    """A robot of the fleet, as its bridge is."""
+
+    def __init__(self, endpoint: str, name: str) -> None:
+        self._stack = contextlib.ExitStack()
+        self._publisher = BridgePublisher(self._stack.enter_context(session(endpoint)), "slipd", name)
+        self._publisher.set_daemon_alive(True)
+        self._seq = 0
+
+    def reports(self, level: str, health: int = 0) -> None:
+        """Publish ``status``."""
+        self._seq += 1
+        header = {"v": 1, "seq": self._seq, "boot": "b", "t_ns": time.monotonic_ns()}
+        stream = {"health": health, "message": "nothing arrives" if health else ""}
+        body = header | {"fingers": {"left": {"level": level}}, "streams": {"left.pad": stream}}
+        self._publisher.put("status", encode(body))
+
+    def leaves(self) -> None:
+        self._stack.close()
+
+
+@pytest.fixture
+def router() -> Iterator[Router]:
+    with Router() as router:
+        yield router
+
+
+@pytest.fixture
+def robots(router: Router) -> Iterator[dict[str, Robot]]:
+    robots = {name: Robot(router.endpoint, name) for name in ("arm1", "arm2")}
+    yield robots
+    for robot in robots.values():
+        robot.leaves()
+
+
+def test_one_look_shows_every_robot_also_those_that_spoke_before(
+    slipctl: Start, router: Router, robots: dict[str, Robot]
+) -> None:
+    robots["arm1"].reports("stable")
+    robots["arm2"].reports("caution", health=3)
+    command = ("fleet", "--connect", router.endpoint, "--once", "--json")
+    deadline_s = time.monotonic() + PATIENCE_S
+    while True:
+        told = json.loads(slipctl(*command).communicate(timeout=PATIENCE_S)[0])
+        if [robot["robot"] for robot in told["robots"]] and all(robot["fingers"] for robot in told["robots"]):
+            break
+        assert time.monotonic() < deadline_s
+    assert sorted(robot["robot"] for robot in told["robots"]) == ["arm1", "arm2"]
+    assert {robot["robot"]: robot["fingers"] for robot in told["robots"]} == {
+        "arm1": {"left": "stable"},
+        "arm2": {"left": "caution"},
+    }
+
+
+def test_a_pipe_gets_a_line_for_each_change(slipctl: Start, router: Router, robots: dict[str, Robot]) -> None:
+    process = slipctl("fleet", "--connect", router.endpoint, env=os.environ | {"LANG": "C.UTF-8", "LC_ALL": "C.UTF-8"})
+    assert process.stdout is not None
+    lines: list[str] = []
+
+    def read_until(text: str, meanwhile: Callable[[], Any]) -> None:
+        """Read on; the robot reports again and again until a line has the text."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not any(text in line for line in lines):
+            assert time.monotonic() < deadline_s, lines
+            meanwhile()
+            time.sleep(0.1)
+            lines.extend(_available(process))
+
+    os.set_blocking(process.stdout.fileno(), False)
+    read_until("live", lambda: robots["arm1"].reports("stable"))
+    read_until("stable → slipping", lambda: robots["arm1"].reports("slipping"))
+    robots["arm1"].leaves()
+    read_until("live → gone", lambda: None)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE_S) == 0
+
+
+def _available(process: subprocess.Popen[str]) -> list[str]:
+    """Return the lines that have arrived."""
+    assert process.stdout is not None
+    return (os.read(process.stdout.fileno(), 65536) if _readable(process) else b"").decode().splitlines()
+
+
+def _readable(process: subprocess.Popen[str]) -> bool:
+    import select
+
+    return bool(select.select([process.stdout], [], [], 0)[0])
+
+
+def test_a_terminal_shows_the_most_urgent_robot_first_and_is_itself_the_router() -> None:
+    endpoint = free_endpoint()
+    with PseudoTerminal(100, 12) as terminal:
+        command = [sys.executable, "-m", "slipd_client.slipctl", "fleet", "--listen", endpoint]
+        variables = os.environ | {"TERM": "xterm", "LANG": "C.UTF-8", "LC_ALL": "C.UTF-8"}
+        with subprocess.Popen(command, stdin=terminal.slave, stdout=terminal.slave, env=variables) as process:
+            try:
+                terminal.wait_for(lambda lines: lines[0] == "fleet slipd  0 robots")
+                robots = [Robot(endpoint, "arm1"), Robot(endpoint, "arm2")]
+
+                def speak() -> None:
+                    robots[0].reports("stable")
+                    robots[1].reports("warning")
+
+                lines = terminal.wait_for(lambda lines: "2 live  1 warning" in lines[0], speak)
+                assert [line.split()[0] for line in lines[2:4]] == ["arm2", "arm1"]
+                for robot in robots:
+                    robot.leaves()
+                terminal.wait_for(lambda lines: lines[0] == "fleet slipd  2 robots  2 gone")
+            finally:
+                process.send_signal(signal.SIGINT)
+            assert process.wait(PATIENCE_S) == 0

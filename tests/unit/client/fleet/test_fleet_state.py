@@ -1,0 +1,119 @@
+"""What is known of a robot, by its messages and its signs of life."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from slipd_client.fleet.fleet_keys import BRIDGE, DAEMON
+from slipd_client.fleet.fleet_state import SILENT_AFTER_S, FleetState, RobotRow
+from slipd_client.messages import Health, encode
+
+
+class Robot:
+    """One robot, as a bridge forwards it."""
+
+    def __init__(self, state: FleetState, name: str = "arm3", boot: str = "boot-1") -> None:
+        self.state, self.name, self.boot = state, name, boot
+        self.seq = {"status": 0, "warning": 0}
+        self.t_ns = 0
+
+    def joins(self) -> None:
+        for what in (BRIDGE, DAEMON):
+            self.state.token(self.name, what, alive=True)
+
+    def sends(self, topic: str, now_s: float, **fields: Any) -> None:
+        self.seq[topic] += 1
+        self.t_ns += 1
+        header = {"v": 1, "seq": self.seq[topic], "boot": self.boot, "t_ns": self.t_ns}
+        self.state.message(self.name, topic, encode(header | fields), now_s)
+
+    def warns(self, now_s: float, level: str, finger: str = "left", **fields: Any) -> None:
+        body = {"finger": finger, "level": level, "previous": "stable", "rising": True, "utilisation": None}
+        self.sends("warning", now_s, **(body | fields))
+
+    def row(self, now_s: float) -> RobotRow:
+        (row,) = (row for row in self.state.rows(now_s) if row.robot == self.name)
+        return row
+
+
+@pytest.fixture
+def robot() -> Robot:
+    robot = Robot(FleetState())
+    robot.joins()
+    return robot
+
+
+def levels(**fingers: str) -> dict[str, Any]:
+    return {finger: {"level": level, "reasons": []} for finger, level in fingers.items()}
+
+
+def test_a_robot_has_the_level_of_its_worst_finger_and_the_health_of_its_worst_stream(robot: Robot) -> None:
+    streams = {"left.pad": {"health": 1, "message": "late"}, "left.wrench": {"health": 3, "message": "nothing arrives"}}
+    fingers = levels(left="unknown", right="caution")
+    robot.sends("status", 10.0, fingers=fingers, streams=streams, version="1.2", object_name="mug")
+    row = robot.row(10.5)
+    assert (row.state, row.level, row.age_s, row.version, row.object_name) == ("live", "caution", 0.5, "1.2", "mug")
+    assert (row.health, row.complaint) == (Health.STALE, "left.wrench: nothing arrives")
+    assert row.fingers == {"left": "unknown", "right": "caution"}
+
+
+def test_a_warning_counts_at_once_and_an_older_status_that_it_overtook_does_not_undo_it(robot: Robot) -> None:
+    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
+    robot.warns(10.1, "slipping", reasons=["slip_detected"])
+    robot.t_ns -= 2
+    robot.sends("status", 10.2, fingers=levels(left="stable"), streams={})
+    assert (robot.row(10.2).level, robot.row(10.2).reasons) == ("slipping", ("slip_detected",))
+    robot.t_ns += 5
+    robot.sends("status", 11.2, fingers=levels(left="stable"), streams={})
+    assert robot.row(11.2).level == "stable"
+
+
+def test_a_level_is_unknown_once_the_robot_is_silent_or_gone(robot: Robot) -> None:
+    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
+    assert robot.row(9.9 + SILENT_AFTER_S).state == "live"
+    late = robot.row(10.1 + SILENT_AFTER_S)
+    assert (late.state, late.level, late.reasons, late.health) == ("silent", "unknown", ("stale",), None)
+    assert late.fingers == {"left": "stable"}
+    robot.state.token("arm3", DAEMON, alive=False)
+    assert robot.row(10.1).state == "silent"
+    robot.state.token("arm3", BRIDGE, alive=False)
+    assert robot.row(10.1).state == "gone"
+    robot.joins()
+    assert robot.row(10.1).state == "live"
+
+
+def test_what_a_bridge_kept_of_a_daemon_that_is_silent_has_no_age() -> None:
+    robot = Robot(FleetState())
+    robot.state.token("arm3", BRIDGE, alive=True)
+    robot.sends("status", 10.0, fingers=levels(left="stable"), streams={})
+    assert (robot.row(10.0).state, robot.row(10.0).age_s) == ("silent", None)
+
+
+def test_missed_warnings_and_restarts_are_counted(robot: Robot) -> None:
+    robot.warns(10.0, "warning")
+    robot.seq["warning"] += 3
+    robot.warns(10.1, "stable")
+    assert robot.row(10.1).missed_warnings == 3
+    robot.boot, robot.seq = "boot-2", {"status": 0, "warning": 0}
+    robot.sends("status", 10.2, fingers=levels(right="stable"), streams={})
+    row = robot.row(10.2)
+    assert (row.restarts, row.fingers, row.missed_warnings) == (1, {"right": "stable"}, 3)
+
+
+def test_a_message_that_comes_again_or_cannot_be_read_changes_nothing(robot: Robot) -> None:
+    robot.warns(10.0, "warning")
+    robot.seq["warning"] -= 1
+    robot.warns(11.0, "stable")
+    assert robot.state.message("arm3", "warning", b"\xc1", 11.0) is None
+    assert (robot.row(10.5).level, robot.state.bad) == ("warning", 1)
+
+
+def test_robots_beyond_the_bound_are_counted_and_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slipd_client.fleet.fleet_state.MOST_ROBOTS", 1)
+    state = FleetState()
+    Robot(state, "arm1").sends("status", 1.0, fingers={}, streams={})
+    Robot(state, "arm2").joins()
+    Robot(state, "arm2").sends("status", 1.0, fingers={}, streams={})
+    assert ([row.robot for row in state.rows(1.0)], state.bad) == (["arm1"], 1)
