@@ -96,8 +96,8 @@ class Bridge:
         Raises:
             ConnectionClosed: The Zenoh session was closed.
         """
-        self._thread.start()
         try:
+            self._thread.start()
             heard_s = time.monotonic()
             while self._thread.is_alive():
                 due_s = self._limit.due_s()
@@ -116,7 +116,8 @@ class Bridge:
                     self._report_silence()
         finally:
             self._ended.set()
-            self._thread.join(END_S)
+            if self._thread.ident is not None:
+                self._thread.join(END_S)
         raise ConnectionClosed("the Zenoh session was closed")
 
     def _forward(self, frames: list[bytes], now_s: float) -> None:
