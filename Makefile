@@ -17,9 +17,9 @@ ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gr
 # Whole daemons as processes, in real time: two files at a time, each file in order.
 DAEMONS := tests/system
 # Programs of long runs: their targets test them first.
-LONG := $(addprefix tests/lab/,bench chart soak)
+LONG := $(addprefix tests/lab/,bench chart soak fleet)
 
-.PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak dist clean
+.PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak fleet dist clean
 
 demo: $(KERNELS)
 	@echo "== slipd demo: the daemon on the virtual gripper (Ctrl-C ends it)"
@@ -85,6 +85,11 @@ soak: $(KERNELS)
 	@$(BIN)/pytest --quiet tests/lab/soak
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
+
+fleet: $(KERNELS)
+	@echo "== a fleet of 20 robots on loopback: delay, lost warnings, robots that vanish (about 3 minutes)"
+	@$(BIN)/pytest --quiet tests/lab/fleet
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fleet --report docs/fleet_measured.md $(FLEET)
 
 dist: $(READY)
 	@echo "== the wheels: slipd for the robot PC, slipd_client for other machines and environments"

@@ -62,6 +62,19 @@ class Child:
         """Ask it to end."""
         self._process.terminate()
 
+    def ended(self, seconds: float) -> None:
+        """Wait until it has ended.
+
+        Raises:
+            BenchError: It runs on, or it failed.
+        """
+        try:
+            self._process.wait(seconds)
+        except subprocess.TimeoutExpired as error:
+            raise BenchError(f"a process did not end within {seconds:g} s") from error
+        if self._process.returncode:
+            raise BenchError(f"a process failed: {self._last_words()}")
+
     def check(self) -> None:
         """Make sure that it still runs.
 
