@@ -4,8 +4,8 @@ Friction falls from μ_s to μ_d with the speed of the object, which takes up to
 The fall soon slows down, because it ends at μ_d. A load that is let go or set down falls faster and faster until half
 of it is gone. So a fall that slows down early shows slip before it has ended. It counts only if
 
-- q rose steadily until then, not in a bump, after the begin of the last slip, to a peak near the largest that this
-  grasp carried and near the coefficient of friction,
+- q rose steadily until then, not in a bump nor to a push that is held, after the begin of the last slip, to a peak
+  near the largest that this grasp carried and near the coefficient of friction,
 - the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
   let go slows down as well,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
@@ -51,9 +51,9 @@ NEAR_TOP = 0.05
 """A fall begins where q is last within this part of it below its peak."""
 RISE, RISE_S = 0.12, 0.12
 """Before that, q rose for the second time, s, at least at the first rate, in parts of its peak a second."""
-STRAIGHT, LATE = 0.6, 0.85
-"""That rise is at least the first part of the way that q went: a swing goes to and fro. At most the second part of it
-comes in its later half: a bump comes late."""
+STRAIGHT, EARLY, LATE = 0.6, 0.15, 0.85
+"""That rise is at least the first part of the way that q went: a swing goes to and fro. Between the second and the
+third part of it comes in its later half: a push that is held comes early, a bump late."""
 SWINGS = 2.0
 """A fall is at least this many times the largest swing of the last second."""
 PUSH, BEYOND_PUSH = 0.65, 1.08
@@ -195,4 +195,5 @@ def _rises(ring: Rows, top: int, stride: int, level: int, peak: float, rate: flo
         if step == 4:
             half = earlier
     risen = peak - later
-    return bool(risen >= max(rate * 8.0 * stride * peak, STRAIGHT * way) and peak - half <= LATE * risen)
+    steady = EARLY * risen <= peak - half <= LATE * risen
+    return bool(steady and risen >= max(rate * 8.0 * stride * peak, STRAIGHT * way))

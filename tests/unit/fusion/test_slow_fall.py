@@ -78,6 +78,17 @@ def test_a_fall_that_began_long_after_the_rise_is_none() -> None:
     assert slips_at(q, 10.0 * q, np.full(len(q), 10.0), mu=MU) == []
 
 
+@pytest.mark.parametrize("mu", [0.9 * MU, MU])
+@pytest.mark.parametrize(("held_ms", "let_go_ms"), [(60, 60), (50, 50), (60, 50)])
+def test_a_push_that_is_held_and_let_go_within_a_tenth_of_a_second_is_none(
+    held_ms: int, let_go_ms: int, mu: float
+) -> None:
+    up, down = np.linspace(0.0, np.pi, 120), np.linspace(0.0, np.pi, let_go_ms)
+    push = [0.5 - 0.5 * np.cos(up), np.full(held_ms, 1.0), 0.5 + 0.5 * np.cos(down), np.zeros(200)]
+    q = MU * (0.69 + 0.41 * np.concatenate([np.zeros(500), *push]))
+    assert [slips_at(q, 10.0 * q, np.full(len(q), 10.0), mu=mu, seed=seed) for seed in range(3)] == [[]] * 3
+
+
 def test_a_fall_of_a_load_along_another_direction_is_none() -> None:
     q, n = fall(0.12), len(fall(0.12))
     aside = np.concatenate([np.full(RISE_N, 0.0), np.linspace(0.0, 3.0, FALL_N), np.full(PLATEAU_N, 3.0)])
