@@ -64,6 +64,12 @@ NO_CONTACT = "nothing touches the pad"
 KEPT_S = 15.0
 """Readings are kept for so long: the slowest pull takes some seconds."""
 
+GAP_S = 0.1
+"""Between verdicts further apart than this an object may have slipped unseen."""
+
+NOISE_STD = 3.0
+"""Standard deviations of the friction ratio within which nobody pulls."""
+
 NOT_A_FAULT = frozenset(
     {"translation", "rotation", "tipping", "slip_detected", "no_mu", "unsupportable", "rotation_unobserved"}
 )
@@ -122,7 +128,7 @@ class PullWatch:
         self._readings: deque[_Reading] = deque()
         self._since_s = self._count = 0.0
         self._slow = ""
-        self._onset_s = self._let_go_at = 0.0
+        self._onset_s = self._pulled_at = self._let_go_at = 0.0
 
     def add(self, slip: Slip) -> Union[PullSample, PullRejected, None]:
         """Add a verdict; return what a pull that ended with it gives."""
@@ -131,7 +137,10 @@ class PullWatch:
         obstacle = _obstacle(slip)
         if obstacle:
             return self._stop(obstacle)
+        judged = self._stop_at_gap(t_s)
         self._keep(t_s, slip)
+        if self.phase != "grip":
+            self.obstacle = ""
         moves = slip.level == SlipLevel.SLIPPING or bool(slip.evidence)
         if self.phase == "grip":
             self._wait_for_rest(t_s, moves=moves)
@@ -144,7 +153,7 @@ class PullWatch:
                 return self._judge(peak)
         elif self.phase == "release" and not moves and self._readings[-1].required < self._let_go_at:
             self._begin()
-        return None
+        return judged
 
     def _begin(self) -> None:
         self.phase, self._since_s, self._count = "grip", 0.0, 0
@@ -175,16 +184,35 @@ class PullWatch:
             self._since_s, self._count = t_s, 0
             return
         self.phase, self.obstacle, self._slow = "pull", "", ""
+        rest = min((each for each in self._readings if each.t_s >= self._since_s), key=_required)
+        self._pulled_at = PULLED * rest.required + NOISE_STD * rest.ratio_std
+
+    def _stop_at_gap(self, t_s: float) -> Union[PullSample, PullRejected, None]:
+        """End the pull where verdicts are missing before ``t_s``."""
+        gap_s = t_s - self._readings[-1].t_s if self._readings else 0.0
+        if self.phase not in ("pull", "slide") or gap_s <= GAP_S:
+            return None
+        return self._stop(f"its verdicts were missing for {gap_s:.1f} s")
 
     def _stop(self, obstacle: str) -> Union[PullSample, PullRejected, None]:
-        """End the pull because of a verdict that says nothing of friction."""
+        """End the pull because of a verdict that says nothing of friction, or a missing one.
+
+        What happens meanwhile is not seen. The next pull begins once the load is known to be let go.
+        """
         phase, self.obstacle = self.phase, obstacle
         judged: Union[PullSample, PullRejected, None] = None
+        let_go_at = self._let_go_at
         if phase == "slide":
-            judged = self._judge(self._peak())
-        elif phase == "pull" and self._readings[-1].required > PULLED * self._readings[0].required:
-            judged = PullRejected(f"before it slipped: {obstacle}")
-        self._begin()
+            peak = self._peak()
+            judged, let_go_at = self._judge(peak), LET_GO * peak.required
+        elif phase == "pull":
+            let_go_at = self._pulled_at
+            if self._readings[-1].required > let_go_at:
+                judged = PullRejected(f"before it slipped: {obstacle}")
+        if phase == "grip" or obstacle == NO_CONTACT:
+            self._begin()
+        else:
+            self.phase, self._let_go_at = "release", let_go_at
         return judged
 
     def _peak(self) -> _Reading:

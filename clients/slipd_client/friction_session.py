@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Optional
 
+from slipd_client.elapsed_time import ElapsedTime
 from slipd_client.errors import FrictionNotMeasured
 from slipd_client.friction_pull import NO_CONTACT, PullRejected, PullSample, PullWatch
 from slipd_client.friction_samples import agreeing, disagreement
@@ -12,7 +13,7 @@ from slipd_client.messages import slip_topic
 from slipd_client.messages.schema.topics import Slip
 
 OBSTACLE_S = 3.0
-"""An obstacle that lasts so long is not going to vanish by itself."""
+"""An obstacle that was seen for so long without a break is not going to vanish by itself."""
 
 GRIP_IT = "Grip a sample of the object, for example with: slipctl grip close 10"
 
@@ -43,8 +44,8 @@ class FrictionSession:
         self._watches = {finger: PullWatch() for finger in fingers}
         self._samples: dict[str, list[PullSample]] = {finger: [] for finger in fingers}
         self._asked = ""
-        self._since_s: Optional[float] = None
-        self._clear_s = 0.0
+        self._time = ElapsedTime()
+        self._since_s = self._blocked_s = 0.0
 
     @property
     def topics(self) -> list[str]:
@@ -62,23 +63,31 @@ class FrictionSession:
         groups = {finger: agreeing(samples) for finger, samples in self._samples.items()}
         return {finger: group for finger, group in groups.items() if len(group) >= self._wanted}
 
+    def resume(self) -> None:
+        """Go on after a FrictionNotMeasured whose cause is gone; samples that do not agree are forgotten."""
+        self._asked = ""
+        self._since_s, self._blocked_s = self._time.passed_s, 0.0
+        for samples in self._samples.values():
+            if len(samples) >= MOST_PULLS * self._wanted and len(agreeing(samples)) < self._wanted:
+                samples.clear()
+
     def advance(self, slip: Optional[Slip], now_s: float) -> None:
         """Take a verdict, or None where there is none, and say what to do next.
 
         Args:
             slip: The verdict.
-            now_s: Time of any clock that does not jump, s.
+            now_s: Time by any clock, or of any message, s; see `ElapsedTime`.
 
         Raises:
             FrictionNotMeasured: Nothing touched, nothing slipped, or the samples do not agree.
         """
-        if self._since_s is None:
-            self._since_s = self._clear_s = now_s
+        before_s = self._time.passed_s
+        passed_s = self._time.update(now_s)
         if slip is not None and slip.finger in self._watches:
-            self._add(slip, now_s)
+            self._add(slip, passed_s)
         if not self.done:
-            self._ask(now_s)
-            self._check_patience(now_s, self._since_s)
+            self._ask(passed_s)
+            self._check_patience(passed_s, passed_s - before_s)
 
     def _add(self, slip: Slip, now_s: float) -> None:
         finger, found = slip.finger, self._watches[slip.finger].add(slip)
@@ -108,7 +117,7 @@ class FrictionSession:
             self._say(f"Pull slowly along the pads until it slips, {number} of {self._wanted} ({forces}).", now_s)
         elif all(watch.obstacle == NO_CONTACT for watch in self._watches.values()):
             self._say(self._grip_it, now_s)
-        elif "release" in phases:
+        elif any(watch.phase == "release" and not watch.obstacle for watch in self._watches.values()):
             self._say("Let go of it.", now_s)
 
     def _say(self, text: str, now_s: float) -> None:
@@ -117,15 +126,14 @@ class FrictionSession:
             self._asked, self._since_s = what, now_s
             self._say_line(text)
 
-    def _check_patience(self, now_s: float, since_s: float) -> None:
-        """Give up where nothing happens any more."""
+    def _check_patience(self, now_s: float, step_s: float) -> None:
+        """Give up where nothing happens any more, or an obstacle was there at every step for OBSTACLE_S."""
         obstacles = {finger: watch.obstacle for finger, watch in self._watches.items() if watch.obstacle}
         real = {finger: why for finger, why in obstacles.items() if why != NO_CONTACT}
-        if not real:
-            self._clear_s = now_s
-        elif now_s - self._clear_s > OBSTACLE_S:
+        self._blocked_s = self._blocked_s + step_s if real else 0.0
+        if self._blocked_s > OBSTACLE_S:
             finger, why = next(iter(real.items()))
             raise FrictionNotMeasured(f"finger {finger}: {why}")
-        if now_s - since_s > self._patience_s:
+        if now_s - self._since_s > self._patience_s:
             why = "; ".join(f"finger {finger}: {each}" for finger, each in obstacles.items()) or "it did not slip"
             raise FrictionNotMeasured(f"nothing more was measured for {self._patience_s:g} s: {why}")

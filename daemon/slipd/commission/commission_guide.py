@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from slipd import config
 from slipd.commission.config_update import changes
 from slipd.commission.dialogue import (
+    AGAIN,
     SKIP,
     Change,
     Choice,
@@ -32,6 +33,7 @@ from slipd.commission.weight_step import READY, weigh
 from slipd.commission.zero_step import take_zero
 from slipd.errors import SlipdError
 from slipd.signals.gravity import STANDARD_GRAVITY_MPS2
+from slipd_client.elapsed_time import ElapsedTime
 from slipd_client.friction_samples import low_estimate, spread
 from slipd_client.messages.schema.topics import Message
 
@@ -44,6 +46,8 @@ TIPS_DOWN_MPS2 = (STANDARD_GRAVITY_MPS2, 0.0, 0.0)
 
 FRESH_S = 0.5
 """Readings for so long before a zero is taken: links come up one after the other."""
+
+GO_ON = "go on"
 
 Values = dict[tuple[str, ...], str]
 
@@ -195,7 +199,10 @@ class Commission:
         if down or not self._zeroed:
             yield from ReadingListener(self._rig.finger, self._rig.config_id).collect(FRESH_S)
             for name in self._fingers:
-                yield from take_zero(name, self._rig.finger[name])
+                while not (yield from take_zero(name, self._rig.finger[name])):
+                    text = f"Without its zero, finger {name} shows other forces than act on it. See to the cause."
+                    if (yield from choose(Prompt("zero_again", text, name, (AGAIN, GO_ON, SKIP)))) == GO_ON:
+                        break
             self._zeroed = True
         return True
 
@@ -229,20 +236,17 @@ class Commission:
         return True
 
     def _wait_for_config(self) -> Steps[None]:
-        wanted, left_s = self._rig.config_id, RESTARTS * self._patience_s
-        begin_ns: int | None = None
-        while left_s > 0.0:
+        wanted, elapsed, silent_s = self._rig.config_id, ElapsedTime(), 0.0
+        while elapsed.passed_s + silent_s < RESTARTS * self._patience_s:
             event = yield None
             if event is None:
-                left_s -= SILENCE_S
+                silent_s += SILENCE_S
             elif isinstance(event, Choice) and event.word == SKIP:
                 break
             elif isinstance(event, Message):
                 if event.config_id == wanted:
                     return
-                begin_ns = event.t_ns if begin_ns is None else begin_ns
-                if event.t_ns - begin_ns > RESTARTS * self._patience_s * 1e9:
-                    break
+                elapsed.update(event.t_ns * 1e-9)
         raise SlipdError("the daemon does not run the new config; start it, and go on with --from and the next step")
 
     def _take_mounts(self) -> None:

@@ -17,6 +17,9 @@ T = TypeVar("T")
 SKIP = "skip"
 """The choice that leaves a step out."""
 
+AGAIN = "again"
+"""The choice that tries again what did not succeed."""
+
 
 class Skipped(Exception):  # noqa: N818 - it names what happened
     """The person left the present step out."""
@@ -39,12 +42,14 @@ class Prompt:
         finger: Name of the finger; "" for all.
         choices: Words of which the person may choose one, the usual one first. Where the readings show that it is
             done, nothing needs to be chosen, and the only word is SKIP.
+        free: What may be typed in place of a word; "" if nothing.
     """
 
     step: str
     text: str
     finger: str = ""
     choices: tuple[str, ...] = (SKIP,)
+    free: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +143,8 @@ Event = Message | Choice | Reply | Refusal | Written | None
 Steps = Generator[Output, Event, T]
 
 
-def choose(prompt: Prompt, *, free: bool = False) -> Steps[str]:
-    """Ask the person to choose; return the word.
-
-    Args:
-        prompt: With its choices.
-        free: Another text is an answer, too.
+def choose(prompt: Prompt) -> Steps[str]:
+    """Ask the person to choose; return the word, or the text where the prompt allows one.
 
     Raises:
         Skipped: The person chose SKIP.
@@ -155,7 +156,7 @@ def choose(prompt: Prompt, *, free: bool = False) -> Steps[str]:
             continue
         if event.word == SKIP:
             raise Skipped
-        if event.word in prompt.choices or (free and event.word):
+        if event.word in prompt.choices or (prompt.free and event.word):
             return event.word
         yield Say(f"  please choose: {', '.join(prompt.choices)}")
 

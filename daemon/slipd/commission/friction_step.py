@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from slipd.commission.dialogue import SKIP, Choice, Prompt, Say, Skipped, Steps, choose
+from slipd.commission.dialogue import AGAIN, SKIP, Choice, Prompt, Say, Skipped, Steps, choose
 from slipd.commission.grip_step import CLOSE, IF_CLOSED, activate, close, release
 from slipd.commission.readings import silence
 from slipd_client.errors import FrictionNotMeasured
@@ -16,6 +16,7 @@ from slipd_client.messages.schema.topics import Message, Slip
 SAMPLES = 3
 GRIPPED = "gripped already"
 NOT_PRESSED = "Nothing presses on the pads yet."
+ON = "Let go of the sample, and see to the cause. What was measured so far counts."
 
 
 def measure_friction(
@@ -33,10 +34,8 @@ def measure_friction(
         SlipdError: The daemon fell silent.
     """
     closed = yield from _grip(force_n)
-    if closed is None:
-        return {}
     try:
-        results = yield from _pulls(fingers, patience_s)
+        results = yield from _pulls(fingers, patience_s, force_n if closed else None)
     except Skipped:
         if closed:
             yield from release()
@@ -48,8 +47,8 @@ def measure_friction(
     return results
 
 
-def _grip(force_n: float | None) -> Steps[bool | None]:
-    """Have the sample gripped; return whether the gripper was closed for it, or None if it refused."""
+def _grip(force_n: float | None) -> Steps[bool]:
+    """Have the sample gripped; return whether the gripper was closed for it."""
     text = f"Hold a sample of the object's material between the pads. {IF_CLOSED}"
     if force_n is None or not (yield from activate()):
         yield from choose(Prompt("sample", f"{text} Grip it.", choices=(GRIPPED, SKIP)))
@@ -58,26 +57,57 @@ def _grip(force_n: float | None) -> Steps[bool | None]:
     word = yield from choose(Prompt("sample", text, choices=(CLOSE, GRIPPED, SKIP)))
     if word != CLOSE:
         return False
-    return True if (yield from close(force_n)) else None
+    yield from close(force_n)
+    return True
 
 
-def _pulls(fingers: Sequence[str], patience_s: float) -> Steps[dict[str, list[PullSample]]]:
+def _pulls(fingers: Sequence[str], patience_s: float, force_n: float | None) -> Steps[dict[str, list[PullSample]]]:
+    """Lead through the pulls; where nothing more is measured, the person sees to the cause and goes on."""
+    choices = (AGAIN, SKIP) if force_n is None else (AGAIN, CLOSE, SKIP)
+    text = (
+        ON if force_n is None else f"{ON} To grip it again with {force_n:g} N, keep your fingers out and choose close."
+    )
     lines: list[str] = []
     session = FrictionSession(fingers, SAMPLES, patience_s, lines.append, NOT_PRESSED)
-    try:
-        while not session.done:
-            event = yield None
-            if event is None:
-                raise silence()
-            if isinstance(event, Choice) and event.word == SKIP:
-                raise Skipped
-            if isinstance(event, Message):
-                session.advance(event if isinstance(event, Slip) else None, event.t_ns * 1e-9)
-            for line in lines:
-                yield Say(line)
-            lines.clear()
-    except FrictionNotMeasured as error:
-        for line in lines:
-            yield Say(line)
-        yield Say(f"  not measured: {error}")
+    while not session.done:
+        try:
+            yield from _follow(session, lines)
+        except FrictionNotMeasured as error:
+            yield from _show(lines)
+            yield Say(f"  not measured: {error}")
+            try:
+                word = yield from choose(Prompt("friction_again", text, choices=choices))
+                if force_n is not None and word == CLOSE and (yield from activate()):
+                    yield from close(force_n)
+            except Skipped:
+                if not session.results:
+                    raise
+                break
+            session.resume()
     return session.results
+
+
+def _follow(session: FrictionSession, lines: list[str]) -> Steps[None]:
+    """Pass on verdicts until the session is done, and show its lines.
+
+    Raises:
+        FrictionNotMeasured: Nothing touched, nothing slipped, or the samples do not agree.
+        Skipped: The person left the step out.
+        SlipdError: The daemon fell silent.
+    """
+    while not session.done:
+        event = yield None
+        if event is None:
+            raise silence()
+        if isinstance(event, Choice) and event.word == SKIP:
+            raise Skipped
+        if isinstance(event, Message):
+            session.advance(event if isinstance(event, Slip) else None, event.t_ns * 1e-9)
+        yield from _show(lines)
+
+
+def _show(lines: list[str]) -> Steps[None]:
+    """Show what the session said: what to do now, and indented what was measured."""
+    for line in lines:
+        yield Say(line) if line.startswith(" ") else Prompt("pull", line)
+    lines.clear()

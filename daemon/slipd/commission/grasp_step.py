@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from slipd.commission.dialogue import SKIP, Choice, Prompt, Say, Skipped, Steps, choose
 from slipd.commission.grip_step import CLOSE, IF_CLOSED, activate, close, release
 from slipd.commission.readings import silence
+from slipd_client.elapsed_time import ElapsedTime
 from slipd_client.messages.names import SlipLevel
 from slipd_client.messages.schema.topics import Message, Slip
 
 SHOW_S = 1.0
 HOLD_S = 5.0
+SETTLE_S = 5.0
+"""Longer than HOLD_S by at most this, until every finger has a verdict: one may be stale just then."""
 
 HOLDING = (SlipLevel.STABLE, SlipLevel.CAUTION)
 
@@ -35,8 +38,7 @@ def first_grasp(fingers: Sequence[str], force_n: float, patience_s: float) -> St
         "on each pad."
     )
     yield from choose(Prompt("grasp", text, choices=(CLOSE, SKIP)))
-    if not (yield from close(force_n)):
-        return False
+    yield from close(force_n)
     try:
         last = yield from _watch(fingers, patience_s)
     except Skipped:
@@ -53,25 +55,27 @@ def first_grasp(fingers: Sequence[str], force_n: float, patience_s: float) -> St
 def _watch(fingers: Sequence[str], patience_s: float) -> Steps[dict[str, Slip]]:
     """Show each finger once a second until all were pressed for some seconds; return the last verdicts."""
     newest: dict[str, Slip] = {}
-    begin_ns = held_ns = shown_ns = None
+    elapsed = ElapsedTime()
+    held_s = shown_s = None
     while (event := (yield None)) is not None:
         if isinstance(event, Choice) and event.word == SKIP:
             raise Skipped
         if not isinstance(event, Message):
             continue
-        begin_ns = event.t_ns if begin_ns is None else begin_ns
+        now_s = elapsed.update(event.t_ns * 1e-9)
         if isinstance(event, Slip) and event.finger in fingers:
             newest[event.finger] = event
-        if len(newest) < len(fingers):
-            continue
-        if shown_ns is None or event.t_ns - shown_ns >= SHOW_S * 1e9:
-            shown_ns = event.t_ns
-            yield Say("  " + "; ".join(_line(name, newest[name]) for name in fingers))
-        free = any(verdict.level == SlipLevel.NO_CONTACT for verdict in newest.values())
-        held_ns = None if free else held_ns or event.t_ns
-        if held_ns is not None and event.t_ns - held_ns >= HOLD_S * 1e9:
-            return newest
-        if event.t_ns - begin_ns > patience_s * 1e9:
+        if len(newest) == len(fingers):
+            if shown_s is None or now_s - shown_s >= SHOW_S:
+                shown_s = now_s
+                yield Say("  " + "; ".join(_line(name, newest[name]) for name in fingers))
+            levels = {verdict.level for verdict in newest.values()}
+            begun_s = now_s if held_s is None else held_s
+            held_s = None if SlipLevel.NO_CONTACT in levels else begun_s
+            enough_s = HOLD_S if levels.issubset(HOLDING) else HOLD_S + SETTLE_S
+            if held_s is not None and now_s - held_s >= enough_s:
+                return newest
+        if now_s > patience_s:
             return newest
     raise silence()
 

@@ -6,7 +6,9 @@ ends the guide leaves the gripper with its force.
 
 from __future__ import annotations
 
-from slipd.commission.dialogue import SKIP, Prompt, Refusal, Say, Steps, ask, choose
+from typing import Any
+
+from slipd.commission.dialogue import AGAIN, SKIP, Prompt, Refusal, Say, Steps, ask, choose
 from slipd.commission.readings import pause, read_status
 from slipd.config import Gripper
 
@@ -19,6 +21,9 @@ POLL_S = 0.5
 IF_CLOSED = "If the pads are closed, open them first: slipctl grip open --drop."
 
 CLOSE, OPEN, KEEP, ACTIVATE = "close", "open", "keep", "activate"
+TRY = (AGAIN, SKIP)
+
+LATCHED = "{fault} is latched: look at the gripper, then in another terminal: slipctl grip ack"
 
 
 def gentle_force(gripper: Gripper | None) -> float | str:
@@ -49,10 +54,8 @@ def activate() -> Steps[bool]:
         return True
     text = "The gripper is not active. To become active it may open and close fully: take everything out of it."
     yield from choose(Prompt("activate", text, choices=(ACTIVATE, SKIP)))
-    answer = yield ask("gripper_activate", lease=True, drop=True)
-    if isinstance(answer, Refusal):
-        yield Say(f"  not activated: {answer.reason}")
-        return False
+    text = "The gripper may open and close fully as soon as it can: keep your fingers out."
+    yield from _insist(Prompt("activate_again", text, choices=TRY), "activated", "gripper_activate", drop=True)
     for _ in range(int(ACTIVE_S / POLL_S)):
         yield from pause(POLL_S)
         if (yield from _is_active()):
@@ -61,14 +64,15 @@ def activate() -> Steps[bool]:
     return False
 
 
-def close(force_n: float) -> Steps[bool]:
-    """Close the gripper, which the person has agreed to; return whether the daemon did."""
-    answer = yield ask("gripper_close", lease=True, force_n=force_n)
-    if isinstance(answer, Refusal):
-        yield Say(f"  not closed: {answer.reason}")
-        return False
+def close(force_n: float) -> Steps[None]:
+    """Close the gripper, which the person has agreed to.
+
+    Raises:
+        Skipped: The daemon refused, and the person left the step out.
+    """
+    text = f"The gripper closes with {force_n:g} N on each pad as soon as it can: keep your fingers out."
+    yield from _insist(Prompt("close_again", text, choices=TRY), "closed", "gripper_close", force_n=force_n)
     yield Say(f"  closing with {force_n:g} N on each pad")
-    return True
 
 
 def release() -> Steps[None]:
@@ -78,12 +82,33 @@ def release() -> Steps[None]:
         Skipped: The person left it out; the grip stays.
     """
     text = "Hold the object with your hand. Then the gripper opens."
-    if (yield from choose(Prompt("release", text, choices=(OPEN, KEEP)))) == KEEP:
-        yield Say("  the gripper keeps its grip; later: slipctl grip open --drop")
-        return
-    answer = yield ask("gripper_open", lease=True, drop=True)
+    while (yield from choose(Prompt("release", text, choices=(OPEN, KEEP)))) == OPEN:
+        if not (why := (yield from _send("gripper_open", drop=True))):
+            return
+        yield Say(f"  not opened: {why}")
+    yield Say("  the gripper keeps its grip; later: slipctl grip open --drop")
+
+
+def _insist(again: Prompt, done: str, method: str, **fields: Any) -> Steps[None]:
+    """Send a request that moves the gripper, and again while it fails and the person agrees.
+
+    Raises:
+        Skipped: The person left it out.
+    """
+    while why := (yield from _send(method, **fields)):
+        yield Say(f"  not {done}: {why}")
+        yield from choose(again)
+
+
+def _send(method: str, **fields: Any) -> Steps[str]:
+    """Send a request that moves the gripper; return why it was not carried out, or ""."""
+    answer = yield ask(method, lease=True, **fields)
     if isinstance(answer, Refusal):
-        yield Say(f"  not opened: {answer.reason}; the gripper keeps its grip")
+        return answer.reason
+    yield from pause(POLL_S)
+    gripper = (yield from read_status()).gripper
+    fault = "" if gripper is None else gripper.latched_fault
+    return LATCHED.format(fault=fault) if fault else ""
 
 
 def _is_active() -> Steps[bool]:

@@ -10,6 +10,7 @@ import numpy as np
 from slipd.arrays import Array
 from slipd.commission.dialogue import SKIP, Choice, Refusal, Reply, Skipped, Steps, ask
 from slipd.errors import SlipdError
+from slipd_client.elapsed_time import ElapsedTime
 from slipd_client.messages.schema.replies import StatusReply
 from slipd_client.messages.schema.topics import Message, Tactile, Wrench
 
@@ -19,7 +20,7 @@ LEAST_READINGS = 10
 SILENCE_S = 10.0
 """Longest time without a message, s: the machine may be busy."""
 
-STATUS_ATTEMPTS, STATUS_PAUSE_S = 5, 0.5
+STATUS_ATTEMPTS, STATUS_PAUSE_S = 20, 0.5
 """How often the daemon is asked for its status, and the time between, s."""
 
 
@@ -56,6 +57,7 @@ class ReadingListener:
 
     def __init__(self, fingers: Collection[str], config_id: str) -> None:
         self._fingers, self._config_id = fingers, config_id
+        self._newest_ns = 0
 
     def collect(self, seconds: float) -> Steps[dict[str, FingerReadings]]:
         """Return the readings of ``seconds``, or longer until every finger has some.
@@ -75,6 +77,12 @@ class ReadingListener:
         silent = [name for name, each in found.items() if len(each.wrenches) < LEAST_READINGS]
         raise SlipdError(f"finger {', '.join(silent)} has no force readings; see: slipctl status")
 
+    def leave_out_earlier(self) -> Steps[None]:
+        """Leave out readings from before now, by the daemon's clock: a busy machine delivers them later."""
+        answer = yield ask("hello")
+        if isinstance(answer, Reply):
+            self._newest_ns = max(self._newest_ns, answer.result.t_ns)
+
     def wait(self, condition: Callable[[dict[str, Array]], bool], seconds: float) -> Steps[bool]:
         """Wait until the newest wrenches fulfil a condition; return False if they do not within ``seconds``.
 
@@ -93,8 +101,11 @@ class ReadingListener:
         return (yield from self._readings(met, seconds))
 
     def _readings(self, done: Callable[[Wrench | Tactile, float], bool], seconds: float) -> Steps[bool]:
-        """Pass on readings, with the time since the first, until it is done; return False after ``seconds``."""
-        begin_ns: int | None = None
+        """Pass on readings from now on, and the time since the first, until it is done; return False after ``seconds``.
+
+        Streams lag by different times: a reading that is older than one that came before this call is left out.
+        """
+        elapsed, begin_ns = ElapsedTime(), self._newest_ns
         while (message := (yield None)) is not None:
             if isinstance(message, Choice) and message.word == SKIP:
                 raise Skipped
@@ -102,11 +113,13 @@ class ReadingListener:
                 continue
             if message.config_id not in (None, self._config_id):
                 raise SlipdError("the daemon runs another config than this file; start it with this file")
-            begin_ns = message.t_ns if begin_ns is None else begin_ns
-            passed_s = (message.t_ns - begin_ns) * 1e-9
+            self._newest_ns = max(self._newest_ns, message.t_ns)
+            passed_s = elapsed.update(message.t_ns * 1e-9)
             if passed_s > seconds:
                 return False
-            if isinstance(message, (Wrench, Tactile)) and message.finger in self._fingers and done(message, passed_s):
+            if message.t_ns < begin_ns or not isinstance(message, (Wrench, Tactile)):
+                continue
+            if message.finger in self._fingers and done(message, passed_s):
                 return True
         raise silence()
 

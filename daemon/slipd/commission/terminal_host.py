@@ -26,6 +26,7 @@ from slipd.commission.dialogue import (
 )
 from slipd.commission.gravity_teller import GravityTeller
 from slipd.commission.readings import SILENCE_S
+from slipd.commission.refusal_words import reason_of
 from slipd.errors import SlipdError
 from slipd_client.errors import ClientError
 from slipd_client.grip import GripClient
@@ -65,7 +66,7 @@ class TerminalHost:
             self.say(output.text)
         elif isinstance(output, Prompt):
             self._expect(output.choices)
-            self.say(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output.choices)}")
+            self.say(output.text if output.choices == (SKIP,) else f"{output.text} {_keys_of(output)}")
         elif isinstance(output, Ask):
             return self._ask(output)
         elif isinstance(output, Gravity):
@@ -128,7 +129,7 @@ class TerminalHost:
             with self._client.lease():
                 return Reply(call(**ask.fields))
         except ClientError as error:
-            return Refusal(str(error))
+            return Refusal(reason_of(error))
         finally:
             self._subscriber.newest()
 
@@ -153,9 +154,12 @@ class TerminalHost:
         return Written(text)
 
 
-def _keys_of(choices: tuple[str, ...]) -> str:
-    """Return how the person chooses: Enter for the first word, else the first letter."""
-    return f"[Enter: {choices[0]}{''.join(f', {word[0]}: {word}' for word in choices[1:])}]"
+def _keys_of(prompt: Prompt) -> str:
+    """Return how the person answers: Enter for the first word, the first letter of another, or a text."""
+    first, *others = prompt.choices
+    letters = "".join(f", {word[0]}: {word}" for word in others)
+    typed = f", or type {prompt.free}" if prompt.free else ""
+    return f"[Enter: {first}{letters}{typed}]"
 
 
 def _word(line: str, choices: tuple[str, ...]) -> str:

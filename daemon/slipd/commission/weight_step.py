@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -28,11 +29,15 @@ POSES = {
 }
 """Words of each pose, and the direction of gravity in the frame of the named pad."""
 
+SIZE_TOLERANCE = 0.05
+"""Largest relative error of the size of gravity that is typed."""
+
 MIRROR = np.array((1.0, -1.0, -1.0))
 """Axes of the other finger: both X point to the fingertips, and the pads face each other."""
 
 HOLD_S = 1.0
 READY, NOT_POSSIBLE = "ready", "not possible"
+FREE = "gravity in the frame of the {finger} pad (x y z) or the orientation of that pad (quaternion x y z w)"
 
 
 def weigh(rig: Config, mounts: Mapping[str, Mount], fingers: Sequence[str]) -> Steps[dict[str, WeightFindings]]:
@@ -52,7 +57,8 @@ def weigh(rig: Config, mounts: Mapping[str, Mount], fingers: Sequence[str]) -> S
     yield Say("Take everything off the fingers. Nothing may touch them until the end of this step.")
     for number, (step, (words, down)) in enumerate(POSES.items(), 1):
         text = f"Pose {number} of {len(POSES)}: turn the gripper so that {words.format(finger=fingers[0])}; hold still."
-        gravities = yield from _gravity(Prompt(step, text, fingers[0], (READY, NOT_POSSIBLE, SKIP)), down, fingers)
+        prompt = Prompt(step, text, fingers[0], (READY, NOT_POSSIBLE, SKIP), FREE.format(finger=fingers[0]))
+        gravities = yield from _gravity(prompt, down)
         if gravities is None:
             continue
         wrenches = yield from _still(rig, fingers)
@@ -81,20 +87,17 @@ def _check_no_gravity(fingers: Sequence[str]) -> Steps[None]:
             )
 
 
-def _gravity(prompt: Prompt, down: Sequence[float], fingers: Sequence[str]) -> Steps[tuple[Array, Array | None] | None]:
+def _gravity(prompt: Prompt, down: Sequence[float]) -> Steps[tuple[Array, Array | None] | None]:
     """Return gravity in the frame of the first pad as asked for or as typed; None if the pose is not possible."""
     while True:
-        word = yield from choose(prompt, free=True)
+        word = yield from choose(prompt)
         if word == READY:
             return np.array(down) * STANDARD_GRAVITY_MPS2, None
         if word == NOT_POSSIBLE:
             return None
-        if len(fingers) > 1:
-            yield Say("  numbers are gravity in the frame of one pad: weigh one finger at a time, with --finger")
-            continue
         try:
             numbers = parse_numbers(word)
-            stated = np.array(gravity_of(numbers))
+            stated = _at_rest(gravity_of(numbers))
         except CallError as error:
             yield Say(f"  {error}")
             continue
@@ -102,9 +105,23 @@ def _gravity(prompt: Prompt, down: Sequence[float], fingers: Sequence[str]) -> S
         return stated, np.array(gravity_of(w_first)) if len(numbers) == 4 else None
 
 
+def _at_rest(vector: Sequence[float]) -> Array:
+    """Return gravity from a vector of its size, m/s², or of size 1.
+
+    Raises:
+        CallError: The vector has another size: a gripper that is held still feels nothing but gravity.
+    """
+    size = math.hypot(*vector)
+    for usual, scale in ((STANDARD_GRAVITY_MPS2, 1.0), (1.0, STANDARD_GRAVITY_MPS2)):
+        if abs(size - usual) <= SIZE_TOLERANCE * usual:
+            return scale * np.array(vector)
+    raise CallError(f"gravity must be about 9.81 m/s² in size, or 1 for its direction alone, got {size:.4g}")
+
+
 def _still(rig: Config, fingers: Sequence[str]) -> Steps[dict[str, Array]]:
     """Return the mean wrench of each finger in the pad frame while they are still."""
     listener = ReadingListener(fingers, rig.config_id)
+    yield from listener.leave_out_earlier()
     while True:
         held = yield from listener.collect(HOLD_S)
         moved = [name for name in fingers if not _is_still(rig, name, np.array(held[name].wrenches))]

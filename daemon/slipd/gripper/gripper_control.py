@@ -172,7 +172,11 @@ class GripperControl:
     def conditions(self) -> list[tuple[Health, str]]:
         """Return the latched fault, for the status of the stream."""
         fault = self.policy.fault
-        return [(Health.ERROR, f"{fault} is latched: clear its cause, then request fault.ack")] if fault else []
+        return (
+            [(Health.ERROR, f"{fault} is latched: look at the gripper, then: slipctl grip ack (fault.ack)")]
+            if fault
+            else []
+        )
 
     def _latch(self, fault: str) -> None:
         if fault:

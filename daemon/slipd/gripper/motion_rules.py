@@ -40,7 +40,11 @@ def limit_is_configured(_: Intent, situation: Situation) -> Refusal | None:
 def no_fault_is_latched(_: Intent, situation: Situation) -> Refusal | None:
     """Refuse to move while a fault is latched."""
     fault = situation.grip.fault
-    return Refusal("fault_latched", f"{fault} is latched: clear its cause, then request fault.ack") if fault else None
+    return (
+        Refusal("fault_latched", f"{fault} is latched: look at the gripper, then: slipctl grip ack (fault.ack)")
+        if fault
+        else None
+    )
 
 
 def gripper_answers(_: Intent, situation: Situation) -> Refusal | None:

@@ -148,3 +148,54 @@ def test_a_pull_that_goes_on_is_one_pull() -> None:
     assert watch.phase == "release"
     found(hand.rest(), watch)
     assert watch.phase == "pull"
+
+
+STALE: dict[str, Any] = {"level": "unknown", "reasons": ["stale"]}
+
+
+def test_after_a_gap_in_a_pull_its_end_is_waited_for() -> None:
+    hand, watch = Hand(), PullWatch()
+    found(hand.rest(), watch)
+    grows = list(hand.pull())
+    assert found([*grows[:100], grows[100] | STALE], watch) == [
+        PullRejected("before it slipped: its readings are not trusted (stale): see slipctl status")
+    ]
+    assert (watch.phase, bool(watch.obstacle)) == ("release", True)
+    assert found(grows[101:], watch) == [], "the rest of this pull is none of its own"
+    assert (watch.phase, watch.obstacle) == ("release", "")
+    found(hand.rest(2.0, required=0.44), watch)
+    assert watch.phase == "release", "the last pull still acts"
+    [sample] = found(hand.once(), watch)
+    assert isinstance(sample, PullSample)
+
+
+def test_a_slip_within_a_gap_is_no_sample_and_its_pull_is_waited_for() -> None:
+    hand, watch = Hand(), PullWatch()
+    found(hand.rest(), watch)
+    slid = [*hand.pull(), *hand.rest(required=0.44)]
+    assert found(slid[-100:], watch) == [], "nobody pulled before the verdicts were missing"
+    assert watch.phase == "release"
+    found(hand.rest(), watch)
+    assert watch.phase == "pull"
+
+
+def test_verdicts_that_are_missing_end_a_pull_and_a_slide() -> None:
+    hand = Hand()
+    bodies = list(hand.pull())
+    [pulled] = found([*Hand(t_s=99.0).rest(), *bodies[:150], *bodies[190:]])
+    assert pulled == PullRejected("before it slipped: its verdicts were missing for 0.2 s")
+    hand, watch = Hand(), PullWatch()
+    found([*hand.rest(), *list(hand.pull())[:-60]], watch)
+    assert watch.phase == "slide"
+    list(hand.rest())
+    [sample] = found([hand.body(0.44)], watch)
+    assert isinstance(sample, PullSample)
+    assert watch.phase == "release"
+
+
+def test_a_finger_at_rest_that_was_stale_for_a_moment_is_ready_again_by_itself() -> None:
+    hand, watch = Hand(), PullWatch()
+    found([*hand.rest(), hand.body(0.05) | STALE], watch)
+    assert watch.obstacle
+    found(hand.rest(), watch)
+    assert (watch.phase, watch.obstacle) == ("pull", "")

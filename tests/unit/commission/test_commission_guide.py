@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from commission_person import POSES_OF_TWO, TOUCHES
+from commission_rig import FINGER, FINGERS, GRIPPER, LIMIT, PRESSES, TRUE, WRONG, commission_rig
 from emulated_engine import EmulatedEngine
 from guided_engine import GuidedEngine
 
@@ -14,56 +15,6 @@ from slipd import config
 from slipd.commission import friction_step, grasp_step
 from slipd.commission.commission_guide import Commission, Manner
 from slipd.commission.dialogue import follow
-
-FINGER = """
-[finger.{name}]
-mu = 0.3
-min_normal_n = 0.3
-
-[finger.{name}.wrench]
-device = "bota"
-port = "/dev/{name}-wrench"
-rate_hz = 100.0
-pad_from_sensor = {{ xyz_m = [0.0, 0.0, -0.03], quat_xyzw = {quat} }}
-force_std_n = 0.03
-torque_std_nm = 0.0005
-mass_kg = {mass}
-com_m = [0.0, 0.0, {com_z}]
-
-[finger.{name}.pad]
-device = "xela"
-port = "ws://127.0.0.1:5000"
-sensor = "{number}"
-rate_hz = 50.0
-rows = 4
-cols = 4
-pitch_m = 0.0047
-electrode_m = 0.0047
-axis_scale = [0.001, 0.001, -0.001]
-threshold = 0.02
-full_scale = 65535.0
-flip_y = {flip_y}
-"""
-GRIPPER = """
-[gripper]
-device = "robotiq_2f"
-port = "/dev/gripper"
-rate_hz = 50.0
-force_table = [[0, 20.0], [255, 185.0]]
-width_table = [[0.0, 0.085], [1.0, 0.0]]
-"""
-FINGERS = ["left"]
-LIMIT = "max_force_n = 40.0\n"
-TRUE: dict[str, Any] = {"quat": [0.0, 0.0, 0.0, 1.0], "mass": 0.08, "com_z": -0.012, "flip_y": "false"}
-PRESSES = {
-    "Press the middle": "press {finger} 6 N at 6 0 mm",
-    "Press the corner": "press {finger} 6 N at 6 6 mm",
-}
-
-
-def rig(*, gripper: str = GRIPPER + LIMIT, **changed: Any) -> config.Config:
-    tables = [FINGER.format(name=name, number=k, **(TRUE | changed)) for k, name in enumerate(FINGERS, 1)]
-    return config.parse("# A rig.\n" + "".join(tables) + gripper, "rig.toml")
 
 
 def guided(folder: Path, true: config.Config, read: config.Config, **person: Any) -> GuidedEngine:
@@ -75,8 +26,8 @@ def test_the_whole_guide_leads_from_a_wrong_config_to_a_first_grasp(
 ) -> None:
     monkeypatch.setattr(friction_step, "SAMPLES", 1)
     monkeypatch.setattr(grasp_step, "HOLD_S", 1.0)
-    read = rig(quat=[1.0, 0.0, 0.0, 0.0], mass=0.0, com_z=0.0, flip_y="true")
-    host = guided(tmp_path, rig(), read)
+    read = commission_rig(**WRONG)
+    host = guided(tmp_path, commission_rig(), read)
     complete = follow(Commission(read, FINGERS, 20.0, "restart").run(), host.respond)
     assert complete, "\n".join(host.printed)
     found = config.parse(host.text, "found")
@@ -94,17 +45,17 @@ def test_the_whole_guide_leads_from_a_wrong_config_to_a_first_grasp(
 
 
 def test_steps_that_are_left_out_move_nothing_and_change_nothing(tmp_path: Path) -> None:
-    host = guided(tmp_path, rig(), rig(), answers={})
-    assert not follow(Commission(rig(), FINGERS, 20.0).run("weight"), host.respond)
+    host = guided(tmp_path, commission_rig(), commission_rig(), answers={})
+    assert not follow(Commission(commission_rig(), FINGERS, 20.0).run("weight"), host.respond)
     assert [line for line in host.printed if "left out; later" in line] == [
         f"  left out; later: slipd commission --from {step}" for step in ("weight", "friction", "grasp")
     ]
     assert "gripper.close" not in host.asked
-    assert host.text == rig().text
+    assert host.text == commission_rig().text
 
 
 def test_a_gripper_without_a_limit_is_not_moved(tmp_path: Path) -> None:
-    read = rig(gripper=GRIPPER, mass=0.0)
+    read = commission_rig(gripper=GRIPPER, mass=0.0)
     host = guided(tmp_path, read, read)
     assert not follow(Commission(read, FINGERS, 20.0).run("grasp"), host.respond)
     assert "[gripper] has no max_force_n, so nothing may be moved" in host.printed[-1]
@@ -124,4 +75,4 @@ def test_a_dry_run_weighs_two_fingers_and_moves_and_writes_nothing(tmp_path: Pat
     masses = [line for line in host.printed if "mass 80" in line or "mass 79" in line]
     assert [line.split(":")[0].strip() for line in masses] == ["left", "right"]
     assert any("left out: only slipd commission in a terminal" in line for line in host.printed)
-    assert (host.text, set(host.asked)) == (read.text, {"status"})
+    assert (host.text, set(host.asked)) == (read.text, {"hello", "status"})

@@ -61,7 +61,7 @@ def test_lines_and_prompts_are_objects(tmp_path: Path, monkeypatch: pytest.Monke
     with hosted(tmp_path, monkeypatch) as host:
         assert host.respond(Say("5.0 N. Let go.")) is None
         assert host.respond(Prompt("end", "Press the end.", "left")) is None
-    prompt = {"step": "end", "text": "Press the end.", "finger": "left", "choices": ["skip"]}
+    prompt = {"step": "end", "text": "Press the end.", "finger": "left", "choices": ["skip"], "free": ""}
     assert said() == [{"say": "5.0 N. Let go."}, {"prompt": prompt}]
 
 
