@@ -7,11 +7,10 @@ from slipd_client.errors import ClientError, RequestRefused, TareGivenUp
 TOO_BUSY = "the machine was too busy to answer in time: close other programs on it, and try again"
 STATUS = "slipctl status says what is wrong"
 
+LATE_CODES = frozenset({"deadline_passed", "deadline_too_far", "busy", "repeated_id"})
+"""Codes of refusals on a machine that is too busy."""
+
 INSTEAD = {
-    "deadline_passed": TOO_BUSY,
-    "deadline_too_far": TOO_BUSY,
-    "busy": TOO_BUSY,
-    "repeated_id": TOO_BUSY,
     "wrong_boot": "the daemon was restarted meanwhile: try again",
     "read_only": "the key may only read: name a key that the daemon lists under requesters, with --key",
     "no_lease": f"the right to move the gripper ended before the request arrived; {TOO_BUSY}",
@@ -46,6 +45,8 @@ def reason_of(error: ClientError) -> str:
         return TARES[error.reason]
     if not isinstance(error, RequestRefused):
         return str(error)
+    if error.code in LATE_CODES:
+        return TOO_BUSY
     if error.code in INSTEAD:
         return INSTEAD[error.code]
     return f"{error.message}; {BESIDE[error.code]}" if error.code in BESIDE else error.message
