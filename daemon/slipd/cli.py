@@ -192,9 +192,13 @@ def _evaluate(arguments: argparse.Namespace) -> int:
     cache = ResultCache(cache_folder()) if results is None else ResultCache(results, pruned=False)
     executor = None if arguments.dask is None else on_dask(arguments.dask)
     command = EvaluateCommand(chosen(arguments.recordings, arguments.shard), arguments.config, cache, executor)
-    if arguments.table is not None:
-        return DONE if command.write(arguments.table) else FAULT
-    return DONE if command.show(arguments.out, as_json=arguments.json) else FAULT
+    try:
+        if arguments.table is not None:
+            return DONE if command.write(arguments.table) else FAULT
+        return DONE if command.show(arguments.out, as_json=arguments.json) else FAULT
+    except KeyboardInterrupt:
+        print("slipd: interrupted; the same command goes on from here", file=sys.stderr)
+        return INTERRUPTED
 
 
 def _plot(arguments: argparse.Namespace) -> int:

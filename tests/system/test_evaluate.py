@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import os
 import pty
+import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -21,6 +24,8 @@ from slipd.sim.finger_sensing import FingerSensing, offline_config
 from slipd.sim.offline_grasp import BEGIN_NS, BOOT, run_offline
 from slipd.sim.stickslip import ContactPatch, FrictionLaw, GraspedObject, LoadHistory, PadCompliance, simulate
 from slipd.sim.truth_log import TruthLog
+
+parquet = pytest.importorskip("pyarrow.parquet")
 
 DEMO, REFLEX, STALLS = (str(RECORDINGS / f"{name}.mcap") for name in ("demo", "reflex", "stalls"))
 SLIPD = str(Path(sys.executable).with_name("slipd"))
@@ -178,3 +183,31 @@ def test_progress_is_shown_on_a_terminal_only() -> None:
     assert ended.returncode == 0
     assert "0 of 1 runs" in shown
     assert shown.endswith("\r\x1b[K"), "and erased at the end"
+
+
+@pytest.mark.process
+def test_an_interrupted_batch_goes_on_where_it_ended(tmp_path: Path) -> None:
+    recordings, results, table = tmp_path / "recordings", tmp_path / "results", tmp_path / "runs.parquet"
+    recordings.mkdir()
+    for number in range(9):
+        shutil.copy(DEMO, recordings / f"{number}.mcap")
+        with (recordings / f"{number}.mcap").open("ab") as file:
+            file.write(bytes(number))  # another recording, by its hash
+    waits = tmp_path / "waits.mcap"
+    os.mkfifo(waits)  # nobody writes to it, so the batch cannot end
+    command = [SLIPD, "evaluate", "--results", str(results), "--table", str(table), str(recordings)]
+    batch = subprocess.Popen([*command, str(waits)], stderr=subprocess.PIPE, text=True, start_new_session=True)
+    with batch:
+        deadline_s = time.monotonic() + 100.0
+        while batch.poll() is None and not list(results.glob("*.json")) and time.monotonic() < deadline_s:
+            time.sleep(0.01)
+        assert batch.returncode is None
+        os.killpg(batch.pid, signal.SIGINT)  # as a terminal does
+        _, told = batch.communicate(timeout=60)
+    kept = len(list(results.glob("*.json")))
+    assert kept > 0
+    assert (batch.returncode, told) == (130, "slipd: interrupted; the same command goes on from here\n")
+    assert not table.exists()
+    again = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert f"9 runs of 9 recordings, {kept} of them known before, 0 failed" in again.stdout
+    assert parquet.read_table(table).num_rows == 9

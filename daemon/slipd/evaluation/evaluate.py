@@ -100,7 +100,7 @@ def _work(paths: Sequence[Path], every: Sequence[NamedConfig], cache: ResultCach
     """Yield what is to be replayed, and what the cache has already."""
     for path in paths:
         try:
-            keys = [cache.key(path, config.text) for config in every]
+            keys = cache.keys(path, [config.text for config in every])
         except OSError as error:
             why = f"{path}: cannot be opened: {error.strerror}"
             yield from (Finished(Job(path, config, ""), why) for config in every)

@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from slipd.evaluation.config_run import ConfigRun
@@ -37,18 +38,22 @@ class ResultCache:
         self._folder = folder
         self._pruned = pruned
 
-    def key(self, recording: Path, config_text: str | None) -> str:
-        """Return the key of a result; None is the recorded config.
+    def keys(self, recording: Path, config_texts: Sequence[str | None]) -> list[str]:
+        """Return the key of the result for each config; None is the recorded one. The recording is read once.
 
         Raises:
             OSError: The recording cannot be read.
         """
-        digest = hashlib.sha256(own_stamp().encode())
+        of_recording = hashlib.sha256(own_stamp().encode())
         with recording.open("rb") as file:
-            digest.update(hashlib.file_digest(file, "sha256").digest())
-        if config_text is not None:
-            digest.update(config_text.encode())
-        return digest.hexdigest()
+            of_recording.update(hashlib.file_digest(file, "sha256").digest())
+        found = []
+        for text in config_texts:
+            digest = of_recording.copy()
+            if text is not None:
+                digest.update(text.encode())
+            found.append(digest.hexdigest())
+        return found
 
     def get(self, key: str) -> ConfigRun | None:
         """Return a result, or None if it is not there. Then it counts as new."""

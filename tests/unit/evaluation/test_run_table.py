@@ -35,7 +35,7 @@ def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
     run = run_config(DEMO, None, RECORDED)
     found = figures(run)
     assert (row["recording"], row["config"], row["fault"]) == (str(DEMO), RECORDED, None)
-    assert row["key"] == cache.key(DEMO, None)
+    assert [row["key"]] == cache.keys(DEMO, [None])
     assert (row["length_s"], row["warning_s"], row["changes"]) == (run.end_s, found.level_s["warning"], found.changes)
     assert row["warnings"] == found.warnings > 0
     alarms = [(alarm["source"], alarm["level"], alarm["begin_s"], tuple(alarm["reasons"])) for alarm in row["alarms"]]
