@@ -42,7 +42,8 @@ config states the noise of the sensors and the growth of the contact as they are
 every run as independent, are too narrow there.
 
 `make evaluate` makes this page; `python -m evaluate --quick` prints the figures of a few families in less than a minute
-(see its help in `tests/lab/evaluate/__main__.py`). `python -m evaluate.calm` counts false alarms over hours.
+(see its help in `tests/lab/evaluate/__main__.py`). `python -m evaluate.calm` counts false alarms over
+[calm hours](calm_hours.md).
 
 ![Figures by family and μ, leads of warnings and latencies](warning_quality.png)"""
 
