@@ -18,7 +18,7 @@ from pathlib import Path
 
 from bench.child import BenchError
 from bench.commit import measured_on
-from fleet import outage, steady, vanishing
+from fleet import outage, steady, vanishing, wire
 from fleet.network import Network
 from replays import messages
 
@@ -41,6 +41,7 @@ def main() -> int:
             folder = Path(name)
             with Network(folder, write_course(folder / "course.json"), options.robots) as network:
                 tables = [steady.run(network, folder, options.seconds)]
+                tables.append(wire.run(network))
                 tables.append(outage.run(network, folder))
                 tables.append(vanishing.run(network))
     except BenchError as error:

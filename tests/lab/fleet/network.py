@@ -53,8 +53,7 @@ class Network:
         for number, socket in enumerate(self.sockets):
             plan = Plan(socket, str(self._course), f"boot-{number}", SPREAD_S * number / self._number)
             self.robots.append(self.child(sys.executable, "-m", "fleet.robot", json.dumps(asdict(plan))))
-            command = ("--publish", socket, "bridge", "--robot", robot_name(number), "--connect", self.endpoint)
-            self.bridges.append(self.child(sys.executable, "-m", "slipd_client.slipctl", *command))
+            self.bridges.append(self.bridge(socket, robot_name(number), self.endpoint))
         for robot, bridge in zip(self.robots, self.bridges, strict=True):
             robot.told("publishing")
             bridge.told("bridge: ")
@@ -62,6 +61,11 @@ class Network:
 
     def __exit__(self, *error: object) -> None:
         self._stack.__exit__(*error)
+
+    def bridge(self, socket: str, robot: str, endpoint: str) -> Child:
+        """Start the bridge of a daemon."""
+        command = ("--publish", socket, "bridge", "--robot", robot, "--connect", endpoint)
+        return self.child(sys.executable, "-m", "slipd_client.slipctl", *command)
 
     def start_router(self) -> None:
         """Start the router, and wait until it listens."""

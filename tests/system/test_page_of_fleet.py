@@ -1,0 +1,120 @@
+"""The page of `slipctl fleet --page` in a real browser, with robots that report, slip and vanish."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from browser import MISSING, Browser
+
+pytest.importorskip("zenoh", reason="needs eclipse-zenoh, the extra `fleet`")
+
+from zenoh_peers import free_endpoint, session
+
+from slipd_client.fleet.bridge_publisher import BridgePublisher
+from slipd_client.messages import encode
+
+pytestmark = pytest.mark.process
+
+needs_browser = pytest.mark.skipif(bool(MISSING), reason=MISSING)
+
+
+class Robot:
+    """A robot that reports its level ten times a second."""
+
+    def __init__(self, endpoint: str, name: str) -> None:
+        self.level = "stable"
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._report, args=(endpoint, name))
+        self._thread.start()
+
+    def _report(self, endpoint: str, name: str) -> None:
+        with session(endpoint) as here:
+            publisher = BridgePublisher(here, "plant", name)
+            publisher.set_daemon_alive(True)
+            seq = 0
+            while not self._ended.wait(0.1):
+                seq += 1
+                header: dict[str, Any] = {"v": 1, "seq": seq, "boot": "b", "t_ns": time.monotonic_ns()}
+                stream = {"health": 1, "message": "<b>late</b>"}
+                fingers = {"left": {"level": self.level, "reasons": []}}
+                publisher.put("status", encode(header | {"fingers": fingers, "streams": {"left.pad": stream}}))
+
+    def leaves(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def fleet() -> Iterator[tuple[str, dict[str, Robot]]]:
+    """The address of the page, and two robots."""
+    endpoint = free_endpoint()
+    command = [sys.executable, "-m", "slipd_client.slipctl", "fleet", "--fleet", "plant", "--listen", endpoint]
+    command += ["--page", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process, contextlib.ExitStack() as stack:
+        stack.callback(process.kill)
+        assert process.stdout is not None
+        url = process.stdout.readline().strip().removeprefix("fleet: ")
+        robots = {name: Robot(endpoint, name) for name in ("arm1", "arm2")}
+        for robot in robots.values():
+            stack.callback(robot.leaves)
+        yield url, robots
+
+
+def fetched(url: str, token: str | None) -> dict[str, Any]:
+    """Return the fleet as the page asks for it."""
+    heads = {} if token is None else {"Authorization": f"Bearer {token}"}
+    request = urllib.request.Request(f"{url.partition('#')[0]}data/fleet.json", headers=heads)
+    with urllib.request.urlopen(request) as answer:
+        found: dict[str, Any] = json.load(answer)
+        return found
+
+
+def test_the_data_of_the_page_need_its_token(fleet: tuple[str, dict[str, Robot]]) -> None:
+    url, _ = fleet
+    for token in (None, "wrong"):
+        with pytest.raises(urllib.error.HTTPError, match="401"):
+            fetched(url, token)
+    assert fetched(url, url.partition("#")[2])["fleet"] == "plant"
+
+
+def cells(browser: Browser) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = browser.value(
+        """Object.fromEntries([...document.querySelectorAll("#robot-rows tr")].map(
+            (row) => [row.dataset.robot, [...row.cells].slice(1, 4).map((cell) => cell.textContent)]))"""
+    )
+    return found
+
+
+def order(names: str) -> str:
+    return (
+        f"""[...document.querySelectorAll("#robot-rows tr")].map((row) => row.dataset.robot).join(" ") === "{names}" """
+    )
+
+
+@needs_browser
+def test_the_page_shows_levels_and_robots_that_vanish_the_most_urgent_first(
+    fleet: tuple[str, dict[str, Robot]], browser: Browser
+) -> None:
+    url, robots = fleet
+    browser.open(url)
+    browser.until(order("arm1 arm2"))
+    browser.until("""document.getElementById("facts").textContent.includes("2 of 2 robots are live")""")
+    assert cells(browser) == {name: ["live", "STABLE", "WARN"] for name in ("arm1", "arm2")}
+    robots["arm2"].level = "slipping"
+    browser.until(order("arm2 arm1"))
+    assert cells(browser)["arm2"] == ["live", "SLIPPING", "WARN"]
+    assert "left.pad: <b>late</b>" in browser.value("""slipd.rows.get("arm2").cells[5].textContent""")
+    robots["arm1"].leaves()
+    browser.until("""slipd.rows.get("arm1").cells[1].textContent === "gone" """)
+    assert cells(browser)["arm1"] == ["gone", "UNKNOWN", "unknown"]
+    assert browser.problems == []
