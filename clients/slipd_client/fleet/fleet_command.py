@@ -44,7 +44,7 @@ def run(chosen: argparse.Namespace) -> None:
         elif chosen.json:
             while True:
                 _take(listener, LINE_S)
-                print(json.dumps(fleet_map(chosen.fleet, _rows(listener), _dropped(listener))), flush=True)
+                print(json.dumps(fleet_map(chosen.fleet, _rows(listener), _unread(listener))), flush=True)
         elif is_screen(sys.stdout):
             _redraw(chosen.fleet, listener)
         else:
@@ -69,10 +69,10 @@ def _take(listener: FleetListener, seconds: float) -> None:
 def _print_once(chosen: argparse.Namespace, listener: FleetListener) -> None:
     rows = _rows(listener)
     if chosen.json:
-        print(json.dumps(fleet_map(chosen.fleet, rows, _dropped(listener))))
+        print(json.dumps(fleet_map(chosen.fleet, rows, _unread(listener))))
         return
     terminal = terminal_of(sys.stdout, size_of(sys.stdout).columns, UNCUT)
-    for line in fleet_lines(chosen.fleet, rows, _dropped(listener), terminal):
+    for line in fleet_lines(chosen.fleet, rows, _unread(listener), terminal):
         print(line)
 
 
@@ -81,7 +81,7 @@ def _redraw(fleet: str, listener: FleetListener) -> None:
         while True:
             size = size_of(sys.stdout)
             terminal = terminal_of(sys.stdout, *size)
-            screen.draw(fleet_lines(fleet, _rows(listener), _dropped(listener), terminal), size)
+            screen.draw(fleet_lines(fleet, _rows(listener), _unread(listener), terminal), size)
             _take(listener, REDRAW_S)
 
 
@@ -100,8 +100,8 @@ def _rows(listener: FleetListener) -> list[RobotRow]:
     return listener.state.rows(time.monotonic())
 
 
-def _dropped(listener: FleetListener) -> int:
-    return listener.dropped + listener.state.bad
+def _unread(listener: FleetListener) -> int:
+    return listener.state.bad
 
 
 def _serve_page(chosen: argparse.Namespace, listener: FleetListener) -> None:

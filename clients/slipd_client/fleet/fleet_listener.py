@@ -1,42 +1,31 @@
 """Hears a fleet over Zenoh: warnings, ``status`` and signs of life of every robot, put into a `FleetState`.
 
-Zenoh calls back in threads of its own. They only queue what arrives; whoever owns the state takes it from there.
+What arrives waits in queues of Zenoh's own threads until it is taken. Callbacks into Python would each wait for the
+interpreter: a view that computes for a moment would hold up the network of a thousand robots.
 """
 
 from __future__ import annotations
 
-import queue
 import time
-from typing import NamedTuple
 
 import zenoh
-from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
+from zenoh.ext import AdvancedSubscriber, HistoryConfig, RecoveryConfig, declare_advanced_subscriber
 
 from slipd_client.fleet.fleet_keys import split_key
 from slipd_client.fleet.fleet_state import FleetState
 from slipd_client.messages.names import STATUS_TOPIC, WARNING_TOPIC
 from slipd_client.messages.schema.topics import Message
 
-MOST_QUEUED = 100_000
-"""Messages that wait to be taken: some seconds of a thousand robots. Those beyond are dropped, and counted."""
+WARNINGS_QUEUED = 400_000
+"""Warnings that wait to be taken: the kept ones of two thousand robots. Beyond them the network has to wait."""
 
+STATUSES_QUEUED = 20_000
+"""Messages ``status`` that wait, two of each of ten thousand robots. Beyond them the oldest are dropped."""
 
-class Arrived(NamedTuple):
-    """What arrived.
+TOKENS_QUEUED = 100_000
 
-    Attributes:
-        robot: Name of the robot.
-        what: A topic, or which token.
-        payload: Bytes of the message; None for a token.
-        alive: The token was declared, and not ended.
-        t_s: Time of the arrival, on ``time.monotonic``.
-    """
-
-    robot: str
-    what: str
-    payload: bytes | None
-    alive: bool
-    t_s: float
+POLL_S = 0.02
+"""How often the queues are looked at while they are empty."""
 
 
 class FleetListener:
@@ -51,22 +40,22 @@ class FleetListener:
 
     Attributes:
         state: The state of the robots, by what `take` has taken.
-        dropped: What arrived while too much waited.
     """
 
     def __init__(self, session: zenoh.Session, fleet: str) -> None:
         self.state = FleetState()
-        self.dropped = 0
         self._fleet = fleet
-        self._queue: queue.SimpleQueue[Arrived] = queue.SimpleQueue()
         history = HistoryConfig(detect_late_publishers=True)
         recovery = RecoveryConfig(periodic_queries=None, heartbeat=True)
-        self._declared = (
-            session.liveliness().declare_subscriber(f"{fleet}/*/*", self._on_token, history=True),
+        tokens: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(TOKENS_QUEUED)
+        warnings: zenoh.handlers.FifoChannel[zenoh.Sample] = zenoh.handlers.FifoChannel(WARNINGS_QUEUED)
+        statuses: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(STATUSES_QUEUED)
+        self._tokens = session.liveliness().declare_subscriber(f"{fleet}/*/*", tokens, history=True)
+        self._messages: tuple[AdvancedSubscriber[zenoh.Handler[zenoh.Sample]], ...] = (
             declare_advanced_subscriber(
-                session, f"{fleet}/*/{WARNING_TOPIC}", self._on_message, history=history, recovery=recovery
+                session, f"{fleet}/*/{WARNING_TOPIC}", warnings, history=history, recovery=recovery
             ),
-            declare_advanced_subscriber(session, f"{fleet}/*/{STATUS_TOPIC}", self._on_message, history=history),
+            declare_advanced_subscriber(session, f"{fleet}/*/{STATUS_TOPIC}", statuses, history=history),
         )
 
     def take(self, wait_s: float) -> list[Message]:
@@ -75,35 +64,28 @@ class FleetListener:
         Args:
             wait_s: How long to wait for the first arrival.
         """
+        until_s = time.monotonic() + wait_s
+        while True:
+            messages, arrived = self._take_now(time.monotonic())
+            left_s = until_s - time.monotonic()
+            if arrived or left_s <= 0:
+                return messages
+            time.sleep(min(POLL_S, left_s))
+
+    def _take_now(self, now_s: float) -> tuple[list[Message], bool]:
+        """Take what has arrived; return the messages, and whether there was anything."""
         messages: list[Message] = []
-        try:
-            arrived = self._queue.get(timeout=wait_s) if wait_s > 0 else self._queue.get_nowait()
-            while True:
-                if (message := self._apply(arrived)) is not None:
+        arrived = False
+        while (sample := self._tokens.try_recv()) is not None:
+            arrived = True
+            if (found := split_key(str(sample.key_expr), self._fleet)) is not None:
+                self.state.token(*found, alive=sample.kind == zenoh.SampleKind.PUT)
+        for subscriber in self._messages:
+            while (sample := subscriber.try_recv()) is not None:
+                arrived = True
+                found = split_key(str(sample.key_expr), self._fleet)
+                if found is None or sample.kind != zenoh.SampleKind.PUT:
+                    continue
+                if (message := self.state.message(*found, sample.payload.to_bytes(), now_s)) is not None:
                     messages.append(message)
-                arrived = self._queue.get_nowait()
-        except queue.Empty:
-            return messages
-
-    def _apply(self, arrived: Arrived) -> Message | None:
-        if arrived.payload is None:
-            self.state.token(arrived.robot, arrived.what, alive=arrived.alive)
-            return None
-        return self.state.message(arrived.robot, arrived.what, arrived.payload, arrived.t_s)
-
-    def _on_message(self, sample: zenoh.Sample) -> None:
-        if sample.kind == zenoh.SampleKind.PUT:
-            self._put(sample, sample.payload.to_bytes())
-
-    def _on_token(self, sample: zenoh.Sample) -> None:
-        self._put(sample, None)
-
-    def _put(self, sample: zenoh.Sample, payload: bytes | None) -> None:
-        found = split_key(str(sample.key_expr), self._fleet)
-        if found is None:
-            return
-        if payload is not None and self._queue.qsize() >= MOST_QUEUED:
-            self.dropped += 1
-            return
-        alive = sample.kind == zenoh.SampleKind.PUT
-        self._queue.put(Arrived(*found, payload, alive, time.monotonic()))
+        return messages, arrived

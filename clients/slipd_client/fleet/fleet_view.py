@@ -24,16 +24,16 @@ def by_urgency(rows: Sequence[RobotRow]) -> list[RobotRow]:
     return sorted(rows, key=lambda row: (_URGENT[row.level], -(row.health or 0), row.robot))
 
 
-def fleet_lines(fleet: str, rows: Sequence[RobotRow], dropped: int, terminal: Terminal) -> list[str]:
+def fleet_lines(fleet: str, rows: Sequence[RobotRow], unread: int, terminal: Terminal) -> list[str]:
     """Return the view: a head with counts, then one line for each robot, the most urgent first.
 
     Args:
         fleet: Name of the fleet.
         rows: The robots.
-        dropped: Messages that this viewer had no time for, or could not read.
+        unread: Messages that could not be read.
         terminal: What to draw for; robots without room are counted in the last line.
     """
-    head: list[Line] = [_summary(fleet, rows, dropped)]
+    head: list[Line] = [_summary(fleet, rows, unread)]
     if rows:
         head.append([(f"{'robot':<{NAME_CELLS}}  {'state':<6}  {'level':<10}  {'health':<6}  {'age':>8}", "2")])
     lines = [*head, *map(_robot_line, by_urgency(rows))]
@@ -44,10 +44,10 @@ def fleet_lines(fleet: str, rows: Sequence[RobotRow], dropped: int, terminal: Te
     return [paint(line, terminal.columns, colour=terminal.colour) for line in spoken]
 
 
-def fleet_map(fleet: str, rows: Sequence[RobotRow], dropped: int) -> dict[str, Any]:
+def fleet_map(fleet: str, rows: Sequence[RobotRow], unread: int) -> dict[str, Any]:
     """Return the fleet as a map of plain values, for JSON."""
     robots = [asdict(row) | {"health": None if row.health is None else row.health.name} for row in by_urgency(rows)]
-    return {"fleet": fleet, "robots": robots, "dropped": dropped}
+    return {"fleet": fleet, "robots": robots, "unread": unread}
 
 
 def change_text(before: RobotRow | None, row: RobotRow) -> str:
@@ -63,7 +63,7 @@ def change_text(before: RobotRow | None, row: RobotRow) -> str:
     return f"{row.robot}: {', '.join(parts)}{f'  ({why})' if why else ''}" if parts else ""
 
 
-def _summary(fleet: str, rows: Sequence[RobotRow], dropped: int) -> Line:
+def _summary(fleet: str, rows: Sequence[RobotRow], unread: int) -> Line:
     states = Counter(row.state for row in rows)
     levels = Counter(row.level for row in rows if row.state == LIVE)
     text = f"fleet {fleet}  {len(rows)} robots"
@@ -71,7 +71,7 @@ def _summary(fleet: str, rows: Sequence[RobotRow], dropped: int) -> Line:
     alarms = [f"{levels[level]} {level}" for level in ("slipping", "warning", "caution") if levels[level]]
     lost = sum(row.missed_warnings for row in rows)
     more = [f"{lost} warnings missed"] if lost else []
-    more += [f"{dropped} messages not read"] if dropped else []
+    more += [f"{unread} messages not read"] if unread else []
     return [("  ".join([text, *counts, *alarms, *more]), "1")]
 
 

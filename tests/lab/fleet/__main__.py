@@ -1,7 +1,7 @@
 """A fleet on loopback: what the bridge adds, whether warnings are lost, and how soon a robot that vanishes is shown.
 
     make fleet    (about three minutes; writes docs/fleet_measured.md)
-    PYTHONPATH=tests/support:tests/lab python -m fleet [--robots N] [--seconds S] [--report FILE]
+    PYTHONPATH=tests/support:tests/lab python -m fleet [--robots N] [--crowd N] [--seconds S] [--report FILE]
 
 Each robot is a publishing daemon (`fleet.robot`) with a `slipctl bridge`, each in a process of its own. One process
 hears all daemons directly, another all of them through a router.
@@ -18,7 +18,7 @@ from pathlib import Path
 
 from bench.child import BenchError
 from bench.commit import measured_on
-from fleet import outage, steady, vanishing, wire
+from fleet import outage, scale, steady, vanishing, wire
 from fleet.network import Network
 from replays import messages
 
@@ -32,6 +32,9 @@ def main() -> int:
     parser.add_argument(
         "--robots", type=int, default=ROBOTS, metavar="N", help="number of robots (default: %(default)s)"
     )
+    parser.add_argument(
+        "--crowd", type=int, default=scale.ROBOTS, metavar="N", help="robots of one process (default: %(default)s)"
+    )
     parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help="of the steady part (default: 30)")
     parser.add_argument("--report", type=Path, metavar="FILE", help="also write the report as Markdown")
     options = parser.parse_args()
@@ -42,6 +45,7 @@ def main() -> int:
             with Network(folder, write_course(folder / "course.json"), options.robots) as network:
                 tables = [steady.run(network, folder, options.seconds)]
                 tables.append(wire.run(network))
+                tables.append(scale.run(network, options.crowd))
                 tables.append(outage.run(network, folder))
                 tables.append(vanishing.run(network))
     except BenchError as error:

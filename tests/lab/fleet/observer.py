@@ -3,7 +3,7 @@
     python -m fleet.observer zeromq|zenoh FILE ENDPOINT [ENDPOINT …]
 
 The endpoints are those of the robots, by their numbers, or that of the router. Prints ``observing``. After SIGTERM it
-writes robot, topic, number, size in bytes and time of each message (CLOCK_MONOTONIC, ns), in the order of arrival.
+writes robot, topic, number, size in bytes, age and time of each message (CLOCK_MONOTONIC, ns), in the order of arrival.
 """
 
 from __future__ import annotations
@@ -100,7 +100,10 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda number, _: ended.append(number))
     kind, file, *endpoints = sys.argv[1:]
     arrivals = over_zeromq(endpoints, ended) if kind == "zeromq" else over_zenoh(endpoints[0], ended)
-    rows = [(robot, topic, msgpack.unpackb(body)["seq"], len(body), t_ns) for robot, topic, body, t_ns in arrivals]
+    rows = []
+    for robot, topic, payload, t_ns in arrivals:
+        body = msgpack.unpackb(payload)
+        rows.append((robot, topic, body["seq"], len(payload), t_ns - body["t_ns"], t_ns))
     Path(file).write_text(json.dumps(rows), encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""The router is killed and started again, or freezes: how soon every robot is live again, and which warnings are lost."""
+"""The router is killed and started again, or freezes: how soon all robots are live again, and what is lost."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def run(network: Network, folder: Path) -> Table:
             back_s = _until(lambda live=live: len(live()) == len(network.robots))
             end_ns = time.monotonic_ns()
             time.sleep(SETTLE_S)
-        sent, _ = arrivals(direct)
-        came, _ = arrivals(fleet)
+        sent, *_ = arrivals(direct)
+        came, *_ = arrivals(fleet)
         warnings = [key for key, t_ns in sent.items() if key[1] == "warning" and begin_ns <= t_ns <= end_ns]
         lost = sum(key not in came for key in warnings)
         table.rows.append((what, f"{away_s:g}", gone_s, back_s, len(warnings), lost))

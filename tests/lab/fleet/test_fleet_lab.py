@@ -16,7 +16,19 @@ pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
 
 def test_a_small_fleet_is_measured_and_loses_no_warning(tmp_path: Path) -> None:
     report = tmp_path / "report.md"
-    command = [sys.executable, "-m", "fleet", "--robots", "2", "--seconds", "3", "--report", str(report)]
+    command = [
+        sys.executable,
+        "-m",
+        "fleet",
+        "--robots",
+        "2",
+        "--crowd",
+        "5",
+        "--seconds",
+        "3",
+        "--report",
+        str(report),
+    ]
     done = subprocess.run(command, env={"PYTHONPATH": MODULES}, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     rows = [line.split(" | ") for line in report.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]

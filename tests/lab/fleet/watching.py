@@ -11,6 +11,9 @@ from zenoh_peers import session
 from slipd_client.fleet.fleet_listener import FleetListener
 from slipd_client.fleet.fleet_state import LIVE
 
+FLEET = "slipd"
+"""Name of the fleet that is measured."""
+
 LOOK_S = 0.01
 
 
@@ -18,7 +21,7 @@ LOOK_S = 0.01
 def watching(endpoint: str) -> Iterator[Callable[[], set[str]]]:
     """Watch while the block runs; yield what returns the robots that are live, after it has taken what arrived."""
     with session(endpoint) as here:
-        listener = FleetListener(here, "slipd")
+        listener = FleetListener(here, FLEET)
 
         def live() -> set[str]:
             listener.take(LOOK_S)

@@ -49,8 +49,8 @@ function showState(state, text) {
 
 function show(fleet) {
   const live = fleet.robots.filter((robot) => robot.state === "live").length;
-  const dropped = fleet.dropped ? `, ${fleet.dropped} messages not read` : "";
-  setText(byId("facts"), `${fleet.fleet}: ${live} of ${fleet.robots.length} robots are live${dropped}`);
+  const unread = fleet.unread ? `, ${fleet.unread} messages not read` : "";
+  setText(byId("facts"), `${fleet.fleet}: ${live} of ${fleet.robots.length} robots are live${unread}`);
   byId("no-robots").hidden = fleet.robots.length > 0;
   const body = byId("robot-rows");
   fleet.robots.forEach((robot, place) => {

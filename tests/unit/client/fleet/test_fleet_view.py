@@ -75,6 +75,6 @@ def test_a_log_has_a_line_for_each_change_and_none_without() -> None:
 
 def test_json_has_every_field() -> None:
     told = json.loads(json.dumps(fleet_map("plant", [GONE, ILL], 1)))
-    assert (told["fleet"], told["dropped"]) == ("plant", 1)
+    assert (told["fleet"], told["unread"]) == ("plant", 1)
     assert [each["health"] for each in told["robots"]] == [None, "STALE"]
     assert told["robots"][1]["missed_warnings"] == 2
