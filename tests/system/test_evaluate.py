@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
@@ -185,29 +186,68 @@ def test_progress_is_shown_on_a_terminal_only() -> None:
     assert shown.endswith("\r\x1b[K"), "and erased at the end"
 
 
+class Batch:
+    """A batch of nine recordings in processes, which a pipe that nobody writes to keeps from ending."""
+
+    def __init__(self, folder: Path) -> None:
+        recordings, waits = folder / "recordings", folder / "waits.mcap"
+        recordings.mkdir()
+        for number in range(9):
+            shutil.copy(DEMO, recordings / f"{number}.mcap")
+            with (recordings / f"{number}.mcap").open("ab") as file:
+                file.write(bytes(number))  # another recording, by its hash
+        os.mkfifo(waits)
+        self.results, self.table = folder / "results", folder / "runs.parquet"
+        options = ["--results", str(self.results), "--table", str(self.table)]
+        self.command = [SLIPD, "evaluate", *options, str(recordings)]
+        self.process = subprocess.Popen(
+            [*self.command, str(waits)], stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+
+    def wait_for_a_result(self) -> None:
+        deadline_s = time.monotonic() + 100.0
+        while not self.kept() and self.process.poll() is None and time.monotonic() < deadline_s:
+            time.sleep(0.01)
+        assert self.process.returncode is None
+
+    def kept(self) -> int:
+        return len(list(self.results.glob("*.json")))
+
+    def others(self) -> list[int]:
+        """The other processes of the session, which are those that replay."""
+        found = []
+        for path in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                session = int((path / "stat").read_text().rpartition(")")[2].split()[3])
+                if session == self.process.pid != int(path.name):
+                    found.append(int(path.name))
+        return found
+
+
 @pytest.mark.process
 def test_an_interrupted_batch_goes_on_where_it_ended(tmp_path: Path) -> None:
-    recordings, results, table = tmp_path / "recordings", tmp_path / "results", tmp_path / "runs.parquet"
-    recordings.mkdir()
-    for number in range(9):
-        shutil.copy(DEMO, recordings / f"{number}.mcap")
-        with (recordings / f"{number}.mcap").open("ab") as file:
-            file.write(bytes(number))  # another recording, by its hash
-    waits = tmp_path / "waits.mcap"
-    os.mkfifo(waits)  # nobody writes to it, so the batch cannot end
-    command = [SLIPD, "evaluate", "--results", str(results), "--table", str(table), str(recordings)]
-    batch = subprocess.Popen([*command, str(waits)], stderr=subprocess.PIPE, text=True, start_new_session=True)
-    with batch:
-        deadline_s = time.monotonic() + 100.0
-        while batch.poll() is None and not list(results.glob("*.json")) and time.monotonic() < deadline_s:
-            time.sleep(0.01)
-        assert batch.returncode is None
-        os.killpg(batch.pid, signal.SIGINT)  # as a terminal does
-        _, told = batch.communicate(timeout=60)
-    kept = len(list(results.glob("*.json")))
+    batch = Batch(tmp_path)
+    with batch.process as process:
+        batch.wait_for_a_result()
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        _, told = process.communicate(timeout=60)
+    kept = batch.kept()
     assert kept > 0
-    assert (batch.returncode, told) == (130, "slipd: interrupted; the same command goes on from here\n")
-    assert not table.exists()
-    again = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert (process.returncode, told) == (130, "slipd: interrupted; the same command goes on from here\n")
+    assert not batch.table.exists()
+    again = subprocess.run(batch.command, capture_output=True, text=True, check=False, timeout=100)
     assert f"9 runs of 9 recordings, {kept} of them known before, 0 failed" in again.stdout
-    assert parquet.read_table(table).num_rows == 9
+    assert parquet.read_table(batch.table).num_rows == 9
+
+
+@pytest.mark.process
+def test_a_killed_batch_leaves_no_process(tmp_path: Path) -> None:
+    batch = Batch(tmp_path)
+    with batch.process as process:
+        batch.wait_for_a_result()
+        assert batch.others()
+        process.kill()
+    deadline_s = time.monotonic() + 60.0
+    while batch.others() and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert batch.others() == []

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import socket
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -76,8 +77,20 @@ def _alone(job: Job) -> Run:
 def _pool(processes: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([replay_job.__module__])  # the libraries are loaded once, not by each process
-    silent_end = (signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the processes at once, without a traceback of each
-    return ProcessPoolExecutor(processes, context, signal.signal, silent_end)
+    return ProcessPoolExecutor(processes, context, _begin_worker)
+
+
+def _begin_worker() -> None:
+    """Let Ctrl-C end this process at once, without a traceback, and the end of the batch too, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_batch, daemon=True).start()
+
+
+def _end_with_batch() -> None:
+    batch = multiprocessing.parent_process()
+    if batch is not None:
+        batch.join()
+    os._exit(1)
 
 
 def on_dask(address: str) -> Executor:
