@@ -88,3 +88,18 @@ def test_commands_come_from_a_script_and_standard_input_and_faults_are_named(tmp
     assert "no emulation at nowhere" in done.stderr
     assert (tmp_path / "rig.toml").read_text(encoding="utf-8") == RIG
     assert "Traceback" not in done.stderr
+
+
+def test_what_was_changed_in_the_copy_is_kept_with_the_ports_of_the_config(tmp_path: Path) -> None:
+    done = run(
+        tmp_path,
+        "for dir in '--dir rig' ''; do mkfifo hold; slipd emulate rig.toml $dir <hold >out & exec 9>hold;"
+        "until grep -q ^config: out; do sleep 0.1; done; copy=$(sed -n 's/^config: //p' out);"
+        "sed -i 's/sign = -1/sign = 1  # slipd commission/' \"$copy\"; echo quit >&9; wait; exec 9>&-;"
+        'tail -1 out; rm hold out; ls "$copy"; done',
+    )
+    kept = RIG.replace("sign = -1", "sign = 1  # slipd commission")
+    names = ("rig.commissioned.toml", "rig.commissioned-2.toml")
+    assert [(tmp_path / name).read_text(encoding="utf-8") for name in names] == [kept, kept], done.stderr
+    assert [line.rpartition("/")[2] for line in done.stdout.splitlines()] == list(names)
+    assert done.stderr.count("No such file") == 2, "the copies are gone"

@@ -1,4 +1,4 @@
-"""Emulated pads in a real browser: commissioned on the page, pressed by mouse; each part is a process of its own."""
+"""Emulated pads in a real browser: commissioned on the page, pressed by mouse and keyboard; each part is a process."""
 
 from __future__ import annotations
 
@@ -102,6 +102,43 @@ def test_the_mouse_presses_a_pad_that_is_mounted_as_the_config_says(rig: Emulate
     browser.until(f"Math.abs({SHOWN}.normal_n) < 0.3")
 
 
+def test_the_keyboard_presses_a_pad(rig: EmulatedRig, browser: Browser) -> None:
+    browser.open(rig.url)
+    browser.until("slipd.cards.get('left')?.drawn.pad && document.querySelector('.touchable') !== null")
+    assert browser.value("document.querySelector('.touchable').getAttribute('aria-label')").startswith(
+        "emulated pad of"
+    )
+    browser.do(lambda page: page.focus('[data-finger="left"] .pad'))
+    keys(browser, "Space")
+    browser.until(f"(({{ normal_n, c_m }}) => Math.abs(normal_n - 5) < 0.3 && Math.hypot(...c_m) < 1e-3)({SHOWN})")
+    keys(browser, *["ArrowRight"] * 11, "ArrowLeft", *["ArrowUp"] * 3, *["Shift+ArrowUp"] * 5, "PageUp", "PageUp")
+    place = """document.querySelector(".hand [name=place]").textContent"""
+    assert browser.value(place) == "(10.0, 4.0) mm"
+    browser.until(
+        f"""(({{ normal_n, c_m }}) => Math.abs(normal_n - 6) < 0.3 && Math.hypot(c_m[0] - 0.010, c_m[1] - 0.004) < 2e-3)
+            ({SHOWN})"""
+    )
+    keys(browser, *["ArrowRight"] * 10, "Control+ArrowDown", "x")
+    assert browser.value(place).startswith("(16.0, 4.0)"), "the edge of the pad"
+    keys(browser, "PageDown", "Space")
+    browser.until(f"Math.abs({SHOWN}.normal_n) < 0.3")
+    assert browser.problems == []
+
+
+def test_gravity_is_typed_on_the_page_where_a_pose_is_asked_for(rig: EmulatedRig, browser: Browser) -> None:
+    browser.do(lambda page: page.goto(rig.url.replace("/#", "/commission#")))
+    asked = "document.getElementById('prompt').dataset.step === '{}' && document.getElementById('typed').hidden === {}"
+    browser.until(asked.format("centre", "true"))
+    browser.click("#choices [data-word=skip]")
+    browser.until(asked.format("tips_down", "false"))
+    send_text(browser, "1 0")
+    browser.until(f"{PROMPT}.log.some((line) => line.includes('must have three or four numbers, got'))")
+    browser.until("document.getElementById('typed-text').value === ''")
+    send_text(browser, "9.81, 0, 0")
+    browser.until(asked.format("pad_up", "false"))
+    assert browser.problems == []
+
+
 def test_the_controls_go_with_the_emulator_and_come_again(rig: EmulatedRig, browser: Browser) -> None:
     browser.open(rig.url)
     browser.until("document.querySelector('.hand') !== null && document.querySelector('.touchable') !== null")
@@ -124,6 +161,17 @@ def mouse(browser: Browser, action: str, *place_m: float) -> None:
     })"""
     at = browser.value(f"{where}({list(place_m)})") if place_m else []
     browser.do(lambda page: getattr(page.mouse, action)(*at))
+
+
+def keys(browser: Browser, *names: str) -> None:
+    """Press keys one after the other."""
+    browser.do(lambda page: [page.keyboard.press(name) for name in names])
+
+
+def send_text(browser: Browser, text: str) -> None:
+    """Type a text into the field of the guide, and send it by Enter."""
+    browser.do(lambda page: page.fill("#typed-text", text))
+    browser.do(lambda page: page.press("#typed-text", "Enter"))
 
 
 def set_slider(browser: Browser, name: str, value: float) -> None:

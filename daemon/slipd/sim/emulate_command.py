@@ -13,7 +13,7 @@ import socket
 import stat
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 
 from slipd import config
@@ -21,6 +21,7 @@ from slipd.errors import SlipdError
 from slipd.sim.emulate import emulated, prepare_process
 from slipd.sim.hand import PadLoad
 from slipd.sim.hand_commands import HELP, CommandError, parse_command
+from slipd.sim.kept_config import keep, with_changes
 from slipd.sim.touched_devices import TouchedDevices
 
 SOCKET = "hand"
@@ -36,7 +37,8 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
 
     Args:
         file: The config.
-        folder: For its copy, the socket and the pseudo-terminals; created if missing. None: a temporary one.
+        folder: For its copy, the socket and the pseudo-terminals; created if missing. None: a temporary one. A copy
+            that was changed, as by ``slipd commission``, is kept in the working directory.
         script: Commands to carry out first.
         seed: Seed of the noise.
 
@@ -52,9 +54,10 @@ def emulate_command(file: Path, folder: Path | None, script: Path | None, seed: 
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             devices = TouchedDevices(rig, folder.absolute(), seed)
-            written = stack.enter_context(_written(folder.absolute() / file.name, devices.config_text(), file))
+            copy = _Copy(folder.absolute() / file.name, devices.config_text(), file)
+            stack.callback(copy.remove, rig.text, devices.addresses)
             prepare_process()
-            asyncio.run(_serve(devices, written, lines))
+            asyncio.run(_serve(devices, copy.path, lines))
         except (OSError, ValueError) as error:
             raise SlipdError(f"cannot emulate {file}: {error}") from error
 
@@ -107,19 +110,38 @@ def _script_lines(script: Path | None, rig: config.Config) -> list[str]:
     return lines
 
 
-@contextlib.contextmanager
-def _written(path: Path, text: str, source: Path) -> Iterator[Path]:
-    """Write the config for the time of ``with``; refuse to replace the file that it comes from."""
-    if path.exists() and path.samefile(source):
-        raise SlipdError(f"{path}: --dir must not be the folder of the config, whose copy would replace it")
-    with contextlib.suppress(FileNotFoundError):
-        path.unlink()
-    path.touch(0o600, exist_ok=False)
-    path.write_text(text, encoding="utf-8")
-    try:
-        yield path
-    finally:
-        path.unlink(missing_ok=True)
+class _Copy:
+    """The copy of a config for the time of the emulation.
+
+    Args:
+        path: Of the copy.
+        text: The copy.
+        source: The config, which is not replaced.
+
+    Attributes:
+        path: Of the copy.
+
+    Raises:
+        SlipdError: The copy would replace the config.
+    """
+
+    def __init__(self, path: Path, text: str, source: Path) -> None:
+        if path.exists() and path.samefile(source):
+            raise SlipdError(f"{path}: --dir must not be the folder of the config, whose copy would replace it")
+        with contextlib.suppress(FileNotFoundError):
+            path.unlink()
+        path.touch(0o600, exist_ok=False)
+        path.write_text(text, encoding="utf-8")
+        self.path, self._text = path, text
+
+    def remove(self, source: str, addresses: Mapping[str, str]) -> None:
+        """Remove it; what changed in it meanwhile is kept in the config ``source``, in the working directory."""
+        with contextlib.suppress(FileNotFoundError):
+            now = self.path.read_text(encoding="utf-8")
+            if now != self._text:
+                kept = keep(with_changes(source, self._text, now, addresses), self.path.name, Path.cwd())
+                print(f"config: changed meanwhile; with your ports it is kept as {kept}", flush=True)
+            self.path.unlink()
 
 
 async def _serve(devices: TouchedDevices, written: Path, script: list[str]) -> None:

@@ -16,6 +16,11 @@ let config = "";
 
 addEventListener("hashchange", () => location.reload()); // another token
 byId("back").hash = token;
+byId("typed").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const text = byId("typed-text").value.trim();
+  if (text) choose(text);
+});
 begin();
 
 function begin() {
@@ -45,8 +50,8 @@ function receive(message) {
   } else if (message.say !== undefined) {
     say(message.say);
   } else if (message.prompt) {
-    const { text, step, choices } = message.prompt;
-    showPrompt(text, step, choices);
+    const { text, step, choices, free } = message.prompt;
+    showPrompt(text, step, choices, free);
   } else if (message.change) {
     setText(byId("toml"), message.change);
     byId("change").hidden = false;
@@ -73,7 +78,8 @@ function say(text) {
   setText(byId("newest"), line.textContent);
 }
 
-function showPrompt(text, step, choices) {
+/** Show what to do, a button for each choice, and where something else may be typed, a field for it. */
+function showPrompt(text, step, choices, free = "") {
   setText(byId("prompt"), text);
   setText(byId("newest"), "");
   byId("prompt").dataset.kind = "prompt";
@@ -82,6 +88,9 @@ function showPrompt(text, step, choices) {
   const buttons = choices.map((word) => button(word[0].toUpperCase() + word.slice(1), word, () => choose(word)));
   if (step) buttons.push(button("Begin again", "restart", restart));
   byId("choices").replaceChildren(...buttons);
+  byId("typed").hidden = !free;
+  setText(byId("typed-label"), free ? `or type ${free}` : "");
+  byId("typed-text").value = "";
 }
 
 function button(text, word, act) {

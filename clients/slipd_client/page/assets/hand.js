@@ -1,12 +1,22 @@
-// The hand of `slipd emulate`: the mouse presses the emulated pads. Nothing of it exists where no emulation runs.
+// The hand of `slipd emulate`: mouse and keyboard press the emulated pads. Nothing of it exists where no emulation runs.
 
-import { quantity } from "./format.js";
+import { parts, quantity } from "./format.js";
 
-/** Force with which the mouse presses where no other is set, N. */
+/** Force of a press where no other is set, N. */
 const PRESS_N = 5;
 
-/** Change of the force by one step of the wheel, N. */
+/** Change of the force by one step of the wheel, or by Page Up and Page Down, N. */
 const WHEEL_N = 0.5;
+
+/** By one arrow key, and with Shift, m. */
+const STEP_M = 0.001;
+const FINE_STEP_M = 0.0002;
+
+/** Keys that move along X and Y of the pad, as it is drawn. */
+const MOVES = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+/** Keys that change the force. */
+const FORCES = { PageUp: WHEEL_N, PageDown: -WHEEL_N };
 
 const UNITS = { force_n: [1, "N"], twist_mnm: [0, "mN·m"], push_x_n: [1, "N"], push_y_n: [1, "N"] };
 
@@ -99,6 +109,7 @@ class HandControls {
     this.ended = new AbortController();
     card.element.querySelector(".pictures").after(this.element);
     card.pad.classList.add("touchable");
+    for (const [name, value] of Object.entries(this.#attributes())) card.pad.setAttribute(name, value);
     this.#listen();
     this.#show();
   }
@@ -107,6 +118,7 @@ class HandControls {
     this.ended.abort();
     this.element.remove();
     this.card.pad.classList.remove("touchable");
+    for (const name of Object.keys(this.#attributes())) this.card.pad.removeAttribute(name);
   }
 
   #listen() {
@@ -125,9 +137,50 @@ class HandControls {
     });
     on(pad, "wheel", (event) => {
       event.preventDefault();
-      this.inputs.force_n.value = this.#value("force_n") - Math.sign(event.deltaY) * WHEEL_N;
-      this.#touch();
+      this.#changeForce(-Math.sign(event.deltaY) * WHEEL_N);
     });
+    on(pad, "keydown", (event) => {
+      if (event.ctrlKey || event.altKey || event.metaKey || !this.#obey(event)) return;
+      event.preventDefault(); // the page would scroll
+    });
+  }
+
+  /** What a browser must know of a pad that takes keys. */
+  #attributes() {
+    return {
+      tabindex: "0",
+      role: "application",
+      "aria-label": `emulated pad of finger ${this.card.element.dataset.finger}: Space presses and lets go, arrow keys move`,
+    };
+  }
+
+  /** Do what a key stands for; return whether it stands for something. */
+  #obey({ key, shiftKey, repeat }) {
+    if (Object.hasOwn(MOVES, key) && this.card.drawn.pad) {
+      const step_m = shiftKey ? FINE_STEP_M : STEP_M;
+      this.#place(this.place_m.map((value, axis) => value + step_m * MOVES[key][axis]));
+    } else if (Object.hasOwn(FORCES, key)) {
+      this.#changeForce(FORCES[key]);
+    } else if (key === " ") {
+      if (!repeat) this.#pressOrRelease();
+    } else {
+      return false;
+    }
+    return true;
+  }
+
+  #pressOrRelease() {
+    if (this.#value("force_n") !== 0) {
+      this.#release();
+      return;
+    }
+    this.inputs.force_n.value = PRESS_N;
+    this.#touch();
+  }
+
+  #changeForce(by_n) {
+    this.inputs.force_n.value = this.#value("force_n") + by_n;
+    this.#touch();
   }
 
   #value(name) {
@@ -135,9 +188,14 @@ class HandControls {
   }
 
   #moveTo(event) {
-    const { scale, origin, half } = this.card.drawn.pad;
-    const at = [(event.offsetX - origin[0]) / scale, (origin[1] - event.offsetY) / scale];
-    this.place_m = at.map((value, axis) => Math.min(Math.max(value, -half[axis]), half[axis]));
+    const { scale, origin } = this.card.drawn.pad;
+    this.#place([(event.offsetX - origin[0]) / scale, (origin[1] - event.offsetY) / scale]);
+  }
+
+  /** Go to a place of the pad, or to its edge. */
+  #place(at_m) {
+    const { half } = this.card.drawn.pad;
+    this.place_m = at_m.map((value, axis) => Math.min(Math.max(value, -half[axis]), half[axis]));
     this.#touch();
   }
 
@@ -160,5 +218,6 @@ class HandControls {
     for (const [name, [digits, unit]] of Object.entries(UNITS)) {
       this.inputs[name].nextElementSibling.textContent = quantity(this.#value(name), digits, unit);
     }
+    this.element.querySelector("[name=place]").textContent = parts(this.place_m, 1, "mm", 1000);
   }
 }
