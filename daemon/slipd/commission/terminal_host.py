@@ -54,7 +54,11 @@ class TerminalHost:
         self._file, self._text, self._link, self._write = file, text, link, write
         self._gravity = GravityTeller(link.requests, link.request_keys)
         self._client = GripClient(link.requests, keys=link.request_keys)
-        self._subscriber = Subscriber(link.publish, TOPICS, keys=link.publish_keys)
+        try:
+            self._subscriber = Subscriber(link.publish, TOPICS, keys=link.publish_keys)
+        except BaseException:
+            self._client.disconnect()
+            raise
         self._choices: tuple[str, ...] = (SKIP,)
         self._kept: Path | None = None
         self._typed = b""
