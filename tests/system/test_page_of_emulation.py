@@ -103,11 +103,13 @@ def test_the_mouse_presses_a_pad_that_is_mounted_as_the_config_says(rig: Emulate
 
 
 def test_the_keyboard_presses_a_pad(rig: EmulatedRig, browser: Browser) -> None:
+    browser.forget()  # where the mouse was
     browser.open(rig.url)
     browser.until("slipd.cards.get('left')?.drawn.pad && document.querySelector('.touchable') !== null")
     assert browser.value("document.querySelector('.touchable').getAttribute('aria-label')").startswith(
         "emulated pad of"
     )
+    browser.press('[data-finger="left"] .tare', "left: zero taken of wrench")
     browser.do(lambda page: page.focus('[data-finger="left"] .pad'))
     keys(browser, "Space")
     browser.until(f"(({{ normal_n, c_m }}) => Math.abs(normal_n - 5) < 0.3 && Math.hypot(...c_m) < 1e-3)({SHOWN})")

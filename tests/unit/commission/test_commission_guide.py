@@ -14,7 +14,9 @@ from guided_engine import GuidedEngine
 from slipd import config
 from slipd.commission import friction_step, grasp_step
 from slipd.commission.commission_guide import Commission, Manner
-from slipd.commission.dialogue import follow
+from slipd.commission.config_update import changed_text
+from slipd.commission.dialogue import Ask, Change, Event, Output, Refusal, Say, Written, follow
+from slipd.errors import SlipdError
 
 
 def guided(folder: Path, true: config.Config, read: config.Config, **person: Any) -> GuidedEngine:
@@ -76,3 +78,64 @@ def test_a_dry_run_weighs_two_fingers_and_moves_and_writes_nothing(tmp_path: Pat
     assert [line.split(":")[0].strip() for line in masses] == ["left", "right"]
     assert any("left out: only slipd commission in a terminal" in line for line in host.printed)
     assert (host.text, set(host.asked)) == (read.text, {"hello", "status"})
+
+
+TYPED = {
+    "tips_down": ("tilt 1 0 0", "9.81, 0, 0"),
+    "pad_up": ("tilt 0 0 -1", "0 0 -1"),
+    "pad_down": ("tilt 0 0 1", "1 0 0 0"),
+    "side_down": ("tilt 0 1 0", "-0.7071068 0 0 0.7071068"),
+}
+"""Gravity, its direction, and orientations of the pad in the order x, y, z, w."""
+
+
+def test_gravity_and_orientations_may_be_typed_in_place_of_the_poses(tmp_path: Path) -> None:
+    read = commission_rig(mass=0.0, com_z=0.0)
+    host = guided(tmp_path, commission_rig(), read, answers=TYPED)
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Say) and "Step 3" in output.text:
+            host.answers = {}
+        return host.respond(output)
+
+    follow(Commission(read, FINGERS, 20.0).run("weight"), respond)
+    wrench = config.parse(host.text, "found").finger["left"].wrench
+    assert wrench is not None
+    assert wrench.mass_kg == pytest.approx(TRUE["mass"], abs=0.002)
+
+
+def test_what_is_typed_and_is_no_gravity_says_what_would_be(tmp_path: Path) -> None:
+    read = commission_rig()
+    host = guided(tmp_path, read, read, answers={"tips_down": ("", "3 0 0")})
+    steps = Commission(read, FINGERS, 20.0).run("weight")
+
+    def respond(output: Output) -> Event:
+        if isinstance(output, Say) and "must" in output.text:
+            host.answers = {}
+        return host.respond(output)
+
+    assert not follow(steps, respond)
+    assert any("gravity must be about 9.81 m/s² in size" in line for line in host.printed)
+
+
+def test_a_daemon_that_does_not_run_the_new_config_ends_the_guide(tmp_path: Path) -> None:
+    read = commission_rig(**WRONG)
+    host = guided(tmp_path, commission_rig(), read)
+
+    def respond(output: Output) -> Event:
+        return Written(changed_text(read.text, output.values)) if isinstance(output, Change) else host.respond(output)
+
+    with pytest.raises(SlipdError, match="does not run the new config; start it, and go on with --from"):
+        follow(Commission(read, FINGERS, 2.0, "restart").run(), respond)
+
+
+def test_a_zero_that_friction_needs_is_asked_for_again(tmp_path: Path) -> None:
+    read = commission_rig()
+    host = guided(tmp_path, read, read, answers={"tips_down": ("tilt 1 0 0", "ready"), "zero_again": ("", "go on")})
+
+    def respond(output: Output) -> Event:
+        refused = isinstance(output, Ask) and output.method == "tare"
+        return Refusal("it is touched") if refused else host.respond(output)
+
+    assert not follow(Commission(read, FINGERS, 20.0).run("grasp"), respond)
+    assert any(line.startswith("Without its zero, finger left shows other forces") for line in host.printed)
