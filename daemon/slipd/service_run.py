@@ -55,6 +55,7 @@ class ServiceRun:
         record: New file for every event and message; None: nothing is recorded.
         stop: Set where a failure ends the run.
         show_status: Called with a line that sums up each message of the topic ``status``.
+        now_ns: The clock of the run; a simulation passes its own.
 
     Attributes:
         events_handled: Number of events that entered the engine.
@@ -62,13 +63,18 @@ class ServiceRun:
     """
 
     def __init__(
-        self, config: Config, record: Path | None, stop: asyncio.Event, show_status: Callable[[str], None]
+        self,
+        config: Config,
+        record: Path | None,
+        stop: asyncio.Event,
+        show_status: Callable[[str], None],
+        now_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.boot = secrets.token_hex(8)
         self.links: Links | None = None
-        wall_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
+        wall_minus_monotonic_ns = time.time_ns() - now_ns()
         self.engine = Engine(config, boot=self.boot, wall_minus_monotonic_ns=wall_minus_monotonic_ns)
-        self._config, self._record, self._stop = config, record, stop
+        self._config, self._record, self._stop, self._now_ns = config, record, stop, now_ns
         self._wall_minus_monotonic_ns = wall_minus_monotonic_ns
         self._failure: BaseException | None = None
         self._over = False
@@ -107,7 +113,7 @@ class ServiceRun:
         self._open_bus(self._stack)
         if self._record is not None:
             recorder = self._make_recorder(self._record)
-            self._recording = RecorderWatch("", recorder, time.monotonic_ns())
+            self._recording = RecorderWatch("", recorder, self._now_ns())
             self._recorders.append(recorder)
             recording.callback(self._close_recording, self._recording)
         elif self._config.recording.continuous.enabled:
@@ -190,7 +196,7 @@ class ServiceRun:
 
     def report_recording(self) -> None:
         """Pass changes of the recording of the whole run to the engine."""
-        t_ns = time.monotonic_ns()
+        t_ns = self._now_ns()
         if self._recording is not None and (change := self._recording.poll(t_ns)):
             self.handle(change)
         if self._continuous is not None:
@@ -212,7 +218,7 @@ class ServiceRun:
             return
         self.events_handled += 1
         try:
-            self._handle(event, time.monotonic_ns() if t_ns is None else t_ns)
+            self._handle(event, self._now_ns() if t_ns is None else t_ns)
         except Exception as error:  # of any kind: the run must end and report it
             self._failure = self._failure or error
             self._stop.set()
@@ -222,7 +228,7 @@ class ServiceRun:
         self.handle(tick, t_ns)
         self.ticks_handled += 1
         self.report_recording()
-        for change in self._requested.changes(time.monotonic_ns()):
+        for change in self._requested.changes(self._now_ns()):
             self.handle(change)
 
     def on_loop_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
