@@ -102,12 +102,9 @@ class FaultyLines:
             self.off_ns += STEP_NS
             return [self.unplug(link) for link in sorted(self._up)]
         events = self._turn_of_faults(t_ns) if self._up else [self.plug(link, t_ns) for link in LINES]
-        for link, pieces in self._rig.advance(t_ns).items():
-            data = b"".join([*self._said[link], *pieces])
-            self._said[link].clear()
-            if data and link in self._up:
-                fault = self._active.get(link)
-                self._queues[link] += [(t_ns, data)] if fault is None else fault.pass_on(data, t_ns)
+        pieces = self._rig.advance(t_ns)
+        for link in LINES:
+            self._say(link, pieces.get(link, []), t_ns)
         if t_ns < self._stalled_until_ns:
             return events
         joined, self._stalled_until_ns = self.stalled, 0
@@ -119,6 +116,13 @@ class FaultyLines:
                 arrived = [b"".join(arrived)]
             events += [Bytes(link, data) for data in arrived if data]
         return events
+
+    def _say(self, link: str, pieces: list[bytes], t_ns: int) -> None:
+        data = b"".join([*self._said[link], *pieces])
+        self._said[link].clear()
+        if data and link in self._up:
+            fault = self._active.get(link)
+            self._queues[link] += [(t_ns, data)] if fault is None else fault.pass_on(data, t_ns)
 
     def _turn_of_faults(self, t_ns: int) -> list[Event]:
         """End a fault, or begin one, when it is time."""

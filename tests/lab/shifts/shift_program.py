@@ -12,6 +12,8 @@ from typing import Any
 
 from shifts.slow_rig import FINGERS, MU_S, SlowRig
 
+from slipd_client.messages import Health
+
 Ask = Callable[..., dict[str, Any]]
 Waits = Iterator[float]
 
@@ -46,7 +48,8 @@ class Newest:
     def streams_work(self) -> bool:
         """Every stream is healthy, or nearly so."""
         streams = self.status.get("streams", {})
-        return bool(streams) and all(stream["health"] <= 1 for stream in streams.values())
+        fits = {"gripper": Health.ERROR}  # a latched fault, which the next job acknowledges
+        return bool(streams) and all(s["health"] <= fits.get(name, Health.WARN) for name, s in streams.items())
 
 
 class ShiftProgram:

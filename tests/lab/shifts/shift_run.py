@@ -30,7 +30,7 @@ START_S = 8.0
 """Without faults: the sensors boot."""
 
 RENEW_NS = 80 * MS
-TURN_STEPS = 5
+TURN_STEPS = 20
 """After so many steps the sockets are served."""
 
 MOST_WAITING, MOST_QUEUED = 300, 8_000

@@ -21,8 +21,11 @@ from slipd.sim.true_contact import Pad, Patch
 
 MS = 1_000_000
 SECOND = 1_000 * MS
-STEP_NS = 80 * MS
-"""Period of the scans, ticks and reads: a gateway hands over what it has. The service ticks every 5 ms."""
+STEP_NS = 20 * MS
+"""Period of the ticks; the service ticks every 5 ms."""
+
+READ_STEPS = 4
+"""Steps from one read of the sensors to the next, and from scan to scan: a gateway hands over what it has."""
 
 SCAN_DWELL_US = 20.0
 NOISES = 257
@@ -121,7 +124,7 @@ _later_clock = edited(clock_us=lambda time_us: (time_us - BEFORE_WRAP_US) % (1 <
 
 
 class ScannedPad:
-    """A pad of 4 x 4 taxels, one scan at each step: the load with noise drawn before, a fresh number and time.
+    """A pad of 4 x 4 taxels, one scan at each read: the load with noise drawn before, a fresh number and time.
 
     Args:
         seed: Of gains, offsets and noise.
@@ -130,7 +133,7 @@ class ScannedPad:
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
         self.options = {"rows": 4, "cols": 4}
-        self.rate_hz = 1e9 / STEP_NS
+        self.rate_hz = 1e9 / (READ_STEPS * STEP_NS)
         self._gain = 2000.0 * (1.0 + 0.03 * rng.normal(size=16))
         self._rest = 20.0 * rng.normal(size=16) + 2.0 * rng.normal(size=(NOISES, 16))
         self._loads_n = np.zeros(16)
@@ -149,7 +152,7 @@ class ScannedPad:
         return []
 
     def advance(self, t_ns: int) -> list[bytes]:
-        """Return the scan of this step; it began 1 ms before."""
+        """Return the scan of this read; it began 1 ms before."""
         counts = np.rint(self._gain * self._loads_n + self._rest[self._scan % NOISES]).astype(np.int64)
         device_us = (t_ns - self._opened_ns) // 1000 - 1000 - BEFORE_WRAP_US
         self._scan += 1
@@ -185,6 +188,7 @@ class SlowRig:
         self._from_n, self._to_n, self._ramp_began_s, self._ramp_s = 0.0, 0.0, 0.0, 1.0
         self._slid_s = 0.0
         self._pressed = True
+        self._step = 0
 
     def put_part(self, *, there: bool) -> None:
         """Put the box between the jaws, or take it away."""
@@ -202,6 +206,9 @@ class SlowRig:
         if pressed or self._pressed:
             self._feel(t_ns * 1e-9, pressed=pressed)
         said = {"gripper": self._gripper.advance(t_ns)}
+        self._step += 1
+        if self._step % READ_STEPS:
+            return said
         for name in FINGERS:
             said[f"{name}.wrench"] = self._wrenches[name].advance(t_ns)
             self._pads[name].press(self._normal_n * self._shares[name])
