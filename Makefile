@@ -125,6 +125,7 @@ USER_UNITS := $(or $(XDG_CONFIG_HOME),$(HOME)/.config)/systemd/user
 UNITS := $(if $(UNPRIVILEGED),$(USER_UNITS),$(DESTDIR)/etc/systemd/system)
 RULES := $(DESTDIR)/etc/udev/rules.d/70-slipd.rules
 UNIT := $(if $(UNPRIVILEGED),slipd-user.service,slipd.service)
+NO_CACHE := $(shell [ -w "$(HOME)" ] || echo --no-cache-dir)
 
 install:
 ifeq ($(UNPRIVILEGED),)
@@ -134,13 +135,14 @@ endif
 	@[ -e "$(HOME_OF_PROGRAM)/pyvenv.cfg" ] || [ -z "$$(ls -A "$(HOME_OF_PROGRAM)" 2>/dev/null)" ] || { \
 		echo "$(HOME_OF_PROGRAM) holds something else, which make install does not replace. Name another PREFIX."; exit 2; }
 	@echo "== slipd into $(HOME_OF_PROGRAM)"
-	@mkdir -p "$(HOME_OF_PROGRAM)" "$(DESTDIR)$(PREFIX)/bin" || { echo "name a place that you may write to: make install PREFIX=~/.local"; exit 2; }
+	@mkdir -p "$(HOME_OF_PROGRAM)" "$(DESTDIR)$(PREFIX)/bin" || { \
+		echo "$(DESTDIR)$(PREFIX) cannot be written. Name a place that you may write to: make install PREFIX=$(if $(filter $(HOME)/%,$(PREFIX)),/PLACE,~/.local)"; exit 2; }
 	@$(PYTHON) -m venv --clear "$(HOME_OF_PROGRAM)"
-	@"$(HOME_OF_PROGRAM)/bin/python" -m pip install --quiet --disable-pip-version-check .
+	@"$(HOME_OF_PROGRAM)/bin/python" -m pip install --quiet --disable-pip-version-check $(NO_CACHE) .
 	@grep -rlIF "$(HOME_OF_PROGRAM)" "$(HOME_OF_PROGRAM)/bin" "$(HOME_OF_PROGRAM)/pyvenv.cfg" \
 		| xargs sed -i 's|$(HOME_OF_PROGRAM)|$(PREFIX)/lib/slipd|g'
 	@for program in slipd slipctl; do ln -sf "$(PREFIX)/lib/slipd/bin/$$program" "$(DESTDIR)$(PREFIX)/bin/$$program"; done
-	@mkdir -p "$(UNITS)" && sed 's|^ExecStart=[^ ]*|ExecStart=$(PREFIX)/bin/slipd|' config/$(UNIT) > "$(UNITS)/slipd.service" \
+	@mkdir -p "$(UNITS)" 2>/dev/null && sed 's|^ExecStart=[^ ]*|ExecStart=$(PREFIX)/bin/slipd|' config/$(UNIT) > "$(UNITS)/slipd.service" \
 		|| echo "== no systemd unit: $(UNITS) cannot be written; slipd run works without"
 ifeq ($(UNPRIVILEGED),)
 	@[ ! -e "$(RULES)" ] || cmp -s config/70-slipd.rules "$(RULES)" || echo "== kept: $(RULES); new ones are in config/70-slipd.rules"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -119,3 +122,85 @@ def test_uninstall_removes_what_install_put_there_and_nothing_else(tmp_path: Pat
     assert make("uninstall", tmp_path) == 0
     assert not any(path.exists() or path.is_symlink() for path in (home, program, unit, rules))
     assert make("uninstall", tmp_path) == 0, "again"
+
+
+PYTHON_STUB = """#!/bin/sh
+case "$1 $2" in
+"-c "*) echo 3.11;;
+"-m venv") mkdir -p "$4/bin"; cp "$0" "$4/bin/python"; echo "home = $4" > "$4/pyvenv.cfg";;
+esac
+"""
+"""In place of an interpreter: a real one would download the dependencies."""
+
+
+class Stranger:
+    """An unprivileged user with a read-only home, who has a copy of what ``make install`` reads.
+
+    Attributes:
+        home: The home; there is ``/place`` beside it, to which the user may write.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.home, self.place, self._source = folder / "home", folder / "place", folder / "source"
+        self._python = folder / "python"
+        for path in (self.home, self.place, self._source):
+            path.mkdir()
+        shutil.copy(ROOT / "Makefile", self._source)
+        shutil.copytree(CONFIG, self._source / "config")
+        self._python.write_text(PYTHON_STUB, encoding="utf-8")
+        for path in (folder, self._python):
+            path.chmod(0o755)
+        os.chown(self.home, NOBODY, NOBODY)
+        self.home.chmod(0o555)
+        os.chown(self.place, NOBODY, NOBODY)
+
+    def make(self, target: str, *variables: str) -> tuple[int, str]:
+        """Return the exit code of a target, and what it printed."""
+        user = ["setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups"]
+        command = [*user, "make", "-s", target, f"PYTHON={self._python}", *variables]
+        environment = {"HOME": str(self.home), "PATH": os.defpath}
+        done = subprocess.run(command, cwd=self._source, env=environment, capture_output=True, text=True)
+        return done.returncode, done.stdout + done.stderr
+
+
+NOBODY = 65_534
+
+
+@pytest.fixture
+def stranger() -> Iterator[Stranger]:
+    """An unprivileged user; a folder of a test of root is closed to others."""
+    if os.geteuid() != 0 or not shutil.which("setpriv") or not shutil.which("make", path=os.defpath):
+        pytest.skip("needs root, who can become another user, setpriv and make")
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        yield Stranger(Path(folder))
+
+
+def test_an_unprivileged_user_with_a_read_only_home_learns_which_place_is_needed(stranger: Stranger) -> None:
+    code, said = stranger.make("install")
+    assert code != 0
+    assert "/usr/local cannot be written. Name a place that you may write to: make install PREFIX=~/.local" in said
+    code, said = stranger.make("install", "PREFIX=~/.local")
+    assert code != 0
+    assert (
+        f"{stranger.home}/.local cannot be written. Name a place that you may write to: make install PREFIX=/PLACE"
+        in said
+    )
+    assert list(stranger.home.iterdir()) == []
+
+
+def test_an_unprivileged_user_with_a_read_only_home_installs_elsewhere_without_a_unit(stranger: Stranger) -> None:
+    code, said = stranger.make("install", f"PREFIX={stranger.place}")
+    assert (code, said.splitlines()) == (
+        0,
+        [
+            f"== slipd into {stranger.place}/lib/slipd",
+            f"== no systemd unit: {stranger.home}/.config/systemd/user cannot be written; slipd run works without",
+            "== installed; next: docs/service.md",
+        ],
+    )
+    program = stranger.place / "bin" / "slipd"
+    assert program.readlink() == stranger.place / "lib" / "slipd" / "bin" / "slipd"
+    code, _ = stranger.make("uninstall", f"PREFIX={stranger.place}")
+    assert code == 0
+    assert [path.name for path in sorted(stranger.place.rglob("*"))] == ["bin", "lib"]
+    assert list(stranger.home.iterdir()) == []
