@@ -17,7 +17,7 @@ ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gr
 # Whole daemons as processes, in real time: two files at a time, each file in order.
 DAEMONS := tests/system
 # Programs of long runs: their targets test them first.
-LONG := $(addprefix tests/lab/,bench chart soak fleet)
+LONG := $(addprefix tests/lab/,bench chart soak shifts fleet)
 
 .PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak fleet dist clean
 
@@ -81,10 +81,11 @@ fuzz: $(KERNELS)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m fuzz --strict --report docs/fuzz.md $(FUZZ)
 
 soak: $(KERNELS)
-	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults (about an hour)"
-	@$(BIN)/pytest --quiet tests/lab/soak
+	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults and of simulated work (about two hours)"
+	@$(BIN)/pytest --quiet tests/lab/soak tests/lab/shifts
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
+	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m shifts --report docs/simulated_hours.md $(SHIFTS)
 
 fleet: $(KERNELS)
 	@echo "== a fleet of 20 robots on loopback: delay, lost warnings, robots that vanish (about 3 minutes)"

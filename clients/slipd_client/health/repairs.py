@@ -27,6 +27,12 @@ FINGER_REPAIRS: dict[str, tuple[str, Severity, str]] = {
 """Reason of a finger → id, severity and command of its repair. Streams and motions cause the other reasons."""
 
 
+READ_ONLY = "Read-only file system"
+"""Text of the system where a disk is mounted so, or became so after an error."""
+
+DISK_ERROR = "Input/output error"
+"""Text of the system where a disk fails; it may be the first sign of one that becomes read-only."""
+
 LATE_S = 0.1
 """Shorter stalls need no repair: the readings are only judged a little later, and the status shows them anyway."""
 
@@ -146,11 +152,20 @@ def _recordings(status: Mapping[str, Any]) -> Iterator[Repair]:
         state, about = recording.get("state"), key.replace("_", " ")
         why = recording.get("failure") or state
         if state == "failed":
-            yield Repair("recording-failed", "error", about, str(why), "df -h")
+            command = _look_at_disk(str(why), recording.get("path"))
+            yield Repair("recording-failed", "error", about, str(why), command)
         elif state == "limited":
             yield Repair("recording-limited", "warning", about, str(why), "df -h")
     if failure := _maps(status, "incidents").get("failure"):
-        yield Repair("incident-failed", "error", "incidents", str(failure), "df -h")
+        path = str(failure).partition(": not saved: ")[0]
+        yield Repair("incident-failed", "error", "incidents", str(failure), _look_at_disk(str(failure), path))
+
+
+def _look_at_disk(failure: str, path: str | None) -> str:
+    """Return the command that shows what is wrong with the disk of a file."""
+    if path and READ_ONLY in failure:
+        return f"findmnt --target {path}"
+    return "dmesg --level err" if DISK_ERROR in failure else "df -h"
 
 
 def _look_at(address: str) -> str:

@@ -15,6 +15,7 @@ An MCAP file (https://mcap.dev/spec) of profile ``slipd``:
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import zlib
@@ -108,6 +109,8 @@ def check_new(path: Path) -> None:
         raise _exists(path)
     if not path.parent.is_dir():
         raise RecordingError(f"{path}: cannot be created: there is no folder {path.parent}")
+    if os.statvfs(path.parent).f_flag & os.ST_RDONLY:
+        raise RecordingError(f"{path}: cannot be created: {os.strerror(errno.EROFS)}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise RecordingError(f"{path}: cannot be created: this user may not write to {path.parent}")
 

@@ -126,3 +126,18 @@ def test_the_status_of_a_real_engine_becomes_repairs() -> None:
     run.feed(HostNotice("config", "kept"))
     run.feed(RecordingChanged("", "/r.mcap", "failed", "disk full"))
     assert {"config-kept", "recording-failed"} <= set(ids(repairs(run.published("status")[-1])))
+
+
+@pytest.mark.parametrize(
+    ("failure", "command"),
+    [
+        ("/r/run.mcap: the recording stopped: No space left on device", "df -h"),
+        ("/r/run.mcap: the recording stopped: Read-only file system", "findmnt --target /r/run.mcap"),
+        ("/r/run.mcap: the recording stopped: Input/output error", "dmesg --level err"),
+    ],
+)
+def test_the_command_shows_what_is_wrong_with_the_disk(failure: str, command: str) -> None:
+    [repair] = repairs({"run_recording": {"state": "failed", "failure": failure, "path": "/r/run.mcap"}})
+    assert repair.command == command
+    [repair] = repairs({"incidents": {"failure": failure.replace("the recording stopped", "not saved")}})
+    assert repair.command == command
