@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -46,6 +46,16 @@ class _Save:
     until_ns: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """What became of the files so far; the thread replaces it as a whole, so that no half of it is reported."""
+
+    saved: int = 0
+    failed: int = 0
+    path: str = ""
+    reason: str = ""
+
+
 class Incidents:
     """Keeps the last seconds of a run, and saves them when a finger warns or the grasp loses its object.
 
@@ -73,8 +83,7 @@ class Incidents:
         self._next_ns: dict[str, int] = {}  # before it nothing of a kind is saved
         self._ignored = self._lost = 0
         self._lost_object_ns: int | None = None
-        self._saved = self._failed = 0  # counted by the thread
-        self._path = self._reason = ""
+        self._outcome = _Outcome()  # of the thread
         self._reported: IncidentsChanged | None = None
         self._report_due_ns = 0
         self._ring = EntryRing(round(limits.before_s * 1e9))
@@ -126,9 +135,8 @@ class Incidents:
 
     def change(self, t_ns: int) -> IncidentsChanged | None:
         """Return what was saved and lost so far; None if that is known, or was reported within the last second."""
-        now = IncidentsChanged(
-            self._saved, self._failed, self._lost, self._ring.dropped_early, self._path, self._reason
-        )
+        done = self._outcome
+        now = IncidentsChanged(done.saved, done.failed, self._lost, self._ring.dropped_early, done.path, done.reason)
         if now == self._reported or t_ns < self._report_due_ns:
             return None
         self._reported, self._report_due_ns = now, t_ns + REPORT_PERIOD_NS
@@ -179,12 +187,13 @@ class Incidents:
             file.remove()
             self._note_failure(order.path, str(error.strerror))
             return
-        self._saved, self._path, self._reason = self._saved + 1, str(order.path), ""
+        self._outcome = replace(self._outcome, saved=self._outcome.saved + 1, path=str(order.path), reason="")
         _log.warning("%s: saved, with what happened before", order.path, extra={"slipd_recording": order.path})
 
     def _note_failure(self, path: Path, reason: str) -> None:
-        self._failed, self._reason = self._failed + 1, f"{path}: not saved: {reason}"
-        _log.error("%s", self._reason, extra={"slipd_recording": path, "slipd_fault": "incident-failed"})
+        why = f"{path}: not saved: {reason}"
+        self._outcome = replace(self._outcome, failed=self._outcome.failed + 1, reason=why)
+        _log.error("%s", why, extra={"slipd_recording": path, "slipd_fault": "incident-failed"})
 
 
 def file_of_run(config_text: str, boot: str, wall_minus_monotonic_ns: int) -> Callable[[Path, int], RecordingFile]:

@@ -170,7 +170,7 @@ def _note(found: Found, run: ShiftRun, log: LogCounter, folder: Path) -> None:
     assert incidents is not None
     assert continuous is not None
     found.lost = incidents._lost + incidents._ring.dropped_early + run.lost_entries
-    found.incidents, found.run_files = (incidents._saved, incidents._failed), continuous._count
+    found.incidents, found.run_files = (incidents._outcome.saved, incidents._outcome.failed), continuous._count
     for kind in ("run", "incident", "slipd"):
         files = sorted(folder.glob(f"{kind}-*.mcap"))
         found.files[kind] = (len(files), sum(_is_whole(file) for file in files))
