@@ -27,7 +27,8 @@ class ShiftHoldings:
 
     Attributes:
         hours: Simulated time since the start.
-        memory_kb: Resident memory.
+        memory_kb: Resident memory of its own (RssAnon).
+        mapped_kb: Resident pages of files, such as libraries: the kernel drops and reads them as it likes.
         blocks: Blocks of memory that Python allocated.
         objects: Objects that the garbage collector knows.
         files: Open files but recordings.
@@ -39,6 +40,7 @@ class ShiftHoldings:
 
     hours: float
     memory_kb: int
+    mapped_kb: int
     blocks: int
     objects: int
     files: int
@@ -52,13 +54,14 @@ class ShiftHoldings:
         """Of this process, after a collection of garbage."""
         gc.collect()
         status = Path("/proc/self/status").read_text()
-        memory_kb = int(status.partition("VmRSS:")[2].split()[0])
+        memory_kb, mapped_kb = (int(status.partition(name)[2].split()[0]) for name in ("RssAnon:", "RssFile:"))
         return cls(
             hours,
             memory_kb,
+            mapped_kb,
             sys.getallocatedblocks(),
             len(gc.get_objects()),
-            _open_files(),
+            sum(not name.endswith(".mcap") for name in open_names()),
             len(asyncio.all_tasks()),
             threading.active_count(),
             size_of(engine),
@@ -70,13 +73,13 @@ class ShiftHoldings:
         return asdict(self)
 
 
-def _open_files() -> int:
-    """Return the number of open files but recordings, which come and go."""
+def open_names() -> list[str]:
+    """Return the names of all open files."""
     names = []
     for entry in os.scandir("/proc/self/fd"):
         with suppress(OSError):  # that of the scan itself
             names.append(str(Path(entry.path).readlink()))
-    return sum(not name.endswith(".mcap") for name in names)
+    return names
 
 
 def containers_in(root: Any) -> Counter[str]:

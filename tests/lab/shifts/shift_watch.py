@@ -16,7 +16,7 @@ from pathlib import Path
 
 from bench.child import Child
 from project import MODULES
-from shifts.shift_holdings import ShiftHoldings
+from shifts.shift_holdings import ShiftHoldings, open_names
 from shifts.shift_run import LogCounter, ShiftRun
 
 from slipd.compile_kernels import compile_kernels
@@ -28,6 +28,7 @@ WARM_UP_SHARE, WINDOW_SHARE = 0.2, 0.1
 
 RECORDING_FAULTS = ("recording-failed", "incident-failed")
 KEPT_REQUESTED = 3
+MOST_WAITS = 200
 FILE_S, TRACED_FILE_S = 600.0, 30.0
 """Of the continuous recording; a short one keeps the index of the file in progress small in the short run."""
 
@@ -126,6 +127,7 @@ async def _watch(folder: Path, seed: int, hours: float, most_s: float, log: LogC
 
             async def sample() -> None:
                 nonlocal before
+                await _until_saved()
                 held = ShiftHoldings.now(run.hours, run.engine)
                 with samples.open("a") as file:
                     file.write(json.dumps(held.as_dict()) + "\n")
@@ -151,6 +153,14 @@ async def _watch(folder: Path, seed: int, hours: float, most_s: float, log: LogC
     found.samples = [ShiftHoldings(**json.loads(line)) for line in samples.read_text().splitlines()]
     _note(found, run, log, folder)
     return found
+
+
+async def _until_saved() -> None:
+    """Wait until no incident is being saved, which takes memory for a while."""
+    for _ in range(MOST_WAITS):
+        if not any(name.endswith(".mcap") and "incident-" in name for name in open_names()):
+            return
+        await asyncio.sleep(0.05)
 
 
 def _make_room(folder: Path) -> None:

@@ -85,7 +85,7 @@ def test_devices_that_are_switched_off_leave_all_lines_and_come_back() -> None:
 
 
 def held(hours: float, leak: int) -> ShiftHoldings:
-    return ShiftHoldings(hours, 200_000 + leak * 100, 1, 1, 15 + leak, 1, 3, 1000, {"engine._kept": 5 + leak})
+    return ShiftHoldings(hours, 200_000 + leak * 100, 1, 1, 1, 15 + leak, 1, 3, 1000, {"engine._kept": 5 + leak})
 
 
 @pytest.mark.parametrize(("leak", "reached"), [(0, {"yes", ""}), (1, {"yes", "no", ""})])
