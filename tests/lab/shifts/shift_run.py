@@ -135,14 +135,15 @@ class ShiftRun:
     async def play(
         self, hours: float, every_s: float, sample: Callable[[], Awaitable[None]], most_s: float = math.inf
     ) -> None:
-        """Run for some hours of simulated time; call ``sample`` again and again, between two jobs, and end
-        earlier where ``most_s`` of real time have passed.
+        """Run for some hours of simulated time; call ``sample`` again and again, between two jobs, end between two
+        jobs, and earlier where ``most_s`` of real time have passed.
 
         The daemon must be open, and serves on the running loop.
         """
         self.service.links = self  # type: ignore[assignment]
         next_ns, until_s = 0, time.monotonic() + most_s
-        while self._age_ns < hours * 3600 * SECOND and time.monotonic() < until_s:
+        end_ns = hours * 3600 * SECOND
+        while (self._age_ns < end_ns or self.program.holder) and time.monotonic() < until_s:
             self._step()
             if self._steps % TURN_STEPS == 0:
                 await self._let_others_run()
