@@ -135,8 +135,9 @@ class ShiftRun:
     async def play(
         self, hours: float, every_s: float, sample: Callable[[], Awaitable[None]], most_s: float = math.inf
     ) -> None:
-        """Run for some hours of simulated time; call ``sample`` again and again, between two jobs, end between two
-        jobs, and earlier where ``most_s`` of real time have passed.
+        """Run for some hours of simulated time; call ``sample`` again and again between two jobs.
+
+        The run ends between two jobs, or earlier where ``most_s`` of real time have passed.
 
         The daemon must be open, and serves on the running loop.
         """
