@@ -1,0 +1,72 @@
+"""``slipd init`` on emulated devices: what it finds, writes and refuses; nothing is replaced."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from slipd import config
+from slipd.discovery import port_probe
+from slipd.discovery.init_command import init_command
+from slipd.errors import SlipdError
+from slipd.sim.emulate import emulated, emulator_for
+
+
+@contextmanager
+def plugged(by_id: Path, *names: str) -> Iterator[None]:
+    """Emulate devices on lines of their names until the block ends."""
+    by_id.mkdir()
+    ready, ended = threading.Event(), threading.Event()
+
+    async def serve() -> None:
+        plan = [(name, emulator_for(name, str(by_id / name), 1), str(by_id / name)) for name in names]
+        async with emulated(plan) as emulation:
+            running = asyncio.create_task(emulation.run())
+            ready.set()
+            await asyncio.to_thread(ended.wait)
+            running.cancel()
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    try:
+        assert ready.wait(60.0)
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_a_config_is_written_for_what_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    by_id, file = tmp_path / "by-id", tmp_path / "rig.toml"
+    with plugged(by_id, "bota"):
+        (by_id / "no-port").write_text("a file", encoding="utf-8")
+        init_command(tmp_path / "list.toml", by_id, only_list=True)
+        assert not (tmp_path / "list.toml").exists()
+        init_command(file, by_id, only_list=False)
+        with pytest.raises(SlipdError, match="cannot be written: No such file"):
+            init_command(tmp_path / "missing" / "rig.toml", by_id, only_list=False)
+    shown = capsys.readouterr().out
+    assert f"{by_id}/bota: bota" in shown
+    assert f"{by_id}/no-port: cannot be opened: " in shown
+    assert f"{file}: written; next: slipd check {file}" in shown
+    [stream] = config.load(file).streams().values()
+    assert (stream.device, stream.port) == ("bota", f"{by_id}/bota")
+    with pytest.raises(SlipdError, match="exists, and is not replaced"):
+        init_command(file, by_id, only_list=False)
+
+
+def test_without_a_sensor_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(SlipdError, match="there is no serial port in"):
+        init_command(tmp_path / "rig.toml", tmp_path / "none", only_list=False)
+    monkeypatch.setattr(port_probe, "LISTEN_S", 0.05)
+    with (
+        plugged(tmp_path / "by-id", "robotiq_2f"),
+        pytest.raises(SlipdError, match=r"no force sensor answered .*; nothing is written"),
+    ):
+        init_command(tmp_path / "rig.toml", tmp_path / "by-id", only_list=False)
+    assert not (tmp_path / "rig.toml").exists()
