@@ -230,7 +230,8 @@ def _emulation(commands: Any) -> None:
     emulate = add_command(commands, "emulate", "emulate every device of a config, to try slipd without hardware")
     emulate.epilog = (
         "The sensors are mounted as the config states. A copy of the config with the addresses of the emulated devices "
-        "is written; its path is printed last. docs/emulation.md lists the commands. Ctrl-C ends it."
+        "is written; its path is printed last. What is changed in it meanwhile is kept in the working directory. "
+        "docs/emulation.md lists the commands. Ctrl-C ends it."
     )
     emulate.add_argument("file", type=Path, metavar="CONFIG", help="config of a rig, TOML")
     emulate.add_argument(
