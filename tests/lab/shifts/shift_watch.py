@@ -22,7 +22,7 @@ from shifts.shift_run import LogCounter, ShiftRun
 from slipd.compile_kernels import compile_kernels
 from slipd.recording.reader import open_recording
 
-SAMPLES = 60
+SAMPLES, LEAST_BETWEEN_S = 60, 5.0
 WARM_UP_SHARE, WINDOW_SHARE = 0.2, 0.1
 """The end, and as much behind the warm-up, are compared."""
 
@@ -139,7 +139,7 @@ async def _watch(folder: Path, seed: int, hours: float, most_s: float, log: LogC
 
             while not run.service._publisher.subscriptions:  # noqa: ASYNC110 - another process
                 await asyncio.sleep(0.01)
-            await run.play(hours, 3600 * hours / SAMPLES, sample, most_s)
+            await run.play(hours, max(3600 * hours / SAMPLES, LEAST_BETWEEN_S), sample, most_s)
             await sample()
             if before is not None:
                 found.traced = _growth(before)
