@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import time
 
@@ -25,6 +26,7 @@ def run(network: Network, robots: int = ROBOTS) -> Table:
     """Let a view join a crowd of robots, and watch it for some seconds."""
     crowd = network.child(sys.executable, "-m", "fleet.crowd", network.endpoint, str(robots))
     crowd.told("publishing")
+    gc.freeze()  # what a view never loads: to look through it again and again would hold up this one
     with session(network.endpoint) as here:
         joins_s = time.monotonic()
         listener = FleetListener(here, FLEET)
