@@ -216,7 +216,7 @@ def test_a_daemon_that_ends_is_stale_and_one_that_returns_is_live(parts: Parts) 
     browser.until(f"{state} === 'live'")
     rig.daemon.terminate()
     browser.until(
-        "[...document.querySelectorAll('.finger .why')].every((why) => why.textContent.startsWith('stale: '))"
+        "[...document.querySelectorAll('.finger .why')].every((why) => why.textContent.startsWith('stale: no verdict'))"
     )
     browser.until(f"{state} === 'stale' && slipd.state.staleFingers().length === 2")
     cards = browser.value(
