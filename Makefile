@@ -18,8 +18,6 @@ ROOMS := $(addprefix tests/unit/,devices signals motion friction finger grasp gr
 DAEMONS := tests/system
 # Programs of long runs: their targets test them first.
 LONG := $(addprefix tests/lab/,bench chart soak shifts fleet)
-# A whole commissioning takes a minute, and longer on a busy machine.
-COMMISSION := tests/system/test_commission_whole.py
 
 .PHONY: install uninstall demo test lint portable_quick portable bench chart pictures evaluate fuzz soak fleet dist clean
 
@@ -39,9 +37,9 @@ test: $(READY)
 	@echo "== every branch of them is tested"
 	@$(BIN)/coverage report --fail-under=100 --precision=2
 	@echo "== the other tests that can share the machine"
-	@$(BIN)/pytest --numprocesses=2 --dist worksteal $(addprefix --ignore=,$(ROOMS) $(DAEMONS) $(LONG))
+	@$(BIN)/pytest --numprocesses=2 --dist worksteal -m "not long" $(addprefix --ignore=,$(ROOMS) $(DAEMONS) $(LONG))
 	@echo "== tests of whole daemons"
-	@$(BIN)/pytest --numprocesses=2 --dist loadfile --ignore=$(COMMISSION) $(DAEMONS)
+	@$(BIN)/pytest --numprocesses=2 --dist loadfile -m "not long" $(DAEMONS)
 	@PYTHONPATH=tests/support $(BIN)/python -m browser
 endif
 
@@ -84,7 +82,8 @@ fuzz: $(KERNELS)
 
 soak: $(KERNELS)
 	@echo "== real lines unplugged and flooded, full load, stalled subscribers, hours of simulated faults and of simulated work (about two hours)"
-	@$(BIN)/pytest --quiet tests/lab/soak tests/lab/shifts $(COMMISSION)
+	@$(BIN)/pytest --quiet tests/lab/soak tests/lab/shifts
+	@$(BIN)/pytest --quiet -m long tests
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m soak --report docs/soak.md $(SOAK)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m simulation $(SIMULATION)
 	@PYTHONPATH=tests/support:tests/lab $(BIN)/python -m shifts --report docs/simulated_hours.md $(SHIFTS)

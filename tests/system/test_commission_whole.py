@@ -11,7 +11,7 @@ from commission_terminal import CommissionTerminal
 
 from slipd import config
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.process, pytest.mark.long, pytest.mark.timeout(600)]
 
 WRONG = {
     "quat_xyzw = [0.0, 0.0, 0.0, 1.0]": "quat_xyzw = [1.0, 0.0, 0.0, 0.0]",

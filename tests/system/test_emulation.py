@@ -51,6 +51,7 @@ def run(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(shell.args, shell.returncode, out, errors)
 
 
+@pytest.mark.long
 def test_the_mass_of_a_finger_is_identified_from_the_shell_as_the_page_shows(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "emulation.md").read_text(encoding="utf-8")
     (script,) = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)

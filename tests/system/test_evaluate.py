@@ -224,6 +224,7 @@ class Batch:
         return found
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_an_interrupted_batch_goes_on_where_it_ended(tmp_path: Path) -> None:
     batch = Batch(tmp_path)
@@ -240,6 +241,7 @@ def test_an_interrupted_batch_goes_on_where_it_ended(tmp_path: Path) -> None:
     assert parquet.read_table(batch.table).num_rows == 9
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_a_killed_batch_leaves_no_process(tmp_path: Path) -> None:
     batch = Batch(tmp_path)

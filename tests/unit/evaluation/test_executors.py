@@ -109,6 +109,7 @@ def _address(file: Path) -> str:
     raise AssertionError(f"{file} was not written within 30 s")
 
 
+@pytest.mark.long
 def test_a_dask_cluster_gives_the_same_until_its_scheduler_ends(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     with cluster(tmp_path) as (address, scheduler):
