@@ -95,7 +95,7 @@ def test_what_was_changed_in_the_copy_is_kept_with_the_ports_of_the_config(tmp_p
     done = run(
         tmp_path,
         "for dir in '--dir rig' ''; do mkfifo hold; slipd emulate rig.toml $dir <hold >out & exec 9>hold;"
-        "until grep -q ^config: out; do sleep 0.1; done; copy=$(sed -n 's/^config: //p' out);"
+        "until grep -qs ^config: out; do sleep 0.1; done; copy=$(sed -n 's/^config: //p' out);"
         "sed -i 's/sign = -1/sign = 1  # slipd commission/' \"$copy\"; echo quit >&9; wait; exec 9>&-;"
         'tail -1 out; rm hold out; ls "$copy"; done',
     )
