@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from slipd_client.keys import Keys
 
 SILENCE_S = 1.5
-"""The fleet is told after so long without a message that the daemon is silent: one and a half periods of ``status``."""
+"""Time without a message after which the fleet learns that the daemon is silent, s: 1.5 periods of ``status``."""
 
 WAKE_S = 0.2
 """How often the thread of the warnings looks whether to end."""

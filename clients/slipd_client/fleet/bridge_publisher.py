@@ -53,7 +53,7 @@ class BridgePublisher:
         A warning waits while the network is congested; any other message is dropped then.
 
         Raises:
-            CallError: ``topic`` is none that a daemon has.
+            CallError: ``topic`` is not a topic of the daemon.
             ConnectionClosed: The session is closed.
         """
         with self._lock:

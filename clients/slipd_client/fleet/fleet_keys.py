@@ -34,7 +34,7 @@ def message_key(fleet: str, robot: str, topic: str) -> str:
     """Return the key of the messages of a topic, e.g. ``plant/arm3/slip.left``.
 
     Raises:
-        CallError: The topic is none of a daemon, or would not be one part of a key.
+        CallError: The topic is not one of the daemon, or does not fit into one part of a key.
     """
     if not _TOPIC.fullmatch(topic):
         raise CallError(f"topic must be a word, or two joined by a dot, got {topic!r:.80}")
