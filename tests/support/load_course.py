@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from slipd.arrays import Array
 from slipd.fusion.levels import Assessment, ContactWatch, SlipSettings, Thresholds, Uncertainty
 from slipd.fusion.rows import READING, TOUCHING, Rows, new_rows
 
@@ -26,6 +29,17 @@ def contact_rows(
     for name in ("value", "lower", "upper"):
         utilisation[name] = used
     return rows
+
+
+def line(*parts: tuple[float, float, int]) -> Array:
+    """Return lines one after another: from, to, readings."""
+    return np.concatenate([np.linspace(a, b, n) for a, b, n in parts])
+
+
+def slips_at(found: Rows) -> list[int]:
+    """Return the readings at which a slip begins."""
+    slips = found["slips"]
+    return (np.flatnonzero(slips & ~np.concatenate(([False], slips[:-1])))).tolist()
 
 
 class Watch:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from slipd.fusion.levels import Assessment
 from slipd.fusion.rows import STABLE, WARNING
 
-SEVERITY = {"no_contact": 0, "stable": 1, "unknown": 2, "caution": 3, "warning": 4, "slipping": 5}
-"""Severity of each level; "unknown" is worse than any level at which the grip holds."""
 TRANSLATION_SHARE = 0.9
 """Rotation is a reason where translation alone explains less than this share of the utilisation."""
 

@@ -123,8 +123,8 @@ def _find_motion(row: Row, watch: Row, drop: Row, ring: Rows, exact: bool) -> bo
         spin = abs(contact["spin_nm"])
         q = ratio if math.isnan(spin) else math.hypot(ratio, spin / (normal * SPIN_ARM_M))
     if drop["exact"] and not exact and row["t_s"] - drop["last_s"] <= GAP_S:
-        q = math.inf  # an image that is late: the load is passed over until the next one
-    elif exact != drop["exact"]:  # another quantity: what is known of the one before says nothing of it
+        q = math.inf  # the image is late: wait for the next one
+    elif exact != drop["exact"]:  # q by an image and q by the force alone are not comparable
         forget_load(drop)
         drop["exact"] = exact
     std = math.hypot(watch["force_std_n"] * math.hypot(1.0, ratio), watch["torque_std_nm"] / SPIN_ARM_M) / normal

@@ -10,14 +10,14 @@ writable directory to avoid it.
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+
+from slipd.source_stamp import source_stamp
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -38,17 +38,6 @@ def compiled_sum(function: Callable[P, R]) -> Callable[P, R]:
     Nothing else is relaxed: NaN, infinity and signed zero keep their meaning.
     """
     return _compile(function, fastmath={"reassoc", "contract"})
-
-
-@functools.cache
-def source_stamp(folder: Path) -> str:
-    """Return a hash of the names and contents of all Python files in and below a folder."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        text = path.read_bytes()
-        digest.update(f"{path.relative_to(folder).as_posix()} {len(text)}\n".encode())
-        digest.update(text)
-    return digest.hexdigest()
 
 
 def _compile(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:

@@ -1,9 +1,10 @@
 """The course of a contact's load in blocks: running sums in a ring, and what is followed beside them.
 
 A block is a millisecond of readings, or one reading where they come more slowly. Blocks follow each other in equal
-steps of time: where readings are missing, blocks on a straight line take their place. Sums up to each block give the
-mean of any stretch of blocks at once. Beside them are followed, each with its own time constant: the top of q, the
-largest that was carried without motion, the largest swing, and the noise of q.
+steps of time: where readings are missing, blocks on a straight line take their place, so that a load that jumped
+meanwhile does not look like one that fell at once. Those blocks carry no information about the noise. Sums up to each
+block give the mean of any stretch of blocks at once. Beside them are followed, each with its own time constant: the top
+of q, the largest that was carried without motion, the largest swing, and the noise of q.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ def forget_load(drop: Row) -> None:
     """Forget the load: nothing is known of it before the next reading."""
     drop["n"], drop["count"], drop["last_s"], drop["carried"] = 0, 0, -math.inf, 0.0
     drop["sliding"], drop["rough"], drop["white"], drop["std"], drop["swing"] = False, 0.0, 0.0, 0.0, 0.0
+    drop["seen"], drop["gap"] = 1.0, 1
 
 
 @compiled
@@ -79,13 +81,23 @@ def close_block(drop: Row, ring: Rows, t_s: float, std: float) -> None:
         for at in range(1, missing + 1):
             new, old = at * part, 1.0 - at * part
             line = (old * q_last + new * q, old * normal_last + new * normal, old * fx_last + new * fx)
-            _add_block(drop, ring, *line, old * fy_last + new * fy, False)
-    _add_block(drop, ring, q, normal, fx, fy, True)
+            _add_block(drop, ring, *line, old * fy_last + new * fy, 0)
+    _add_block(drop, ring, q, normal, fx, fy, missing + 1)
 
 
 @compiled
-def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: float, seen: bool) -> None:
-    """Add a block to the running sums, and follow means; follow the noise of one that was seen."""
+def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: float, gap: int) -> None:
+    """Add a block to the running sums, and follow means; follow the noise of one that was seen.
+
+    Args:
+        drop: State.
+        ring: Blocks.
+        q: Required friction of the block.
+        normal: Normal force, N.
+        fx: Tangential force, N.
+        fy: Likewise.
+        gap: Blocks since the last one with readings; 0: this one has none.
+    """
     k, count, dt = drop["block"] + 1, min(drop["count"] + 1, RING - 1), drop["dt"]
     before, row = ring[(k - 1) % RING], ring[k % RING]
     row["q"] = before["q"] + q
@@ -102,8 +114,10 @@ def _add_block(drop: Row, ring: Rows, q: float, normal: float, fx: float, fy: fl
     elif not drop["sliding"]:
         drop["carried"] = max(drop["carried"], drop["smooth"])
     row["top"], row["carried"] = drop["top"], drop["carried"]
-    if seen:
-        _measure_noise(drop, ring, k, count, dt)
+    drop["seen"] += ((1.0 if gap > 0 else 0.0) - drop["seen"]) * max(dt / (NOISE_S + dt), 1.0 / count)
+    if gap > 0:
+        _measure_noise(drop, ring, k, count, dt, gap)
+        drop["gap"] = gap
     row["rough"] = drop["rough"]
     if not drop["sliding"]:
         _follow_swings(drop, short, dt)
@@ -126,7 +140,7 @@ def _follow_swings(drop: Row, short: float, dt: float) -> None:
 
 
 @compiled
-def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float) -> None:
+def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float, gap: int) -> None:
     """Follow the deviation of blocks from their neighbours, and that of means of LEVEL blocks from theirs.
 
     Second differences leave out a steady course. White noise is less in the means; what is not is coloured noise, a
@@ -135,7 +149,7 @@ def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float) -> None
     if count < 8:
         return
     least, known = dt / (NOISE_S + dt), float(count - LEVEL)
-    second = abs(mean_q(ring, k, 1) - 2.0 * mean_q(ring, k - 1, 1) + mean_q(ring, k - 2, 1))
+    second = _second_difference(ring, k, gap, min(drop["gap"], count - gap - 1))
     white = max(drop["white"], 0.5 * drop["std"])
     drop["white"] += (min(SECOND * second, CLIP * white) - drop["white"]) * max(least, 1.0 / (known + 1.0))
     if count < 3 * LEVEL:
@@ -144,6 +158,25 @@ def _measure_noise(drop: Row, ring: Rows, k: int, count: int, dt: float) -> None
     rough = max(drop["rough"], 0.5 * drop["std"] / math.sqrt(LEVEL))
     share = max(least, 1.0 / (known - 2.0 * LEVEL + 1.0))
     drop["rough"] += (min(SECOND * second, CLIP * rough) - drop["rough"]) * share
+
+
+@compiled
+def _second_difference(ring: Rows, k: int, gap: int, earlier: int) -> float:
+    """Return the size of the second difference of the last three blocks with readings.
+
+    Where they are unequally far apart, it is scaled so that white noise has the same deviation in it.
+
+    Args:
+        ring: Blocks.
+        k: The last of the three.
+        gap: Blocks from the second to it.
+        earlier: Blocks from the first to the second.
+    """
+    first, second, third = mean_q(ring, k - gap - earlier, 1), mean_q(ring, k - gap, 1), mean_q(ring, k, 1)
+    if gap == 1 and earlier == 1:
+        return abs(third - 2.0 * second + first)
+    one, other = gap / (gap + earlier), earlier / (gap + earlier)
+    return abs(second - one * first - other * third) * math.sqrt(6.0 / (1.0 + one * one + other * other))
 
 
 @compiled
@@ -175,8 +208,11 @@ def is_closing(ring: Rows, end: int, count: int) -> bool:
 
 @compiled
 def noise_of(drop: Row) -> float:
-    """Return the deviation of q of a block: what is stated, or measured where that is more."""
-    return max(float(drop["std"]), float(drop["white"]))
+    """Return the deviation of q of a block: what is stated, or measured where that is more.
+
+    Blocks without readings make a mean no more certain. Where there are some, the deviation is larger accordingly.
+    """
+    return max(float(drop["std"]), float(drop["white"])) / math.sqrt(drop["seen"])
 
 
 @compiled

@@ -47,8 +47,10 @@ LOOKS = 30.0
 """Independent looks of each block: combinations of plateau and fall are strongly dependent."""
 
 SLOWEST_S = 0.0125
-"""Readings further apart than this show no fall of some milliseconds, s: two or three of them look the same when a load
-is let go. Pads that slow show motion by their images."""
+"""Readings further apart than this do not show a fall of some milliseconds, s: two or three of them look the same when
+a load is let go. Pads as slow as that show motion by their images."""
+SPARSEST_S = 0.02
+"""The same for the mean distance of readings that come in bunches or with gaps, s."""
 FIRST = 5 * LEVEL
 """Before so many blocks the noise is not known."""
 PLATEAUS = (2, 3, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48)
@@ -59,7 +61,8 @@ LEAST_PLATEAU_S, MOST_PLATEAU_S = 0.005, 0.1
 """A shorter plateau may be the turning point of a vibration; a longer one is not waited for."""
 
 EXPECTED, ODD, UNKNOWN_ODD = 0.85, 0.35, 0.5
-"""Of μ: from the first on a fall is expected; below it by the second, its plateau must last four times as long."""
+"""A fall from a peak of at least EXPECTED of μ is expected. Where the peak is lower by ODD of μ, its plateau must last
+four times as long; UNKNOWN_ODD, 0 to 1 on that scale, holds where μ is unknown."""
 LONGER = 1.25
 """An expected fall's plateau lasts at least so many times as long as the fall."""
 FLAT = 0.15
@@ -117,7 +120,7 @@ def follow_load(
         close_block(drop, ring, t_s, std / math.sqrt(n))
         if drop["sliding"]:
             follow_slide(drop, ring, t_s)
-        elif drop["count"] >= FIRST and drop["dt"] <= SLOWEST_S:
+        elif drop["count"] >= FIRST and drop["dt"] <= min(SLOWEST_S, SPARSEST_S * drop["seen"]):
             _look(drop, ring, t_s, mu)
             if not drop["sliding"]:
                 look_for_slow_fall(drop, ring, t_s, mu)

@@ -116,17 +116,21 @@ DROP = np.dtype(
     [
         *_floats("least_drop", "window_s", "hold_s", "least_surprise"),
         *_floats("last_s", "end_s", "dt", "q", "normal", "fx", "fy", "std"),
-        *_floats("top", "smooth", "carried", "white", "rough", "swing", "crest", "trough"),
+        *_floats("top", "smooth", "carried", "white", "rough", "swing", "crest", "trough", "seen"),
         *_floats("since_s", "most", "peak", "plateau", "surprise"),
         ("n", _INTEGER),
         ("block", _INTEGER),
         ("count", _INTEGER),
+        ("gap", _INTEGER),
         ("sliding", _FLAG),
         ("exact", _FLAG),
     ],
     align=True,
 )
-"""Settings and state of `slipd.fusion.load_drop`: the open block, running means and noise, and the slip under way."""
+"""Settings and state of `slipd.fusion.load_drop`: the open block, running means and noise, and the slip under way.
+
+``seen`` is the share of the last blocks that have readings, ``gap`` the distance of the last two that have, in blocks.
+"""
 
 BLOCK = np.dtype(_floats("q", "q2", "normal", "fx", "fy", "top", "carried", "rough", "swing"), align=True)
 """A block of readings in the ring of `slipd.fusion.load_drop`: sums up to it, and means and noise after it."""

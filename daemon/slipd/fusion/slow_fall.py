@@ -4,8 +4,8 @@ Friction falls from μ_s to μ_d with the speed of the object, which takes up to
 The fall soon slows down, because it ends at μ_d. A load that is let go or set down falls faster and faster until half
 of it is gone. So a fall that slows down early shows slip before it has ended. It counts only if
 
-- q rose steadily until then, not in a bump nor to a push that is held, after the begin of the last slip, to a peak
-  near the largest that this grasp carried and near the coefficient of friction,
+- before it and since the begin of the last slip, q rose steadily, neither in a bump nor to a push that was held, to a
+  peak near the largest q that this grasp carried and near the coefficient of friction,
 - the fall is slower now than in its fastest part, by more than noise explains; much slower if it is so deep that a load
   let go slows down as well,
 - it is more than the noise explains at the stated rate of false alarms, and more than the swings of the last second,
@@ -26,39 +26,39 @@ from slipd.fusion.rows import Row, Rows
 from slipd.fusion.slide import MOST_DROP, begin_slide, surprise_of
 
 EVERY_S = 0.004
-"""It looks once in this time, and tries peaks that far apart, s."""
+"""Time between two searches, and between the peaks that one search tries, s."""
 QUICKEST_S, FALL_S = 0.02, 0.16
-"""The peak was this long ago, at least and at most, s; `slipd.fusion.load_drop` has faster falls."""
+"""Shortest and longest time since the peak, s; `slipd.fusion.load_drop` finds faster falls."""
 LEAST_FALL = 0.025
-"""Of the peak."""
+"""Least fall, as a part of the peak."""
 LEAST_STRETCH_S, STRETCH_SHARE = 0.004, 8
-"""Rates are those between two neighbouring stretches, each at least this long, s, and at least one part in so many of
-the fall."""
+"""A rate is the difference of the means of two neighbouring stretches. Each is at least this long, s, and at least the
+fall's length divided by the second value."""
 SHALLOW, SLOWER, MUCH_SLOWER = 0.3, 0.75, 0.55
-"""Up to the first part of the peak, a fall has slowed down at the second part of its fastest rate; from there on at the
-third."""
+"""A fall of less than SHALLOW of the peak has slowed down when its rate is at most SLOWER times its fastest rate, a
+deeper one at MUCH_SLOWER times that rate."""
 BACK = 0.3
-"""Meanwhile q did not swing by more than this part of it."""
+"""Largest swing of q during the fall, as a part of the fall."""
 RATE_STDS = 5.5
-"""A fall has slowed down by at least so many standard deviations of the noise, unless the load went on."""
+"""Least slowing down of a fall, in standard deviations of the noise, unless the load went on."""
 GOES_ON, GOES_ON_STDS = 0.005, 3.0
 """The load went on if, since the peak, the tangential force grew or the normal force fell by more than this part plus
 so many standard deviations of the noise."""
 FROM, CARRIED = 0.68, 0.93
-"""The peak is at least these parts of the coefficient of friction, where that is known, and of the largest q that the
-grasp carried without motion."""
+"""Least peak: as a part of the coefficient of friction, where that is known, and of the largest q that the grasp
+carried without motion."""
 NEAR_TOP = 0.05
-"""A fall begins where q is last within this part of it below its peak."""
+"""A fall begins where q was last above the peak less this part of the fall."""
 RISE, RISE_S = 0.12, 0.12
-"""Before that, q rose for the second time, s, at least at the first rate, in parts of its peak a second."""
+"""Before the fall, q rose for RISE_S, s, by at least RISE of its peak per second."""
 STRAIGHT, EARLY, LATE = 0.6, 0.15, 0.85
-"""That rise is at least the first part of the way that q went: a swing goes to and fro. Between the second and the
-third part of it comes in its later half: a push that is held comes early, a bump late."""
+"""That rise is at least STRAIGHT of the total variation of q, which is larger in a swing. Its later half has between
+EARLY and LATE of it: a push that is held has less, a bump more."""
 SWINGS = 2.0
 """A fall is at least this many times the largest swing of the last second."""
 PUSH, BEYOND_PUSH = 0.65, 1.08
-"""Unless the peak is beyond the second part of the coefficient of friction, q rose before it, in the time of the fall,
-by at most the first part of the fall."""
+"""In a time as long as the fall before the peak, q rose by at most PUSH of the fall, unless the peak is beyond
+BEYOND_PUSH times the coefficient of friction."""
 TIGHTER = 0.2
 """The normal force grows by at most this part of the growth that would explain the fall."""
 

@@ -15,7 +15,6 @@ from slipd.arrays import Array
 from slipd.config import Grasp, PadPlace
 from slipd.finger.finger import Finger
 from slipd.finger.friction_limits import needed_normal_n
-from slipd.finger.verdict import SEVERITY
 from slipd.finite import finite_or_none
 from slipd.fusion.grasp import (
     PadPose,
@@ -26,6 +25,7 @@ from slipd.fusion.grasp import (
     internal_force,
     load_share,
 )
+from slipd_client.messages import SEVERITY
 
 _NO_WRENCH = (math.nan,) * 6
 

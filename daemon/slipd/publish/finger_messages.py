@@ -8,11 +8,11 @@ from slipd.finger.finger import Finger
 from slipd.finger.finger_state import FingerState, ForceReading
 from slipd.finger.friction_limits import needed_normal_n, torque_limit_nm
 from slipd.finger.image_channel import ImageChannel
-from slipd.finger.verdict import PAD_PULLED, SEVERITY
+from slipd.finger.verdict import PAD_PULLED
 from slipd.finite import finite_or_none
 from slipd.publish.friction_messages import friction_body, required_friction_body
 from slipd.publish.wire_values import Body, array, numbers, pair
-from slipd_client.messages import level_code
+from slipd_client.messages import SEVERITY, level_code
 
 NEWTON, UNCALIBRATED = "N", "uncalibrated"
 """``force_unit``: the unit of every force in a message; torques are in this unit times metres."""

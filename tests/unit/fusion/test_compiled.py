@@ -68,6 +68,7 @@ def ask(package: Path, cache: Path, field: str = "Field") -> tuple[float, int]:
     return float(value), int(hits)
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_a_change_in_another_file_of_the_folder_is_seen_in_spite_of_the_cache(tmp_path: Path) -> None:
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
@@ -75,7 +76,7 @@ def test_a_change_in_another_file_of_the_folder_is_seen_in_spite_of_the_cache(tm
     package, cache = tmp_path / "package", tmp_path / "cache"
     fusion = package / "slipd" / "fusion"
     shutil.copytree(ROOT / "fusion", fusion, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("__init__.py", "arrays.py"):
+    for name in ("__init__.py", "arrays.py", "source_stamp.py"):
         shutil.copy(ROOT / name, package / "slipd" / name)
     assert ask(package, cache) == (0.001, 0)
     assert ask(package, cache) == (0.001, 2), "the second process compiles nothing"
@@ -135,7 +136,7 @@ def test_kernels_give_the_same_without_compilation() -> None:
         pytest.skip("this is the run without compilation")
     here = Path(__file__).parent
     run = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here / "test_limit_surface.py")]
-    run += [str(here / "test_levels.py"), str(here / "test_contact.py")]
+    run += [str(here / name) for name in ("test_limit_passes.py", "test_levels.py", "test_contact.py")]
     run += ["-W", "ignore::RuntimeWarning"]  # plain NumPy warns of inf · 0, which the result shows
     words = "ring or points or obtuse or collinear or one_taxel or bad_data or duplicate or no_load or follow or moved"
     done = subprocess.run(

@@ -1,0 +1,99 @@
+"""Bounds and answers of the friction limit do not depend on how much work is done, nor on where it starts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from limit_contacts import MU, disc, gyration, random_contact
+
+from slipd.fusion import torque_limit, utilisation
+from slipd.fusion.rows import FREE, UNTRUSTED
+from slipd.fusion.streaming import IDENTITY, find_contacts, new_readings, reading_at, solve_readings
+
+
+@pytest.mark.parametrize("passes", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(40))
+def test_bounds_hold_after_any_number_of_passes(seed: int, passes: int) -> None:
+    x, y, loads, f, spin = random_contact(seed)
+    centre = (loads @ x / loads.sum(), loads @ y / loads.sum())
+    scale = MU * loads.sum() * gyration(x, y, loads)
+    early, limit = (torque_limit(x, y, loads, MU, f, centre, passes=p) for p in (passes, 120))
+    assert early.lower_nm <= limit.upper_nm
+    assert limit.lower_nm <= early.upper_nm
+    assert early.lower_nm <= early.torque_nm <= early.upper_nm
+    first, used = (utilisation(x, y, loads, MU, f, spin * scale, centre, passes=p) for p in (passes, 120))
+    assert first.lower <= used.upper < math.inf
+    assert used.lower <= first.upper < math.inf
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-6])
+def test_a_gap_asked_for_is_kept_and_not_undercut_by_much_work(gap: float) -> None:
+    for seed in range(100):
+        x, y, loads, f, spin = random_contact(seed)
+        centre = (loads @ x / loads.sum(), loads @ y / loads.sum())
+        used = utilisation(x, y, loads, MU, f, spin, centre, gap=gap)
+        exact = utilisation(x, y, loads, MU, f, spin, centre)
+        assert used.upper - used.lower <= 1.001 * gap * used.upper
+        assert used.lower <= exact.upper
+        assert exact.lower <= used.upper
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_start_changes_no_answer(seed: int) -> None:
+    x, y, loads, f, spin = random_contact(seed)
+    about = (0.01, 0.02)
+    plain = utilisation(x, y, loads, MU, f, spin, about)
+    rng = np.random.default_rng(seed)
+    starts = [plain.twist, (0.0, 0.0, 1.0), (math.nan, 0.0, 1.0), (math.inf, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    for start in [*starts, *(tuple(rng.normal(size=3)) for _ in range(5))]:
+        again = utilisation(x, y, loads, MU, f, spin, about, start=start)
+        assert again.value == pytest.approx(plain.value, rel=1e-10)
+        assert again.upper - again.lower <= 1e-9 * again.value
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_readings_that_follow_each_other_have_the_utilisation_that_each_has(seed: int) -> None:
+    """Each solution starts from the last twist; unsolved readings keep it, and a reading without contact resets it."""
+    x, y, loads, f, spin = random_contact(seed)
+    x, y, shares = x - x.mean(), y - y.mean(), loads / loads.sum()
+    rng = np.random.default_rng(seed)
+    wrench = np.tile((*f / loads.sum(), -1.0, 0.0, 0.0, spin / loads.sum()), (12, 1)) * rng.uniform(0.5, 1.0, (12, 6))
+    wrench *= rng.uniform(2.0, 9.0, (12, 1))
+    wrench[4, 2] = 1.0
+    readings = new_readings(wrench.tolist(), np.arange(12.0).tolist())
+    readings["phase"][8] = UNTRUSTED
+    find_contacts(readings, IDENTITY, (0.5, 0.4), False, 0.0, 0.0)
+    assert readings["phase"][[4, 8]].tolist() == [FREE, UNTRUSTED]
+    assert reading_at(readings, 0).utilisation is None, "not solved yet"
+    singly = readings.copy()
+    solve_readings(readings, x, y, shares, MU, None, 1e-9)
+    twist = None
+    for k in range(12):
+        solve_readings(singly[k : k + 1], x, y, shares, MU, twist, 1e-9)
+        assert repr(singly[k]) == repr(readings[k]), "to the last bit"
+        told, contact = reading_at(readings, k).utilisation, reading_at(readings, k).contact
+        if not contact.valid:
+            assert (told.kind, math.isnan(told.value), told.pole_m) == ("none", True, None)
+            twist = twist if k == 8 else None
+            continue
+        alone = utilisation(
+            x, y, shares * contact.normal_n, MU, contact.tangential_n, contact.spin_nm, contact.centroid_m, start=twist
+        )
+        assert told.value == pytest.approx(alone.value, rel=2e-9)
+        assert told.lower <= told.value <= told.upper <= told.lower * (1.0 + 2e-9)
+        twist = told.twist
+
+
+def test_a_scene_that_moves_little_needs_fewer_passes_from_the_twist_before() -> None:
+    x, y, loads = disc(0.01, 12)
+    colds, warms = [], []
+    for step in range(20):
+        f, spin, about = (0.1 + 1e-3 * step, 0.05), 1e-3, (0.001, 0.0)
+        before = utilisation(x, y, loads, MU, (f[0] - 1e-3, f[1]), spin, about)
+        cold = utilisation(x, y, loads, MU, f, spin, about, passes=2)
+        warm = utilisation(x, y, loads, MU, f, spin, about, passes=2, start=before.twist)
+        colds.append(cold.upper - cold.lower)
+        warms.append(warm.upper - warm.lower)
+    assert np.median(warms) < 0.05 * np.median(colds)
