@@ -174,6 +174,47 @@ def test_a_simulated_grasp_is_compared_with_its_truth(tmp_path: Path, capsys: py
     assert rows(told)["pulled.mcap", "truth"][0].startswith(f"{slides_s:.1f}"[:2])
 
 
+LISTS_MODULES = """
+import sys
+from slipd.cli import main
+code = main(sys.argv[1:])
+print(*sorted(sys.modules), file=sys.stderr)
+sys.exit(code)
+"""
+
+ENGINE = {"numba", "scipy", "pydantic", "mcap", "slipd.engine", "slipd.fusion", "slipd.devices", "slipd.config"}
+
+
+@pytest.mark.process
+def test_no_engine_is_loaded_where_every_result_is_kept(tmp_path: Path) -> None:
+    foreign = tmp_path / "foreign.mcap"
+    foreign.write_bytes(b"no recording")
+    command = ["evaluate", DEMO, str(foreign)]
+    assert main(command) == 1, "one of them is no recording"
+    assert set(sys.modules) >= ENGINE
+    for table in ([], ["--table", str(tmp_path / "runs.parquet")]):
+        again = [sys.executable, "-c", LISTS_MODULES, *command, *table]
+        done = subprocess.run(again, capture_output=True, text=True, check=False, timeout=100)
+        assert done.returncode == 1
+        loaded = set(done.stderr.splitlines()[-1].split())
+        assert loaded & ENGINE == set()
+        assert ("pyarrow" in loaded) == bool(table)
+
+
+def test_a_second_run_writes_the_same_table(sticky: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    foreign, cut = tmp_path / "foreign.mcap", tmp_path / "cut.mcap"
+    foreign.write_bytes(b"no recording")
+    cut.write_bytes(Path(REFLEX).read_bytes()[:-20_000])
+    tables = [tmp_path / "first.parquet", tmp_path / "second.parquet"]
+    for table in tables:
+        assert main(["evaluate", DEMO, str(cut), str(foreign), "--config", sticky, "--table", str(table)]) == 1
+    first, second = (parquet.read_table(table) for table in tables)
+    assert first.num_rows == 6
+    assert second.equals(first)
+    told = capsys.readouterr().out.splitlines()
+    assert ["0 of them known before" in told[0], "6 of them known before" in told[1]] == [True, True]
+
+
 @pytest.mark.process
 def test_progress_is_shown_on_a_terminal_only() -> None:
     master, slave = pty.openpty()

@@ -1,28 +1,40 @@
-"""Replay one recording with one config, and keep what it reported."""
+"""What one recording gave with one config: levels over time, health, and the truth beside them. Loads no engine."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
-from slipd import config
-from slipd.config import Config
-from slipd.errors import RecordingError
-from slipd.evaluation.level_spans import LevelSpan, level_spans
-from slipd.evaluation.recorded_truth import Truth, outline
-from slipd.evaluation.streams_of_run import StreamHealth, with_status
-from slipd.recording.event_gaps import EventGaps
-from slipd.recording.reader import Recording, open_recording
-from slipd.recording.replay import replay
-from slipd_client.messages import STATUS_TOPIC, slip_topic
+from slipd.evaluation.level_spans import LevelSpan
+from slipd.evaluation.streams_of_run import StreamHealth
 
 RECORDED = "recorded"
 """What the config of the recording itself is called."""
 
-_SLIP = slip_topic("")
+Interval = tuple[float, float]
+"""Begin and end, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What truly happened; times are seconds since the first event of the recording.
+
+    Attributes:
+        sliding: When the object slid as a whole.
+        utilisation: Largest true utilisation, 1 slips.
+    """
+
+    sliding: list[Interval]
+    utilisation: float
+
+    def as_map(self) -> dict[str, Any]:
+        """Return all of it as maps and lists."""
+        return asdict(self)
+
+    @classmethod
+    def from_map(cls, found: dict[str, Any]) -> Truth:
+        """Return the truth of a map that `as_map` made."""
+        return cls([(begin_s, end_s) for begin_s, end_s in found["sliding"]], found["utilisation"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,67 +92,3 @@ class ConfigRun:
         streams = [StreamHealth(**stream) for stream in found["streams"]]
         rest = (found[key] for key in ("gaps", "compute_s"))
         return cls(spans, largest, found["end_s"], found["fault"], truth, streams, *rest)
-
-
-def run_config(path: Path, config_text: str | None, name: str) -> ConfigRun:
-    """Replay a recording with a config.
-
-    The zero of a pad belongs to the run that was recorded: where the recorded config has a ``tare`` for the pad, it
-    stays.
-
-    Args:
-        path: The recording.
-        config_text: The config, TOML; None: the recorded one.
-        name: Its name, for errors.
-
-    Raises:
-        ConfigError: The config has faults.
-        RecordingError: The file cannot be read, its truth is malformed, or an event does not fit the config.
-    """
-    began_s = time.process_time()
-    recording = open_recording(path)
-    settings = None
-    if config_text is not None:
-        settings = with_recorded_tares(config.parse(config_text, name), recording)
-    begin_s, end_s, truth = outline(recording)
-    run = ConfigRun({}, end_s=end_s - begin_s, truth=truth)
-    gaps = EventGaps()
-    messages = replay(recording, settings=settings, on_event=gaps.add)
-    try:
-        spans = level_spans(_watched(messages, run, begin_s), end_s, gaps.found)
-    except RecordingError as error:
-        raise RecordingError(f"{error} ({name})" if config_text is not None else str(error)) from error
-    run.spans = {source: [span.shifted(-begin_s) for span in of_source] for source, of_source in spans.items()}
-    run.fault = recording.gap
-    run.gaps = len(gaps.found)
-    run.compute_s = time.process_time() - began_s
-    return run
-
-
-def _watched(
-    messages: Iterator[tuple[str, dict[str, Any]]], run: ConfigRun, begin_s: float
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the messages, and note the largest utilisation and the health of the streams."""
-    streams: dict[str, StreamHealth] = {}
-    for topic, body in messages:
-        if topic == STATUS_TOPIC:
-            streams = with_status(streams, body)
-            run.streams = list(streams.values())
-        used = body["utilisation"] if topic.startswith(_SLIP) else None
-        if used is not None and (run.largest is None or used > run.largest.utilisation):
-            run.largest = Largest(used, body["finger"], body["t_ns"] * 1e-9 - begin_s)
-        yield topic, body
-
-
-def with_recorded_tares(settings: Config, recording: Recording) -> Config:
-    """Return a config with the tares of the pads of the recorded one: they were measured, not chosen."""
-    recorded = config.parse(recording.config_text, f"{recording.path}: config").finger
-    fingers = dict(settings.finger)
-    for name, finger in settings.finger.items():
-        before = recorded[name].pad if name in recorded else None
-        if finger.pad is None or before is None or not before.tare:
-            continue
-        if (before.rows, before.cols) == (finger.pad.rows, finger.pad.cols):
-            pad = finger.pad.model_copy(update={"tare": before.tare})
-            fingers[name] = finger.model_copy(update={"pad": pad})
-    return settings.model_copy(update={"finger": fingers})

@@ -11,10 +11,9 @@ from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slipd.evaluation.config_run import RECORDED, ConfigRun
+from slipd.evaluation.config_run import RECORDED, ConfigRun, Truth
 from slipd.evaluation.executors import Executor, here, in_processes
-from slipd.evaluation.jobs import Finished, Job, NamedConfig
-from slipd.evaluation.recorded_truth import Truth
+from slipd.evaluation.jobs import Finished, Job, LastingFault, NamedConfig
 from slipd.evaluation.result_cache import ResultCache
 
 FEW_BYTES = 2_000_000
@@ -68,8 +67,8 @@ def finished_runs(
         executor = here if short else in_processes
     longest_first = sorted(paths, key=lambda path: -sizes[path])
     for found in executor(_work(longest_first, every, cache)):
-        if isinstance(found.run, ConfigRun) and not found.kept:
-            cache.put(found.job.key, found.run)
+        if isinstance(found.run, ConfigRun | LastingFault) and not found.kept:
+            cache.put(found.job, found.run)
         yield found
     cache.prune(len(paths) * len(every))
 
@@ -107,7 +106,7 @@ def _work(paths: Sequence[Path], every: Sequence[NamedConfig], cache: ResultCach
             continue
         for config, key in zip(every, keys, strict=True):
             job = Job(path, config, key)
-            kept = cache.get(key)
+            kept = cache.get(job)
             yield job if kept is None else Finished(job, kept, kept=True)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from slipd.cli_arguments import add_recordings
 from slipd.evaluation.recording_choice import EVERY, Shard
 
 _EPILOG = (
@@ -18,13 +19,7 @@ _EPILOG = (
 def add_evaluate_arguments(parser: argparse.ArgumentParser) -> None:
     """Add them to the parser of the command."""
     parser.epilog = _EPILOG
-    parser.add_argument(
-        "recordings",
-        type=Path,
-        nargs="+",
-        metavar="RECORDING",
-        help="recordings, MCAP; of a folder, all *.mcap in and below it",
-    )
+    add_recordings(parser, "recordings, MCAP; of a folder, all *.mcap in and below it")
     parser.add_argument(
         "--config",
         type=Path,

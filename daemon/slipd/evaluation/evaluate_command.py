@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from slipd import config
 from slipd.errors import SlipdError
 from slipd.evaluation.config_run import RECORDED
 from slipd.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
@@ -120,6 +119,10 @@ def _told(faults: Iterable[str]) -> bool:
 
 
 def _named(paths: list[Path]) -> list[NamedConfig]:
+    if not paths:
+        return []
+    from slipd import config  # here: only a config that is given needs the models of its tables
+
     names = [f"./{name}" if name == RECORDED else name for name in short_names(paths)]
     return [NamedConfig(name, config.load(path).text) for name, path in zip(names, paths, strict=True)]
 

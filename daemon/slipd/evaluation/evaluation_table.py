@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from slipd.evaluation.config_run import RECORDED, ConfigRun
+from slipd.evaluation.config_run import RECORDED, ConfigRun, Interval
 from slipd.evaluation.evaluate import Evaluation
-from slipd.evaluation.recorded_truth import Interval
 from slipd.evaluation.run_figures import BY_SEVERITY, RunFigures, differences, figures, worst_spans
 from slipd.evaluation.truth_comparison import against_truth
 

@@ -6,6 +6,7 @@ there. It takes a few jobs more than it has workers: a million of them need no m
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
@@ -29,6 +30,9 @@ AHEAD = 2
 CONNECT_S = 10
 """How long a Dask scheduler may take to answer, s."""
 
+ENGINE = "slipd.evaluation.config_replay"
+"""The module that loads the engine: once for all processes of a pool, and never in this one."""
+
 
 def here(work: Work) -> Iterator[Finished]:
     """Replay one recording after the other in this process."""
@@ -43,16 +47,16 @@ def in_processes(work: Work) -> Iterator[Finished]:
     in a process of its own. So the one that kills its process is found, and no other is lost.
     """
     cores = len(os.sched_getaffinity(0))
-    pool = _pool(cores)
+    pool: ProcessPoolExecutor | None = None  # started with the first job; not needed if every result is cached
 
     def submit(job: Job) -> Future[Run]:
         nonlocal pool
-        try:
-            return pool.submit(replay_job, job)
-        except BrokenProcessPool:
+        if pool is not None:
+            with contextlib.suppress(BrokenProcessPool):
+                return pool.submit(replay_job, job)
             pool.shutdown(cancel_futures=True)
-            pool = _pool(cores)
-            return pool.submit(replay_job, job)
+        pool = _pool(cores)
+        return pool.submit(replay_job, job)
 
     def outcome(job: Job, future: Future[Run]) -> Run:
         try:
@@ -63,7 +67,8 @@ def in_processes(work: Work) -> Iterator[Finished]:
     try:
         yield from _in_turn(work, submit, outcome, lambda: AHEAD * cores)
     finally:
-        pool.shutdown(cancel_futures=True)
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
 
 
 def _alone(job: Job) -> Run:
@@ -76,7 +81,7 @@ def _alone(job: Job) -> Run:
 
 def _pool(processes: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([replay_job.__module__])  # the libraries are loaded once, not by each process
+    context.set_forkserver_preload([ENGINE])
     return ProcessPoolExecutor(processes, context, _begin_worker)
 
 

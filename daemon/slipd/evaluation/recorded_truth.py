@@ -2,39 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from slipd.errors import RecordingError
+from slipd.evaluation.config_run import Interval, Truth
 from slipd.recording.entry_walk import Published
 from slipd.recording.reader import Recording
 from slipd.sim.truth_log import TRUTH
 from slipd_client.messages import MessageError, decode
-
-Interval = tuple[float, float]
-"""Begin and end, s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """What truly happened; times are seconds since the first event of the recording.
-
-    Attributes:
-        sliding: When the object slid as a whole.
-        utilisation: Largest true utilisation, 1 slips.
-    """
-
-    sliding: list[Interval]
-    utilisation: float
-
-    def as_map(self) -> dict[str, Any]:
-        """Return all of it as maps and lists."""
-        return asdict(self)
-
-    @classmethod
-    def from_map(cls, found: dict[str, Any]) -> Truth:
-        """Return the truth of a map that `as_map` made."""
-        return cls([(begin_s, end_s) for begin_s, end_s in found["sliding"]], found["utilisation"])
 
 
 class Outline(NamedTuple):

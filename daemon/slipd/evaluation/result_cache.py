@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slipd.evaluation.config_run import ConfigRun
-from slipd.evaluation.jobs import own_stamp
+from slipd.evaluation.jobs import Job, LastingFault, own_stamp
 
 MOST_RESULTS = 2000
 """Results that are kept, the newest; each has some kilobytes."""
@@ -55,23 +55,43 @@ class ResultCache:
             found.append(digest.hexdigest())
         return found
 
-    def get(self, key: str) -> ConfigRun | None:
+    def get(self, job: Job) -> ConfigRun | LastingFault | None:
         """Return a result, or None if it is not there. Then it counts as new."""
-        path = self._folder / f"{key}.json"
-        try:
-            run = ConfigRun.from_map(json.loads(path.read_text(encoding="utf-8")))
-            os.utime(path)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            return None
-        return run
+        for path in (self._run_file(job), self._fault_file(job)):
+            try:
+                found = json.loads(path.read_text(encoding="utf-8"))
+                result = LastingFault(found) if isinstance(found, str) else ConfigRun.from_map(found)
+            except (OSError, ValueError, KeyError, TypeError, AttributeError):
+                continue
+            if self._pruned:
+                with contextlib.suppress(OSError):  # that of another user
+                    os.utime(path)
+            return result
+        return None
 
-    def put(self, key: str, run: ConfigRun) -> None:
+    def put(self, job: Job, result: ConfigRun | LastingFault) -> None:
         """Keep a result."""
+        if isinstance(result, LastingFault):
+            self._write(self._fault_file(job), result)
+        else:
+            self._write(self._run_file(job), result.as_map())
+
+    def _write(self, path: Path, content: object) -> None:
         with contextlib.suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile("w", dir=self._folder, suffix=".part", delete=False) as file:
-                json.dump(run.as_map(), file)
-            Path(file.name).replace(self._folder / f"{key}.json")
+                json.dump(content, file)
+            written = Path(file.name)
+            written.chmod(0o644)  # several users may share the folder
+            written.replace(path)
+
+    def _run_file(self, job: Job) -> Path:
+        return self._folder / f"{job.key}.json"
+
+    def _fault_file(self, job: Job) -> Path:
+        """Return the file of a fault, whose text names the recording and the config."""
+        named = hashlib.sha256(f"{job.path} {job.config.name}".encode(errors="surrogateescape")).hexdigest()
+        return self._folder / f"{job.key}-{named[:16]}.json"
 
     def prune(self, needed: int = 0) -> None:
         """Remove the oldest results beyond `MOST_RESULTS`, or beyond those needed, and what an interrupted run left."""

@@ -7,11 +7,9 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
-from slipd.evaluation.config_run import ConfigRun, Largest
+from slipd.evaluation.config_run import ConfigRun, Interval, Largest
 from slipd.evaluation.level_spans import LevelSpan
-from slipd.evaluation.recorded_truth import Interval
-from slipd.finger.verdict import SEVERITY
-from slipd_client.messages import GRASP_TOPIC
+from slipd_client.messages import GRASP_TOPIC, SEVERITY
 
 ALARMS = ("warning", "slipping")
 BY_SEVERITY = sorted(SEVERITY, key=lambda level: SEVERITY[level])

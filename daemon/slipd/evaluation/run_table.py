@@ -16,10 +16,10 @@ from slipd.errors import SlipdError
 from slipd.evaluation.config_run import ConfigRun
 from slipd.evaluation.jobs import Finished
 from slipd.evaluation.run_figures import ALARMS, BY_SEVERITY, figures
-from slipd.parquet_library import parquet_library
+from slipd.parquet_library import parquet_library, storable
 
 ROWS = 1000
-"""Rows of one write."""
+"""Rows that are written at once."""
 
 
 @dataclass(slots=True)
@@ -93,9 +93,10 @@ def _batches(finished: Iterable[Finished], totals: TableTotals, most_faults: int
 
 def _row(found: Finished) -> dict[str, Any]:
     job, run = found.job, found.run
-    row = {"recording": str(job.path), "config": job.config.name, "key": job.key, "version": __version__}
+    names = {"recording": storable(str(job.path)), "config": storable(job.config.name)}
+    row = names | {"key": job.key, "version": __version__}
     if isinstance(run, str):
-        return row | {"fault": run}
+        return row | {"fault": storable(run)}
     return row | _run_columns(run)
 
 
@@ -109,7 +110,7 @@ def _run_columns(run: ConfigRun) -> dict[str, Any]:
         if span.level in ALARMS
     ]
     return {
-        "fault": run.fault or None,
+        "fault": storable(run.fault) or None,
         "length_s": found.length_s,
         **{f"{level}_s": seconds for level, seconds in found.level_s.items()},
         "unknown_because": list(found.unknown_s.items()),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slipd.evaluation.recorded_truth import Interval, Truth
+from slipd.evaluation.config_run import Interval, Truth
 from slipd.evaluation.run_figures import RunFigures
 
 SHORT_S = 0.0005

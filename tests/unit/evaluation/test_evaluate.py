@@ -9,9 +9,10 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.evaluation import evaluate as module
-from slipd.evaluation.config_run import RECORDED, ConfigRun, run_config
+from slipd.evaluation.config_replay import run_config
+from slipd.evaluation.config_run import RECORDED, ConfigRun
 from slipd.evaluation.evaluate import Evaluation, evaluations, finished_runs, short_names
-from slipd.evaluation.executors import Work
+from slipd.evaluation.executors import Work, here
 from slipd.evaluation.jobs import Finished, NamedConfig
 from slipd.evaluation.result_cache import ResultCache
 
@@ -50,6 +51,33 @@ def test_a_second_evaluation_replays_nothing(cache: ResultCache, config_file: Wr
     again = list(finished_runs([XELA], [other], cache, only_known))
     assert {found.job.config.name: found.run for found in again} == first
     assert [found.kept for found in again] == [True, True]
+
+
+def test_a_fault_of_a_recording_is_kept_too(cache: ResultCache, config_file: Write, tmp_path: Path) -> None:
+    foreign, empty = tmp_path / "foreign.mcap", tmp_path / "empty.mcap"
+    foreign.write_bytes(b"no recording")
+    empty.touch()
+    other = NamedConfig("a.toml", config_file("gauges", "a.toml").read_text())
+    first = evaluate([foreign, empty, XELA], [other], cache)
+    assert [len(one.faults) for one in first] == [1, 1, 1]
+    paths = [foreign, empty, XELA]
+    assert evaluations(finished_runs(paths, [other], cache, only_known), paths, [other]) == first
+
+
+def test_a_recording_that_a_worker_cannot_open_is_tried_again(cache: ResultCache, tmp_path: Path) -> None:
+    path, elsewhere = tmp_path / "away.mcap", tmp_path / "elsewhere.mcap"
+    path.write_bytes(XELA.read_bytes())
+
+    def without_the_storage(work: Work) -> Iterator[Finished]:
+        for job in work:
+            path.rename(elsewhere)
+            yield from here(iter([job]))
+            elsewhere.rename(path)
+
+    (first,) = finished_runs([path], [], cache, without_the_storage)
+    assert first.run == f"{path}: cannot be opened: No such file or directory"
+    (again,) = finished_runs([path], [], cache)
+    assert isinstance(again.run, ConfigRun)
 
 
 def test_an_interrupted_evaluation_goes_on(cache: ResultCache) -> None:

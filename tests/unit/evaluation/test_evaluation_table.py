@@ -6,11 +6,10 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from slipd.evaluation.config_run import RECORDED, ConfigRun, Largest
+from slipd.evaluation.config_run import RECORDED, ConfigRun, Largest, Truth
 from slipd.evaluation.evaluate import Evaluation
 from slipd.evaluation.evaluation_table import as_map, comparisons, table
 from slipd.evaluation.level_spans import LevelSpan
-from slipd.evaluation.recorded_truth import Truth
 
 
 def run(*parts: tuple[str, float, float], used: float = 0.5) -> ConfigRun:

@@ -16,8 +16,9 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.errors import SlipdError
-from slipd.evaluation import executors, jobs
-from slipd.evaluation.config_run import RECORDED, run_config
+from slipd.evaluation import config_replay, executors
+from slipd.evaluation.config_replay import run_config
+from slipd.evaluation.config_run import RECORDED
 from slipd.evaluation.executors import here, in_processes, on_dask
 from slipd.evaluation.jobs import Finished, Job, NamedConfig
 
@@ -31,6 +32,16 @@ def test_every_executor_gives_the_same_and_passes_on_what_is_known() -> None:
     expected = {XELA: run_config(XELA, None, RECORDED), KNOWN.job.path: KNOWN.run}
     for executor in (here, in_processes):
         assert {found.job.path: found.run for found in executor(iter([JOB, KNOWN]))} == expected
+
+
+def test_the_processes_of_a_pool_find_the_engine_loaded() -> None:
+    with executors._pool(1) as pool:
+        assert pool.submit(eval, "'slipd.engine.engine' in __import__('sys').modules").result()
+
+
+def test_no_process_starts_where_all_results_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(executors, "_pool", None)
+    assert list(in_processes(iter([KNOWN, KNOWN]))) == [KNOWN, KNOWN]
 
 
 def test_only_a_few_jobs_are_taken_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,7 +80,7 @@ def test_an_error_of_slipd_is_the_result_of_its_recording(monkeypatch: pytest.Mo
     def broken(*arguments: object) -> None:
         raise KeyError("left")
 
-    monkeypatch.setattr(jobs, "run_config", broken)
+    monkeypatch.setattr(config_replay, "run_config", broken)
     (found,) = here(iter([JOB]))
     assert isinstance(found.run, str)
     assert found.run.startswith(f"{XELA}: an error of slipd, please report it: KeyError: 'left' (test_executors.py:")
@@ -79,7 +90,7 @@ def test_a_recording_without_enough_memory_is_named(monkeypatch: pytest.MonkeyPa
     def large(*arguments: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(jobs, "run_config", large)
+    monkeypatch.setattr(config_replay, "run_config", large)
     assert [found.run for found in here(iter([JOB]))] == [f"{XELA}: not enough memory to replay it"]
 
 

@@ -7,11 +7,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from slipd.evaluation.config_run import RECORDED, ConfigRun
+from slipd.evaluation.config_run import RECORDED, ConfigRun, Truth
 from slipd.evaluation.evaluate import Evaluation
 from slipd.evaluation.level_picture import COLOURS, DIFFERENT, LEFT, MARK, RIGHT, STRIP, TRUE_SLIP, WIDTH, picture
 from slipd.evaluation.level_spans import LevelSpan
-from slipd.evaluation.recorded_truth import Truth
 
 Rect = dict[str, float]
 

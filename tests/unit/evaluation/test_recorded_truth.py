@@ -8,7 +8,8 @@ import pytest
 from replays import RECORDINGS
 
 from slipd.errors import RecordingError
-from slipd.evaluation.recorded_truth import Truth, outline
+from slipd.evaluation.config_run import Truth
+from slipd.evaluation.recorded_truth import outline
 from slipd.events import Tick
 from slipd.recording.mcap_file import RecordingFile
 from slipd.recording.reader import open_recording

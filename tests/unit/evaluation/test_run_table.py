@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from replays import RECORDINGS
 
 from slipd.errors import SlipdError
 from slipd.evaluation import run_table
-from slipd.evaluation.config_run import RECORDED, run_config
+from slipd.evaluation.config_replay import run_config
+from slipd.evaluation.config_run import RECORDED
 from slipd.evaluation.evaluate import finished_runs
 from slipd.evaluation.jobs import Finished, Job, NamedConfig
 from slipd.evaluation.result_cache import ResultCache
@@ -54,6 +56,16 @@ def test_a_row_has_the_figures_of_its_run(tmp_path: Path) -> None:
     again = write_table(tmp_path / "a.parquet", finished_runs([DEMO], [], cache), 5)
     assert again.kept == 1
     assert rows(tmp_path / "a.parquet") == [row], "the time of computing is that of the first evaluation"
+
+
+def test_bytes_of_a_name_that_are_no_text_are_escaped(tmp_path: Path) -> None:
+    path = Path(os.fsdecode(bytes(tmp_path) + b"/run\xff.mcap"))
+    path.write_text("no recording")
+    totals = write_table(tmp_path / "a.parquet", finished_runs([path], [], ResultCache(tmp_path / "results")), 5)
+    (row,) = rows(tmp_path / "a.parquet")
+    assert totals.without_run == 1
+    assert row["recording"] == f"{tmp_path}/run\\xff.mcap"
+    assert row["fault"].startswith(f"{row['recording']}: not an MCAP file")
 
 
 def test_faults_are_rows_and_only_the_first_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

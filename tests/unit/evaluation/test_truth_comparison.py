@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from slipd.evaluation.config_run import ConfigRun
-from slipd.evaluation.recorded_truth import Truth
+from slipd.evaluation.config_run import ConfigRun, Truth
 from slipd.evaluation.run_figures import RunFigures, figures
 from slipd.evaluation.truth_comparison import against_truth
 
